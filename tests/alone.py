@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pmr.compare import estimate as estimates
-from pmr.compare import runs
 from pmr.compare import step_error as steps
 from pmr.compare.accuracy.trials import Trials
-from pmr.compare.outputs import Outputs
+from pmr.compare.outputs import Outputs, outputs_of_run, run_from_start
 from pmr.reduced.model import ReducedModel
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
@@ -27,7 +26,7 @@ def step_error(body: SlidingBody, excitation: Excitation) -> steps.StepError:
 def outputs(body: SlidingBody, excitation: Excitation, every: int = 1) -> Outputs:
     """From rest, at each `every`-th step."""
     system = System.of(body)
-    return runs.outputs(system, runs.run_from_start(system, excitation), excitation, every)
+    return outputs_of_run(system, run_from_start(system, excitation), excitation, every)
 
 
 def trials(model: ReducedModel, excitation: Excitation, kinds: Sequence[str] = ("beam", "tip")) -> Trials:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare import evaluation
+from pmr.compare import responses as evaluation
 from pmr.constraints.polynomials import evaluate
 from pmr.results import Energy, Response
 from pmr.scene.keys import ALONE

@@ -16,8 +16,8 @@ import pytest
 from alone import estimate
 
 from pmr import scene as scenes
-from pmr.compare import errors as compare
-from pmr.compare.responses import quantities
+from pmr.compare.errors import errors_between
+from pmr.compare.responses import compared_quantities
 from pmr.compare.simulated import simulate
 from pmr.errors import InputError
 from pmr.fullmodel.build import build
@@ -194,7 +194,7 @@ def test_a_random_structure(number: int) -> None:
         return
     full, own = FullOrder.of(scene, {ALONE: model}).references(), simulate(scene, found.model)
     responses = {"reduced": own, **full.responses}
-    error = compare.errors(responses, quantities=quantities(scene, own))["reduced_vs_full"]["beam"]
+    error = errors_between(responses, quantities=compared_quantities(scene, own))["reduced_vs_full"]["beam"]
     estimated = estimate(found.model, Excitation.of(scene))
     print(number, one.model, model.size, "rigid", rigid, left, f"error {error:.2e} estimate {estimated.beam:.2e}")
     assert np.isfinite(error)

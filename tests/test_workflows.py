@@ -14,7 +14,7 @@ import pytest
 
 import pmr
 from pmr import scene
-from pmr.compare.step_error import LIMIT
+from pmr.compare.step_error import STEP_LIMIT
 from pmr.mesh import read_nodes
 from pmr.pipeline import run
 from pmr.studies import files
@@ -104,7 +104,7 @@ def test_the_estimate_is_the_error_and_a_margin(file: Path, coordinates: int) ->
         == (file.stem == "tip_impact" and coordinates < 8)
     )
     coarse = file.stem in ("sine_sweep", "steel_boom", "tip_impact")
-    assert ("too coarse" in said) == (summary["step"]["beam"] > LIMIT) == coarse and summary["step"]["settled"]
+    assert ("too coarse" in said) == (summary["step"]["beam"] > STEP_LIMIT) == coarse and summary["step"]["settled"]
 
 
 def test_a_folder_of_results_does_not_hide_the_workflow_of_its_name(

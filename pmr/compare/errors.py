@@ -1,4 +1,4 @@
-r"""What simulators say of the same beam, in common quantities, and how far they are apart.
+r"""Errors of responses beside references, what of them is round-off, and their frequencies.
 
 .. math::
     e_{NRMS}(s, r) = \min\Big( \frac{1}{|N|} \sum_{i \in N}
@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len
 
 from pmr.errors import SimulationError
 from pmr.results import Response
@@ -28,7 +29,7 @@ from pmr.system.body import SlidingBody, force_outputs, length_outputs, other_ou
 Array = NDArray[np.float64]
 #: Error of a signal against a reference of the same shape.
 Measure = Callable[[Array, Array], float]
-Quantity = Callable[[Response], Array]
+Observed = Callable[[Response], Array]
 Pair = tuple[Array, Array]
 #: Of two responses the later one is the reference.
 ORDER = ("reduced", "full", "ancf")
@@ -106,7 +107,7 @@ def largest(values: Array, axis: int | None = 0) -> Any:
     return np.maximum(values.max(axis=axis, initial=0.0), -values.min(axis=axis, initial=0.0))
 
 
-def quantities_of(tips: int, along: slice) -> Mapping[str, Quantity]:
+def observed_quantities(tips: int, along: slice) -> Mapping[str, Observed]:
     """Quantities that are compared: the last `tips` columns are the tip's, those `along` the beam may be among them."""
     return {
         "tip": lambda response: response.displacement[:, -tips:],
@@ -116,14 +117,14 @@ def quantities_of(tips: int, along: slice) -> Mapping[str, Quantity]:
 
 
 #: Of a planar beam that is observed at its nodes, the last of which is its tip.
-AT_NODES = quantities_of(1, slice(None))
+AT_NODES = observed_quantities(1, slice(None))
 
 
-def errors(
+def errors_between(
     responses: Mapping[str, Response],
     measure: Measure = nrms,
     order: tuple[str, ...] = ORDER,
-    quantities: Mapping[str, Quantity] = AT_NODES,
+    quantities: Mapping[str, Observed] = AT_NODES,
 ) -> dict[str, dict[str, float]]:
     """Errors of all pairs: ``{"reduced_vs_full": {"tip": ..., "beam": ..., "pad_force": ...}, ...}``.
 
@@ -133,18 +134,18 @@ def errors(
     A kink of the path strikes the beam, and what of the blow a reduced model can't follow rings on at frequencies
     above its own; the force sees that, displacements hardly do (docs/paper.md).
     """
-    return of_pairs(pairs(responses, order, quantities), measure)
+    return errors_of_pairs(compared_pairs(responses, order, quantities), measure)
 
 
-def of_pairs(pairs_of_models: Mapping[str, Mapping[str, Pair]], measure: Measure) -> dict[str, dict[str, float]]:
+def errors_of_pairs(pairs_of_models: Mapping[str, Mapping[str, Pair]], measure: Measure) -> dict[str, dict[str, float]]:
     """Errors of pairs of signals, as from `pairs`."""
     return {between: {name: measure(*pair) for name, pair in of.items()} for between, of in pairs_of_models.items()}
 
 
-def pairs(
+def compared_pairs(
     responses: Mapping[str, Response],
     order: tuple[str, ...] = ORDER,
-    quantities: Mapping[str, Quantity] = AT_NODES,
+    quantities: Mapping[str, Observed] = AT_NODES,
 ) -> dict[str, dict[str, Pair]]:
     """Signals and references (T, o) that `errors` compares, by pair and quantity; round-off set to 0."""
     present = [name for name in order if name in responses]
@@ -278,3 +279,81 @@ def _norms(A: Array, rows: Array) -> Array:
 def _reach(A: Array, body: SlidingBody, loads: Array) -> float:
     """Sum of all loads' largest values (T, i), each times the norm of its input."""
     return float(_norms(A, np.asarray(body.B).T) @ np.abs(loads).max(axis=0, initial=0.0))
+
+
+#: Forces, or moments, (T,) by kind and unit, such as ``("pad_force", "N")``, and by their names.
+ForceHistories = dict[tuple[str, str], dict[str, Array]]
+
+#: Share of the largest kind's norm below which a kind of forces is measured by that share.
+LITTLE_FORCE = 1e-3
+#: Units of forces and moments.
+FORCE_UNITS = ("N", "N m")
+
+
+def force_histories(response: Response) -> ForceHistories:
+    """All forces of a response by kind, such as ``("pad_force", "N")`` or ``("reaction", "N m")``, and by name.
+
+    Forces at the ends of steps; of pads that only push those are smaller than the peaks within steps.
+    """
+    forces = ForceHistories()
+    first = len(response.output_names)
+    for number, output in enumerate(response.outputs):
+        if output.is_force:
+            values = response.slider_force[:, number - first]
+            forces.setdefault((f"{output.kind}_force", "N"), {})[output.name] = values
+        elif output.kind == "reaction" and output.unit in FORCE_UNITS:
+            forces.setdefault((output.kind, output.unit), {})[output.name] = response.column(number)
+    return forces
+
+
+def force_errors(
+    forces: Mapping[tuple[str, str], Mapping[str, Array]], reference: Mapping[tuple[str, str], Mapping[str, Array]]
+) -> dict[str, float]:
+    r"""Errors by kind, fractions, of the forces that both have; the larger one where a kind has forces and moments.
+
+    .. math::
+        e = \frac{\lVert f - r \rVert}{\max(\lVert r \rVert,\; 10^{-3} \max_k \lVert r_k \rVert)}
+
+    over all forces of a kind and all times; r_k are the forces of the other kinds in the same unit.  A kind that bears
+    next to nothing, such as a cylinder that holds still, is measured by what the others bear.
+    Kinds of which all forces of the reference are zero are left out.
+    """
+    pairs = dict[tuple[str, str], tuple[float, float]]()
+    for key in (key for key in forces if key in reference):
+        names = [name for name in forces[key] if name in reference[key]]
+        if names:
+            y, r = (np.array([of[key][name] for name in names]) for of in (forces, reference))
+            scale = float(np.abs(r).max(initial=0.0)) or 1.0  # squares neither vanish nor overflow
+            pairs[key] = scale * float(np.linalg.norm((y - r) / scale)), scale * float(np.linalg.norm(r / scale))
+    errors = dict[str, float]()
+    for (kind, unit), (apart, size) in pairs.items():
+        largest = max(other for (_, of), (_, other) in pairs.items() if of == unit)
+        if largest > 0.0:
+            errors[kind] = max(errors.get(kind, 0.0), apart / max(size, LITTLE_FORCE * largest))
+    return errors
+
+
+def band(y: Array, step: float) -> float:
+    """Frequency in Hz above which 1 % of signals (T, o) lies, by its RMS, at steps of so many s; 0 if all are zero."""
+    window, count = np.hanning(len(y))[:, None], next_fast_len(len(y), real=True)
+    power = np.sum(np.abs(np.fft.rfft((y - y.mean(axis=0)) * window, n=count, axis=0)) ** 2, axis=1)
+    above = np.cumsum(power[::-1])[::-1]  # from each frequency on
+    if above[0] <= 0.0:
+        return 0.0
+    return float(np.flatnonzero(above > 1e-4 * above[0])[-1] / (count * step))
+
+
+def band_of(response: Response) -> float:
+    """Band of a motion in Hz: the tip's, or that of all displacements where the tip rests on a support."""
+    tip, step = response.displacement[:, -1:], float(response.t[1] - response.t[0])
+    return band(tip if np.ptp(tip) > response.round_off else response.displacement, step)
+
+
+def error_below(signal: Array, reference: Array, step: float, highest: float) -> float:
+    """`pmr.compare.errors.relative_error` of what two signals (T, o) have up to a frequency in Hz."""
+    too_high = np.fft.rfftfreq(len(signal), step) > highest
+    spectra = [np.fft.rfft(values, axis=0) for values in (signal, reference)]
+    for spectrum in spectra:
+        spectrum[too_high] = 0.0
+    slow, slow_reference = (np.fft.irfft(spectrum, n=len(signal), axis=0) for spectrum in spectra)
+    return relative_error(slow, slow_reference)

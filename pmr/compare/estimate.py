@@ -8,7 +8,7 @@ inertia and damping in the directions of all loads that a body bore in the first
 
 1.25 is a margin: without it the estimate was 0.98 to 1.2 times the true error in random scenes, damped and not, with
 one slider, two sliders and twelve pads (tests/compare/test_estimate_kinds_sweep.py).  It is no bound
-(docs/moving_residual_flexibility.md, section 12); `pmr.compare.coverage` says where it can be seen to fail.  Where pads
+(docs/moving_residual_flexibility.md, section 12); `pmr.compare.trust` says where it can be seen to fail.  Where pads
 land and lift off an impact a moment earlier changes all that follows: a third run, without the enrichment modes, has to
 be near the second one then.
 """
@@ -16,30 +16,50 @@ be near the second one then.
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.compare import coverage
-from pmr.compare import errors as compare
-from pmr.compare.attached import SETTLED, UnsettledError, lifts_off, loads_carried, scatter, settled
-from pmr.compare.booms import quantities
-from pmr.compare.evaluation import respond
-from pmr.compare.indicators import chi
-from pmr.compare.outputs import KINDS, Floors, Outputs, differences, impulsive, probe_differences
-from pmr.compare.ringing import rings
-from pmr.compare.runs import along_path, in_parts, outputs_of_response, run_from_start
-from pmr.errors import GrowthError
+from pmr.compare.errors import ROUND_OFF, errors_between, relative_error
+from pmr.compare.outputs import (
+    OUTPUT_KINDS,
+    Floors,
+    Outputs,
+    along_path,
+    differences,
+    impulsive,
+    in_parts,
+    outputs_of_response,
+    probe_differences,
+    quantities_of_boom,
+    run_from_start,
+)
+from pmr.compare.responses import respond
+from pmr.compare.trust import (
+    LOAD_JUMPS,
+    ROWS_LEFT_OUT,
+    SLIDER_IMPACTS,
+    SLIDER_RINGING,
+    UNSETTLED_KINDS,
+    jumps_damped,
+    rings,
+)
+from pmr.constraints.polynomials import columns, evaluate
+from pmr.constraints.rows import Row
+from pmr.errors import GrowthError, InputError, SimulationError
 from pmr.reduced.attachment import LEFT_OUT, with_attachment_modes
+from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extend, is_modal
 from pmr.results import Response
+from pmr.results.quantities import with_unit
+from pmr.scene.keys import ALONE, named
 from pmr.simulation import Excitation
 from pmr.simulation.reactions import column_names
-from pmr.system.body import length_outputs
-from pmr.system.contacts import ALONE, named
+from pmr.system.body import Trajectory, length_outputs
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 
@@ -169,13 +189,13 @@ def estimate(
     outputs_of_run, floors = first.outputs, Floors.of(system, excitation, first.run.forces)
     difference = _attachment_difference(models, first, excitation, floors)
     better = outputs_of_run.plus(difference.missing)
-    kinds = [kind for kind in dict.fromkeys((*KINDS, *outputs_of_run.kinds)) if kind != "probe"]
+    kinds = [kind for kind in dict.fromkeys((*OUTPUT_KINDS, *outputs_of_run.kinds)) if kind != "probe"]
     largest, of_probes = (
         differences(outputs_of_run, better, floors, kinds),
         probe_differences(outputs_of_run, better, floors),
     )
     largest |= {"probe": float(of_probes.max())} if len(of_probes) else {}
-    unknown = {kind: coverage.UNSETTLED[kind] for kind in difference.unsettled}
+    unknown = {kind: UNSETTLED_KINDS[kind] for kind in difference.unsettled}
     indicator, error = None, difference.missing.displacement
     for model in [models[ALONE]] if ALONE in models else []:
         if why := _no_forces(model, excitation, outputs_of_run, better):
@@ -205,10 +225,10 @@ def estimate(
 def _no_forces(model: ReducedModel, excitation: Excitation, of_run: Outputs, better: Outputs) -> str | None:
     """Why forces of a body alone have no estimate; None where they have one."""
     if impulsive(model, excitation):
-        return coverage.IMPACTS
-    if model.moving and coverage.jumps_damped(model, excitation.signals, excitation.stepping.end):
-        return coverage.JUMPS
-    return coverage.RINGING if of_run.force.size and rings(of_run.force, better.force) else None
+        return SLIDER_IMPACTS
+    if model.moving and jumps_damped(model, excitation.signals, excitation.stepping.end):
+        return LOAD_JUMPS
+    return SLIDER_RINGING if of_run.force.size and rings(of_run.force, better.force) else None
 
 
 def _attachment_difference(models: Models, first: _Simulated, excitation: Excitation, floors: Floors) -> _Difference:
@@ -244,20 +264,20 @@ def _attachment_difference(models: Models, first: _Simulated, excitation: Excita
     if not lifts_off(first.run.forces[:, pushing]):
         return _Difference(missing, better, count, named)
     other = richer(0)
-    kinds = tuple(dict.fromkeys((*KINDS, *first.outputs.kinds)))
+    kinds = tuple(dict.fromkeys((*OUTPUT_KINDS, *first.outputs.kinds)))
     errors_of_first, apart = (
         differences(richer_run.outputs, better.outputs, floors, kinds) for richer_run in (first, other)
     )
     unknown = [kind for kind in kinds if not settled(errors_of_first[kind], apart[kind])]
     if "pad_force" not in unknown:  # which all other forces balance
-        unknown = [kind for kind in unknown if kind in KINDS]
+        unknown = [kind for kind in unknown if kind in OUTPUT_KINDS]
     peaks = [float(richer_run.run.forces[:, pushing].max()) for richer_run in (first, better, other)]
     # Where they disagree on forces, what they differ by in displacements has to be within the estimate's margin.
     stricter = SETTLED / (MARGIN - 1.0) if "pad_force" in unknown else 1.0
     for kind in ("beam", "tip"):
         if not settled(errors_of_first[kind], stricter * apart[kind]):
             raise UnsettledError(errors_of_first[kind], apart[kind], peaks)
-    scatter_text = scatter(peaks) if "pad_force" in unknown else ""
+    scatter_text = describe_scatter(peaks) if "pad_force" in unknown else ""
     return _Difference(missing, better, count, named, unknown, scatter_text)
 
 
@@ -269,8 +289,8 @@ def _with_enrichment(model: ReducedModel, count: int) -> ReducedModel:
 
 def _errors_by_name(response: Response, better: Response, excitation: Excitation) -> dict[str, float]:
     """Errors by name, of reactions and probes, and of forces of each kind between kinks."""
-    responses, measured = {"reduced": response, "full": better}, quantities(excitation, response)
-    return compare.errors(responses, compare.relative_error, quantities=measured)["reduced_vs_full"]
+    responses, measured = {"reduced": response, "full": better}, quantities_of_boom(excitation, response)
+    return errors_between(responses, relative_error, quantities=measured)["reduced_vs_full"]
 
 
 def _errors_along(system: System, displacement: Array, error: Array) -> dict[str, float]:
@@ -278,7 +298,7 @@ def _errors_along(system: System, displacement: Array, error: Array) -> dict[str
     first, errors = 0, dict[str, float]()
     for name, body in system.bodies.items() if len(system.bodies) > 1 else ():
         columns = slice(first, first := first + int(np.count_nonzero(length_outputs(body))))
-        errors[name] = MARGIN * compare.relative_error(displacement[:, columns], (displacement + error)[:, columns])
+        errors[name] = MARGIN * relative_error(displacement[:, columns], (displacement + error)[:, columns])
     return errors
 
 
@@ -302,7 +322,7 @@ def by_other(system: System, better: ReducedModel, excitation: Excitation) -> Es
     floors, errors_of_better = Floors.of(systems[1], excitation), dict(of_better.errors)
     apart = differences(of_model, other, floors)
     of_probes = dict(zip(_probes(systems[0]), probe_differences(of_model, other, floors).tolist(), strict=True))
-    left_out = {"left out": coverage.LEFT_OUT.format(", ".join(lacking))} if lacking else {}
+    left_out = {"left out": ROWS_LEFT_OUT.format(", ".join(lacking))} if lacking else {}
     return Estimate(
         errors={kind: apart[kind] + size for kind, size in errors_of_better.items() if kind in apart},
         probes={name: of_probes[name] + size for name, size in of_better.probes.items()},
@@ -323,3 +343,139 @@ def _with_common_forces(first_run: _Simulated, second_run: _Simulated) -> tuple[
         for each, force_names in zip((first_run, second_run), names, strict=True)
     )
     return first, second, [name for name in dict.fromkeys(sum(names, ())) if name not in common]
+
+
+def chi(body: ReducedModel, run: Trajectory, f: Array, mode: int) -> float:
+    r"""Share of a mode's motion that is not quasi-static, in a run of a body on its modes under loads f (T, i) in N.
+
+    .. math::
+        \chi = \frac{\mathrm{rms}(\eta - \varphi_{r+1}^T g / \omega_{r+1}^2)}{\mathrm{rms}(\eta)}, \quad \eta = p_{r+1}
+
+    docs/moving_residual_flexibility.md, sections 10 and 12.
+
+    It is 0 where the mode stands still but for round-off, as torsion does under loads in a plane of symmetry.
+    """
+    force = f @ body.B[mode] - np.einsum(
+        "tm,tm->t", evaluate(columns(body.rows, [mode]), run.s)[:, :, 0], run.multipliers
+    )
+    motion, most = _rms(run.q[:, mode]), float(np.abs(run.q).max(initial=0.0))
+    return _rms(run.q[:, mode] - force / body.K[mode, mode]) / motion if motion > ROUND_OFF * most else 0.0
+
+
+def _rms(x: Array) -> float:
+    unit = float(np.abs(x).max(initial=0.0))  # squares of tiny values would vanish
+    return unit * float(np.sqrt(np.mean((x / unit) ** 2))) if unit > 0.0 else 0.0
+
+
+#: Share of the error that two richer models may differ by where pads lift.
+SETTLED = 0.5
+#: Steps of a run whose loads are answered, at most, evenly taken from all.
+ANSWERED_STEPS = 20_000
+
+
+def loads_carried(system: System, run: SystemTrajectory) -> dict[str, sp.csr_matrix]:
+    """Forces of contacts and loads on the carriers and inputs of each body, (S, K + i) in N."""
+    forces, first = {}, 0
+    for name, body in system.reduced.items():
+        rows = [system.row(side.place) for side in system.sides if side.place.body == name]
+        last = first + len(body.input_names)
+        assert body.carriers is not None
+        forces[name] = carrier_forces_of_run(body.carriers, rows, run.bodies[name], run.loads[:, first:last])
+        first = last
+    return forces
+
+
+def carrier_forces_of_run(carriers: CarriedRows, rows: Sequence[Row], run: Trajectory, loads: Array) -> sp.csr_matrix:
+    """Forces of rows on their carriers in a run, and its loads (T, i): (S, K + i) in N, at up to `STEPS` steps.
+
+    The path coordinates of the run are those of each row (T, m) in m.
+    """
+    steps = np.linspace(0, len(run.t) - 1, min(len(run.t), ANSWERED_STEPS)).astype(int)
+    return carrier_forces(carriers, rows, run.s[steps], run.multipliers[steps], loads[steps])
+
+
+def carrier_forces(
+    carriers: CarriedRows, rows: Sequence[Row], x: Array, multipliers: Array, loads: Array
+) -> sp.csr_matrix:
+    """Forces of rows at x (T, m) m on their carriers, by multipliers (T, m) N, and loads: (T, K + i) in N.
+
+    Sparse, for a row touches few carriers at a time.
+    """
+    T, K = len(x), len(carriers.values)
+    on, shares = [np.broadcast_to(K + np.arange(loads.shape[1]), loads.shape)], [loads]
+    for row, at, force in zip(rows, x.T, multipliers.T, strict=True):
+        touched, b = row.on_carriers(at, 0)
+        on, shares = [*on, touched], [*shares, -b * force[:, None]]
+    columns, entries = np.hstack(on), np.hstack(shares)
+    ends = columns.shape[1] * np.arange(T + 1)
+    forces = sp.csr_matrix((entries.ravel(), columns.ravel(), ends), (T, K + loads.shape[1]))
+    forces.sum_duplicates()  # rows may touch the same ones
+    return forces
+
+
+def lifts_off(forces: Array) -> bool:
+    """Whether a contact that only pushes does so now and then, by the forces (T, p) of these in N."""
+    pushed = forces > 0.0
+    return bool(np.any(pushed.any(axis=0) & ~pushed.all(axis=0)))
+
+
+def settled(error: float, apart: float) -> bool:
+    """Whether two richer models that are so far `apart` may tell such an error; fractions."""
+    return apart <= SETTLED * error or error <= ROUND_OFF
+
+
+def describe_scatter(peaks: Sequence[float]) -> str:
+    """Sentence about the largest forces, in N, of pads that land and lift off in nearly equal models.
+
+    Empty where they have the same to three digits.
+    """
+    least, most = (with_unit(find(peaks), "N") for find in (min, max))
+    if least == most:
+        return ""
+    return (
+        f"pads lift off and close again many times, and their peak forces scatter: {least} to {most} with models that "
+        "are nearly alike, and as much with another time step; they are a range, not a figure"
+    )
+
+
+class UnsettledError(SimulationError):
+    """Two richer models differ by as much as they tell; `warning` says how far `peaks`, in N, scatter by it."""
+
+    def __init__(self, error: float, apart: float, peaks: Sequence[float]) -> None:
+        super().__init__(
+            "pads lift off and close again, and the motion depends on the exact time of impacts: two richer models "
+            f"differ by {100.0 * apart:.2g} %, and the error to estimate is {100.0 * error:.2g} %"
+        )
+        self.warning = describe_scatter(peaks)
+
+
+#: Share of inertia that directions among the loads may leave out.
+LEFT_OUT_AT_REST = 1e-4
+
+
+def system_with_attachment_modes(system: System, x: Array, forces: Sequence[Array], loads: Sequence[Array]) -> System:
+    """Add attachment modes for contact forces (P, m) N at places x (P, sides) m, and loads (P, i) N, of several cases.
+
+    At rest residual flexibility leaves nothing out but for what axial forces do to it: attachment modes for what bodies
+    bear (`pmr.reduced.attachment`) and enrichment modes have the matrices of second order, and inertia.
+
+    An InputError is raised where the models know no more.
+    """
+    models = system.modal
+    if why := no_estimate(models):
+        raise InputError(
+            "scene", "reduction.estimate", None, f"models with an estimate of their error are allowed: {why}"
+        )
+    bodies, first = {}, 0
+    for name, model in models.items():
+        last, carriers = first + len(model.input_names), model.carriers
+        assert carriers is not None  # as `no_estimate` says
+        on = system.sides_of(name)
+        rows = [system.row(system.sides[number].place) for number in on]
+        pressing = [
+            carrier_forces(carriers, rows, x[:, on], system.pressed(name, of), acting[:, first:last])
+            for of, acting in zip(forces, loads, strict=True)
+        ]
+        bodies[name] = with_attachment_modes(extend(model), sp.vstack(pressing, "csr"), LEFT_OUT_AT_REST, at_rest=True)
+        first = last
+    return system.with_bodies(bodies)

@@ -11,14 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from pmr.compare import coverage, covered, estimate, step_error
-from pmr.compare.attached import UnsettledError
-from pmr.compare.evaluation import respond
+from pmr.compare.estimate import MARGIN, Estimate, UnsettledError, by_other, estimate, no_estimate
 from pmr.compare.model_part import FREQUENCIES, frequency_error, steps_of
-from pmr.compare.outputs import KINDS, impulsive
-from pmr.compare.responses import Simulations
-from pmr.compare.runs import is_recorded, run_from_start
-from pmr.compare.summary import Part
+from pmr.compare.outputs import OUTPUT_KINDS, impulsive, is_recorded, run_from_start
+from pmr.compare.responses import Simulations, respond
+from pmr.compare.step_error import StepError, step_error, step_summary, step_warnings, with_band
+from pmr.compare.trust import (
+    AWAY_FROM_PROBES,
+    MACHINE_MOTION,
+    RIGID_REACTIONS,
+    SECOND_ORDER_EFFECTS,
+    SLIDER_IMPACTS,
+    coverage_warnings,
+    effects_not_covered,
+    figures_not_covered,
+    unsettled_forces,
+)
 from pmr.errors import InputError, SimulationError
 from pmr.errors.environment import Clock
 from pmr.errors.text import rounded
@@ -26,14 +34,15 @@ from pmr.reduced.attachment import knows_matrices
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extend
 from pmr.results import Response
+from pmr.results.run import Part
 from pmr.scene import Reduction, Scene
+from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.excitation import places
 from pmr.simulation.frame_motion import moves_by_itself
 from pmr.simulation.modal import modal_form
 from pmr.simulation.reactions import with_forces_on_machine
 from pmr.system.assembly import Assembly
-from pmr.system.contacts import ALONE
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 
@@ -64,7 +73,7 @@ class ReductionError:
 
 def asks_for_other(scene: Scene, reduced: ReducedModel) -> bool:
     """Does it take another model of the same body to tell the error (`pmr.compare.estimate.by_other`)?"""
-    return scene.reduction.estimate and estimate.no_estimate({ALONE: reduced}) is not None
+    return scene.reduction.estimate and no_estimate({ALONE: reduced}) is not None
 
 
 def other_of(scene: Scene, reduced: ReducedModel) -> Scene:
@@ -79,7 +88,7 @@ def reduction_error(
     simulated: SimulatedSystem,
     clock: Clock,
     other: ReducedModel | None = None,
-    estimated: estimate.Estimate | None = None,
+    estimated: Estimate | None = None,
 ) -> ReductionError:
     """The reduction's error as enrichment modes tell it, or an `other` model of a body alone, and what is not in it.
 
@@ -90,49 +99,49 @@ def reduction_error(
     is_wanted = all(part.reduction.estimate for part in scene.sections)
     telling = models if other is None else {ALONE: other}
 
-    def make() -> estimate.Estimate:
+    def make() -> Estimate:
         if other is not None:
-            return estimate.by_other(system, other, excitation)
-        return estimated or estimate.estimate(models, system, excitation, simulated.run, simulated.response)
+            return by_other(system, other, excitation)
+        return estimated or estimate(models, system, excitation, simulated.run, simulated.response)
 
     failed, scattered = "", list[str]()
-    if is_wanted and estimate.no_estimate(telling) is None:
+    if is_wanted and no_estimate(telling) is None:
         estimated, failed, scattered = _attempt(clock, make)
     if estimated is None:
-        figures = dict.fromkeys((*KINDS, *_FIGURES)) | {"reason": failed or estimate.no_estimate(models)}
-        messages = warnings(models, excitation.stepping, None) + scattered
+        figures = dict.fromkeys((*OUTPUT_KINDS, *_FIGURES)) | {"reason": failed or no_estimate(models)}
+        messages = estimate_warnings(models, excitation.stepping, None) + scattered
         return ReductionError(Part({"estimate": figures} if is_wanted else {}, messages))
     held = any(body.reactions is not None for body in system.bodies.values())
-    left_out = [*_left_out(telling, system, excitation, estimated.enrichment), *[coverage.REACTIONS] * held]
-    left_out += [*[coverage.MACHINE] * moves_by_itself(scene), *estimated.unknown.values()]
-    messages = warnings(models, excitation.stepping, estimated) + coverage.warnings(left_out)
+    left_out = [*_left_out(telling, system, excitation, estimated.enrichment), *[RIGID_REACTIONS] * held]
+    left_out += [*[MACHINE_MOTION] * moves_by_itself(scene), *estimated.unknown.values()]
+    messages = estimate_warnings(models, excitation.stepping, estimated) + coverage_warnings(left_out)
     messages += [estimated.scatter] if estimated.scatter else []
-    figures = summary(estimated, left_out) | {"frequency": _frequency_error(models, system, excitation)}
+    figures = estimate_summary(estimated, left_out) | {"frequency": _frequency_error(models, system, excitation)}
     part = Part({"estimate": figures} if is_wanted else {}, messages)
-    return ReductionError(part, envelope(estimate.MARGIN * estimated.error[:, list(estimated.tips)]), estimated.bodies)
+    return ReductionError(part, envelope(MARGIN * estimated.error[:, list(estimated.tips)]), estimated.bodies)
 
 
 def _frequency_error(models: Mapping[str, ReducedModel], system: System, excitation: Excitation) -> float | None:
     """Error of the two lowest natural frequencies on the way, with margin, by the enrichment modes; None without."""
-    if estimate.no_estimate(models) is not None:
+    if no_estimate(models) is not None:
         return None
     steps = steps_of(excitation)
     x, c = places(system, excitation)[steps], excitation.amplitudes(system.term_names)[steps]
     richer = system.with_bodies({name: extend(model) for name, model in models.items()})
     lowest, better = (Assembly(compared_system).frequencies(x, FREQUENCIES, c) for compared_system in (system, richer))
     apart = frequency_error(lowest, better)
-    return None if apart is None else estimate.MARGIN * apart
+    return None if apart is None else MARGIN * apart
 
 
 def _left_out(
     models: Mapping[str, ReducedModel], system: System, excitation: Excitation, count: int | None
 ) -> list[str]:
     """Effects that an estimate with up to `count` enrichment modes leaves out, a clause each."""
-    stressed = [coverage.SECOND_ORDER] * (bool(system.terms) and not all(map(knows_matrices, models.values())))
+    stressed = [SECOND_ORDER_EFFECTS] * (bool(system.terms) and not all(map(knows_matrices, models.values())))
     if ALONE in models:
-        return [*stressed, *coverage.not_covered(models[ALONE], excitation.signals, excitation.stepping, count)]
+        return [*stressed, *effects_not_covered(models[ALONE], excitation.signals, excitation.stepping, count)]
     damped = any(body.rayleigh is None and body.D.any() for body in system.reduced.values())
-    return [coverage.NEVER, *["the damping of what the modes leave out, which is not Rayleigh's"] * damped, *stressed]
+    return [AWAY_FROM_PROBES, *["the damping of what the modes leave out, which is not Rayleigh's"] * damped, *stressed]
 
 
 @dataclass(frozen=True)
@@ -157,7 +166,7 @@ class SimulatedSystem:
         return self.given or run_from_start(self.system, self.excitation)
 
 
-def _attempt(clock: Clock, make: Callable[[], estimate.Estimate]) -> tuple[estimate.Estimate | None, str, list[str]]:
+def _attempt(clock: Clock, make: Callable[[], Estimate]) -> tuple[Estimate | None, str, list[str]]:
     """An estimate; or None, with the reason, and what is said of forces that scatter."""
     try:
         with clock.stage("estimate"):
@@ -167,17 +176,17 @@ def _attempt(clock: Clock, make: Callable[[], estimate.Estimate]) -> tuple[estim
         return None, str(error).removeprefix("estimate: "), messages  # the clock's stage
 
 
-def summary(estimated: estimate.Estimate, not_covered: Sequence[str] = ()) -> dict[str, Any]:
+def estimate_summary(estimated: Estimate, not_covered: Sequence[str] = ()) -> dict[str, Any]:
     """Figures of summary.json: fractions by kind of output, ``probes`` by their names, ``chi``, ``largest``
 
     Of what has no estimate all are None.
     """
     figures = {name: getattr(estimated, name) for name in _FIGURES if name != "not_covered"}
-    return dict.fromkeys(KINDS) | dict(estimated.errors) | figures | {"not_covered": list(not_covered)}
+    return dict.fromkeys(OUTPUT_KINDS) | dict(estimated.errors) | figures | {"not_covered": list(not_covered)}
 
 
-def warnings(
-    models: Mapping[str, ReducedModel], stepping: TimeStepping, estimated: estimate.Estimate | None
+def estimate_warnings(
+    models: Mapping[str, ReducedModel], stepping: TimeStepping, estimated: Estimate | None
 ) -> list[str]:
     """Warnings about coordinates that are too few, or an estimate that is in doubt."""
     beam, chi = (0.0, 0.0) if estimated is None else (estimated.of("beam"), estimated.chi or 0.0)
@@ -205,9 +214,7 @@ def envelope(error: Array) -> Array:
     return width
 
 
-def step_part(
-    scene: Scene, simulated: SimulatedSystem, natural: Array, step_estimate: step_error.StepError | None = None
-) -> Part:
+def step_part(scene: Scene, simulated: SimulatedSystem, natural: Array, step_estimate: StepError | None = None) -> Part:
     """``step``: the time step's error; `natural` (S, f) in Hz are frequencies along the way.
 
     A given `step_estimate` is not computed again.  Where the step was searched by its error, nothing is said.
@@ -219,16 +226,16 @@ def step_part(
     complete = None if impacts else partial(with_forces_on_machine, scene)
     try:
         run = simulated.run if step_estimate is None and is_recorded(system, excitation.stepping) else None
-        step_estimate = step_estimate or step_error.step_error(system, excitation, run, complete=complete)
+        step_estimate = step_estimate or step_error(system, excitation, run, complete=complete)
         if step_estimate.band is None:
-            step_estimate = step_error.with_band(step_estimate, system, excitation)
+            step_estimate = with_band(step_estimate, system, excitation)
     except (SimulationError, InputError) as error:
         messages = [f"the error of the time step is not known: {error}"]
-        return Part({"step": step_error.summary(None, str(error))}, messages)
+        return Part({"step": step_summary(None, str(error))}, messages)
     searched = scene.accuracy is not None
-    messages = [] if searched else step_error.warnings(step_estimate, excitation.stepping, excitation.signals, natural)
+    messages = [] if searched else step_warnings(step_estimate, excitation.stepping, excitation.signals, natural)
     response = simulated.response or respond(system, simulated.run)
     exact = ("frequency", *["pad_force"] * impacts)  # no step is in frequencies, and impacts have a line of their own
-    lacking = covered.not_covered(scene, with_forces_on_machine(scene, response), step_estimate.others, exact)
-    lacking = [coverage.IMPACTS] * impacts + lacking + covered.unsettled_forces(step_estimate.unsettled)
-    return Part({"step": step_error.summary(step_estimate, not_covered=lacking)}, messages)
+    lacking = figures_not_covered(scene, with_forces_on_machine(scene, response), step_estimate.others, exact)
+    lacking = [SLIDER_IMPACTS] * impacts + lacking + unsettled_forces(step_estimate.unsettled)
+    return Part({"step": step_summary(step_estimate, not_covered=lacking)}, messages)

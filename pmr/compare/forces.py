@@ -1,65 +1,329 @@
-r"""How far the forces of two runs are apart, kind by kind.
-
-.. math::
-    e = \frac{\lVert f - r \rVert}{\max(\lVert r \rVert,\; 10^{-3} \max_k \lVert r_k \rVert)}
-
-over all forces of a kind and all times; r_k are the forces of the other kinds in the same unit.  A kind that bears next
-to nothing, such as a cylinder that holds still, is measured by what the others bear.
-"""
+"""Forces of pads, cylinders, ropes and supports: their extremes, and warnings where they pull or are not known."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from pmr.results import Response
+from pmr.results.quantities import with_unit
+from pmr.results.response import Extremes
+from pmr.results.run import Part
+from pmr.results.tables import reaction_extremes
+from pmr.scene import Scene
+from pmr.scene.built import PadRing, force_of, friction_of, reaction_of
+from pmr.scene.choice import is_axial
+from pmr.scene.frame import INERTIA
+from pmr.scene.keys import cylinder_of, named
+from pmr.scene.mechanism import CYLINDER, drive_rows, longest, rope_shares
+from pmr.scene.members import EXTENSION, members
+from pmr.system.body import SlidingBody
+from pmr.system.contacts import Contact, Friction
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Forces, or moments, (T,) by kind and unit, such as ``("pad_force", "N")``, and by their names.
-Histories = dict[tuple[str, str], dict[str, Array]]
-
-#: Share of the largest kind's norm below which a kind of forces is measured by that share.
-LITTLE = 1e-3
-#: Units of forces and moments.
-UNITS = ("N", "N m")
+#: Share of a pad's largest push, and of a tenth of the largest force of any pad, from which a pull is reported.
+PULLED = 0.01
 
 
-def histories(response: Response) -> Histories:
-    """All forces of a response by kind, such as ``("pad_force", "N")`` or ``("reaction", "N m")``, and by name.
+def forces_part(scene: Scene, system: System, response: Response) -> Part:
+    """``pads``, ``cylinders`` and ``reactions`` of summary.json: smallest and largest force, when and where.
 
-    Forces at the ends of steps; of pads that only push those are smaller than the peaks within steps.
+    Of cylinders also the largest ``friction`` that they overcome, what it has ``dissipated`` in J, and ``kinks``.
+    Pads that are
+    pulled and forces that are not known are warned of.
     """
-    forces = Histories()
-    first = len(response.output_names)
-    for number, output in enumerate(response.outputs):
-        if output.is_force:
-            values = response.slider_force[:, number - first]
-            forces.setdefault((f"{output.kind}_force", "N"), {})[output.name] = values
-        elif output.kind == "reaction" and output.unit in UNITS:
-            forces.setdefault((output.kind, output.unit), {})[output.name] = response.column(number)
-    return forces
+    joined, along, figures = len(scene.sections) > 1, scene.along(response.t), dict[str, Any]()
+    if joined or scene.pads:
+        figures["pads"] = [
+            {"name": name, **extremes.summary()} for name, extremes in pad_loads(scene, response).items()
+        ]
+    if joined:
+        figures["cylinders"] = list(_cylinders(scene, system, response))
+    warnings = _kink_warnings(figures.get("cylinders", ())) + unknown_forces(scene, response) + missing_reactions(scene)
+    return Part(figures | reactions(scene, response, along), warnings, pulled_rings(scene, system.contacts, response))
 
 
-def differences(
-    forces: Mapping[tuple[str, str], Mapping[str, Array]], reference: Mapping[tuple[str, str], Mapping[str, Array]]
-) -> dict[str, float]:
-    """Errors by kind, fractions, of the forces that both have; the larger one where a kind has forces and moments.
+def pad_loads(scene: Scene, response: Response) -> dict[str, Extremes]:
+    """Forces in N, positive where a pad pushes the body inwards, of all pads whose force the response holds.
 
-    Kinds of which all forces of the reference are zero are left out.
+    Of a body alone in the order of its rings; of sections those of all contacts but cylinders, and of springs.
     """
-    pairs = dict[tuple[str, str], tuple[float, float]]()
-    for key in (key for key in forces if key in reference):
-        names = [name for name in forces[key] if name in reference[key]]
-        if names:
-            y, r = (np.array([of[key][name] for name in names]) for of in (forces, reference))
-            scale = float(np.abs(r).max(initial=0.0)) or 1.0  # squares neither vanish nor overflow
-            pairs[key] = scale * float(np.linalg.norm((y - r) / scale)), scale * float(np.linalg.norm(r / scale))
-    errors = dict[str, float]()
-    for (kind, unit), (apart, size) in pairs.items():
-        largest = max(other for (_, of), (_, other) in pairs.items() if of == unit)
-        if largest > 0.0:
-            errors[kind] = max(errors.get(kind, 0.0), apart / max(size, LITTLE * largest))
-    return errors
+    along = scene.along(response.t)
+    names = [name for ring in _rings(scene) for name, _, _ in ring.places]
+    if len(scene.sections) > 1:
+        cylinders = set(map(cylinder_of, scene.names))
+        names = [
+            name
+            for force_name in response.force_names
+            if (name := force_name.removeprefix(force_of(""))) not in cylinders
+        ]
+    forces = {name: _force(response, name) for name in names}
+    return {name: Extremes.of(force, response.t, along) for name, force in forces.items() if force is not None}
+
+
+def _rings(scene: Scene) -> tuple[PadRing, ...]:
+    """Rings of pads of a body alone."""
+    return scene.pads if len(scene.sections) == 1 else ()
+
+
+def _cylinders(scene: Scene, system: System, response: Response) -> Iterator[dict[str, Any]]:
+    at_kinks, along = impulses(scene, system), scene.along(response.t)
+    driven = {force_of(cylinder_of(name)): name for name in scene.names[1:]}
+    for force in response.force_names:
+        if (body := driven.get(force)) is not None:
+            row = {"name": cylinder_of(body), **Extremes.of(response.force(force, 0), response.t, along).summary()}
+            if friction_of(body) in response.other_names:
+                row |= _friction_figures(scene, system, response, body)
+            yield row | ({"kinks": kinks} if (kinks := at_kinks[cylinder_of(body)]) else {})
+
+
+def _friction_figures(scene: Scene, system: System, response: Response, body: str) -> dict[str, float]:
+    r"""The largest ``friction`` in N along a section's joint, and what it has ``dissipated`` in J.
+
+    .. math:: \int f\, dy - f^2 / 2 \textstyle\sum \kappa, \qquad y = s - \Lambda / k
+
+    as if all of its pads stuck alike (`pmr.system.contacts`).
+    """
+    friction = Friction.of(system.contacts)
+    assert friction is not None  # as the response has its friction
+    joint = friction.joints.index(body)
+    f, drive = response.other(friction_of(body)), response.force(force_of(cylinder_of(body)), 0)
+    y = scene.paths[body].value(response.t) - friction.gives[joint] * drive
+    grip = friction.stiffness[friction.first[joint] : friction.first[joint + 1]].sum()
+    dissipated = (f[1:] + f[:-1]) @ np.diff(y) / 2.0 - (f[-1] ** 2 - f[0] ** 2) / (2.0 * grip)
+    return {"friction": float(np.abs(f).max()), "dissipated": max(0.0, float(dissipated))}
+
+
+def reactions(scene: Scene, response: Response, path: Array) -> dict[str, object]:
+    """``reactions`` of summary.json: ``name``, ``unit``, and what `Extremes.summary` says; empty without any.
+
+    Of all supports, rigid or not, of a body or of the sections of a boom, whose names begin with the section's.
+    """
+    extremes_of = reaction_extremes(response, path)
+    rows = [{"name": of.support, "unit": of.unit, **extremes.summary()} for of, extremes in extremes_of.items()]
+    for body, part in zip(scene.names, scene.sections, strict=True):
+        for name, unit in part.springs.items():
+            if (force := named(body, force_of(name))) in response.force_names:
+                extremes = Extremes.of(response.force(force, 0), response.t, path)
+                rows.append({"name": named(body, name), "unit": unit, **extremes.summary()})
+    return {"reactions": rows} if rows else {}
+
+
+def missing_reactions(scene: Scene) -> list[str]:
+    """Reactions that the models can't tell, a line each: along x of beams that don't move so, and of all points."""
+    pulled = scene.gravity is not None and scene.gravity.direction[0] != 0.0
+    # what slides in others is accelerated along them, and has cylinders
+    still = [
+        member.part.name or "the body"
+        for member in members(scene)
+        if not is_axial(member) and (pulled or member.jointed)
+    ]
+    points = [
+        named(body, str(member.on))
+        for body, part in zip(scene.names, scene.sections, strict=True)
+        for member in part.supports
+        if member.points == "all"
+    ]
+    along = (
+        f"{', '.join(still)}: planar beams without coordinates along x (body.profile.axial is false), so that "
+        "reactions and cylinder forces along it are not computed"
+    )
+    of_points = f"forces of supports with points = 'all' ({', '.join(points)}) are not computed, with 'mean' they are"
+    return [along] * bool(still) + [of_points] * bool(points)
+
+
+def _force(response: Response, name: str) -> Array | None:
+    """Force of a pad, (T,) N; of a rigid one that stays, which is a support, the reaction."""
+    if force_of(name) in response.force_names:
+        return response.force(force_of(name), 0)
+    return response.other(reaction_of(name)) if reaction_of(name) in response.other_names else None
+
+
+def pulled_rings(scene: Scene, contacts: Sequence[Contact], response: Response) -> list[str]:
+    """Rings with pads that hold both ways and are pulled, a line each, and all joints that have some, in one line: how
+    many, which most, what to set.
+
+    Points that hold a planar beam both ways are meant to, so only pads count.
+    """
+    loads, lines = pad_loads(scene, response), list[str]()
+    largest = max((max(load.most, -load.least) for load in loads.values()), default=0.0)
+    pulling = {
+        name: load
+        for name, load in loads.items()
+        if -load.least > max(PULLED * max(load.most, 0.1 * largest), response.force_round_off)
+    }
+    for ring in _rings(scene):
+        of_ring = {name: pulling[name] for name, _, _ in ring.places if name in pulling and not ring.unilateral}
+        lines += [_of_ring(ring, of_ring, response)] if of_ring else []
+    held = [
+        contact
+        for contact in contacts
+        if contact.inner.body in scene.names[1:] and contact.clearance is None and contact.name in pulling
+    ]
+    return [*lines, _of_joints(held, pulling, response)] if held else lines
+
+
+def unknown_forces(scene: Scene, response: Response) -> list[str]:
+    """Pads whose force the model doesn't tell, in a line: a rigid pad that stays holds by the choice of coordinates."""
+    names = [
+        name
+        for ring in _rings(scene)
+        for name, face, _ in ring.places
+        if ring.stiffness == "rigid" and not ring.moving and _force(response, name) is None
+    ]
+    if not names or not response.force_names:
+        return []
+    pads = f"the pads {', '.join(names)} are" if len(names) > 1 else f"the pad {names[0]} is"
+    return [f"{pads} rigid and stay on the body: their forces are unknown; give them a stiffness in N/m"]
+
+
+def _of_ring(ring: PadRing, pulling: Mapping[str, Extremes], response: Response) -> str:
+    most = min(pulling, key=lambda name: pulling[name].least)
+    load = pulling[most]
+    pads = f"{len(pulling)} of {len(ring.places)} pads of the ring {ring.name} pull"
+    if len(pulling) == 1:
+        pads = f"one of {len(ring.places)} pads of the ring {ring.name} pulls"
+    worst = f"{most} with up to {with_unit(-load.least, 'N')} {response.when(load.t_least, load.s_least)}"
+    most_of_all = "most of all " if len(pulling) > 1 else ""
+    return f"{pads} the body outwards, {most_of_all}{worst}; if they can only push, set unilateral = true in this ring"
+
+
+def _of_joints(held: Sequence[Contact], pulling: Mapping[str, Extremes], response: Response) -> str:
+    most = min((one.name for one in held), key=lambda pad: pulling[pad].least)
+    names = list(dict.fromkeys(contact.inner.body for contact in held))
+    more = f", and {len(held) - 1} more" if len(held) > 1 else ""
+    travelling = {contact.inner.path is None for contact in held}  # with the inner section's tail
+    ends = [end for end, at_tail in (("tail", True), ("mouth", False)) if at_tail in travelling]
+    keys = " and ".join(f"joint.{end}" for end in ends)
+    joints, these = ("joints", "these sections") if len(names) > 1 else ("joint", "this section")
+    return (
+        f"pads in the {joints} of {', '.join(names)} hold both ways and pull: {most} with up to "
+        f"{with_unit(-pulling[most].least, 'N')} {response.when(pulling[most].t_least)}{more}; if they can only push, "
+        f"set unilateral = true in {keys} of {these}"
+    )
+
+
+def impulses(boom: Scene, system: System) -> dict[str, list[dict[str, float]]]:
+    r"""Impulses of each cylinder by its name at each kink: ``t`` in s, ``impulse`` in N s.
+
+    .. math:: I_i = \sum_{k \ge i} m_k\, \Delta \dot X_k, \qquad \Delta \dot X_k = \sum_{j \le k} \Delta \dot s_j
+
+    with the masses m of the section that it pushes and of those beyond, which lean on it.
+    """
+    jumps = [path.kinks(boom.time.end) for path in boom.paths.values()]
+    masses = [_moved_mass(system.bodies[name]) for name in boom.names[1:]]
+    kinks_of_cylinders = dict[str, list[dict[str, float]]]()
+    for i, name in enumerate(boom.names[1:]):
+        at = {t: 0.0 for kinks in jumps for t in sorted(kinks)}
+        for t in at:
+            speeds = np.cumsum([kinks.get(t, 0.0) for kinks in jumps])
+            at[t] = float(np.dot(masses[i:], speeds[i:]))
+        kinks_of_cylinders[cylinder_of(name)] = [{"t": t, "impulse": impulse} for t, impulse in sorted(at.items())]
+    return kinks_of_cylinders
+
+
+def _moved_mass(body: SlidingBody) -> float:
+    """Mass in kg that an extension accelerates; 0 where there is none."""
+    along = [k for k, name in enumerate(body.input_names) if name in (EXTENSION, INERTIA + "x")]
+    if not along:
+        return 0.0
+    B = np.asarray(body.B)[:, along[0]]
+    return float(B @ spla.spsolve(sp.csc_matrix(body.M), B))
+
+
+def _kink_warnings(cylinders: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Say in a line that forces at kinks are none to size by."""
+    impulses_at_kinks = [
+        (abs(kink["impulse"]), kink["t"], cylinder["name"])
+        for cylinder in cylinders
+        for kink in cylinder.get("kinks", ())
+    ]
+    if not impulses_at_kinks:
+        return []
+    most, t, name = max(impulses_at_kinks)
+    return [
+        f"extensions have kinks, where cylinders give impulses, up to {most:.4g} N s: {name} at {t:g} s; the height of "
+        "cylinder and pad forces there depends on the step, on stiffnesses and on the number of coordinates, so size "
+        "nothing by them (cylinders in summary.json have all impulses; a smooth_ramp has no kinks)"
+    ]
+
+
+def rope_forces(scene: Scene, response: Response) -> dict[str, Array]:
+    r"""Force (T,) in N of each section that follows another one or is followed, by its name; positive: it pushes out.
+
+    A section k with :math:`s_k = r_k s_j + c_k` hangs on a rope that the joint j drives.  By virtual work, with
+    :math:`F_k` what the section needs along the boom from the next outer one if each had a cylinder of its own,
+
+    .. math::
+        T_j = F_j + \sum_{k\ \mathrm{follows}\ j} r_k T_k
+
+    is what the rope or cylinder of the joint j pushes with, all of its strands together, and :math:`T_j \dot s_j` of a
+    cylinder the power for all that it moves.  Friction of the joints' pads is in it, that of sheaves is not.
+
+    Empty without ropes, or where forces along the boom are not known.
+    """
+    shares = rope_shares(scene)
+    if any(force_of(cylinder_of(name)) not in response.force_names for name in shares):
+        return {}
+    cylinders = [name for name in map(cylinder_of, scene.names[1:]) if force_of(name) in response.force_names]
+    forces_of_all = np.array([response.force(force_of(name), 0) for name in cylinders])
+    return {name: row @ forces_of_all for name, row in drive_rows(scene, cylinders).items() if name in shares}
+
+
+def ropes_part(scene: Scene, response: Response) -> Part:
+    """``ropes``: ``name``, what it ``follows`` or None, and of its ``force`` in N the extremes, when and where.
+
+    Of what follows nothing also the ``power`` in W that moves it and all that follow; of a rope whose EA is known its
+    ``length`` in m, the largest on the way, and the ``stiffness`` in N/m that it has there, of all strands together.
+    """
+    if len(scene.sections) < 2:
+        return Part()
+    along, rows, slack = scene.along(response.t), list[Mapping[str, Any]](), list[str]()
+    round_off = response.force_floor
+    for name, force in rope_forces(scene, response).items():
+        number = scene.names.index(name)
+        follows = scene.joint(number).follows
+        extremes = Extremes.of(force, response.t, along)
+        row: dict[str, Any] = {"name": name, "follows": follows, "force": extremes.summary()}
+        if follows is None:
+            power = force * scene.paths[name].rate(response.t)
+            row["power"] = Extremes.of(power, response.t, along).summary()
+        if (rope := scene.joint(number).rope) is not None:
+            length = longest(scene, number)
+            row |= {"length": length, "stiffness": rope.strands * rope.EA / length}
+        rows.append(row)
+        if (rope or follows) and -extremes.least > max(PULLED * extremes.most, round_off):
+            most = f"{with_unit(-extremes.least, 'N')} {response.when(extremes.t_least)}"
+            slack.append(
+                f"the rope of {name} would have to push with up to {most}: the model holds both ways, as with a second "
+                "rope that pulls the section in"
+            )
+    return Part({"ropes": rows} if rows else {}, grave=slack)
+
+
+def luffing_part(scene: Scene, response: Response) -> Part:
+    r"""``luffing_cylinder``: ``force`` N, ``length`` m, ``speed`` m/s, ``power`` W: extremes, when and where.
+
+    .. math::
+        L(\varphi) = |R(\varphi)\, r_1 - r_0|, \qquad F = \mathfrak M / \tfrac{dL}{d\varphi}, \qquad P = F\, \dot L
+
+    with the moment M of all that the boom presses on its machine with about the pivot (`pmr.simulation.reactions`):
+    whatever holds the base in the scene, the pivot turns freely and the cylinder alone keeps the angle.
+    """
+    if scene.frame is None or scene.frame.cylinder is None or CYLINDER not in response.other_names:
+        return Part()
+    t, along = response.t, scene.along(response.t)
+    angle, force = scene.frame.angles[0], response.other(CYLINDER)
+    length, arm = scene.frame.cylinder.length(angle.value(t))
+    speed = arm * angle.rate(t)
+    histories = {"force": force, "length": length, "speed": speed, "power": force * speed}
+    return Part(
+        {"luffing_cylinder": {key: Extremes.of(history, t, along).summary() for key, history in histories.items()}}
+    )

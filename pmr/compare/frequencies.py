@@ -1,4 +1,4 @@
-r"""Frequencies of a reduced model with its rows held at one path coordinate after the other; tip responses.
+r"""Natural frequencies on the way of a scene, beside closed forms and published ones, and responses in frequency.
 
 Closed forms are those of the uniform Euler-Bernoulli beam, pinned at 0, supported at s, free at L.  The rotation of the
 beam over the support is the one unknown; the moments with which the two spans resist it must cancel.  With a = beta s,
@@ -14,20 +14,24 @@ b = beta (L - s) and beta^4 = rho A omega^2 / (E I) the spans' dynamic stiffness
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from pmr.compare.summary import Part
+from pmr.compare.outputs import tip_names
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
-from pmr.results import FrequencyResponse
+from pmr.results import Frequencies, FrequencyMap, FrequencyResponse
+from pmr.results.run import Part
 from pmr.scene import Scene
 from pmr.scene.choice import is_pinned_beam
-from pmr.scene.keys import SLIDER
+from pmr.scene.keys import ALONE, SLIDER
 from pmr.scene.members import member_at
+from pmr.simulation import Excitation
+from pmr.simulation.at_rest import amplitudes_at_rest, steepest
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
@@ -162,3 +166,150 @@ def frequency_part(response: FrequencyResponse | None) -> Part:
             "at": response.f[peak].tolist(),
         }
     return Part({"frequency_response": figures})
+
+
+#: Coordinates of full sections above which few places are visited.
+LARGE_SYSTEM = 1200
+
+
+@dataclass(frozen=True)
+class Visited:
+    """Places, and how many frequencies are compared there."""
+
+    along: Array  # (S,) m: the path coordinate of a body alone, the reach of sections
+    s: Array  # (S, P) m: coordinates of all paths
+    count: int
+    t: Array  # (S,) s: when the run is there first, which says how the system is stressed
+
+    def sides(self, system: System) -> Array:
+        """X (S, sides) in m of the contacts' places."""
+        return system.coordinates(dict(zip(system.paths, self.s.T, strict=True)))
+
+
+def places_on_way(scene: Scene, excitation: Excitation, size: int) -> Visited:
+    """From one end of the way to the other; fewer places where frequencies of a large full model are found.
+
+    With second order frequencies change with time, too: what stays where it is, is looked at again and again.
+    """
+    alone = ALONE in scene.bodies
+    count = PLACES_OF_BOOM if size <= LARGE_SYSTEM else FEWER_PLACES_OF_BOOM
+    if excitation.terms and not np.ptp(excitation.s, axis=0).any():
+        t = np.linspace(0.0, scene.time.end, count)
+        if not np.ptp(excitation.amplitudes(list(excitation.terms), t), axis=0).any():
+            t, count = t[:1], 1
+        s = np.broadcast_to(excitation.s[0], (count, excitation.s.shape[1]))
+        return Visited(s[:, 0] if alone else scene.reach(t), s, CURVES if alone else CURVES_OF_BOOM, t)
+    if alone:
+        along = visited_positions(scene, size)
+        return Visited(along, along[:, None], CURVES, _first_there(excitation, along))
+    return _first_reached(scene, excitation, count)
+
+
+def _first_there(excitation: Excitation, s: Array) -> Array:
+    """When the only path is nearest to s (S,) m first, (S,) s."""
+    return np.array([excitation.times[np.argmin(np.abs(excitation.s[:, 0] - at))] for at in s])
+
+
+def _first_reached(scene: Scene, excitation: Excitation, count: int) -> Visited:
+    """Places at which the sections first reach so far."""
+    steps = on_the_way(scene, excitation.times, count)
+    t = excitation.times[steps]
+    return Visited(scene.reach(t), excitation.s[steps], CURVES_OF_BOOM, t)
+
+
+def frequencies_on_way(scene: Scene, system: System, excitation: Excitation, at: Visited) -> Frequencies:
+    """Frequencies of the reduced system, with every contact closed.
+
+    Terms have the amplitudes of that time.  Beside those of a body alone are the closed form's, where there is one; two
+    joints that move have a map.
+    """
+    c = excitation.amplitudes(system.term_names, at.t)
+    curves = {"reduced": Assembly(system).frequencies(at.sides(system), at.count, c)}
+    t = at.t if system.terms else None
+    if ALONE not in system.bodies:
+        return Frequencies(at.along, at.s, curves, frequency_map(scene, system), t)
+    closed = np.empty((0, 0)) if system.terms else closed_form_frequencies(scene, at.along, at.count) / (2.0 * np.pi)
+    return Frequencies(at.along, at.s, curves | ({"closed_form": closed} if closed.size else {}), t=t)
+
+
+def response_on_way(scene: Scene, system: System, excitation: Excitation) -> FrequencyResponse | None:
+    """Frequency response of the last body's tip along the way; None unless the scene wants it."""
+    if not scene.sections[-1].observe.frequency_response:
+        return None
+    if ALONE in system.bodies:
+        s = np.unique(np.linspace(*scene.path_bounds, RESPONSES))
+        at = Visited(s, s[:, None], CURVES, _first_there(excitation, s))
+    else:
+        at = _first_reached(scene, excitation, RESPONSES)
+    c = excitation.amplitudes(system.term_names, at.t)
+    return frequency_response(system, at.sides(system), at.along, tip_names(scene), c)
+
+
+#: Frequencies that are compared, and places on the way at which: fewer where matrices are large.
+CURVES_OF_BOOM, PLACES_OF_BOOM, FEWER_PLACES_OF_BOOM = 4, 13, 4
+#: Extensions of each joint at which the first frequency is mapped.
+MAPPED = 9
+#: Share of the reach by which a published one may lie beyond it: it is rounded.
+BESIDE = 1e-4
+
+
+def on_the_way(boom: Scene, t: Array, count: int) -> NDArray[np.int64]:
+    """Steps (S,) at which the boom first reaches so far, evenly from its shortest to its longest."""
+    reach = boom.reach(t)
+    goals = np.linspace(reach.min(), reach.max(), count if np.ptp(reach) > 1e-9 * reach.max() else 1)
+    return np.array(list(dict.fromkeys(int(np.argmin(np.abs(reach - goal))) for goal in goals)))
+
+
+def frequency_map(boom: Scene, system: System) -> FrequencyMap | None:
+    """Lowest frequencies over the first two joints that move on paths of their own, every contact closed.
+
+    All other such joints are where they start; None where fewer than two move.  With second order the boom rests at its
+    steepest angle.
+    """
+    ends = {name: path.bounds(0.0, boom.time.end) for name, path in boom.paths.items() if not _follows(boom, name)}
+    moving = [name for name, (low, high) in ends.items() if high - low > 1e-9 * high]
+    if len(moving) < 2:
+        return None
+    first, second = moving[:2]
+    a, b = (np.linspace(*ends[name], MAPPED) for name in (first, second))
+    extensions = {name: np.full((MAPPED, MAPPED), boom.paths[name].value(0.0)) for name in ends}
+    extensions[first], extensions[second] = np.meshgrid(a, b, indexing="ij")
+    while missing := [name for name in boom.paths if name not in extensions]:
+        for name in missing:
+            joint = boom.sections[boom.names.index(name)].joint
+            if joint is not None and joint.follows in extensions:
+                extensions[name] = joint.offset + joint.ratio * extensions[joint.follows]
+    x, c = system.coordinates(extensions), np.zeros((MAPPED**2, 0))
+    if system.terms:
+        placed = {name: np.broadcast_to(at, (MAPPED, MAPPED)).ravel() for name, at in extensions.items()}
+        c = amplitudes_at_rest(boom, placed, steepest(boom))
+    lowest = Assembly(system).frequencies(x.reshape(-1, x.shape[-1]), 1, c)[:, 0]
+    return FrequencyMap((first, second), a, b, lowest.reshape(MAPPED, MAPPED))
+
+
+def _follows(boom: Scene, name: str) -> bool:
+    joint = boom.sections[boom.names.index(name)].joint
+    return joint is not None and joint.follows is not None
+
+
+def published_part(boom: Scene, frequencies: Frequencies) -> Part:
+    """``published_frequencies``: the first one where it is published, and what each model has there.
+
+    What is published beyond this boom's reach is left out, with a line.
+    """
+    published = boom.published.frequencies if boom.published else ()
+    low, high, slack = frequencies.along[0], frequencies.along[-1], BESIDE * frequencies.along[-1]
+    within = [frequency for frequency in published if low - slack <= frequency.reach <= high + slack]
+    rows = [
+        {"reach": frequency.reach, "published": frequency.first}
+        | {
+            model: float(np.interp(frequency.reach, frequencies.along, f[:, 0]))
+            for model, f in frequencies.models.items()
+        }
+        for frequency in within
+    ]
+    beyond = ", ".join(f"{frequency.reach:g}" for frequency in published if frequency not in within)
+    warning = (
+        f"published frequencies at a reach of {beyond} m are left out: this boom reaches {low:.6g} to {high:.6g} m"
+    )
+    return Part({"published_frequencies": rows} if rows else {}, [warning] if beyond else [])

@@ -6,9 +6,9 @@ outputs (displacements, forces of pads) the model is off by
 .. math::
     e = \frac{\lVert y^{richer}_o(t_j) - y_o(t_j) \rVert}{\lVert y^{richer}_o(t_j) \rVert}
 
-over all outputs of the kind that both models have, and all steps (forces: `pmr.compare.forces`); and in a frequency,
-one of the two lowest at places all along the path, by the largest :math:`|f / f^{richer} - 1|`.  Of the richer model
-those modes count that move most in directions which the poorer one knows: a planar beam has no lateral modes.  With
+over all outputs of the kind that both models have, and all steps (forces: `force_errors`); and in a frequency, one of
+the two lowest at places all along the path, by the largest :math:`|f / f^{richer} - 1|`.  Of the richer model those
+modes count that move most in directions which the poorer one knows: a planar beam has no lateral modes.  With
 second order both are stressed as they are when the run is there.
 """
 
@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare import forces
+from pmr.compare.errors import ForceHistories, force_errors, force_histories
+from pmr.compare.moving_frame import as_made
 from pmr.compare.responses import march_once, refused_growth
-from pmr.compare.second_order import as_made
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.simulation import Excitation
@@ -40,7 +40,7 @@ FREQUENCIES, MODES, PLACES = 2, 12, 33
 KNOWN = 0.5
 #: Of the largest motion of any mode: less is round-off.
 NOTHING = 1e-9
-#: Kinds of outputs that are compared, as a summary calls them; forces as `pmr.compare.forces` compares them.
+#: Kinds of outputs that are compared, as a summary calls them; forces as `force_errors` compares them.
 KINDS = ("beam", "tip", "pad_force", "cylinder_force", "support_force", "reaction")
 #: Share of the largest frequency below which one is that of a rigid-body motion.
 RIGID = 1e-3
@@ -98,11 +98,11 @@ class Motion:
         return {name: self.response.column(k) for name, k in numbers.items()}
 
     @property
-    def forces(self) -> forces.Histories:
+    def forces(self) -> ForceHistories:
         """Forces by kind and unit, of pads that only push the peaks within each step."""
         response = self.response
         peaks = response.slider_force if response.force_peaks is None else response.force_peaks
-        return forces.histories(replace(response, slider_force=peaks))
+        return force_histories(replace(response, slider_force=peaks))
 
     def at_places_of(self, other: Motion) -> dict[str, Array]:
         """Displacements along bodies where another one has them, by its names; between places linear."""
@@ -144,7 +144,7 @@ def model_part(scene: Scene, of_scene: Motion, richer: Motion, called: str) -> d
         if names:
             y, reference = (np.array([of[name] for name in names]) for of in histories)
             shares[kind] = _off(y, reference)
-    shares |= forces.differences(of_scene.forces, richer.forces)
+    shares |= force_errors(of_scene.forces, richer.forces)
     directions = of_scene.moved.any(axis=(0, 2))
     f = {"own": of_scene.lowest(directions), "richer": richer.lowest(directions)}
     pushing = any(ring.unilateral for part in scene.sections for ring in part.pads)

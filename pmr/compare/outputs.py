@@ -1,14 +1,15 @@
 r"""What models are judged by: displacements along the beam, the tip, forces of sliders and pads, velocities, probes.
 
 Of a trajectory in the coordinates of a body, forces are its outputs in N and the multipliers of its sliders and pads;
-velocities those of the displacements, with the part that follows at once (`pmr.compare.velocities`).  All outputs in
+velocities those of the displacements, with the part that follows at once (`output_rates`).  All outputs in
 other units count as probes: stresses, strains and displacements of a place, rotations.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from pmr.compare.errors import (
     RELATIVE_FLOOR,
+    Observed,
     force_round_off,
     probe_round_off,
     refuse_infinite,
@@ -23,18 +25,29 @@ from pmr.compare.errors import (
     round_off,
     zero_round_off,
 )
+from pmr.constraints.polynomials import apply_table, evaluate
 from pmr.reduced.model import ReducedModel
-from pmr.simulation import Excitation
-from pmr.system.contacts import ALONE
-from pmr.system.system import System
+from pmr.results import Response
+from pmr.scene import Scene
+from pmr.scene.keys import ALONE, named
+from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation.contact_step import as_made, contact_frequency
+from pmr.simulation.excitation import in_order
+from pmr.simulation.native import systems
+from pmr.simulation.native.form import SystemForm
+from pmr.simulation.reactions import column_names, is_reaction
+from pmr.simulation.start import dense
+from pmr.system.body import SlidingBody, Trajectory, force_outputs, length_outputs, other_outputs
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import Joined, System
 
 Array = NDArray[np.float64]
 
 #: Kinds of outputs by the names that scenes and summaries give them, and the one that only sections have.
-KINDS = ("beam", "tip", "pad_force", "velocity", "probe")
-CYLINDERS = "cylinder_force"
+OUTPUT_KINDS = ("beam", "tip", "pad_force", "velocity", "probe")
+CYLINDER_FORCE = "cylinder_force"
 #: Those that are forces.
-FORCES = ("pad_force", CYLINDERS)
+FORCE_KINDS = ("pad_force", CYLINDER_FORCE)
 #: Share of the largest probe in the same unit below which a probe's error is one of that share instead of its own.
 LITTLE = 0.01
 _HISTORIES = ("displacement", "velocity", "force", "probe")
@@ -56,7 +69,7 @@ class Outputs:
         """One of `KINDS`, or `CYLINDERS`, (T, k)."""
         if kind == "tip":
             return self.displacement[:, list(self.tips)]
-        if kind in FORCES:
+        if kind in FORCE_KINDS:
             return self._forces(kind, self.force)
         return {"beam": self.displacement, "velocity": self.velocity, "probe": self.probe}[kind]
 
@@ -69,7 +82,7 @@ class Outputs:
     @property
     def kinds(self) -> tuple[str, ...]:
         """Kinds of which there are outputs; rates may be wanted of all displacements."""
-        return tuple(kind for kind in (*KINDS, CYLINDERS) if kind == "velocity" or self.of(kind).shape[1])
+        return tuple(kind for kind in (*OUTPUT_KINDS, CYLINDER_FORCE) if kind == "velocity" or self.of(kind).shape[1])
 
     def moved_at(self, places: Sequence[int]) -> Outputs:
         """Return these outputs with some of the displacements alone, by their numbers."""
@@ -114,7 +127,9 @@ class Floors:
         return cls(round_off(system.bodies, f, end), least, probe_round_off(system.bodies, f, end))
 
 
-def differences(outputs: Outputs, reference: Outputs, floors: Floors, kinds: Sequence[str] = KINDS) -> dict[str, float]:
+def differences(
+    outputs: Outputs, reference: Outputs, floors: Floors, kinds: Sequence[str] = OUTPUT_KINDS
+) -> dict[str, float]:
     """Error by kind (`pmr.compare.errors.relative_error`), fractions; what is round-off in both counts as zero."""
     moves = zero_round_off(outputs.displacement, reference.displacement, floors.displacement)
     errors = dict[str, float]()
@@ -164,3 +179,283 @@ def impulsive(model: ReducedModel, excitation: Excitation) -> bool:
         return False
     end = excitation.stepping.end
     return any(t < end for t in excitation.path.kinks(end))
+
+
+Supports = Sequence[tuple[str, str]]  # names and units of rigid supports
+
+#: Kind of contacts that hold an overlap straight: moments, no forces of pads.
+STRAIGHT = "straight"
+#: Steps beside a kink whose forces are left out.
+BESIDE_KINK = 2.0
+
+
+def quantities_of_boom(excitation: Excitation, response: Response) -> Mapping[str, Observed]:
+    """Quantities that are compared: the last section's tip, all lines, forces of each kind, and these between kinks.
+
+    At a kink of an extension a force is as high as its step is short or its cylinder stiff: such steps are left out
+    ``_between_kinks``, where there are any.
+    """
+    last, t, stepping = response.outputs[len(response.output_names) - 1].body, response.t, excitation.stepping
+    at = [kink for path in excitation.paths.values() for kink in path.kinks(stepping.end)]
+    away = np.all([np.abs(t - kink) > BESIDE_KINK * stepping.step for kink in at], axis=0)
+    measures: dict[str, Observed] = {
+        "tip": lambda response: response.of("tip", body=last),
+        "beam": lambda response: response.displacement,
+    }
+    for kind in dict.fromkeys(force_kinds(response)):
+        measures[kind] = partial(_forces, kind, slice(None))
+        if at:
+            measures[f"{kind}_between_kinks"] = partial(_forces, kind, away)
+    return measures
+
+
+def _forces(kind: str, steps: slice | NDArray[np.bool_], response: Response) -> Array:
+    """Zero where a force is nothing beside the largest one of any kind, as that of a cylinder that holds still."""
+    which = np.array(force_kinds(response)) == kind
+    size = np.abs(response.slider_force).max(axis=0)
+    counts = size > RELATIVE_FLOOR * size.max()
+    return np.where(counts, response.slider_force, 0.0)[steps][:, which]
+
+
+def force_kinds(response: Response) -> list[str]:
+    """Kind of each force: ``pad_force``, ``cylinder_force`` or, of supports that give way, ``support_force``."""
+    return [f"{output.kind}_force" for output in response.outputs if output.is_force]
+
+
+def output_contacts(system: Joined[Any]) -> list[int]:
+    """Numbers of the contacts whose forces are outputs; of a body alone they are those that move or only push.
+
+    Forces of rigid supports are reactions.
+    """
+    bearing_contacts = [
+        (k, contact)
+        for k, contact in enumerate(system.contacts)
+        if contact.kind != STRAIGHT and not is_reaction(contact)
+    ]
+    alone = ALONE in system.bodies
+    return [
+        k
+        for k, contact in bearing_contacts
+        if not alone or contact.inner.path is not None or contact.clearance is not None
+    ]
+
+
+def force_kinds_of_system(system: Joined[Any]) -> tuple[str, ...]:
+    """Kinds of forces of the springs of all bodies and of the contacts that bear; of a body alone all are of pads."""
+    springs = [kind for body in system.bodies.values() for kind in column_names(body).kinds[1]]
+    kinds = [*springs, *(system.contacts[k].kind for k in output_contacts(system))]
+    return tuple("pad_force" if ALONE in system.bodies else f"{kind}_force" for kind in kinds)
+
+
+def tip_columns(system: Joined[Any]) -> list[int]:
+    """Which of the displacements are those of the last body's tip."""
+    last = list(system.bodies)[-1]
+    kinds = [(name, kind) for name, body in system.bodies.items() for kind in column_names(body).kinds[0]]
+    return [k for k, (name, kind) in enumerate(kinds) if name == last and kind.split(" ")[0] == "tip"]
+
+
+def tip_names(boom: Scene) -> set[str]:
+    """Names of displacements of the last section's tip."""
+    last = boom.sections[-1]
+    return {named(last.name, last.observe.tip_along(direction)) for direction in "yz"}
+
+
+def columns_of(section: str, response: Response) -> list[int]:
+    """Columns of the displacements of a section."""
+    return [k for k, output in enumerate(response.outputs) if output.body == section and output.kind in ("beam", "tip")]
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Signals over time and their rates, each (T, k)."""
+
+    value: Array
+    rate: Array
+
+
+def load_rates(model: ReducedModel, excitation: Excitation) -> Rates:
+    """Loads (T, i) in N and their rates at the steps."""
+    t, signals = excitation.times, in_order(excitation.loads, model.input_names)
+    rates = np.column_stack([np.empty((len(t), 0)), *(load.rate(t) for load in signals)])
+    return Rates(excitation.forces(model.input_names), rates)
+
+
+def force_rates(model: ReducedModel, trajectory: Trajectory, path_rate: Array, loads: Rates) -> Rates:
+    """The forces z (T, m) in N that deform the residual part, and their rates in N/s; `path_rate` (T,) is s' in m/s.
+
+    Raises ValueError if the model has no residual flexibility.
+    """
+    tables, s = model.flexibility, trajectory.s
+    if tables is None:
+        raise ValueError("without residual flexibility no force follows from the positions")
+    z, ds = trajectory.multipliers, path_rate[:, None]
+    right = model.apply_rows(s, trajectory.v) + ds * model.apply_rows(s, trajectory.q, derivative=1)
+    right += apply_table(tables.inputs, s, loads.rate) + ds * apply_table(tables.inputs, s, loads.value, 1)
+    right -= ds * apply_table(tables.rows, s, z, 1)
+    G = evaluate(tables.rows, s) + np.diag(model.row_compliance)
+    is_open = ~np.isnan(model.row_clearance) & (z == 0.0)  # no force, and none that changes
+    apart = is_open[:, :, None] | is_open[:, None, :]
+    G, right = np.where(apart, np.eye(z.shape[1]), G), np.where(is_open, 0.0, right)
+    return Rates(z, np.linalg.solve(G, right[:, :, None])[:, :, 0])
+
+
+def output_rates(model: ReducedModel, trajectory: Trajectory, excitation: Excitation) -> Array:
+    r"""Rates of the outputs, (T, o) in m/s, of a trajectory in the model's coordinates, all steps of the excitation.
+
+    .. math::
+        \dot y = O \dot p + W \dot f - X \dot z - \dot s X' z, \qquad
+        (G + 1/k)\, \dot z = C \dot p + \dot s C' p + H \dot f + \dot s H' f - \dot s G' z
+
+    with z the multipliers that deform the residual part (docs/moving_residual_flexibility.md, section 5).
+
+    Where s or f has a kink, so do z and the deformation under the slider: their rates jump, as those of a massless part
+    can and those of a real one can't.  On smooth paths the recovered part makes velocities more accurate, on the
+    paper's straight ramps less so (section 5 has figures).
+
+    Coordinates feel the damping of the residual part through the rows' forces (`Inertia`), outputs are those of its
+    statics.  With D = beta K its deformation x = R (B f - C^T z) lags behind its forces, and rows that give way share
+    the rest out anew:
+
+    .. math::
+        \Delta y = -\beta\,(O \dot x - X \bar G^{-1} C \dot x), \qquad \bar G = G + 1/k
+
+    Nothing of it is left of rows that are rigid but the loads' part.  Stresses feel it most, for the residual part has
+    much of them, and no number of modes takes it away.
+    """
+    result, tables = trajectory.v @ model.outputs.T, model.flexibility
+    if tables is None:
+        return np.asarray(result)
+    f = load_rates(model, excitation)
+    z, ds = force_rates(model, trajectory, excitation.path_rate, f), excitation.path_rate[:, None]
+    result += f.rate @ tables.direct.T - apply_table(tables.outputs, trajectory.s, z.rate)
+    return np.asarray(result - ds * apply_table(tables.outputs, trajectory.s, z.value, 1))
+
+
+#: Numbers of a run that are recorded before outputs alone are.
+MOST_RECORDED = 20_000_000
+
+
+def run_from_start(system: System | SystemForm, excitation: Excitation, every: int = 1) -> SystemTrajectory:
+    """Each `every`-th step, from static equilibrium or undeformed, as the excitation says.
+
+    Runs of one modal form share its tables.
+    """
+    form = system if isinstance(system, SystemForm) else SystemForm.of(system)
+    return systems.simulate_form(form, excitation, every=every)
+
+
+def is_recorded(system: System, stepping: TimeStepping) -> bool:
+    """Whether all steps of a run are to be recorded."""
+    bodies, contacts = system.bodies.values(), len(system.contacts)
+    return stepping.steps * (2 * sum(body.size for body in bodies) + contacts) <= MOST_RECORDED
+
+
+def in_parts(system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> Excitation:
+    """The excitation with the parts of a step that a run of the system takes, where pads push."""
+    omega = contact_frequency(system, excitation)
+    if omega == 0.0:
+        return excitation
+    parts = (run or run_from_start(system, excitation)).parts
+    return excitation.with_stepping(as_made(excitation.stepping, parts, omega))
+
+
+def outputs_of_run(system: System, run: SystemTrajectory, excitation: Excitation, every: int = 1) -> Outputs:
+    """Outputs of each `every`-th step of a run, whose excitation has all of them."""
+    y, stride = np.hstack(list(systems.displacements(system, run).values())), slice(None, None, every)
+    sampled, displacement = outputs_from(system, y[stride], run.forces[stride]), y[:, _displacement_mask(system)]
+    return replace(sampled, velocity=displacement_rates(system, run, excitation, displacement)[stride])
+
+
+def outputs_of_response(system: System, run: SystemTrajectory, excitation: Excitation, response: Response) -> Outputs:
+    """Outputs of all steps of a run from its response."""
+    probes = np.concatenate([other_outputs(body) for body in system.bodies.values()])
+    other_columns = np.empty((len(run.t), 0)) if response.others is None else response.others
+    return Outputs(
+        displacement=response.displacement,
+        velocity=displacement_rates(system, run, excitation, response.displacement),
+        force=response.slider_force,
+        probe=other_columns[:, : np.count_nonzero(probes)],
+        units=tuple(unit for unit, counts in zip(system.output_units, probes, strict=True) if counts),
+        tips=tuple(tip_columns(system)),
+        forces=force_kinds_of_system(system),
+    )
+
+
+def outputs_without_rates(system: System, run: SystemTrajectory) -> Outputs:
+    """Outputs of all steps of a run without velocities, which are expensive."""
+    y = np.hstack(list(systems.displacements(system, run).values()))
+    return outputs_from(system, y, run.forces)
+
+
+def between_kinks(system: System, sampled: Outputs, excitation: Excitation, times: Array, step: float) -> Outputs:
+    """Outputs at some times (T,) s whose forces are zero within `BESIDE_KINK` steps, in s, of a kink of an extension.
+
+    There they have no size: the shorter the steps, the larger they are.  A body alone keeps all.
+    """
+    if system.on_one_path:
+        return sampled
+    return replace(sampled, force=np.where(away_from_kinks(excitation, times, step)[:, None], sampled.force, 0.0))
+
+
+def away_from_kinks(excitation: Excitation, times: Array, step: float) -> NDArray[np.bool_]:
+    """Which of some times (T,) s are more than `BESIDE_KINK` steps, in s, from every kink of a path."""
+    kinks = [kink for path in excitation.paths.values() for kink in path.kinks(excitation.stepping.end)]
+    return np.asarray(np.all([np.ones(len(times), bool), *(np.abs(times - t) > BESIDE_KINK * step for t in kinks)], 0))
+
+
+def outputs_from(system: System, y: Array, forces: Array) -> Outputs:
+    """Outputs from all output columns y (T, o) of the bodies and contact forces (T, m), without velocities.
+
+    Forces are those of pads, sliders, springs and cylinders.
+    """
+    bodies = list(system.bodies.values())
+    displacements, springs, probes = (
+        np.concatenate([of(body) for body in bodies]) for of in (length_outputs, force_outputs, other_outputs)
+    )
+    return Outputs(
+        displacement=y[:, displacements],
+        velocity=np.empty((len(y), 0)),
+        force=np.hstack([y[:, springs], forces[:, output_contacts(system)]]),
+        probe=y[:, probes],
+        units=tuple(unit for unit, counts in zip(system.output_units, probes, strict=True) if counts),
+        tips=tuple(tip_columns(system)),
+        forces=force_kinds_of_system(system),
+    )
+
+
+def _displacement_mask(system: System) -> NDArray[np.bool_]:
+    """Which outputs of all bodies are displacements."""
+    return np.concatenate([length_outputs(body) for body in system.bodies.values()])
+
+
+def displacement_rates(system: System, run: SystemTrajectory, excitation: Excitation, displacement: Array) -> Array:
+    r"""Rates of the `displacement`, (T, o) in m/s and m, of all steps of the excitation.
+
+    Of a body on one path those of the residual part follow from its tables (`output_rates`); of several
+    bodies, and with attachment modes, :math:`O \dot q` and differences.
+    """
+    if system.on_one_path and all(map(_by_tables, system.bodies.values())):
+        body, motion = along_path(system, run, excitation)
+        return output_rates(body, motion, excitation.on_slider)[:, length_outputs(body)]
+    rates, first = list[Array](), 0
+    for name, model in system.bodies.items():
+        O, trajectory = dense(model.outputs)[length_outputs(model)], run.bodies[name]
+        last = first + len(O)
+        residual = displacement[:, first:last] - trajectory.q @ O.T
+        rates.append(trajectory.v @ O.T + np.gradient(residual, run.t, axis=0))
+        first = last
+    return np.hstack(rates)
+
+
+def _by_tables(body: SlidingBody) -> bool:
+    """Return whether tables of flexibility yield rates, as they do without attachment modes."""
+    attached = body.carriers is not None and getattr(body.carriers, "inertia", None) is None
+    return body.flexibility is not None and not attached
+
+
+def along_path(system: System, run: SystemTrajectory, excitation: Excitation) -> tuple[ReducedModel, Trajectory]:
+    """A body on one path with none but the rows that are contacts, and its motion with the path coordinate (T,)."""
+    (body,), (motion,) = system.reduced.values(), run.bodies.values()
+    rows = [body.row_names.index(contact.inner.row) for contact in system.contacts]
+    s = excitation.on_slider.along(body.domain) if excitation.paths else np.full(len(run.t), body.domain[0])
+    return body.with_rows(rows), replace(motion, s=s)

@@ -1,37 +1,45 @@
-"""How a system moves under a scene by the simulators that it names, and what it then says; FEniCSx is not needed."""
+"""Responses of systems: motions by the simulators that a scene names, what they mean, and the memory they take."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from pmr.compare import booms
-from pmr.compare import errors as compare
-from pmr.compare.evaluation import Evaluation, respond
-from pmr.compare.machine import with_machine
-from pmr.compare.runs import is_recorded
-from pmr.errors import GrowthError, environment
-from pmr.errors.environment import Clock
+from pmr.compare.errors import Observed, force_round_off, observed_quantities, refuse_infinite, round_off
+from pmr.compare.outputs import is_recorded, output_contacts, quantities_of_boom
+from pmr.errors import GrowthError, InputError, environment
+from pmr.errors.environment import Clock, needed
 from pmr.reduced.model import ReducedModel
-from pmr.results import Response
+from pmr.results import Energy, Response
 from pmr.scene import Scene
+from pmr.scene.built import force_of, friction_of, reaction_of
 from pmr.scene.choice import SIMULATORS, transverse
-from pmr.scene.keys import ALONE
+from pmr.scene.keys import ALONE, named
 from pmr.scene.members import member_at
-from pmr.simulation import Excitation, TimeStepping, contact_step, exudyn
+from pmr.simulation import Excitation, Progress, TimeStepping, contact_step, exudyn
+from pmr.simulation.balance import blocks, potential
+from pmr.simulation.exudyn.ancf import Cable
+from pmr.simulation.frame_motion import Found, Samples
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March
-from pmr.simulation.reactions import with_forces_on_machine
-from pmr.simulation.stepping import Block, Progress, Recorder
+from pmr.simulation.reactions import column_names, on_rows, with_forces_on_machine, with_support_reactions
+from pmr.simulation.stepping import Block, Ended, Recorder
+from pmr.system.body import SlidingBody, Trajectory, force_outputs, length_outputs, with_inertia
+from pmr.system.contacts import Friction
 from pmr.system.states import BodyStates, SystemTrajectory, states_of
-from pmr.system.system import System
+from pmr.system.system import Joined, System
+
+if TYPE_CHECKING:
+    from pmr.simulation.exudyn import ancf
 
 Indices = NDArray[np.int64]
 
@@ -154,12 +162,12 @@ def check_installed(scene: Scene) -> None:
         environment.check_installed(str(package))
 
 
-def quantities(scene: Scene, response: Response) -> Mapping[str, compare.Quantity]:
+def compared_quantities(scene: Scene, response: Response) -> Mapping[str, Observed]:
     """Quantities by name that are compared between a response like this one and others."""
     if ALONE not in scene.bodies:
-        return booms.quantities(Excitation.of(scene), response)
+        return quantities_of_boom(Excitation.of(scene), response)
     tips = len(transverse(member_at(scene)))
-    return compare.quantities_of(tips, slice(None) if scene.observe.stations is None else slice(-tips))
+    return observed_quantities(tips, slice(None) if scene.observe.stations is None else slice(-tips))
 
 
 def full_simulator(scene: Scene, size: int) -> str:
@@ -227,3 +235,304 @@ def _prepare_march(system: System, excitation: Excitation, steps: Indices, recor
         return Simulated(response, states, parts, trajectory if every else None, response)
 
     return Prepared(run, lambda count: [march().again() for _ in range(count)])
+
+
+Array = NDArray[np.float64]
+
+#: What a response has of each step beside its energies.
+RESPONSE_HISTORIES = (
+    "t", "displacement", "slider_force", "residual_position", "residual_velocity", "force_peaks", "others",
+)  # fmt: skip
+
+
+def respond(system: System, trajectory: SystemTrajectory) -> Response:
+    """Displacements of all bodies, one after the other, forces of contacts, springs and supports, and energies.
+
+    Raises SimulationError if outputs, forces or energies overflow.
+    """
+    evaluation = Evaluation(system, trajectory.t, trajectory.loads)
+    for block in blocks(len(trajectory.t)):
+        evaluation(block.start, trajectory.at(block))
+    return evaluation.response(Ended(trajectory.seconds, trajectory.surplus))
+
+
+class Evaluation:
+    """Takes blocks of a system's motion at times t (T,) in s and makes the response of them: no state is kept.
+
+    Loads are (T, i) in N.
+    """
+
+    def __init__(self, system: System, t: Array, loads: Array) -> None:
+        self._system, self._t, self._loads = system, t, loads
+        self._columns: dict[str, Array] = {}
+        self._found: Response | None = None
+
+    def __call__(self, first: int, part: SystemTrajectory) -> None:
+        """Evaluate the steps from number `first` on; raises SimulationError as `respond`."""
+        response, rows = _evaluate(self._system, part), slice(first, first + len(part.t))
+        arrays = {name: getattr(response, name) for name in RESPONSE_HISTORIES}
+        for name, values in (arrays | vars(response.energy)).items():
+            if values is not None:
+                if name not in self._columns:
+                    self._columns[name] = np.empty((len(self._t), *values.shape[1:]))
+                self._columns[name][rows] = values
+        self._found = self._found or self._with_round_off(response, part)
+
+    def response(self, ended: Ended) -> Response:
+        """The response, when all blocks are taken."""
+        assert self._found is not None  # as every simulation has a block
+        columns: dict[str, Any] = {name: self._columns.get(name) for name in RESPONSE_HISTORIES}
+        energy = Energy(*(self._columns[name] for name in vars(self._found.energy)))
+        return replace(self._found, **columns, energy=energy, seconds=ended.seconds, surplus=ended.surplus)
+
+    def _with_round_off(self, response: Response, part: SystemTrajectory) -> Response:
+        """Bounds of round-off in a response without histories; of forces too, for a body alone."""
+        system, end = self._system, float(np.ptp(self._t))
+        nothing: dict[str, Any] = dict.fromkeys(RESPONSE_HISTORIES)  # of these the columns have all
+        response = replace(response, **nothing, round_off=round_off(system.bodies, self._loads, end))
+        if ALONE not in system.bodies or system.terms:
+            return response
+        body = system.bodies[ALONE]
+        start = float(on_rows(system, body, part.bodies[ALONE]).s[0])
+        return replace(response, force_round_off=force_round_off(body, self._loads, end, start))
+
+
+def _evaluate(system: System, part: SystemTrajectory) -> Response:
+    """Response of the system over some steps of a motion."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        kinetic = np.zeros(len(part.t))
+        for name, body in system.bodies.items():
+            v = with_inertia(body, part.bodies[name].v)
+            kinetic += 0.5 * np.einsum("tn,tn->t", v, (body.M @ v.T).T)
+        outputs, external = systems.displacements(system, part), -part.work
+        violation = drift = np.full((len(part.t), 1), np.nan)
+        if ALONE in system.bodies and not system.terms:
+            body, motion = system.bodies[ALONE], on_rows(system, system.bodies[ALONE], part.bodies[ALONE])
+            external = potential(body, motion, part.loads)
+            violation, drift = _residuals(body, motion, part)
+        energy = Energy(kinetic, part.energy - kinetic, external)
+    refuse_infinite(*outputs.values(), part.forces, energy.kinetic, energy.strain, energy.external)
+    peaks = part.peaks if ALONE not in system.bodies or not np.isnan(system.clearance).all() else None
+    response = response_of(system, part.t, MotionOutputs(outputs, part.forces, peaks, energy))
+    position, velocity = (np.abs(values).max(axis=1, initial=0.0) for values in (violation, drift))
+    response = replace(response, residual_position=position, residual_velocity=velocity)
+    return with_friction(with_support_reactions(response, system, part), system, part.friction)
+
+
+def _residuals(body: SlidingBody, motion: Trajectory, part: SystemTrajectory) -> tuple[Array, Array]:
+    """Violation (T, m) in m of each row, and its rate in m/s; NaN where rows have no rate equation."""
+    q, v, s, multipliers = motion.q, motion.v, motion.s, motion.multipliers
+    violation = body.apply_rows(s, q) - body.row_compliance * multipliers
+    if body.flexibility is not None:
+        violation = violation + body.flexibility.row_motion(s, multipliers, part.loads)
+    excess = violation - body.row_clearance  # where rows push any gap, elsewhere a negative one
+    overlap = np.where(multipliers > 0.0, excess, np.maximum(excess, 0.0))
+    violation = np.where(np.isnan(body.row_clearance), violation, overlap)
+    if body.flexibility is not None or np.any(body.row_compliance) or part.rates is None:
+        return violation, np.full_like(violation, np.nan)  # rows that give way have no equation at velocity level
+    path_rate = part.rates.sum(axis=1)[:, None]  # of the only path, if there is one
+    return violation, body.apply_rows(s, v) + path_rate * body.apply_rows(s, q, derivative=1)
+
+
+@dataclass(frozen=True)
+class MotionOutputs:
+    """Simulated outputs (T, o) of each body, contact forces and their peaks (T, m) in N, and energies."""
+
+    outputs: Mapping[str, Array]
+    forces: Array
+    peaks: Array | None
+    energy: Energy
+
+
+def with_friction(response: Response, system: Joined[Any], friction: Array | None) -> Response:
+    """Append each joint's total friction force to the other outputs, from that of each pad (T, n) in N."""
+    joint_friction = Friction.of(system.contacts)
+    if joint_friction is None or friction is None:
+        return response
+    return replace(
+        response,
+        others=np.hstack([*([] if response.others is None else [response.others]), joint_friction.totals(friction)]),
+        other_names=(*response.other_names, *map(friction_of, joint_friction.joints)),
+        other_units=(*response.other_units, *("N" for _ in joint_friction.joints)),
+        kinds=(*response.kinds, *("friction" for _ in joint_friction.joints)),
+        bodies=(*response.bodies, *joint_friction.joints),
+    )
+
+
+def response_of(system: Joined[Any], t: Array, motion: MotionOutputs) -> Response:
+    """Response of any simulator's motion at the times t (T,) in s."""
+    displacements, springs, other_outputs = list[Array](), list[Array](), list[Array]()
+    other_names, other_units = list[str](), list[str]()
+    x, names, force_names = list[Array](), list[str](), list[str]()
+    kinds: tuple[list[str], list[str], list[str]] = ([], [], [])  # of displacements, forces and others
+    of_bodies: tuple[list[str], list[str], list[str]] = ([], [], [])
+    for name, body in system.bodies.items():
+        of, y = column_names(body), motion.outputs[name]
+        displacements.append(y[:, length_outputs(body)])
+        springs.append(y[:, force_outputs(body)])
+        other_outputs.append(y[:, ~(length_outputs(body) | force_outputs(body))])
+        other_names += [named(name, output) for output in of.others]
+        other_units += of.other_units
+        x.append(body.output_positions[length_outputs(body)])
+        names += [named(name, output) for output in of.moved]
+        force_names += [named(name, output) for output in of.forces]
+        for columns, bodies, output_kinds in zip(kinds, of_bodies, of.kinds, strict=True):
+            columns += output_kinds
+            bodies += [name] * len(output_kinds)
+    contacts = output_contacts(system)
+    kinds[1].extend(system.contacts[k].kind for k in contacts)
+    of_bodies[1].extend(system.contacts[k].inner.body for k in contacts)
+    not_known = np.full(len(t), np.nan)
+    return Response(
+        t=t,
+        x=np.concatenate(x),
+        displacement=np.hstack(displacements),
+        energy=motion.energy,
+        slider_force=np.hstack([*springs, motion.forces[:, contacts]]),
+        residual_position=not_known,
+        residual_velocity=not_known,
+        seconds=np.nan,
+        output_names=tuple(names),
+        output_units=("m",) * len(names),
+        force_names=(*force_names, *(force_of(system.contact_names[k]) for k in contacts)),
+        force_peaks=None if motion.peaks is None else np.hstack([*springs, motion.peaks[:, contacts]]),
+        others=np.hstack(other_outputs) if other_names else None,
+        other_names=tuple(other_names),
+        other_units=tuple(other_units),
+        kinds=tuple(kind for group in kinds for kind in group),
+        bodies=tuple(body for group in of_bodies for body in group),
+    )
+
+
+MACHINE = "machine"
+
+
+def with_machine(scene: Scene, response: Response) -> Response:
+    """Append places (m, rad), rates and forces (N, N m) of the machine, where the scene has its motion.
+
+    Forces are those of springs, dampers and of what holds it, positive along the axes, by the directions of
+    ``[frame.base]``; free directions without a spring have none.
+    """
+    motions = {} if scene.frame is None or scene.frame.base is None else scene.frame.base.motions
+    free_motions: dict[str, Samples] = {
+        key: motion.samples for key, motion in motions.items() if isinstance(motion, Found)
+    }
+    if not free_motions:
+        return response
+    places, rates = (np.stack([motion.values[order] for motion in free_motions.values()], axis=1) for order in (0, 1))
+    pressing = {key: motion.force for key, motion in free_motions.items() if motion.force.any()}
+    forces = np.stack(list(pressing.values()), axis=1) if pressing else places[:, :0]
+    names = [f"{MACHINE} {key}" for key in free_motions]
+    units = ["rad" if key.startswith("r") else "m" for key in free_motions]
+    held = [reaction_of(f"{MACHINE} {key}") for key in pressing]
+    turned = ["N m" if key.startswith("r") else "N" for key in pressing]
+    count = 2 * len(names) + len(held)
+    before = places[:, :0] if response.others is None else response.others
+    return replace(
+        response,
+        others=np.hstack([before, places, rates, forces]),
+        other_names=(*response.other_names, *names, *(f"rate of {motion}" for motion in names), *held),
+        other_units=(*response.other_units, *units, *(f"{motion}/s" for motion in units), *turned),
+        kinds=(*response.kinds, *[MACHINE] * (2 * len(names)), *["reaction"] * len(held)),
+        bodies=(*response.bodies, *[scene.names[0]] * count),
+    )
+
+
+_log = logging.getLogger(__name__)
+
+#: Arrays (T, n) at once where Exudyn simulates, which keeps all states: they, as its sensors and as ours have them.
+#: The same of a reduced model whose error is estimated by two richer ones.  `march` keeps no states of a body alone, of
+#: several bodies it does.
+ARRAYS_OF_STATES = 4
+#: Arrays (T, o) at once beside the responses, where the reduction's error is estimated, and elsewhere.  Measured with
+#: two responses: 6.9 kB a step for 66 outputs and 10 coordinates, here 7.5; 1.7 kB for 51 outputs, here 2.3.
+ESTIMATED, COMPARED = 10, 2
+#: Numbers a step that each response holds beside its outputs.
+NUMBERS_BESIDE = 12
+BYTES = 8  # bytes
+NOTABLE_BYTES = 2**30  # bytes, from which on it is worth a line
+
+
+def needed_bytes(scene: Scene, size: int, outputs: int) -> int:
+    """Memory in bytes that histories of all steps take at most at once; `size` and `outputs` of all full models."""
+    bodies, full = scene.bodies.values(), full_simulator(scene, size)
+    r, several = sum(body.reduction.coordinates for body in bodies), len(bodies) > 1
+    responses = len(scene.compare.against) + len(scene.simulation.simulators) + 1  # one simulated again for its time
+    responses += 2 * (scene.compare.richer not in ("auto", "none"))
+    keeping = [r] if several or any(name != "march" for name in scene.simulation.simulators) else []
+    if "full" in scene.compare.against and (full == "exudyn" or (several and full == "march")):
+        keeping.append(size)
+    estimated = all(body.reduction.estimable for body in bodies)
+    states = max([*keeping, r if estimated else 0])
+    a_step = (
+        responses * (outputs + NUMBERS_BESIDE)
+        + ARRAYS_OF_STATES * states
+        + (ESTIMATED if estimated else COMPARED) * outputs
+    )
+    return BYTES * (scene.time.steps + 1) * a_step
+
+
+def memory_warnings(scene: Scene, size: int, outputs: int) -> list[str]:
+    """A line where the histories take a lot."""
+    total = needed_bytes(scene, size, outputs)
+    return [] if total < NOTABLE_BYTES else [f"{scene.time.steps:,} steps take about {total / 1e9:.1f} GB of memory"]
+
+
+def check_memory(scene: Scene, size: int, outputs: int, free: int | None, tell: bool = True) -> None:
+    """Refuse what does not fit into the `free` memory in bytes, and tell of what takes a lot of it, if asked to `tell`.
+
+    Raises InputError with what would fit.
+    """
+    for message in memory_warnings(scene, size, outputs):
+        total = needed_bytes(scene, size, outputs)
+        if free is not None and total > free:
+            fitting = scene.time.steps * free // total
+            allowed = f"{message}, {free / 1e9:.1f} GB are free; at most about {fitting:,} steps are allowed"
+            raise InputError("scene", "time.step", scene.time.step, allowed)
+        if tell:
+            _log.warning("%s", message)
+
+
+def cable_of(scene: Scene) -> Cable:
+    """The scene's beam as an ANCF cable."""
+    profile = scene.body.profile
+    assert profile is not None and profile.axial_stiffness is not None  # the scene's check
+    return Cable(
+        length=profile.length,
+        axial_stiffness=profile.axial_stiffness,
+        bending_stiffness=profile.bending_stiffness,
+        mass_per_length=profile.mass_per_length,
+        elements=scene.compare.ancf_elements,
+    )
+
+
+def simulate_cable(
+    scene: Scene, x: ArrayLike, excitation: Excitation, done: Progress | None = None
+) -> ancf.CableMotion:
+    """Motion of that cable at the material points x (o,) in m.
+
+    Raises InputError if Exudyn is not installed, and as for `pmr.simulation.exudyn.ancf.simulate`; SimulationError if a
+    step fails or a result is not finite.
+    """
+    needed("exudyn")
+    from pmr.simulation.exudyn import ancf
+
+    return ancf.simulate(cable_of(scene), scene.alone.load_places, excitation, np.asarray(x, dtype=float), done)
+
+
+def cable_response(scene: Scene, x: ArrayLike, done: Progress | None = None) -> Response:
+    """Response of the ANCF reference; its joint holds a point in space, so the rows' residuals do not apply: NaN."""
+    motion = simulate_cable(scene, x, Excitation.of(scene), done)
+    from pmr.simulation.exudyn import ancf
+
+    unknown = np.full(len(motion.t), np.nan)
+    return Response(
+        t=motion.t,
+        x=motion.x,
+        displacement=motion.displacement,
+        energy=ancf.energy(cable_of(scene), motion),
+        slider_force=motion.slider_force[:, None],
+        residual_position=unknown,
+        residual_velocity=unknown,
+        seconds=motion.seconds,
+    )

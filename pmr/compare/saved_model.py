@@ -6,21 +6,25 @@ from typing import Any
 
 import numpy as np
 
-from pmr.compare import far_off
-from pmr.compare.boom_figures import sections
 from pmr.compare.estimated import ReductionError, SimulatedSystem, reduction_error, step_part
-from pmr.compare.frequencies import frequency_part
-from pmr.compare.judged import parts_of_motion
-from pmr.compare.made_for import with_models_of
+from pmr.compare.frequencies import frequencies_on_way, frequency_part, places_on_way, response_on_way
+from pmr.compare.moving_frame import as_made
 from pmr.compare.responses import check_installed, simulate
-from pmr.compare.second_order import as_made
-from pmr.compare.simulated import excitation_in
-from pmr.compare.summary import Part, combine_parts, origin, reliability, simulation_part, theory
-from pmr.compare.way import frequencies, in_frequency, places_on_way
+from pmr.compare.simulated import excitation_in, with_models_of
+from pmr.compare.summary import (
+    origin_part,
+    parts_of_motion,
+    reliability_part,
+    sections_part,
+    simulation_part,
+    theory_part,
+)
+from pmr.compare.trust import reduction_warnings
 from pmr.errors.environment import Clock
 from pmr.results import BodyResult, Loads, Paths, RunResult, Shapes
+from pmr.results.run import Part, combine_parts
 from pmr.scene import Scene
-from pmr.system.contacts import ALONE
+from pmr.scene.keys import ALONE
 from pmr.system.from_scene import with_terms_of
 from pmr.system.system import System
 
@@ -43,8 +47,8 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
     clock, excitation, models = Clock(), excitation_in(scene, system), system.reduced
     results = simulate(scene, system, excitation, clock).with_least_seconds()
     responses, response = {"reduced": results.first.response}, results.first.response
-    natural = frequencies(scene, system, excitation, places_on_way(scene, excitation, 0))
-    motion, by_frequency = SimulatedSystem.of(system, excitation, results), in_frequency(scene, system, excitation)
+    natural = frequencies_on_way(scene, system, excitation, places_on_way(scene, excitation, 0))
+    motion, by_frequency = SimulatedSystem.of(system, excitation, results), response_on_way(scene, system, excitation)
     error = _error(scene, motion, clock)
 
     with clock.stage("step"):
@@ -52,7 +56,7 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
 
     sizes = {name: {"reduced": model.size} for name, model in models.items()}
     parts = [
-        origin(scene),
+        origin_part(scene),
         Part(
             {
                 "model": {name: system.provenance.get(name) for name in ("scene_hash", "basis", "versions")},
@@ -62,13 +66,13 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
             }
         ),
         simulation_part(results.seconds, results.agreement, {}),
-        sections(scene, responses, sizes, {name: error.of_section(name) for name in models}),
+        sections_part(scene, responses, sizes, {name: error.of_section(name) for name in models}),
         error.part,
-        Part(warnings=far_off.warnings_of_reduction(error.part.figures)),
+        Part(warnings=reduction_warnings(error.part.figures)),
         *parts_of_motion(scene, motion, results, natural, step),
         frequency_part(by_frequency),
-        reliability({}, responses, system),
-        theory(scene, responses),
+        reliability_part({}, responses, system),
+        theory_part(scene, responses),
     ]
     alone = models.get(ALONE)
     shapes = None if alone is None else Shapes(np.zeros(0), alone.output_positions, alone.outputs)

@@ -21,32 +21,337 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare import forces
-from pmr.compare.covered import FAR
-from pmr.compare.errors import relative_error
-from pmr.compare.halved_steps import Ladder, Runs, Sampled, Stepped
-from pmr.compare.outputs import Floors, differences
+from pmr.compare.errors import (
+    ForceHistories,
+    band,
+    force_errors,
+    force_histories,
+    relative_error,
+    round_off,
+    zero_round_off,
+)
+from pmr.compare.outputs import (
+    Floors,
+    Outputs,
+    away_from_kinks,
+    between_kinks,
+    differences,
+    is_recorded,
+    outputs_from,
+    outputs_of_run,
+    outputs_without_rates,
+    run_from_start,
+    tip_columns,
+)
+from pmr.compare.responses import respond
+from pmr.compare.trust import FAR
 from pmr.errors import SimulationError
 from pmr.errors.text import rounded
 from pmr.results import Response
 from pmr.results.quantities import QUANTITIES
 from pmr.scene.signals import SignalBase
-from pmr.simulation.excitation import Excitation
-from pmr.simulation.stepping import TimeStepping
+from pmr.simulation import Excitation, TimeStepping, contact_step
+from pmr.simulation.contact_step import contact_frequency
+from pmr.simulation.native import systems
+from pmr.simulation.native.form import SystemForm
+from pmr.simulation.stepping import is_aliased
+from pmr.system.body import length_outputs
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
+
+Compared = TypeVar("Compared")
+
+#: Ratio of two differences in a row above which a motion is not resolved yet.
+ROUGH = 0.6
+#: Share of the error by which what is beyond the finest run may change it.
+SETTLED = 0.25
+#: Differences that are small enough as they stand, whether they fall or not.
+NEGLIGIBLE = 1e-3
+#: Difference that is none.
+NO_DIFFERENCE = 1e-12
+#: Steps of all runs together up to which they go on being halved, beyond the two halvings that are always made.
+BUDGET = 300_000
+#: The same where rows only push: behind an impact smaller steps settle nothing.
+BUDGET_OF_IMPACTS = 50_000
+#: Steps of a run up to which even these are made.
+LONGEST = 4_000_000
+#: Steps at which runs are compared, at most.
+COMPARED = 20_000
+#: Least rho_inf of runs that others are compared with.  With less, steps damp what they don't resolve, so that runs
+#: which all lack it agree; with 1, rows that move can make it grow.
+UNDAMPED = 0.95
+
+
+def reference_rho(system: System, rho_inf: float) -> float:
+    """`rho_inf` of the runs that one with this value is compared with: at least `UNDAMPED`.
+
+    Rows without residual flexibility grow with more damping than others, and what only pushes bounces otherwise.
+    """
+    parts = [body if system.on_one_path else body.carriers for body in system.bodies.values()]
+    flexible = all(getattr(part, "flexibility", None) is not None for part in parts)
+    return max(rho_inf, UNDAMPED) if flexible and np.isnan(system.clearance).all() else rho_inf
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Outputs and forces of a run at the T times at which runs are compared."""
+
+    outputs: Outputs
+    forces: ForceHistories = field(default_factory=dict)  # of completed responses, without steps beside kinks
+
+
+class Stepped:
+    """A system that is simulated with several steps; its `run` with the given one is made unless it is known.
+
+    Where `complete` adds to a response the forces that follow from others, all forces are sampled.
+
+    The given run chooses its parts as any run does.  What it is compared with makes each step in as many as that run
+    made it in or those beside it, whichever are most, and as many in half the step: so parts become shorter with the
+    step, at impacts and between them.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        excitation: Excitation,
+        run: SystemTrajectory | None = None,
+        complete: Callable[[Response], Response] | None = None,
+    ) -> None:
+        self.system, self.excitation, self._known, self._complete = system, excitation, run, complete
+        self._form = SystemForm.of(system)
+        self.pushing = not np.isnan(system.clearance).all()
+        #: The time grid that the error is asked for of.
+        self.given = replace(excitation.stepping, schedule=())
+        self.reference_rho = reference_rho(system, self.given.rho_inf)
+        #: What of a displacement may be round-off, in m.
+        self.round_off = round_off(system.bodies, excitation.forces(system.input_names), self.given.end)
+        #: Numbers of the tip's displacements among all.
+        self.tips = tip_columns(system)
+        self.moved = np.flatnonzero(np.concatenate([length_outputs(body) for body in system.bodies.values()]))
+        chosen = self.pushing and not self.given.parts and is_recorded(system, self.given)
+        #: The given run, where it chose parts.
+        self.run = self.simulate(self.given) if chosen else None
+        self._known = self._known or self.run
+        self._parts = self.given.parts
+        if self.pushing and self.run is None:
+            self._parts = contact_step.parts(contact_frequency(system, excitation), self.given)
+
+    def halved(self, times: int) -> TimeStepping:
+        """The time grid of a run that the given one is compared with, its step halved so many times."""
+        grid, step = self.given, self.given.step / 2**times
+        if self.run is None or self.run.parts is None:
+            return TimeStepping(grid.end, step, self.reference_rho, self._parts)
+        parts = np.pad(self.run.parts[1:], 1, mode="edge")
+        most = np.max([parts[:-2], parts[1:-1], parts[2:]], axis=0)
+        return TimeStepping(grid.end, step, self.reference_rho, schedule=tuple(np.repeat(most, 2**times).tolist()))
+
+    def simulate(self, stepping: TimeStepping) -> SystemTrajectory:
+        """All steps of a run; errors as for `pmr.simulation.Simulator`."""
+        if self._known is not None and stepping == self.given:
+            return self._known
+        return run_from_start(self._form, self.excitation.on_grid(stepping))
+
+    def displacements(self, run: SystemTrajectory, which: list[int] | None = None) -> Array:
+        """All or some displacements (T, o) m of a run."""
+        chosen = self.moved if which is None else self.moved[which]
+        return np.hstack(list(systems.displacements(self.system, run, chosen.tolist()).values()))
+
+    def observed(self, stepping: TimeStepping, which: list[int] | None = None) -> Array:
+        """All or some, (T, o) m, of a run of which no more is recorded; errors likewise."""
+        chosen = self.moved if which is None else self.moved[which]
+        return systems.observe(self._form, self.excitation.on_grid(stepping), chosen.tolist()).y
+
+    def sample(
+        self, stepping: TimeStepping, every: int, rates: bool = False
+    ) -> tuple[Sampled, SystemTrajectory | None]:
+        """Each `every`-th step of a run, with velocities where `rates` are wanted, and the run if it is recorded.
+
+        Displacements that are round-off are zero, and so are forces beside kinks of extensions.  Errors likewise.
+        """
+        excitation, run, of_all = self.excitation.on_grid(stepping), None, ForceHistories()
+        if rates or is_recorded(self.system, stepping):
+            run = self.simulate(stepping)
+            if rates:
+                sampled = outputs_of_run(self.system, run, excitation, every)
+            else:
+                sampled = outputs_without_rates(self.system, run.at(slice(None, None, every)))
+            of_all = self._forces(run.at(slice(None, None, every)))
+        else:
+            observation = systems.observe(self._form, excitation, every=every)
+            sampled = outputs_from(self.system, observation.y, observation.multipliers)
+        sampled = between_kinks(self.system, sampled, excitation, excitation.times[::every], self.given.step)
+        moves, _ = zero_round_off(sampled.displacement, sampled.displacement, self.round_off)
+        return Sampled(replace(sampled, displacement=moves), of_all), run
+
+    def _forces(self, run: SystemTrajectory) -> ForceHistories:
+        """All forces of a run but beside kinks; none where responses are not to be completed."""
+        if self._complete is None:
+            return {}
+        away = away_from_kinks(self.excitation, run.t, self.given.step)
+        histories = force_histories(self._complete(respond(self.system, run)))
+        return {kind: {name: force[away] for name, force in of.items()} for kind, of in histories.items()}
+
+
+class Runs:
+    """Runs of a `stepped` system with its step, half of it, and so on, at its reference rho_inf.
+
+    Velocities are outputs where `rates` are wanted.
+    """
+
+    def __init__(self, stepped: Stepped, rates: bool = False) -> None:
+        self._stepped, self._rates, stepping = stepped, rates, stepped.given
+        self._stride = -(-stepping.steps // COMPARED)
+        self._budget = BUDGET_OF_IMPACTS if stepped.pushing else BUDGET
+        self._last: SystemTrajectory | None = None
+        self.halved, self.taken = -1, 0
+
+    @property
+    def stepping(self) -> TimeStepping:
+        """Time grid of the last run."""
+        return self._stepped.halved(self.halved)
+
+    @property
+    def _work(self) -> int:
+        """Steps of the last run, those that are parts of one included."""
+        stepping = self.stepping
+        return sum(stepping.schedule) or stepping.steps * max(1, stepping.parts)
+
+    @property
+    def resolved(self) -> bool:
+        """Whether the last run can tell all tones of path and loads from slower ones."""
+        return not any(is_aliased(signal, self.stepping) for _, signal in self._stepped.excitation.signals)
+
+    @property
+    def affordable(self) -> bool:
+        """Whether one more run is to be made."""
+        steps = 2 * self._work
+        return steps <= LONGEST and (self.halved < 2 or self.taken + steps <= self._budget)
+
+    def given(self, first: Sampled) -> Sampled:
+        """Sample the run with the given step and rho_inf; the `first` run where that is the same."""
+        grid, stepping = self._stepped.given, self.stepping
+        if self._stepped.run is None and (stepping.rho_inf, stepping.parts) == (grid.rho_inf, grid.parts):
+            return first
+        if self._stepped.run is None:
+            self.taken += self._work
+        return self._stepped.sample(grid, self._stride, self._rates)[0]
+
+    def next(self) -> Sampled:
+        """Sample the next run, with half the step of the last one, at the times of comparison.
+
+        Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
+        """
+        self.halved += 1
+        try:
+            sample, self._last = self._stepped.sample(self.stepping, self._stride * 2**self.halved, self._rates)
+        except SimulationError:
+            self.halved -= 1
+            raise
+        self.taken += self._work
+        return sample
+
+    def band(self) -> float:
+        """Frequency in Hz above which 1 % of the tip's motion lies, by its RMS, in the last run; 0 if nothing moves.
+
+        Where the tip rests, on a support for instance, that of all outputs.
+        """
+        of, stepping = self._stepped, self.stepping
+        if self._last is None:
+            y = self._moving(of.observed(stepping, of.tips))
+            if not np.any(y):
+                y = self._moving(of.observed(stepping))
+            return band(y, stepping.step)
+        y = self._moving(of.displacements(self._last, of.tips))
+        return band(y if np.any(y) else self._moving(of.displacements(self._last)), stepping.step)
+
+    def _moving(self, y: Array) -> Array:
+        """Signals y (T, o) with zeros in the columns that don't exceed round-off."""
+        return zero_round_off(y, y, self._stepped.round_off)[0]
+
+
+class Ladder(Generic[Compared]):
+    """Differences between runs with ever smaller steps, and how fast they converge.
+
+    `apart` is the measure of a difference to a finer run, a fraction.  The error is that of the `given` run, by default
+    of the first.
+    """
+
+    def __init__(
+        self, apart: Callable[[Compared, Compared], float], first: Compared, given: Compared | None = None
+    ) -> None:
+        self._apart = apart
+        self.first, self.last = first if given is None else given, first
+        self.differences: list[float] = []
+
+    def add(self, finer: Compared) -> None:
+        """Add the samples of a run with a smaller step."""
+        self.differences.append(self._apart(self.last, finer))
+        self.last = finer
+
+    @property
+    def whole(self) -> float:
+        """Difference of the first run to the last."""
+        return self._apart(self.first, self.last)
+
+    @property
+    def rest(self) -> float:
+        """Sum of all further differences, as a geometric series; infinite where they don't decrease."""
+        if len(self.differences) < 2:
+            return np.inf
+        before, last = self.differences[-2:]
+        if last <= NO_DIFFERENCE:
+            return 0.0
+        ratio = last / before if before > 0.0 else np.inf
+        return last * ratio / (1.0 - ratio) if ratio <= ROUGH else np.inf
+
+    @property
+    def is_decreasing(self) -> bool:
+        """Whether differences fall, or the last one is negligible."""
+        return np.isfinite(self.rest) or self.differences[-1] <= NEGLIGIBLE
+
+    @property
+    def most(self) -> float:
+        """Error of the first run with a rest of no more than the last difference, also where differences don't fall."""
+        return self.whole + min(self.rest, self.differences[-1])
+
+    @property
+    def settled(self) -> bool:
+        """Whether the rest is small against the error of the first run, or several differences in a row are small."""
+        difference = self.whole
+        small = len(self.differences) > 1 and difference + sum(self.differences[-2:]) <= NEGLIGIBLE
+        return self.rest <= SETTLED * difference or small
+
+    def error(self, part: float | None = None) -> float:
+        """Error of the first run, or of a part of what it says that is so far from the last run; both share the rest.
+
+        Where differences don't fall, the difference to the last run, which is the least that the error may be.
+        """
+        difference, remainder = self.whole, self.rest
+        part = difference if part is None else part
+        return part * (1.0 + remainder / difference) if np.isfinite(remainder) and difference > 0.0 else part
+
+    def halvings(self, limit: float) -> int | None:
+        """How often the step has to be halved for an error below `limit`; None where these runs don't show it."""
+        if not self.settled:
+            return None
+        remainder = self.rest if np.isfinite(self.rest) else self.differences[-1]
+        errors = np.append(np.cumsum(self.differences[::-1])[::-1], 0.0) + remainder
+        errors *= max(1.0, self.whole / errors[0]) if errors[0] > 0.0 else 1.0
+        below = np.flatnonzero(errors <= limit)
+        return int(below[0]) if len(below) else None
+
 
 Array = NDArray[np.float64]
 
 #: Share of the motion above which a step is called too coarse.
-LIMIT = 0.02
+STEP_LIMIT = 0.02
 #: Margin of errors of forces of completed responses, whose differences fall less evenly than those of displacements.
-MARGIN = 1.25
+MARGIN_OF_FORCES = 1.25
 
 
 @dataclass(frozen=True)
@@ -83,7 +388,7 @@ def step_error(
     `march` makes the runs; Exudyn's solver has the same scheme and start.  That with the given step may be known,
     a `run` that chose its parts.  The error of displacements is always found, that of further `kinds` of outputs
     (`pmr.compare.outputs`) on request: steps are halved until these are settled, too.  Where `complete` adds to a
-    response the forces that follow from others, errors of all kinds of forces (`pmr.compare.forces`) come along, with
+    response the forces that follow from others, errors of all kinds of forces (`force_errors`) come along, with
     a `MARGIN` and without steps beside kinks; they take no further runs.  Raises InputError as for
     `pmr.simulation.Simulator`; SimulationError if one of the first two runs fails, or the second would be too long.
     """
@@ -103,7 +408,7 @@ def step_error(
     ladders = {kind: Ladder(partial(_difference, kind, floors), first, of_run) for kind in kinds}
     samples = [first]
     while runs.affordable and not (
-        moving.halvings(LIMIT) is not None and runs.resolved and all(steps.settled for steps in ladders.values())
+        moving.halvings(STEP_LIMIT) is not None and runs.resolved and all(steps.settled for steps in ladders.values())
     ):
         try:
             samples.append(runs.next())
@@ -116,7 +421,7 @@ def step_error(
         for force_ladder in ladders.values():
             force_ladder.add(samples[-1])
     ladder = mean if stepped.pushing and not moving.settled else moving
-    halvings = ladder.halvings(LIMIT) if runs.resolved else None
+    halvings = ladder.halvings(STEP_LIMIT) if runs.resolved else None
     of_forces = _force_ladders(of_run, samples, in_the_mean=ladder is mean)
     return StepError(
         beam=ladder.error(),
@@ -128,7 +433,7 @@ def step_error(
         enough=None if halvings is None else stepped.given.step / 2**halvings,
         band=runs.band() if band else None,
         seconds=time.perf_counter() - begin,
-        others={kind: MARGIN * steps.most for kind, steps in of_forces.items()}
+        others={kind: MARGIN_OF_FORCES * steps.most for kind, steps in of_forces.items()}
         | {kind: steps.error() for kind, steps in ladders.items()},
         unsettled=(
             *(kind for kind, steps in of_forces.items() if not steps.is_decreasing),
@@ -149,25 +454,23 @@ def _difference(kind: str, floors: Floors, sampled: Sampled, finer: Sampled) -> 
     return differences(sampled.outputs, finer.outputs, floors, [kind])[kind]
 
 
-def _force_ladders(
-    of_run: Sampled, samples: Sequence[Sampled], in_the_mean: bool
-) -> dict[str, Ladder[forces.Histories]]:
+def _force_ladders(of_run: Sampled, samples: Sequence[Sampled], in_the_mean: bool) -> dict[str, Ladder[ForceHistories]]:
     """Ladders of each kind of completed forces, of their RMS values where `in_the_mean`."""
     forces_of_run, *finer_forces = (_mean(run.forces) if in_the_mean else run.forces for run in (of_run, *samples))
-    ladders = dict[str, Ladder[forces.Histories]]()
-    for kind in forces.differences(forces_of_run, finer_forces[-1]):
+    ladders = dict[str, Ladder[ForceHistories]]()
+    for kind in force_errors(forces_of_run, finer_forces[-1]):
         ladders[kind] = Ladder(partial(_forces_apart, kind), finer_forces[0], forces_of_run)
         for sampled in finer_forces[1:]:
             ladders[kind].add(sampled)
     return ladders
 
 
-def _forces_apart(kind: str, histories: forces.Histories, finer: forces.Histories) -> float:
+def _forces_apart(kind: str, histories: ForceHistories, finer: ForceHistories) -> float:
     """Difference of two runs in a kind of forces, as a fraction of the finer run's; 0 where they have none."""
-    return forces.differences(histories, finer).get(kind, 0.0)
+    return force_errors(histories, finer).get(kind, 0.0)
 
 
-def _mean(of: forces.Histories) -> forces.Histories:
+def _mean(of: ForceHistories) -> ForceHistories:
     """RMS values over time, (1,) each."""
     return {kind: {name: _rms(force) for name, force in named.items()} for kind, named in of.items()}
 
@@ -177,18 +480,18 @@ def _rms(y: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(y**2, axis=0, keepdims=True)))
 
 
-def summary(error: StepError | None, reason: str | None = None, not_covered: Sequence[str] = ()) -> dict[str, Any]:
+def step_summary(error: StepError | None, reason: str | None = None, not_covered: Sequence[str] = ()) -> dict[str, Any]:
     """Figures of ``step`` in summary.json: the fields of `StepError`, further kinds, ``limit`` and ``reason``.
 
     ``not_covered`` lists in words what has no error.  Without a figure all are None, and ``reason`` says why.
     """
     names = [name for name in StepError.__annotations__ if name not in ("others", "unsettled")]
     figures = dict.fromkeys(names) if error is None else {name: getattr(error, name) for name in names}
-    more = {"not_covered": list(not_covered), "limit": LIMIT, "reason": reason}
+    more = {"not_covered": list(not_covered), "limit": STEP_LIMIT, "reason": reason}
     return figures | dict(error.others if error else {}) | more
 
 
-def warnings(
+def step_warnings(
     step_error_of_run: StepError, stepping: TimeStepping, signals: Sequence[tuple[str, SignalBase]], natural: Array
 ) -> list[str]:
     """A line where the step's error exceeds `LIMIT`, of other outputs `FAR`, or is unknown; signals with their names.
@@ -196,7 +499,7 @@ def warnings(
     `natural` (S, f) in Hz are frequencies at S places on the way, ascending.
     """
     h = stepping.step
-    if step_error_of_run.beam <= LIMIT and step_error_of_run.settled:
+    if step_error_of_run.beam <= STEP_LIMIT and step_error_of_run.settled:
         far = [
             f"{_percent(error)} in {QUANTITIES[kind].label}"
             for kind, error in step_error_of_run.others.items()
@@ -209,7 +512,9 @@ def warnings(
     if step_error_of_run.by == "mean":
         size += " in the mean (motions part after an impact, so they can't be compared instant by instant)"
     judged = (
-        "is too coarse: its own error" if step_error_of_run.beam > LIMIT else "has an error that is not settled: it"
+        "is too coarse: its own error"
+        if step_error_of_run.beam > STEP_LIMIT
+        else "has an error that is not settled: it"
     )
     at_least = "" if step_error_of_run.settled else "at least "
     parts = [
@@ -221,7 +526,7 @@ def warnings(
     if not step_error_of_run.settled:
         parts.append(f"even steps of {step_error_of_run.finest:.2g} s don't settle it")
     elif step_error_of_run.enough is not None:
-        parts.append(f"steps of {step_error_of_run.enough:.2g} s bring the error below {100.0 * LIMIT:g} %")
+        parts.append(f"steps of {step_error_of_run.enough:.2g} s bring the error below {100.0 * STEP_LIMIT:g} %")
     return ["; ".join(parts)]
 
 

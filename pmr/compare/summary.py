@@ -1,60 +1,43 @@
-"""What a run says in summary.json: each part adds its figures and what a user should know, here they are combined."""
+"""Parts of summary.json: each function returns figures by their keys and warnings (`pmr.results.run.Part`)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from pmr.compare import errors, ringing, trust
-from pmr.compare.outputs import impulsive
-from pmr.compare.spectrum import band_of, error_below
+from pmr.compare.errors import (
+    Observed,
+    absolute_error,
+    band_of,
+    compared_pairs,
+    error_below,
+    errors_of_pairs,
+    relative_error,
+    with_common_forces,
+)
+from pmr.compare.estimated import SimulatedSystem
+from pmr.compare.forces import forces_part, luffing_part, ropes_part
+from pmr.compare.frequencies import published_part
+from pmr.compare.moving_frame import energy_part, frame_part
+from pmr.compare.outputs import columns_of, impulsive
+from pmr.compare.responses import Simulations
+from pmr.compare.trust import NotJudged, doubts, large_motion, missing_references, rigid_contacts, ringing_warnings
 from pmr.errors import environment
-from pmr.errors.text import remarks
-from pmr.results import Response
+from pmr.results import Frequencies, Response
+from pmr.results.fatigue import SNLine, cycles
+from pmr.results.run import Part, combine_parts
 from pmr.scene import Scene
 from pmr.scene.hints import hints
+from pmr.scene.joints import Part as Body
 from pmr.scene.keys import ALONE
-from pmr.simulation import Excitation
+from pmr.simulation import Excitation, contact_step
 from pmr.simulation.stepping import overshoots, unseen
 from pmr.system.system import System
 
 
-@dataclass(frozen=True)
-class Part:
-    """Figures by their keys in summary.json, and warnings, a line each.
-
-    `grave` are those of what does not hold, or makes a figure useless: they come before those of how far figures are
-    off.
-    """
-
-    figures: Mapping[str, Any] = field(default_factory=dict)
-    warnings: Sequence[str] = ()
-    grave: Sequence[str] = ()
-
-
-def combine_parts(parts: Sequence[Part]) -> dict[str, Any]:
-    """All figures, and under ``warnings`` all warnings: grave ones first, each kind in the order of the parts.
-
-    Raises ValueError if two parts have figures of the same key.
-    """
-    summary, warnings = dict[str, Any](), list[str]()
-    for part in parts:
-        if twice := summary.keys() & part.figures.keys():
-            raise ValueError(f"two parts of a summary have {', '.join(sorted(twice))}")
-        summary |= part.figures
-        warnings += part.warnings
-    return summary | {"warnings": [*grave(parts), *remarks(summary), *warnings]}
-
-
-def grave(parts: Iterable[Part]) -> list[str]:
-    """The grave warnings of all parts."""
-    return [line for part in parts for line in part.grave]
-
-
-def origin(scene: Scene, libraries: Mapping[str, str] | None = None) -> Part:
+def origin_part(scene: Scene, libraries: Mapping[str, str] | None = None) -> Part:
     """Origin of the result, with hints about its numbers, and the versions of `libraries` beside pmr's own."""
     return Part(
         {
@@ -77,7 +60,7 @@ def simulation_part(seconds: Mapping[str, float], agreement: Mapping[str, float]
 
 def comparison_part(
     responses: Mapping[str, Response],
-    measured: Mapping[str, errors.Quantity],
+    measured: Mapping[str, Observed],
     simulators: Mapping[str, str],
     rigid: Sequence[str] = (),
 ) -> Part:
@@ -88,12 +71,12 @@ def comparison_part(
     """
     reduced, full = responses["reduced"].displacement, responses.get("full")
     reference = reduced if full is None else full.displacement
-    measures = {"errors": errors.relative_error, "absolute_errors": errors.absolute_error}
-    pairs, unjudged = errors.pairs(responses, quantities=measured), dict[str, ringing.NotJudged]()
-    kinds = {kind: errors.of_pairs(pairs, measure) for kind, measure in measures.items()}
+    measures = {"errors": relative_error, "absolute_errors": absolute_error}
+    pairs, unjudged = compared_pairs(responses, quantities=measured), dict[str, NotJudged]()
+    kinds = {kind: errors_of_pairs(pairs, measure) for kind, measure in measures.items()}
     if full is not None:
         for name, pair in pairs["reduced_vs_full"].items():
-            if (not_judged := ringing.NotJudged.of(pair, full)) is not None:
+            if (not_judged := NotJudged.of(pair, full)) is not None:
                 unjudged[name] = not_judged
                 for kind in kinds.values():
                     del kind["reduced_vs_full"][name]
@@ -105,11 +88,11 @@ def comparison_part(
             "max_error": None if full is None else float(np.abs(reduced - reference).max()),
             "simulators": {name: simulator for name, simulator in simulators.items() if name in responses},
         },
-        ringing.warnings(unjudged, rigid),
+        ringing_warnings(unjudged, rigid),
     )
 
 
-def impacts(system: System, excitation: Excitation, responses: Mapping[str, Response]) -> Part:
+def impacts_part(system: System, excitation: Excitation, responses: Mapping[str, Response]) -> Part:
     """``impacts`` of rigid sliders at kinks of the path: the forces' error ``pad_force`` below ``band`` in Hz.
 
     Above it lies 1 % of the full model's motion at the tip, and the most of what an impact leaves in the forces.
@@ -117,7 +100,7 @@ def impacts(system: System, excitation: Excitation, responses: Mapping[str, Resp
     alone = system.reduced.get(ALONE)
     if alone is None or "full" not in responses or not impulsive(alone, excitation):
         return Part()
-    reduced, full = errors.with_common_forces(responses["reduced"], responses["full"])
+    reduced, full = with_common_forces(responses["reduced"], responses["full"])
     step = excitation.stepping.step
     highest = band_of(full)
     return Part(
@@ -125,19 +108,190 @@ def impacts(system: System, excitation: Excitation, responses: Mapping[str, Resp
     )
 
 
-def sampling(excitation: Excitation) -> Part:
+def sampling_part(excitation: Excitation) -> Part:
     """Warnings about path and loads that the steps do not resolve."""
     signals, stepping = excitation.signals, excitation.stepping
     return Part(warnings=unseen(signals, stepping) + overshoots(signals, stepping))
 
 
-def reliability(missing: Mapping[str, str], responses: Mapping[str, Response], system: System) -> Part:
+def reliability_part(missing: Mapping[str, str], responses: Mapping[str, Response], system: System) -> Part:
     """References that are `missing`, and whether the motion of the reduced system can be relied on."""
-    absent, doubted = trust.absent(missing), trust.doubts(responses["reduced"], ringing.rigid_contacts(system))
-    return Part({"no_reference": dict(missing)}, absent, doubted)
+    doubted = doubts(responses["reduced"], rigid_contacts(system))
+    return Part({"no_reference": dict(missing)}, missing_references(missing), doubted)
 
 
-def theory(scene: Scene, responses: Mapping[str, Response]) -> Part:
+def theory_part(scene: Scene, responses: Mapping[str, Response]) -> Part:
     """Motions beyond what the models' theory describes."""
     length = float(np.max(scene.reach(np.linspace(0.0, scene.time.end, scene.time.steps + 1))))
-    return Part(grave=trust.large_motion(length, responses.values()))
+    return Part(grave=large_motion(length, responses.values()))
+
+
+def fatigue_part(scene: Scene, response: Response) -> Part:
+    r"""``fatigue`` of summary.json, a row for each probe's stress, the worst one first; nothing unless it is asked for.
+
+    .. math:: D = \sum_l n_l \sum_i D_i(f_l\, \Delta\sigma_i)
+
+    over the lines of the spectrum, which come n_l times with the share f_l of the stresses, and the run's rainflow
+    cycles (`pmr.results.fatigue`), of each component by itself.  ``life`` is how often the whole spectrum may
+    come until D is 1; None for ever.
+    """
+    settings = scene.fatigue
+    if settings is None:
+        return Part()
+    line = SNLine(settings.slope, settings.reference, settings.cut_off or 0.0)
+    damage_of_probe = dict[str, float]()
+    for output in response.outputs:
+        if output.kind == "probe" and output.unit == "Pa":
+            counted = cycles(response.t, response.other(output.name))
+            done = [step.cycles * line.damage(step.factor * counted[:, 0], counted[:, 2]) for step in settings.lines]
+            damage_of_probe[output.name] = sum(done)
+    worst_first = sorted(damage_of_probe, key=lambda name: -damage_of_probe[name])
+    rows = [
+        {
+            "name": n,
+            "damage": damage_of_probe[n],
+            "life": 1.0 / damage_of_probe[n] if damage_of_probe[n] > 0.0 else None,
+        }
+        for n in worst_first
+    ]
+    failed = [
+        f"{n} fails by fatigue: its damage is {damage_of_probe[n]:.3g}, and 1 is allowed" for n in worst_first[:1]
+    ]
+    return Part({"fatigue": rows}, grave=failed if max(damage_of_probe.values(), default=0.0) > 1.0 else [])
+
+
+def utilisation_part(scene: Scene, stresses: Mapping[str, Mapping[str, Any]]) -> Part:
+    """``utilisation`` of summary.json by model, of bodies whose material has a yield stress.
+
+    ``value`` is the largest stress over the yield stress of its material; ``stress`` and ``yield`` in Pa, ``t`` in s,
+    ``position`` in m in the axes of the ``section``.  More than the yield stress is warned of.
+
+    Parameters
+    ----------
+    stresses : mapping
+        By body, what `pmr.reduction.recovery.Recovered.summary` says.
+    """
+    largest = dict[str, dict[str, Any]]()
+    for part in scene.sections:
+        figures = stresses.get(part.name, {})
+        for model, peak in figures.get("stress_peak", {}).items():
+            for entry in _utilisations(part, peak, figures.get("stress_by_region", {}).get(model, {})):
+                if entry["value"] > largest.get(model, {"value": -1.0})["value"]:
+                    largest[model] = entry
+    if not largest:
+        return Part()
+    used = largest["reduced"]
+    over = f"the largest stress is {used['value']:.3g} times the yield stress, but the model stays elastic"
+    return Part({"utilisation": largest}, grave=[over] * (used["value"] > 1.0))
+
+
+def masses_part(masses_of_bodies: Mapping[str, Any]) -> Part:
+    """``masses`` of summary.json: of each body by ``name`` what `pmr.fullmodel.model.Masses.summary` says."""
+    rows = [
+        {"name": name, **masses_of_body.summary()}
+        for name, masses_of_body in masses_of_bodies.items()
+        if masses_of_body is not None
+    ]
+    return Part({"masses": rows} if rows else {})
+
+
+def _utilisations(part: Body, peak: Mapping[str, Any], regions: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Utilisation of the whole body, and of each region that is of a material of its own."""
+    body, of = part.body, {name: area.material for name, area in part.body.regions.items() if area.material is not None}
+    without_material = [area for name, area in regions.items() if name not in of]
+    most = (
+        peak
+        if peak.get("region") not in of
+        else max(without_material, key=lambda material: float(material["value"]), default=None)
+    )
+    pairs = [(most, body.material), *((regions[name], material) for name, material in of.items() if name in regions)]
+    for region, material in pairs:
+        if region is not None and material.yield_stress is not None:
+            yield {
+                "value": region["value"] / material.yield_stress,
+                "stress": region["value"],
+                "yield": material.yield_stress,
+                "section": part.name,
+                **{key: region[key] for key in ("t", "position", "face", "region")},
+            }
+
+
+def parts_of_forces(scene: Scene, system: System, response: Response) -> list[Part]:
+    """Forces of pads, cylinders, supports, ropes and luffing cylinder, and fatigue, in a system's response."""
+    return [
+        forces_part(scene, system, response),
+        ropes_part(scene, response),
+        luffing_part(scene, response),
+        fatigue_part(scene, response),
+    ]
+
+
+def warnings_of_response(scene: Scene, system: System, response: Response) -> tuple[str, ...]:
+    """Warnings of a run with this response of its system that take no other model, the gravest first."""
+    excitation = Excitation.of(scene)
+    omega = contact_step.contact_frequency(system, excitation)
+    parts = [
+        Part(grave=hints(scene)),
+        *parts_of_forces(scene, system, response),
+        Part(warnings=contact_step.warnings(omega, excitation.stepping)),
+        sampling_part(excitation),
+        theory_part(scene, {"motion": response}),
+    ]
+    return tuple(combine_parts(parts)["warnings"])
+
+
+def parts_of_motion(
+    scene: Scene,
+    simulated: SimulatedSystem,
+    simulations: Simulations,
+    natural: Frequencies,
+    step: Part,
+) -> list[Part]:
+    """Forces of contacts and supports, the step's error, published frequencies, and how fine the sampling is.
+
+    `simulations` are those of `simulated`; `natural` are frequencies on the way; `step` says what its error is.
+    """
+    excitation, system = Excitation.of(scene), simulated.system
+    omega = contact_step.contact_frequency(system, excitation)
+    other_parts = [
+        published_part(scene, natural),
+        Part(
+            contact_step.summary(omega, simulations.made),
+            contact_step.warnings(omega, excitation.stepping),
+        ),
+        sampling_part(excitation),
+        frame_part(scene, system, excitation, natural),
+        energy_part(scene, system, excitation, simulations.first.run),
+    ]
+    return [*parts_of_forces(scene, system, simulations.first.response), step, *other_parts]
+
+
+def sections_part(
+    boom: Scene,
+    responses: Mapping[str, Response],
+    sizes: Mapping[str, Mapping[str, int]],
+    more: Mapping[str, Mapping[str, Any]],
+) -> Part:
+    """``sections`` of summary.json: name, coordinates, the error along each against the full model, what else is known.
+
+    Of `more`, a table for each section, ``max_von_mises`` and ``stress_peak`` are gathered of all; of a body alone
+    it is all that is said.
+    """
+    if ALONE in boom.bodies:
+        return Part(dict(more.get(ALONE, {})))
+    reduced, full, rows = responses["reduced"], responses.get("full"), []
+    for name in boom.names:
+        columns, figures = columns_of(name, reduced), {"name": name, "coordinates": dict(sizes[name])}
+        if full is not None:
+            error = relative_error(reduced.displacement[:, columns], full.displacement[:, columns])
+            figures |= {"errors": {"reduced_vs_full": {"beam": error}}}
+        rows.append(figures | dict(more.get(name, {})))
+    peaks = [(row["name"], row["stress_peak"]) for row in rows if "stress_peak" in row]
+    if not peaks:
+        return Part({"sections": rows})
+    highest = {
+        model: max(({"section": name, **peak[model]} for name, peak in peaks), key=lambda row: float(row["value"]))
+        for model in peaks[0][1]
+    }
+    most = {model: peak["value"] for model, peak in highest.items()}
+    return Part({"sections": rows, "max_von_mises": most, "stress_peak": highest})

@@ -59,7 +59,7 @@ class Action:
 
     @property
     def kind(self) -> str:
-        """Kind and direction of what is measured, as outputs have them (`pmr.results.outputs`)."""
+        """Kind and direction of what is measured, as outputs have them (`pmr.results.response`)."""
         return f"{self.measures if self.direction in ('x', 'y', 'z') else 'probe'} {self.direction}"
 
     @property

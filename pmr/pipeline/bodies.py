@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare import far_off
 from pmr.compare.accuracy import order
-from pmr.compare.boom_figures import sections
 from pmr.compare.estimated import (
     ReductionError,
     SimulatedSystem,
@@ -20,13 +18,18 @@ from pmr.compare.estimated import (
     reduction_error,
     step_part,
 )
-from pmr.compare.judged import parts_of_motion
-from pmr.compare.responses import Simulations, quantities, simulate
-from pmr.compare.ringing import rigid_contacts
-from pmr.compare.second_order import decide_second_order
-from pmr.compare.summary import Part, comparison_part, impacts
-from pmr.compare.utilisation import masses, utilisation
-from pmr.compare.way import Visited, frequencies, places_on_way
+from pmr.compare.frequencies import Visited, frequencies_on_way, places_on_way
+from pmr.compare.moving_frame import decide_second_order
+from pmr.compare.responses import Simulations, compared_quantities, simulate
+from pmr.compare.summary import (
+    comparison_part,
+    impacts_part,
+    masses_part,
+    parts_of_motion,
+    sections_part,
+    utilisation_part,
+)
+from pmr.compare.trust import reduction_warnings, rigid_contacts
 from pmr.errors import ConvergenceError, InputError, on_first
 from pmr.errors.environment import Clock
 from pmr.fullmodel.build import Built, build_bodies, models_of
@@ -37,6 +40,7 @@ from pmr.reduction.from_scene import summary as describe_basis
 from pmr.reduction.recovery import Looked, Recovered, beside_full, of_reduced, recovered_steps
 from pmr.reduction.snapshots import Snapshots
 from pmr.results import BodyResult, Frequencies, Response, Shapes
+from pmr.results.run import Part
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
@@ -78,7 +82,7 @@ class Precomputed:
 
     snapshots: Snapshots
     references: Mapping[str, Response]  # ``full`` and ``ancf``, as the scene is compared with them
-    frequencies: Array  # (S, f) Hz at the places of `pmr.compare.way.places_on_way`
+    frequencies: Array  # (S, f) Hz at the places of `pmr.compare.frequencies.places_on_way`
 
 
 class Bodies:
@@ -121,7 +125,9 @@ class Bodies:
         """The lowest natural frequencies on the way: of the reduced system, and of the full one where it is wanted."""
         with_full = ALONE in self.built or "full" in self.scene.compare.against
         at = places_on_way(self.scene, self.excitation, self.full.whole.size if with_full else 0)
-        of_reduced_system = on_first(self._comm, lambda: frequencies(self.scene, self.system, self.excitation, at))
+        of_reduced_system = on_first(
+            self._comm, lambda: frequencies_on_way(self.scene, self.system, self.excitation, at)
+        )
         natural = of_reduced_system or Frequencies(at.along, at.s, {})
         if not with_full:
             return natural
@@ -176,19 +182,19 @@ class Bodies:
         }
         simulators = {"reduced": scene.simulation.simulators[0], "full": self.full.simulator}
         beside_full = comparison_part(
-            responses, quantities(scene, responses["reduced"]), simulators, rigid_contacts(self.full.whole)
+            responses, compared_quantities(scene, responses["reduced"]), simulators, rigid_contacts(self.full.whole)
         )
-        blows = impacts(system, self.excitation, responses)
+        blows = impacts_part(system, self.excitation, responses)
         figures = {**beside_full.figures, **blows.figures, **error.part.figures}
         parts = [
             Part(describe_basis(scene, models_of(self.built), self.bodies)),
             beside_full,
             blows,
             error.part,
-            Part(warnings=far_off.warnings_of_reduction(figures)),
-            sections(scene, responses, sizes, more),
-            utilisation(scene, more),
-            masses({name: body.model.masses for name, body in self.built.items()}),
+            Part(warnings=reduction_warnings(figures)),
+            sections_part(scene, responses, sizes, more),
+            utilisation_part(scene, more),
+            masses_part({name: body.model.masses for name, body in self.built.items()}),
             *parts_of_motion(scene, simulated, motions.reduced, natural, step),
         ]
         return parts, error.band

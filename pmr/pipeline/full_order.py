@@ -14,12 +14,17 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
-from pmr.compare import cable
-from pmr.compare.booms import output_contacts
-from pmr.compare.evaluation import Motion, response_of, with_friction
-from pmr.compare.responses import Simulated, full_simulator, simulate_by
-from pmr.compare.ringing import rigid_contacts
-from pmr.compare.trust import distrust
+from pmr.compare.outputs import output_contacts
+from pmr.compare.responses import (
+    MotionOutputs,
+    Simulated,
+    cable_response,
+    full_simulator,
+    response_of,
+    simulate_by,
+    with_friction,
+)
+from pmr.compare.trust import distrust, rigid_contacts
 from pmr.errors import SimulationError, on_first
 from pmr.errors.environment import Clock
 from pmr.fullmodel.eigensolvers import lowest_frequencies
@@ -29,12 +34,12 @@ from pmr.scene import Scene
 from pmr.scene.choice import REFERENCE, refuse
 from pmr.scene.keys import ALONE
 from pmr.scene.mechanism import frame_terms
-from pmr.simulation.excitation import Excitation, places
+from pmr.simulation import Excitation, Progress, TimeStepping
+from pmr.simulation.excitation import places
 from pmr.simulation.petsc import Checkpoint, History, Recording, observe, static_start
 from pmr.simulation.petsc.rows import contact_rows
 from pmr.simulation.reactions import Supports, with_forces_on_machine, with_reactions
 from pmr.simulation.refusals import needs_of
-from pmr.simulation.stepping import Progress, TimeStepping
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Friction
 from pmr.system.definite import oscillations
@@ -131,7 +136,7 @@ class FullOrder:
         if self.whole.comm.rank > 0:
             return None
         with (clock or Clock()).stage(name) as done:
-            response = cable.response(self.scene, self.whole.bodies[ALONE].output_positions, done)
+            response = cable_response(self.scene, self.whole.bodies[ALONE].output_positions, done)
         if reason := distrust(response):
             raise SimulationError(reason)
         return response
@@ -180,7 +185,9 @@ class FullOrder:
         start = static_start(system, excitation) if excitation.start == "equilibrium" else {}
         history = observe(system, excitation, recording, start, done, checkpoint)
         assert history.energy is not None
-        response = response_of(system, history.t, Motion(history.y, history.forces, history.peaks, history.energy))
+        response = response_of(
+            system, history.t, MotionOutputs(history.y, history.forces, history.peaks, history.energy)
+        )
         response = replace(
             with_friction(with_reactions(response, *_reactions(system, history)), system, history.friction),
             residual_position=history.residual_position,

@@ -7,13 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pmr.compare import covered, far_off, memory
 from pmr.compare.accuracy import mesh, order
-from pmr.compare.frequencies import frequency_part
-from pmr.compare.responses import check_installed
-from pmr.compare.second_order import decide_second_order as with_order
-from pmr.compare.summary import Part, combine_parts, grave, origin, reliability, simulation_part, theory
-from pmr.compare.way import in_frequency
+from pmr.compare.frequencies import frequency_part, response_on_way
+from pmr.compare.moving_frame import decide_second_order as with_order
+from pmr.compare.responses import check_installed, check_memory, memory_warnings
+from pmr.compare.summary import origin_part, reliability_part, simulation_part, theory_part
+from pmr.compare.trust import budget_warnings, figures_not_covered
 from pmr.errors import InputError, environment, on_first
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
@@ -30,6 +29,7 @@ from pmr.reduction.cache import cache_in
 from pmr.reduction.from_scene import Vectors, with_array_basis
 from pmr.reduction.recovery import Recovered
 from pmr.results import Frequencies, Loads, Paths, RunResult
+from pmr.results.run import Part, combine_parts, grave
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
 from pmr.simulation.petsc import Checkpoint
@@ -115,7 +115,7 @@ def _run(
         free_motions = left_free(scene, built) if scene.free_motions == "allowed" else []
     size, outputs = _sizes(built)
     free = comm.bcast(environment.available_memory() if comm.rank == 0 else None)
-    memory.check(scene, size, outputs, free, tell=comm.rank == 0)
+    check_memory(scene, size, outputs, free, tell=comm.rank == 0)
     caches = {} if cache is None else {name: cache_in(cache, body.model) for name, body in built.items()}
     bodies = Bodies(scene, built, clock, caches, shared)
     scene = bodies.scene  # with the step that was chosen
@@ -134,9 +134,9 @@ def _run(
         complete_budget: dict[str, Any] = budget | outcome.result.summary.get("budget", {})
         if isinstance(complete_budget.get("mesh"), Mapping):
             response = outcome.result.responses["reduced"]
-            complete_budget["mesh_not_covered"] = covered.not_covered(bodies.asked, response, complete_budget["mesh"])
+            complete_budget["mesh_not_covered"] = figures_not_covered(bodies.asked, response, complete_budget["mesh"])
         outcome.result.summary["budget"] = complete_budget
-        further = far_off.warnings(bodies.asked, outcome.result.summary["budget"])
+        further = budget_warnings(bodies.asked, outcome.result.summary["budget"])
         outcome.result.summary["warnings"][outcome.grave : outcome.grave] = further  # before hints
     return outcome
 
@@ -152,23 +152,27 @@ def _outcome(
     assert motions.reduced is not None  # as on rank 0
     system, excitation = bodies.system, bodies.excitation
     scene, built, clock, (size, outputs) = bodies.scene, bodies.built, bodies.clock, _sizes(bodies.built)
-    choice, responses, by_frequency = bodies.choice, motions.responses, in_frequency(scene, bodies.system, excitation)
+    choice, responses, by_frequency = (
+        bodies.choice,
+        motions.responses,
+        response_on_way(scene, bodies.system, excitation),
+    )
     stages = {name: clock.seconds[name] for name in STAGES if name in clock.seconds}
     first = [
-        origin(bodies.asked, fenicsx_versions()),
+        origin_part(bodies.asked, fenicsx_versions()),
         Part({"coordinates": {"full": size, "reduced": sum(body.size for body in system.bodies.values())}}),
         simulation_part(motions.seconds, motions.reduced.agreement, stages),
     ]
     last = [
         Part() if choice is None else Part(order.summary(choice), order.warnings(choice)),
-        Part(warnings=memory.warnings(scene, size, outputs)),
+        Part(warnings=memory_warnings(scene, size, outputs)),
         *(Part(warnings=build_warnings(one.structure)) for one in {id(body): body for body in built.values()}.values()),
         Part(warnings=free_motions),
         Part(warnings=mesh.warnings(scene)),
         Part(places({name: body.structure.outputs for name, body in built.items()})),
         Part(summary_of_walls({name: body.structure.pads.walls for name, body in built.items()})),
-        reliability(motions.references.missing, responses, system),
-        theory(scene, responses),
+        reliability_part(motions.references.missing, responses, system),
+        theory_part(scene, responses),
         frequency_part(by_frequency),
     ]
     judged, tip_error = bodies.judge(motions, frequencies, recovered)

@@ -80,8 +80,9 @@ class ReducedModel:
     input_names, row_names : tuples of str
     output_positions : (o,) array, m
     output_names, output_units, output_kinds : tuples of str
-        Name of each output, its unit, and its kind and direction, such as ``"tip z"`` (`pmr.results.outputs`).  Without
-        names and units all are displacements.  Models of earlier versions have no kinds (`pmr.system.body.kinds_of`).
+        Name of each output, its unit, and its kind and direction, such as ``"tip z"`` (`pmr.results.response`).
+        Without names and units all are displacements.  Models of earlier versions have no kinds
+        (`pmr.system.body.kinds_of`).
     left_out : tuple of str
         Rows that all vectors of the basis satisfy.  They are left out, because they would make the system singular.
     provenance : dict

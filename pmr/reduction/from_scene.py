@@ -235,7 +235,7 @@ def summary(scene: Scene, models: Mapping[str, FullModel], bodies: Mapping[str, 
 def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
     """The reduced model, with tables of the flexibility that the basis leaves out where the scene asks for it.
 
-    An error is estimated by what is left out between the carriers of its rows (`pmr.compare.attached`).
+    An error is estimated by what is left out between the carriers of its rows (`pmr.compare.estimate`).
 
     Raises an `InputError` if rows depend on each other.
     """

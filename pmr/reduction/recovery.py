@@ -11,7 +11,7 @@ residual flexibility q = V p.  z are the multipliers.  What the model says of it
 O q.
 
 Velocities are V p': those of the residual part follow from rates of the multipliers, which jump wherever the path or a
-load has a kink (`pmr.compare.velocities`; docs/moving_residual_flexibility.md, sections 2, 5 and 11).
+load has a kink (`pmr.compare.outputs`; docs/moving_residual_flexibility.md, sections 2, 5 and 11).
 
 Fields and stresses that a scene asks for, from reduced models and, beside them, full ones.
 """

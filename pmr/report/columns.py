@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.report.numbers import NOTHING, round_number
 from pmr.report.subject import is_alone
 from pmr.results import Response, RunResult
-from pmr.results.convention import outputs_of
+from pmr.results.response import outputs_of
 from pmr.results.tables import FORCE_OF
 from pmr.scene.built import PadRing
 from pmr.scene.frame import rotation

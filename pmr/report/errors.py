@@ -22,8 +22,7 @@ from pmr.report.blocks import (
 from pmr.report.numbers import SPACE, TINY, length, percent, plain, quantity, significant, times_the_true_error
 from pmr.report.subject import chosen_by, forces_called, is_alone, scope, spoken
 from pmr.results import RunResult
-from pmr.results.quantities import QUANTITIES, label_of_error
-from pmr.results.reduction_error import reduction_error
+from pmr.results.quantities import QUANTITIES, label_of_error, reduction_error
 from pmr.results.tables import REACTION_OF
 from pmr.scene.choice import model_of
 from pmr.scene.members import members

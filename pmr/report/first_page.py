@@ -15,8 +15,8 @@ from pmr.report.numbers import SPACE, length, percent, plain, quantity, signific
 from pmr.report.subject import direction_words, drive_of, is_alone, moving_part, rings_of
 from pmr.report.subject import length as reach_of
 from pmr.results import RunResult
-from pmr.results.extremes import Extreme, Extremes
 from pmr.results.quantities import QUANTITIES
+from pmr.results.response import Extreme, Extremes
 from pmr.results.tables import FORCE_OF
 from pmr.scene.keys import cylinder_of, named
 from pmr.scene.mechanism import supports_at_lug

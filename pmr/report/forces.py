@@ -14,7 +14,7 @@ from pmr.report.figures.canvas import drawing
 from pmr.report.numbers import NOTHING, SPACE, Unit, plain, quantity, significant, unit_for
 from pmr.report.subject import drive_of, forces_called, is_alone, rings_of
 from pmr.results import RunResult
-from pmr.results.extremes import Extremes
+from pmr.results.response import Extremes
 from pmr.results.tables import FORCE_OF, REACTION_OF, reaction_extremes
 
 #: Of the largest force: what is below is round-off, which a support has even where nothing acts along it.

@@ -13,7 +13,8 @@ from pmr.report.figures.histories import drawn_history
 from pmr.report.forces import cells, place_called, size
 from pmr.report.numbers import SPACE, Unit, significant, unit_for
 from pmr.results import Response, RunResult
-from pmr.results.extremes import Extremes, cycles
+from pmr.results.fatigue import cycles
+from pmr.results.response import Extremes
 from pmr.results.tables import probe_extremes
 
 Array = NDArray[np.float64]

@@ -1,10 +1,19 @@
 """What runs and studies leave in their folders: results as objects, tables in CSV, frames of pandas."""
 
 from pmr.fields.series import Fields
-from pmr.results.frames import load
-from pmr.results.parts import BodyResult, Frequencies, FrequencyMap, FrequencyResponse, Loads, Paths, Shapes
 from pmr.results.response import Energy, Response
-from pmr.results.run import RESULT_FILES, RunResult
+from pmr.results.run import (
+    RESULT_FILES,
+    BodyResult,
+    Frequencies,
+    FrequencyMap,
+    FrequencyResponse,
+    Loads,
+    Paths,
+    RunResult,
+    Shapes,
+)
+from pmr.results.tables import load
 
 __all__ = [
     "RESULT_FILES",

@@ -1,10 +1,10 @@
-r"""Damage by load cycles, summed after Palmgren and Miner on an S-N line.
+r"""Load cycles of a history, and damage by them, summed after Palmgren and Miner on an S-N line.
 
 .. math::
     D = \sum_i \frac{n_i}{N_i}, \qquad N_i = N_{ref} \Bigl(\frac{\Delta\sigma_{ref}}{\Delta\sigma_i}\Bigr)^m,
     \qquad N_{ref} = 2 \cdot 10^6
 
-over the ranges of rainflow cycles (`pmr.results.extremes.cycles`); those below the cut-off do none.  Miner: Cumulative
+over the ranges of rainflow cycles (`cycles`); those below the cut-off do none.  Miner: Cumulative
 damage in fatigue, Journal of Applied Mechanics 12, 1945.
 """
 
@@ -13,15 +13,34 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import rainflow
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.results.extremes import cycles
 
 Array = NDArray[np.float64]
 
+#: Cycles below this share of the largest range are left out: of damage, which grows with the third power of the range
+#: or faster, each has less than a millionth of that of the largest.
+SMALLEST = 0.01
 #: Cycles at which an S-N line has its reference range.
 REFERENCE_CYCLES = 2e6
+
+
+def cycles(t: Array, x: Array) -> Array:
+    """Rainflow cycles of a history x (T,) at times t (T,) in s, the largest first (ASTM E1049-85).
+
+    Half ones are those that do not close.
+
+    Returns
+    -------
+    (C, 5) array
+        Range and mean in the unit of x, count (1 or 0.5), and the times in s at which a cycle begins and ends.
+    """
+    loops = [(size, mean, count, t[i], t[k]) for size, mean, count, i, k in rainflow.extract_cycles(x) if size > 0.0]
+    table = np.array(loops, dtype=float).reshape(-1, 5)
+    table = table[table[:, 0] >= SMALLEST * table[:, 0].max(initial=0.0)]
+    return np.asarray(table[np.argsort(-table[:, 0], kind="stable")])
 
 
 @dataclass(frozen=True)
@@ -48,7 +67,7 @@ class SNLine:
 def damage(t: Array, stress: Array, line: SNLine, times: float = 1.0) -> float:
     """Damage by a stress (T,) Pa over t (T,) s that is repeated so many times; 1 is failure.
 
-    Cycles of less than a hundredth of the largest range are left out, as `pmr.results.extremes.cycles` does.
+    Cycles of less than a hundredth of the largest range are left out, as `cycles` does.
     """
     loops = cycles(t, stress)
     return times * line.damage(loops[:, 0], loops[:, 2])

@@ -11,12 +11,12 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.results.extremes import Extreme, Extremes
-from pmr.results.response import Response
+from pmr.results.response import Extreme, Extremes, Response
 from pmr.scene.built import force_of, reaction_of
 from pmr.scene.keys import cylinder_of
 from pmr.scene.mechanism import AT_PIVOT, CYLINDER, drive_rows, rope_shares
@@ -121,7 +121,7 @@ class Quantity:
         What it belongs to: ``"section"``, ``"tip"``, ``"pad"``, ``"cylinder"``, ``"rope"``, ``"support"``,
         ``"machine"``, ``"ground"``, ``"probe"`` or ``"boom"``.
     kinds : tuple of str
-        Kinds of the columns of a response that hold it (`pmr.results.outputs.KINDS`).
+        Kinds of the columns of a response that hold it (`pmr.results.response.KINDS`).
     reported : str
         Name of the one figure that is reported of it, such as ``"largest pad force"``; empty where none is.
     extreme : ``"size"``, ``"most"`` or ``"least"``
@@ -324,3 +324,23 @@ def mises(components: Array, names: Sequence[str]) -> Array:
 def fits(patterns: Sequence[str], name: str) -> bool:
     """Whether a name fits one of some patterns with ``*`` for any text."""
     return any(fnmatchcase(name, pattern) for pattern in patterns)
+
+
+#: Kinds of figures, as summaries call them.
+KINDS = ("beam", "tip", "pad_force", "cylinder_force", "support_force", "frequency")
+
+
+def reduction_error(summary: Mapping[str, Any]) -> tuple[str, dict[str, float]]:
+    """Source of the errors of a reduction, in words, and the errors by kind, fractions; no words where none is there.
+
+    Forces that jump at kinks of extensions count between kinks; those of sliders that strike at kinks don't count.
+    Frequencies are estimated, with a full model too.
+    """
+    errors, estimate = summary.get("errors", {}).get("reduced_vs_full", {}), summary.get("estimate") or {}
+    source, how = (errors, "beside the full model") if "beam" in errors else (estimate, "estimated")
+    if source.get("beam") is None:
+        return "", {}
+    kinds = [kind for kind in KINDS if kind != "pad_force" or "impacts" not in summary]
+    by_kind = {kind: source.get(f"{kind}_between_kinks", source.get(kind)) for kind in kinds}
+    by_kind["frequency"] = estimate.get("frequency")
+    return how, {kind: float(error) for kind, error in by_kind.items() if error is not None}

@@ -1,16 +1,51 @@
-"""What one simulator says of a run: displacements, forces and energies over time, by name."""
+"""Response of a run by one simulator: displacements, forces and energies over time, by name, and their extremes."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.results.outputs import Output
+from pmr.scene import Scene
+from pmr.scene.built import force_of, reaction_of
+from pmr.scene.choice import felt_faces, transverse
+from pmr.scene.joints import OneBody
+from pmr.scene.keys import ALONE, cylinder_of, named
+from pmr.scene.members import member_at
 
 Array = NDArray[np.float64]
+
+#: Kinds of outputs: displacements of places along a body and of its tip, forces of pads (sliders are pads without
+#: faces), of cylinders and of supports that give way, what probes measure, reactions of rigid supports, friction of all
+#: pads of a joint along the boom, places and rates of a machine that moves by itself.
+KINDS = ("beam", "tip", "pad", "cylinder", "support", "probe", "reaction", "friction", "machine")
+FORCES = ("pad", "cylinder", "support")
+
+
+@dataclass(frozen=True)
+class Output:
+    """Meaning of one column of a response."""
+
+    name: str
+    kind: str  # one of `KINDS`
+    body: str  # empty for a body alone
+    place: float | None = None  # m along the body, of displacements
+    direction: str = ""  # of displacements x, y or z
+    unit: str = "m"
+
+    @property
+    def is_force(self) -> bool:
+        """Is it the force of a contact or spring?"""
+        return self.kind in FORCES
+
+    @classmethod
+    def of(cls, name: str, kind: str, body: str, place: float | None, unit: str) -> Output:
+        """Output whose kind and direction are given in one, such as ``"tip z"``."""
+        what, _, direction = kind.partition(" ")
+        return cls(name, what, body, place, direction, unit)
+
 
 #: Share of the largest force up to which another one is round-off.
 ROUND_OFF = 1e-9
@@ -65,7 +100,7 @@ class Response:
         As `slider_force`, but for pads that only push the largest force within the step that ends at t.  None if steps
         are not divided into parts.
     kinds, bodies : tuples of str
-        Kind and direction of each column, such as ``"tip z"`` (`pmr.results.outputs`), and the body that it belongs to.
+        Kind and direction of each column, such as ``"tip z"`` (`KINDS`), and the body that it belongs to.
         Columns of displacements come first, then those of forces, then the others.  Empty in earlier results.
     surplus : float
         Share of the largest energy that comes neither from loads nor from moving rows (docs/time_integration.md); NaN
@@ -178,3 +213,135 @@ class Response:
         """Vertical displacement of the free end of the last body, (T,) m: the last column without kinds."""
         tip_columns = self.of("tip")
         return tip_columns[:, -1] if tip_columns.shape[1] else self.displacement[:, -1]
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """Value of a history with the time in s and the path coordinate in m at which it has it."""
+
+    value: float
+    t: float
+    s: float
+
+
+@dataclass(frozen=True)
+class Extremes:
+    """Smallest and largest value of a history, the times in s and the path coordinates in m at which it has them."""
+
+    least: float
+    t_least: float
+    s_least: float
+    most: float
+    t_most: float
+    s_most: float
+
+    @classmethod
+    def of(cls, values: Array, t: Array, s: Array) -> Extremes:
+        """Extremes of values (T,) at times t (T,) and path coordinates s (T,)."""
+        first, last = int(np.argmin(values)), int(np.argmax(values))
+        low, high = float(values[first]), float(values[last])
+        return cls(low, float(t[first]), float(s[first]), high, float(t[last]), float(s[last]))
+
+    @property
+    def lowest(self) -> Extreme:
+        """The smallest value."""
+        return Extreme(self.least, self.t_least, self.s_least)
+
+    @property
+    def highest(self) -> Extreme:
+        """The largest value."""
+        return Extreme(self.most, self.t_most, self.s_most)
+
+    @property
+    def largest(self) -> Extreme:
+        """The value of the largest size, with its sign."""
+        return self.highest if self.most >= -self.least else self.lowest
+
+    @property
+    def size(self) -> float:
+        """The largest absolute value."""
+        return abs(self.largest.value)
+
+    @classmethod
+    def from_summary(cls, summary: Mapping[str, float]) -> Extremes:
+        """Extremes as `summary` has written them."""
+        return cls(*(float(summary[f"{what}{end}"]) for end in ("min", "max") for what in ("", "t_", "s_")))
+
+    def summary(self) -> dict[str, float]:
+        """By the names that summaries and tables give them."""
+        return {
+            "min": self.least, "t_min": self.t_least, "s_min": self.s_least,
+            "max": self.most, "t_max": self.t_most, "s_max": self.s_most,
+        }  # fmt: skip
+
+
+def outputs_of(scene: Scene, response: Response) -> tuple[Output, ...]:
+    """Meaning of all columns of a response: displacements, then forces, then all others.
+
+    Else by what their names have meant since names were given; without names by the order of columns before that.
+    """
+    return response.outputs or (*_displacements(scene, response), *_forces(scene, response), *_others(scene, response))
+
+
+def _displacements(scene: Scene, response: Response) -> Iterator[Output]:
+    tips = {named(body, of.observe.tip_along(d)): ("tip", body, d) for body, of in scene.bodies.items() for d in "xyz"}
+    beams = {named(body, f"{d} at "): ("beam", body, d) for body in scene.bodies for d in "xyz"}
+    names = response.output_names or _unnamed_displacements(scene, response)
+    for name, x in zip(names, response.x.tolist(), strict=True):
+        start = next((start for start in beams if name.startswith(start)), None)
+        kind, body, d = tips.get(name) or (beams[start] if start is not None else ("beam", "", ""))
+        yield Output(name, kind, body, x, d)
+
+
+def _unnamed_displacements(scene: Scene, response: Response) -> tuple[str, ...]:
+    """Names of displacements before columns were named: places along each direction, then the tip along each."""
+    (body,) = scene.bodies.values()
+    across = transverse(member_at(scene))
+    each = len(response.x) // len(across) - 1
+    return (*(f"{d} at " for d in across for _ in range(each)), *(body.observe.tip_along(d) for d in across))
+
+
+def _forces(scene: Scene, response: Response) -> Iterator[Output]:
+    count = response.slider_force.shape[1]
+    outputs_of = {name: output for body, of in scene.bodies.items() for name, output in _of_body(body, of).items()}
+    for body in scene.bodies:
+        name = force_of(cylinder_of(body))
+        outputs_of[name] = Output(name, "cylinder", body, unit="N")
+    joints = {force_of(f"{body} {end}"): body for body in scene.bodies for end in ("tail", "mouth") if body}
+    for name in response.force_names or _unnamed_forces(scene) or ("",) * count:
+        joint = next((start for start in joints if name.startswith(start)), None)
+        if joint is not None:
+            yield Output(name, "pad", joints[joint], unit="N")
+        else:
+            slider = Output(name, "pad" if ALONE in scene.bodies else "support", ALONE, unit="N")
+            yield outputs_of.get(name) or slider
+
+
+def _of_body(body: str, of: OneBody) -> dict[str, Output]:
+    """Forces of its pads on the ground, outputs or rows of contacts, and of its supports that give way."""
+    outputs = dict[str, Output]()
+    for ring in of.pads:
+        for pad, _, _ in ring.places:
+            for name in (named(body, force_of(pad)), force_of(f"{body} {pad}")):
+                outputs[name] = Output(name, "pad", body, unit="N")
+    for support, unit in of.springs.items():
+        name = named(body, force_of(support))
+        outputs[name] = Output(name, "support", body, unit=unit)
+    return outputs
+
+
+def _unnamed_forces(scene: Scene) -> list[str]:
+    """Outputs before rows, those of rows that move last; nothing where points slide."""
+    (body,) = scene.bodies.values()
+    faces = felt_faces(member_at(scene))
+    staying = [ring for ring in body.pads if not ring.moving and ring.stiffness != "rigid"]
+    ordered = [*sorted(staying, key=lambda ring: ring.unilateral), *(ring for ring in body.pads if ring.moving)]
+    return [force_of(name) for ring in ordered for name, face, _ in ring.places if face in faces]
+
+
+def _others(scene: Scene, response: Response) -> Iterator[Output]:
+    for name, unit in zip(response.other_names, response.other_units, strict=True):
+        kind = next((kind for kind in ("reaction", "friction") if name.startswith(f"{kind} of ")), "probe")
+        place = name.removeprefix(reaction_of(""))
+        body = next((body for body in scene.bodies if body and place.startswith(named(body, ""))), "")
+        yield Output(name, kind, body, unit=unit)

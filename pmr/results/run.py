@@ -6,7 +6,7 @@ The report reads these objects and computes nothing.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,17 +14,113 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.errors.text import remarks
 from pmr.fields.series import Fields, Pose
 from pmr.fields.stress import Envelope
 from pmr.files import npz
 from pmr.files.whole import finish_swap
-from pmr.results.parts import BodyResult, Frequencies, FrequencyResponse, Loads, Paths, Shapes
 from pmr.results.response import Response
 from pmr.scene import Scene
 from pmr.scene.files import stored_scene
 from pmr.scene.keys import ALONE, SLIDER
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Paths:
+    """Path coordinates and their rates over time: of a body alone that of its slider, else extensions of sections."""
+
+    names: tuple[str, ...]  # (P,)
+    values: Array  # (T, P) m
+    rates: Array  # (T, P) m/s
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Loads on each input over time."""
+
+    names: tuple[str, ...]  # (i,)
+    units: tuple[str, ...]  # (i,)
+    values: Array  # (T, i)
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """The basis as seen on the beam: singular values (k,) and the transverse shapes (o, r) at x (o,) m."""
+
+    singular_values: Array
+    x: Array
+    shapes: Array
+
+
+@dataclass(frozen=True)
+class FrequencyMap:
+    """First natural frequency (A, B) in Hz of a reduced boom over the extensions (A,) and (B,) in m of two joints."""
+
+    joints: tuple[str, ...]
+    first: Array
+    second: Array
+    lowest: Array
+
+
+@dataclass(frozen=True)
+class Frequencies:
+    """Lowest natural frequencies in Hz with everything at rest, (S, f) by model.
+
+    Models are ``reduced``, ``full`` and ``closed_form``, that of a uniform beam pinned at 0 with one slider; every
+    contact is closed.  `along` is what `RunResult.along` is, `paths` the coordinates of all paths; `over_joints` is
+    there where two joints move each on a path of its own.
+    With second order the system is stressed as it is at the times `t`, (S,) s, when a run is there first.
+    """
+
+    along: Array  # (S,) m
+    paths: Array  # (S, P) m
+    models: Mapping[str, Array]
+    over_joints: FrequencyMap | None = None
+    t: Array | None = None
+
+
+@dataclass(frozen=True)
+class FrequencyResponse:
+    """How far the tip moves under a sinusoidal load of unit size, with the sliders at rest.
+
+    Attributes
+    ----------
+    s : (S,) array, m
+    f : (W,) array, Hz
+    gain : (S, W, i) array
+        In `units`; `static` (S, i) with its sign at f = 0.
+    damped : bool
+        Whether anything damps it: otherwise peaks are as high as the frequencies happen to lie.
+    outputs : tuple of str
+        Of each input the direction in which it moves the tip most.
+    inputs, units : tuples of str
+    """
+
+    s: Array
+    f: Array
+    gain: Array
+    static: Array
+    damped: bool
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    units: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class BodyResult:
+    """Results of one body.
+
+    `fields` are some of what a scene's recovery asks for, in the body's own frame; `peak_stress` the largest von Mises
+    stress (F,) in Pa by model over all of its times; `envelopes` have forces along a beam, likewise.
+    """
+
+    shapes: Shapes | None = None
+    fields: Fields | None = None
+    peak_stress: Mapping[str, Array] = field(default_factory=dict)
+    envelopes: Mapping[str, Envelope] = field(default_factory=dict)
+
 
 #: Names of all that a run may leave in its folder, the report aside: files that go together.
 RESULT_FILES = (
@@ -43,6 +139,38 @@ Columns = Mapping[str, list[str]]
 
 
 @dataclass(frozen=True)
+class Part:
+    """Figures by their keys in summary.json, and warnings, a line each.
+
+    `grave` are those of what does not hold, or makes a figure useless: they come before those of how far figures are
+    off.
+    """
+
+    figures: Mapping[str, Any] = field(default_factory=dict)
+    warnings: Sequence[str] = ()
+    grave: Sequence[str] = ()
+
+
+def combine_parts(parts: Sequence[Part]) -> dict[str, Any]:
+    """All figures, and under ``warnings`` all warnings: grave ones first, each kind in the order of the parts.
+
+    Raises ValueError if two parts have figures of the same key.
+    """
+    summary, warnings = dict[str, Any](), list[str]()
+    for part in parts:
+        if twice := summary.keys() & part.figures.keys():
+            raise ValueError(f"two parts of a summary have {', '.join(sorted(twice))}")
+        summary |= part.figures
+        warnings += part.warnings
+    return summary | {"warnings": [*grave(parts), *remarks(summary), *warnings]}
+
+
+def grave(parts: Iterable[Part]) -> list[str]:
+    """The grave warnings of all parts."""
+    return [line for part in parts for line in part.grave]
+
+
+@dataclass(frozen=True)
 class RunResult:
     """All results of one run, of a single body or of a boom of several sections.
 
@@ -50,7 +178,7 @@ class RunResult:
     `bodies` has results by section; a single body has the empty name.
 
     `summary` is the content of summary.json: ``errors.<a>_vs_<b>.{tip,beam}`` (e_NRMS, fractions),
-    ``absolute_errors`` likewise (e_abs, m), ``not_judged`` (`pmr.compare.ringing`),
+    ``absolute_errors`` likewise (e_abs, m), ``not_judged`` (`pmr.compare.trust.NotJudged`),
     ``max_displacement`` and ``max_error`` (m),
     ``estimate.{beam,tip,pad_force,velocity,probe,probes,by,chi,largest,not_covered}`` (`pmr.compare.estimate`),
     ``step.{beam,tip,largest,finest,settled,by,enough,band}`` (`pmr.compare.step_error`), ``warnings``,

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pmr.results import Energy, Response
-from pmr.results.outputs import Output
+from pmr.results.response import Output
 from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.scene.frame import BaseMotion

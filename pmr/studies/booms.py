@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from pmr.compare.accuracy.order import trials_of
 from pmr.compare.accuracy.trials import Trials
-from pmr.compare.evaluation import respond
-from pmr.compare.runs import in_parts, run_from_start
+from pmr.compare.outputs import in_parts, run_from_start
+from pmr.compare.responses import respond
 from pmr.reduced.attachment import as_simulated
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare import far_off, pad_forces, ropes, trust
 from pmr.compare.errors import relative_error
-from pmr.compare.summary import Part, grave
+from pmr.compare.forces import missing_reactions, pulled_rings, ropes_part, unknown_forces
+from pmr.compare.trust import budget_warnings, large_motion
 from pmr.results import Energy, Response
+from pmr.results.run import Part, grave
 from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.simulation.statics.loaded import State
@@ -143,16 +144,16 @@ def warnings(
         return ()
     response = _response(rests)
     parts = [
-        Part(grave=pad_forces.pulled_rings(scene, contacts, response)),
-        ropes.part(scene, response),
-        Part(grave=trust.large_motion(reach, [response])),
+        Part(grave=pulled_rings(scene, contacts, response)),
+        ropes_part(scene, response),
+        Part(grave=large_motion(reach, [response])),
     ]
     budget = {}
     for name, (places, called, share) in other_models.items():
         other_rests = [AtRest(place, at_rest.load, at_rest.words) for place, at_rest in zip(places, rests, strict=True)]
         budget[name] = _off(rests, other_rests, share) | ({"beside": called} if name == "model" else {})
-    hints = [*pad_forces.unknown(scene, response), *pad_forces.missing_reactions(scene)]
-    return (*grave(parts), *far_off.warnings(scene, budget), *hints)
+    hints = [*unknown_forces(scene, response), *missing_reactions(scene)]
+    return (*grave(parts), *budget_warnings(scene, budget), *hints)
 
 
 def _response(rests: Sequence[AtRest]) -> RestingResponse:

@@ -106,7 +106,7 @@ def on_finer_mesh(scene: Scene) -> System | None:
 
 def richer_system(scene: Scene, system: System, at: Stands, up_to: float) -> System:
     """System with attachment modes for contact forces under no and half of the largest load, and for buckling."""
-    from pmr.compare.richer import richer
+    from pmr.compare.estimate import system_with_attachment_modes
 
     few = at.some(_sample_places(at))
     sample, half = Postures.of(scene, system, few), up_to / 2.0
@@ -120,7 +120,8 @@ def richer_system(scene: Scene, system: System, at: Stands, up_to: float) -> Sys
         shapes = np.array([equilibrium.state(0.0).form.buckled(half)[0] for equilibrium in loaded])
         forces.append(shapes * np.abs(forces[-1]).max(axis=1, initial=0.0)[:, None])
         loads.append(np.zeros_like(weight))
-    return richer(system, places_of(system, few), [np.nan_to_num(contact_forces) for contact_forces in forces], loads)
+    bearing = [np.nan_to_num(contact_forces) for contact_forces in forces]
+    return system_with_attachment_modes(system, places_of(system, few), bearing, loads)
 
 
 def too_stiff(scene: Scene, better: System, full: System, at: Stands, up_to: float) -> float:

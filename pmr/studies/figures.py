@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.results import Frequencies, Response
-from pmr.results.extremes import cycles
+from pmr.results.fatigue import cycles
 from pmr.results.tables import force_extremes, parts_of, probe_extremes, reaction_extremes, stress_by_part
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE, named

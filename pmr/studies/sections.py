@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare import errors as compare
-from pmr.compare.evaluation import respond
-from pmr.compare.judged import warnings_of_response
-from pmr.compare.runs import run_from_start
+from pmr.compare.errors import absolute_error, relative_error
+from pmr.compare.outputs import run_from_start
+from pmr.compare.responses import respond
+from pmr.compare.summary import warnings_of_response
 from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene
 from pmr.studies.booms import Case, models_of, sizes_of
@@ -52,7 +52,7 @@ def full_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     record: dict[str, Scalar] = {"coordinates": size, "e_abs": None, "e_nrms": None}
     if "finest" in needs:
         finest = needs["finest"].arrays["tip"]
-        record |= {"e_abs": compare.absolute_error(y, finest), "e_nrms": compare.relative_error(y, finest)}
+        record |= {"e_abs": absolute_error(y, finest), "e_nrms": relative_error(y, finest)}
     return TaskResult(record, {"tip": y}, warnings=warnings_of_response(case.boom, case.full, case.response))
 
 
@@ -65,7 +65,7 @@ def finest(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
     least = FINER * steps[-1]
     coarser, y = (case.at(case.full, factor * least, round(steps[0] / (factor * least))) for factor in (2.0, 1.0))
     lines = warnings_of_response(case.boom, case.full, case.response)
-    return TaskResult({"step": compare.relative_error(coarser, y) / 3.0}, {"y": y}, warnings=lines)
+    return TaskResult({"step": relative_error(coarser, y) / 3.0}, {"y": y}, warnings=lines)
 
 
 def by_size_and_step(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
@@ -85,12 +85,12 @@ def by_size_and_step(arguments: Mapping[str, Any], needs: Mapping[str, TaskResul
                 y = case.at(system, factor, round(arguments["steps"][0] / factor))
             except (SimulationError, InputError):
                 continue
-            record[name] = compare.relative_error(y, truth.arrays["y"])
+            record[name] = relative_error(y, truth.arrays["y"])
         try:
             runs = [run_from_start(system, case.excitation) for _ in range(REPEATS)]
         except (SimulationError, InputError):
             continue
         seconds[f"step.{r}"] = min(run.seconds for run in runs) / case.boom.time.steps
         displacement = respond(system, runs[0]).displacement
-        record[f"reduction.{r}"] = compare.relative_error(displacement, case.response.displacement)
+        record[f"reduction.{r}"] = relative_error(displacement, case.response.displacement)
     return TaskResult(record, seconds=seconds, warnings=truth.warnings)

@@ -27,7 +27,7 @@ from pmr.reduced.matrices import Rayleigh
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.reactions import Reactions
 from pmr.reduced.soundness import symmetric
-from pmr.results.outputs import FORCES
+from pmr.results.response import FORCES
 
 Array = NDArray[np.float64]
 

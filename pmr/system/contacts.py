@@ -85,7 +85,7 @@ class Contact:
     # m, of a contact that only pushes: how far the inner place may go before it closes; None: it holds both ways
     clearance: float | None = None
     friction: float = 0.0  # Coulomb's coefficient along the path (`pmr.system.contacts`)
-    kind: str = "pad"  # or ``cylinder``, ``support``, ``straight`` (`pmr.results.outputs`)
+    kind: str = "pad"  # or ``cylinder``, ``support``, ``straight`` (`pmr.results.response`)
     arm: float = 0.0  # m: of friction, from the axis to the face that the contact presses on
     shear_stiffness: float = SHEAR_STIFFNESS  # N/m: along the path, while it sticks
     # of a rope (`pmr.system.contacts`): by how much its compliance grows with a path, 1/N, and of which

@@ -13,9 +13,8 @@ from processes import FENICSX, PETSC, called, without
 
 from pmr import pipeline as whole
 from pmr import scene
-from pmr.compare.made_for import check_made_for
 from pmr.compare.saved_model import simulate_saved
-from pmr.compare.simulated import simulate
+from pmr.compare.simulated import check_made_for, simulate
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
 from pmr.system.system import System

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from pmr import scene as scenes
-from pmr.compare import attached
+from pmr.compare import estimate as attached
 from pmr.compare import estimate as estimates
-from pmr.compare.attached import scatter
+from pmr.compare.estimate import describe_scatter
 from pmr.fullmodel.build import build_bodies
 from pmr.pipeline import run
 from pmr.reduced.attachment import with_attachment_modes
@@ -161,8 +161,8 @@ def test_none_is_made_where_none_is_asked_for() -> None:
 
 
 def test_peaks_of_pads_that_rattle_are_a_range_if_they_differ() -> None:
-    assert "scatter: 9 kN to 12 kN" in scatter([1.2e4, 9.0e3, 1.1e4])
-    assert scatter([12500.0, 12501.0]) == ""
+    assert "scatter: 9 kN to 12 kN" in describe_scatter([1.2e4, 9.0e3, 1.1e4])
+    assert describe_scatter([12500.0, 12501.0]) == ""
 
 
 @pytest.mark.slow

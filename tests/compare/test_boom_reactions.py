@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pmr import pipeline
 from pmr import scene as scenes
-from pmr.compare.evaluation import respond
+from pmr.compare.responses import respond
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import Built, build_bodies
 from pmr.reduced.model import ReducedModel

@@ -13,8 +13,16 @@ from fuzz import toml
 from fuzz.bases import MOVED
 from oracle import enriched, full_body
 
-from pmr.compare import coverage
-from pmr.compare.coverage import IMPACTS, JUMPS, MACHINE, NEVER, REACTIONS, highest_known, not_covered
+from pmr.compare.trust import (
+    AWAY_FROM_PROBES,
+    LOAD_JUMPS,
+    MACHINE_MOTION,
+    RIGID_REACTIONS,
+    SLIDER_IMPACTS,
+    coverage_warnings,
+    effects_not_covered,
+    highest_known,
+)
 from pmr.errors import InputError, SimulationError
 from pmr.pipeline import run
 from pmr.reduced.matrices import Rayleigh
@@ -52,7 +60,10 @@ def test_the_highest_frequency_known_is_that_of_the_steps() -> None:
     ids=lambda signal: signal.kind,
 )
 def test_what_the_enrichment_know_is_covered(signal: Signal) -> None:
-    assert not_covered(MODEL, [("load F", signal)], STEPPING) == [NEVER] and coverage.warnings([NEVER]) == []
+    assert (
+        effects_not_covered(MODEL, [("load F", signal)], STEPPING) == [AWAY_FROM_PROBES]
+        and coverage_warnings([AWAY_FROM_PROBES]) == []
+    )
 
 
 NOISE = Table(times=tuple(np.linspace(0.0, 2.0, 2001)), values=tuple(np.random.default_rng(1).normal(size=2001)))
@@ -72,15 +83,15 @@ NOISE = Table(times=tuple(np.linspace(0.0, 2.0, 2001)), values=tuple(np.random.d
 )
 def test_a_load_beyond_the_enrichment_is_named(signal: Signal, said: str) -> None:
     quiet = ("the slider's path", Constant(amount=2.0))
-    clause, last = not_covered(MODEL, [quiet, ("load F", signal)], STEPPING)
-    assert said in clause and last == NEVER
-    assert coverage.warnings([clause, last]) == [f"the error may be larger than its estimate: {clause}"]
+    clause, last = effects_not_covered(MODEL, [quiet, ("load F", signal)], STEPPING)
+    assert said in clause and last == AWAY_FROM_PROBES
+    assert coverage_warnings([clause, last]) == [f"the error may be larger than its estimate: {clause}"]
 
 
 def test_more_enrichment_cover_more() -> None:
     tone = [("load F", Sine(amplitude=1.0, frequency=197.0))]
-    assert len(not_covered(MODEL, tone, STEPPING)) == 2
-    assert not_covered(enriched(full_body(20), 9, enrichment=12), tone, STEPPING) == [NEVER]
+    assert len(effects_not_covered(MODEL, tone, STEPPING)) == 2
+    assert effects_not_covered(enriched(full_body(20), 9, enrichment=12), tone, STEPPING) == [AWAY_FROM_PROBES]
 
 
 @pytest.mark.slow
@@ -88,9 +99,9 @@ def test_damping_that_couples_modes_is_not_covered_but_estimated_without() -> No
     slightly = np.zeros((9, 9))
     slightly[4, 5] = slightly[5, 4] = 1e-7
     model = replace(MODEL, D=0.1 * np.eye(9) + slightly)
-    assert not_covered(model, [], STEPPING) == [
+    assert effects_not_covered(model, [], STEPPING) == [
         "the damping of modes beyond the enrichment modes, which is not Rayleigh's",
-        NEVER,
+        AWAY_FROM_PROBES,
     ]
     found = estimate(model, driven(Constant(amount=2.0), Sine(amplitude=1.0, frequency=3.0), TimeStepping(0.2, 1e-3)))
     assert found.by == "attachment" and found.beam > 0.0
@@ -108,8 +119,8 @@ def test_reactions_of_rigid_supports_alone_are_named(load_scene, stiffness: str)
     outcome = run(load_scene("boom_beam", [*short, HELD % stiffness, "recovery.every=0.05"]))
     assert outcome is not None
     found = outcome.result.summary["estimate"]["not_covered"]
-    assert (REACTIONS in found) == (stiffness == "'rigid'") and NEVER in found
-    assert not any(REACTIONS in line for line in outcome.result.summary["warnings"])
+    assert (RIGID_REACTIONS in found) == (stiffness == "'rigid'") and AWAY_FROM_PROBES in found
+    assert not any(RIGID_REACTIONS in line for line in outcome.result.summary["warnings"])
 
 
 @pytest.mark.slow
@@ -121,7 +132,7 @@ def test_the_motion_of_a_machine_that_is_found_is_named(tmp_path: Path, free: li
     (tmp_path / "scene.toml").write_text(toml.written({key: one for key, one in scene.items() if one is not None}))
     outcome = run(read(tmp_path / "scene.toml"))
     assert outcome is not None
-    assert (MACHINE in outcome.result.summary["estimate"]["not_covered"]) == bool(free)
+    assert (MACHINE_MOTION in outcome.result.summary["estimate"]["not_covered"]) == bool(free)
 
 
 @pytest.mark.slow
@@ -131,8 +142,8 @@ def test_a_run_says_it_in_report_and_summary(load_scene, load: list[str]) -> Non
     assert outcome is not None
     summary, text = outcome.result.summary, " ".join(point.text for point in sentences.points(outcome.result))
     left_out = summary["estimate"]["not_covered"]
-    assert left_out[-3:] == [NEVER, REACTIONS, IMPACTS]
-    assert NEVER in errors.estimate(outcome.result) and NEVER in text
+    assert left_out[-3:] == [AWAY_FROM_PROBES, RIGID_REACTIONS, SLIDER_IMPACTS]
+    assert AWAY_FROM_PROBES in errors.estimate(outcome.result) and AWAY_FROM_PROBES in text
     assert (len(left_out) == 4) == bool(load) == any("larger than its estimate" in line for line in summary["warnings"])
     assert all(clause in text for clause in left_out)
 
@@ -141,8 +152,8 @@ def test_a_run_says_it_in_report_and_summary(load_scene, load: list[str]) -> Non
 @pytest.mark.parametrize(
     ("name", "function", "error"),
     [
-        ("evolved_residual", "estimate.estimate", SimulationError("march failed at step 7")),
-        ("paper_evolved", "estimate.by_other", InputError("scene", "time", None, "march refuses")),
+        ("evolved_residual", "estimate", SimulationError("march failed at step 7")),
+        ("paper_evolved", "by_other", InputError("scene", "time", None, "march refuses")),
         ("paper_evolved", "estimate.by_other", SimulationError("march failed at step 7")),
     ],
 )
@@ -162,7 +173,7 @@ def test_an_estimate_that_fails_leaves_the_run_standing(load_scene, monkeypatch,
 
 def test_without_tones_and_steps_there_is_no_share() -> None:
     still = replace(STEPPING, end=1e-3)
-    assert not_covered(MODEL, [("load F", NOISE)], still) == [NEVER]
+    assert effects_not_covered(MODEL, [("load F", NOISE)], still) == [AWAY_FROM_PROBES]
 
 
 def test_forces_of_a_load_that_sets_in_at_once_have_no_estimate_where_damping_is_strong() -> None:
@@ -173,4 +184,4 @@ def test_forces_of_a_load_that_sets_in_at_once_have_no_estimate_where_damping_is
     for share, load, known in ((1e-3, step, False), (1e-3, smooth, True), (1e-7, step, True)):
         model = enriched(replace(full, D=share * full.K, rayleigh=Rayleigh(0.0, share)), 4, enrichment=4)
         found = estimate(model, driven(path, load, end))
-        assert ("pad_force" in found.errors) == known and (found.unknown.get("pad_force") == JUMPS) != known
+        assert ("pad_force" in found.errors) == known and (found.unknown.get("pad_force") == LOAD_JUMPS) != known

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from one_body import energy, respond
 from scipy.interpolate import PPoly
 
-from pmr.compare.errors import absolute_error, errors, nrms
+from pmr.compare.errors import absolute_error, errors_between, nrms
 from pmr.errors import SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.results import Energy, Response
@@ -86,13 +86,13 @@ def response(scale: float) -> Response:
 
 
 def test_all_pairs_are_compared_the_later_one_being_the_reference() -> None:
-    found = errors({"ancf": response(1.0), "full": response(1.1), "reduced": response(1.21)})
+    found = errors_between({"ancf": response(1.0), "full": response(1.1), "reduced": response(1.21)})
     assert set(found) == {"reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf"}
     assert found["reduced_vs_full"] == pytest.approx({"tip": 0.1, "beam": 0.1, "pad_force": 0.21})
     assert found["reduced_vs_ancf"]["tip"] == pytest.approx(0.21)
-    absolute = errors({"full": response(1.0), "reduced": response(1.5)}, absolute_error)["reduced_vs_full"]
+    absolute = errors_between({"full": response(1.0), "reduced": response(1.5)}, absolute_error)["reduced_vs_full"]
     assert absolute["tip"] == pytest.approx(0.5 * np.linalg.norm(np.sin(7 * T)))
-    assert set(errors({"full": response(1.0), "reduced": response(1.0)})) == {"reduced_vs_full"}
+    assert set(errors_between({"full": response(1.0), "reduced": response(1.0)})) == {"reduced_vs_full"}
 
 
 def test_forces_that_are_round_off_beside_others_are_nobodys_error() -> None:
@@ -100,14 +100,16 @@ def test_forces_that_are_round_off_beside_others_are_nobodys_error() -> None:
     pads = np.sin(8 * T)
     full, reduced = (replace(response(1.0), slider_force=np.stack([pads, one], axis=1)) for one in (1e-15 * T, 0.0 * T))
     level = {"cylinder_force": lambda one: one.slider_force[:, 1:]}
-    assert errors({"full": full, "reduced": reduced}, quantities=level)["reduced_vs_full"]["cylinder_force"] == 0.0
+    assert (
+        errors_between({"full": full, "reduced": reduced}, quantities=level)["reduced_vs_full"]["cylinder_force"] == 0.0
+    )
 
 
 def test_outputs_in_other_units_are_compared_by_their_names() -> None:
     turned = {"others": np.sin(5 * T)[:, None], "other_names": ("tip ry",), "other_units": ("rad",)}
     full = replace(response(1.0), **turned)
     reduced = replace(response(1.0), **(turned | {"others": 1.03 * turned["others"]}))
-    found = errors({"ancf": response(1.0), "full": full, "reduced": reduced})
+    found = errors_between({"ancf": response(1.0), "full": full, "reduced": reduced})
     assert found["reduced_vs_full"]["tip ry"] == pytest.approx(0.03) and found["reduced_vs_full"]["beam"] == 0.0
     assert "tip ry" not in found["full_vs_ancf"]  # the cable says nothing of it
 

@@ -14,9 +14,9 @@ from oracle import enriched, flexible, full_body, nrms_error, paper_basis, proje
 
 from pmr.compare import estimated
 from pmr.compare.estimate import MARGIN, Estimate, by_other, no_estimate
-from pmr.compare.estimated import envelope, warnings
-from pmr.compare.far_off import warnings_of_reduction
+from pmr.compare.estimated import envelope, estimate_warnings
 from pmr.compare.outputs import Floors, Outputs, differences, probe_differences
+from pmr.compare.trust import reduction_warnings
 from pmr.reduced.matrices import Rayleigh
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extend
@@ -90,7 +90,7 @@ def test_what_probes_measure_has_estimates_by_name(r: int) -> None:
     assert own.displacement.shape[1] == 31  # the gauge is no place along the beam
     other = by_other(System.of(model), enriched(full, r + 4, enrichment=4), excitation).probes["gauge"]
     assert nrms_error(own.probe, truth_.probe) < other < 2.0 * found.probes["gauge"]
-    assert estimated.summary(found)["probes"] == found.probes
+    assert estimated.estimate_summary(found)["probes"] == found.probes
 
 
 def test_a_probe_that_sees_little_is_measured_by_a_hundredth_of_the_largest() -> None:
@@ -133,7 +133,7 @@ def test_chi_says_whether_the_first_truncated_mode_is_reached() -> None:
     assert estimate(model, driven(rest, slow, STEPPING)).chi < 0.05
     found = estimate(model, driven(rest, blow, STEPPING))
     assert found.chi > 0.5
-    assert "first truncated mode (chi = " in " ".join(warnings({"": model}, STEPPING, found))
+    assert "first truncated mode (chi = " in " ".join(estimate_warnings({"": model}, STEPPING, found))
 
 
 def test_nothing_moves_and_nothing_is_wrong() -> None:
@@ -145,7 +145,7 @@ def test_an_error_larger_than_the_motion_is_not_capped() -> None:
     model = enriched(full_body(20), 1, enrichment=1)
     found = estimate(model, driven(Constant(amount=2.0), Sine(amplitude=50.0, frequency=2.5), TimeStepping(3.0, 1e-3)))
     assert found.beam > 1.2 and found.tip > 1.2
-    (said,) = warnings_of_reduction({"estimate": dict(found.errors)})
+    (said,) = reduction_warnings({"estimate": dict(found.errors)})
     assert "too few coordinates" in said and "in displacements" in said
 
 
@@ -161,7 +161,7 @@ def test_of_any_basis_a_model_of_free_modes_tells_the_error(r: int) -> None:
         found, own = by_other(System.of(pod), better, excitation), estimate(better, excitation)
         assert beam <= found.beam <= 1.01 * beam + 2.0 * own.beam
         assert np.abs(found.error - error).max() < 0.5 * own.largest
-        assert found.by == "other model" and estimated.summary(found)["chi"] is None
+        assert found.by == "other model" and estimated.estimate_summary(found)["chi"] is None
 
 
 def test_an_envelope_holds_an_oscillation_without_its_zeros() -> None:
@@ -194,8 +194,8 @@ def test_a_step_too_long_for_an_undamped_scheme_is_said() -> None:
     model = enriched(full_body(20), 8, enrichment=2)
     fastest = np.sqrt(model.K[-1, -1])
     for step, rho_inf, expected in ((2.2 / fastest, 1.0, 1), (1.8 / fastest, 1.0, 0), (2.2 / fastest, 0.9, 0)):
-        assert len(warnings({"": model}, TimeStepping(100 * step, step, rho_inf), None)) == expected
-    assert "h omega = 2.2" in warnings({"": model}, TimeStepping(220 / fastest, 2.2 / fastest, 1.0), None)[0]
+        assert len(estimate_warnings({"": model}, TimeStepping(100 * step, step, rho_inf), None)) == expected
+    assert "h omega = 2.2" in estimate_warnings({"": model}, TimeStepping(220 / fastest, 2.2 / fastest, 1.0), None)[0]
 
 
 def test_a_file_is_enough(tmp_path: Path) -> None:

@@ -14,8 +14,7 @@ import pytest
 from alone import estimate, outputs
 from random_scenes import pushing_scene, sliding_scene
 
-from pmr.compare.outputs import KINDS, Floors, differences
-from pmr.compare.runs import in_parts
+from pmr.compare.outputs import OUTPUT_KINDS, Floors, differences, in_parts
 from pmr.errors import SimulationError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
@@ -41,7 +40,7 @@ def ratios(scene: Scene) -> Iterator[tuple[str, float, float]]:
     full = replace(full, force=full.force[:, -known:])  # rigid holds are rows of it alone
     found = estimate(reduced, excitation)
     true = differences(own, full, Floors.of(system, excitation))
-    for kind in KINDS:
+    for kind in OUTPUT_KINDS:
         said = found.errors.get(kind)
         if said is not None and true[kind] > SMALLEST:
             yield kind, said / true[kind], true[kind]
@@ -59,7 +58,7 @@ def test_pads_that_only_push_have_one_unless_an_impact_decides() -> None:
             unsettled += 1
     lines = "\n".join(f"{seed} {kind}: {ratio:.3f}, {true:.1e}" for seed, kind, ratio, true in found)
     assert unsettled <= len(PUSHING) // 2, lines
-    for kind in KINDS:
+    for kind in OUTPUT_KINDS:
         of_kind = np.array([ratio for _, name, ratio, _ in found if name == kind])
         assert len(of_kind) >= len(PUSHING) // 4, lines
         assert np.mean((of_kind >= 1.0) & (of_kind <= 5.0)) >= 0.9 and of_kind.min() >= 0.8, lines

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 import pmr
-from pmr.compare import far_off
-from pmr.compare.covered import not_covered
-from pmr.compare.forces import differences, histories
+from pmr.compare.errors import force_errors, force_histories
 from pmr.compare.model_part import Motion, model_part
 from pmr.compare.step_error import step_error
+from pmr.compare.trust import budget_warnings, figures_not_covered, reduction_warnings
 from pmr.scene import load_any
 from pmr.simulation import Excitation
 
@@ -36,7 +35,7 @@ def test_a_kind_is_off_by_the_norm_of_all_of_its_forces(size: float) -> None:
     """3-4-5: only the left pad is off, by a tenth: 0.1 * 3 / 5."""
     own = {("pad_force", "N"): {"left": 1.1 * size * PADS["left"], "right": size * PADS["right"]}}
     reference = {("pad_force", "N"): {name: size * one for name, one in PADS.items()}}
-    assert differences(own, reference) == pytest.approx({"pad_force": 0.06})
+    assert force_errors(own, reference) == pytest.approx({"pad_force": 0.06})
 
 
 def test_forces_of_round_off_are_not_off() -> None:
@@ -44,16 +43,16 @@ def test_forces_of_round_off_are_not_off() -> None:
     noise = np.random.default_rng(1).normal(size=(2, len(T)))
     for size, least, most in ((1e-13, 0.0, 1e-12), (1.0, 0.1, 1.0), (100.0, 1.0, 2.0)):
         one, other = ({("pad_force", "N"): PADS, ("cylinder_force", "N"): {"drive": size * of}} for of in noise)
-        assert least <= differences(one, other)["cylinder_force"] <= most
+        assert least <= force_errors(one, other)["cylinder_force"] <= most
 
 
 def test_moments_are_beside_moments_and_the_larger_error_counts() -> None:
     reference = {("reaction", "N"): {"x": 1e3 * T}, ("reaction", "N m"): {"ry": 0.2 * T}}
     own = {("reaction", "N"): {"x": 1.01e3 * T}, ("reaction", "N m"): {"ry": 0.3 * T}}
-    assert differences(own, reference) == pytest.approx({"reaction": 0.5})
-    assert differences({("reaction", "N"): {"z": T}}, reference) == {}
+    assert force_errors(own, reference) == pytest.approx({"reaction": 0.5})
+    assert force_errors({("reaction", "N"): {"z": T}}, reference) == {}
     nothing = {("reaction", "N"): {"x": 0.0 * T}}
-    assert differences(nothing, nothing) == {}
+    assert force_errors(nothing, nothing) == {}
 
 
 def test_a_mesh_is_measured_by_frequencies_and_reactions_too(boom) -> None:
@@ -69,12 +68,12 @@ def test_a_mesh_is_measured_by_frequencies_and_reactions_too(boom) -> None:
 
 def test_what_a_part_has_no_figure_for_is_named(boom) -> None:
     scene, motion = boom
-    lacking = not_covered(scene, motion.response, {"beam": 0.1, "frequency": 0.2})
+    lacking = figures_not_covered(scene, motion.response, {"beam": 0.1, "frequency": 0.2})
     assert lacking == ["pad forces", "stresses"]  # its cylinder bears nothing
     response = replace(motion.response, others=np.full_like(np.asarray(motion.response.others), 1e4))
-    assert "reactions of rigid supports" in not_covered(scene, response, {})
+    assert "reactions of rigid supports" in figures_not_covered(scene, response, {})
     plain = scene.model_copy(update={"recovery": None})
-    assert not_covered(plain, motion.response, {"pad_force": 0.0}, exact=("frequency",)) == []
+    assert figures_not_covered(plain, motion.response, {"pad_force": 0.0}, exact=("frequency",)) == []
 
 
 @pytest.mark.slow
@@ -87,8 +86,8 @@ def test_the_steps_error_of_forces_is_that_beside_far_smaller_steps(name: str) -
     error = step_error(system, Excitation.of(scene), complete=lambda response: response)
     fine = load_any(WORKFLOWS / f"{name}.toml", [*changes, "time.step=0.000625", "time.rho_inf=0.95"])
     own, reference = (pmr.simulate(one, system) for one in (scene, fine))
-    sampled = {key: {n: f[::16] for n, f in of.items()} for key, of in histories(reference).items()}
-    true = differences(histories(own), sampled)
+    sampled = {key: {n: f[::16] for n, f in of.items()} for key, of in force_histories(reference).items()}
+    true = force_errors(force_histories(own), sampled)
     assert set(true) == set(error.others) and "pad_force" in true
     for kind, size in true.items():
         if kind not in error.unsettled and size > 1e-6:
@@ -97,12 +96,12 @@ def test_the_steps_error_of_forces_is_that_beside_far_smaller_steps(name: str) -
 
 def test_a_reduction_that_is_far_off_is_a_warning_by_itself() -> None:
     far = {"errors": {"reduced_vs_full": {"beam": 0.633, "tip": 0.05, "pad_force": 1.7}}}
-    (said,) = far_off.warnings_of_reduction(far)
+    (said,) = reduction_warnings(far)
     assert "63 % in displacements, 170 % in pad forces (beside the full model)" in said
-    (said,) = far_off.warnings_of_reduction({"estimate": {"beam": 0.02, "tip": 0.01, "frequency": 0.2}})
+    (said,) = reduction_warnings({"estimate": {"beam": 0.02, "tip": 0.01, "frequency": 0.2}})
     assert "20 % in natural frequencies (estimated)" in said
-    assert far_off.warnings_of_reduction({"errors": {"reduced_vs_full": {"beam": 0.01, "tip": 0.02}}}) == []
-    assert far_off.warnings_of_reduction(far | {"errors": {"reduced_vs_full": {"beam": 0.01, "pad_force": 0.9}},
+    assert reduction_warnings({"errors": {"reduced_vs_full": {"beam": 0.01, "tip": 0.02}}}) == []
+    assert reduction_warnings(far | {"errors": {"reduced_vs_full": {"beam": 0.01, "pad_force": 0.9}},
                                                 "impacts": {"pad_force": 0.001}}) == []  # fmt: skip
 
 
@@ -110,7 +109,7 @@ def test_the_kind_that_the_mesh_is_off_most_in_is_named() -> None:
     compare = SimpleNamespace(model_tolerance=0.05)
     scene = SimpleNamespace(compare=compare, goal=None)
     budget = {"mesh": {"beam": 1e-3, "frequency": 0.0712}}
-    assert list(far_off.warnings(scene, budget)) == [  # type: ignore[arg-type]
+    assert list(budget_warnings(scene, budget)) == [  # type: ignore[arg-type]
         "the mesh is off by up to 7.1 % in natural frequencies, more than compare.model_tolerance = 0.05; a finer one "
         "is closer"
     ]

@@ -10,8 +10,8 @@ from newton_euler import needed
 
 import pmr
 from pmr import scene as scenes
-from pmr.compare.evaluation import respond
-from pmr.compare.frame_energy import InSpace, in_space
+from pmr.compare.moving_frame import InSpace, in_space
+from pmr.compare.responses import respond
 from pmr.compare.simulated import excitation_in
 from pmr.results import Response
 from pmr.scene import Scene

@@ -11,8 +11,7 @@ import scipy.linalg
 
 from pmr import pipeline as whole
 from pmr import scene as scenes
-from pmr.compare.frequencies import frequency_part
-from pmr.compare.way import in_frequency
+from pmr.compare.frequencies import frequency_part, response_on_way
 from pmr.errors import InputError
 from pmr.pipeline import run
 from pmr.report import sections
@@ -81,7 +80,7 @@ def test_summary_results_and_report_have_it(outcome: whole.Outcome, tmp_path: Pa
 
 def test_only_who_asks_for_it_gets_it() -> None:
     scene = scenes.load(BOOM)
-    assert in_frequency(scene, None, None) is None and frequency_part(None).figures == {}  # type: ignore[arg-type]
+    assert response_on_way(scene, None, None) is None and frequency_part(None).figures == {}  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("other", ["pads.mouth.unilateral=true", "reduction.flexibility=false"])

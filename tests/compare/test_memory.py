@@ -7,8 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from pmr.compare import memory
-from pmr.compare.responses import simulate_by
+from pmr.compare.responses import BYTES, NUMBERS_BESIDE, check_memory, memory_warnings, needed_bytes, simulate_by
 from pmr.errors import InputError, environment
 from pmr.scene import Scene
 from pmr.simulation import Excitation
@@ -25,30 +24,30 @@ LONG = ["time.step=1.5e-5", "compare.against=['full']"]
 def test_a_run_that_does_not_fit_is_refused_before_it_begins(load_scene) -> None:
     scene = load_scene("paper_evolved", LONG)
     with pytest.raises(InputError, match=r"1,000,000 steps take about 3.\d GB .*, 2.0 GB are free; at most") as caught:
-        memory.check(scene, 153, 51, 2 * 10**9)
+        check_memory(scene, 153, 51, 2 * 10**9)
     assert caught.value.key == "time.step"
 
 
 def test_a_large_one_is_told_of_and_a_small_one_is_not(load_scene, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING):
-        memory.check(load_scene("paper_evolved"), 153, 51, 2 * 10**9)
+        check_memory(load_scene("paper_evolved"), 153, 51, 2 * 10**9)
         assert not caplog.records
-        memory.check(load_scene("paper_evolved", LONG), 153, 51, None)
+        check_memory(load_scene("paper_evolved", LONG), 153, 51, None)
     assert "1,000,000 steps take about" in caplog.text
 
 
 def test_memory_grows_with_steps_and_with_the_model_that_keeps_its_states(load_scene) -> None:
     small, large = (load_scene("paper_evolved", [f"time.step={step}", *LONG[1:]]) for step in ("1e-3", "5e-4"))
-    assert memory.needed_bytes(large, 153, 51) / memory.needed_bytes(small, 153, 51) == pytest.approx(2.0, rel=1e-3)
-    assert memory.needed_bytes(small, 350, 51) == memory.needed_bytes(small, 153, 51)
+    assert needed_bytes(large, 153, 51) / needed_bytes(small, 153, 51) == pytest.approx(2.0, rel=1e-3)
+    assert needed_bytes(small, 350, 51) == needed_bytes(small, 153, 51)
     in_exudyn = load_scene("paper_evolved", [*LONG[1:], "simulation.full=exudyn"])
-    more = memory.needed_bytes(in_exudyn, 350, 51) - memory.needed_bytes(in_exudyn, 153, 51)
-    assert more >= 2 * memory.NUMBER * in_exudyn.time.steps * (350 - 153)  # coordinates and their rates at least
+    more = needed_bytes(in_exudyn, 350, 51) - needed_bytes(in_exudyn, 153, 51)
+    assert more >= 2 * BYTES * in_exudyn.time.steps * (350 - 153)  # coordinates and their rates at least
 
 
 def test_what_a_large_run_takes_is_among_its_warnings(load_scene) -> None:
-    assert memory.warnings(load_scene("paper_evolved"), 153, 51) == []
-    assert "1,000,000 steps take about" in memory.warnings(load_scene("paper_evolved", LONG), 153, 51)[0]
+    assert memory_warnings(load_scene("paper_evolved"), 153, 51) == []
+    assert "1,000,000 steps take about" in memory_warnings(load_scene("paper_evolved", LONG), 153, 51)[0]
 
 
 def test_the_machine_says_what_is_free() -> None:
@@ -82,11 +81,11 @@ def _a_step(load_scene, run: Callable[[object], object]) -> float:
 @pytest.mark.usefixtures("short_blocks")
 def test_a_response_is_made_without_the_states_of_all_steps(load_scene, full: FullBody) -> None:
     found = _a_step(load_scene, lambda scene: simulate_by(scene, System.of(full), Excitation.of(scene), "march"))
-    states = memory.NUMBER * 2 * full.size
-    outputs = memory.NUMBER * len(full.output_positions)
+    states = BYTES * 2 * full.size
+    outputs = BYTES * len(full.output_positions)
     assert outputs < found < min(states, 2.0 * outputs)
     scene = load_scene("paper_evolved", LONG)
-    assert found < memory.needed_bytes(scene, full.size, len(full.output_positions)) / scene.time.steps
+    assert found < needed_bytes(scene, full.size, len(full.output_positions)) / scene.time.steps
 
 
 @pytest.mark.slow
@@ -100,4 +99,4 @@ def test_states_at_a_few_steps_don_t_take_those_of_all(load_scene, full: FullBod
         )
 
     found = _a_step(load_scene, run)
-    assert found < memory.NUMBER * memory.BESIDE
+    assert found < BYTES * NUMBERS_BESIDE

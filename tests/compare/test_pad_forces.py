@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from pmr import scene as scenes
-from pmr.compare.errors import errors, with_common_forces
-from pmr.compare.pad_forces import pad_loads, pulled_rings, unknown
+from pmr.compare.errors import errors_between, with_common_forces
+from pmr.compare.forces import pad_loads, pulled_rings, unknown_forces
 from pmr.compare.simulated import simulate
 from pmr.files import npz
 from pmr.fullmodel.from_scene import structure_of
@@ -104,7 +104,7 @@ def test_names_stand_for_columns_whatever_their_order(at_rest: RunResult) -> Non
         for pad, other in zip(pads, others, strict=True):
             assert pad.name == other.name and np.array_equal(pad.of(response), other.of(mixed)), (ring, pad)
     force = {"pad_force": lambda one: one.slider_force}
-    assert errors({"reduced": mixed, "full": response}, quantities=force)["reduced_vs_full"]["pad_force"] == 0.0
+    assert errors_between({"reduced": mixed, "full": response}, quantities=force)["reduced_vs_full"]["pad_force"] == 0.0
 
 
 def test_results_without_names_are_read_in_the_order_they_were_written(at_rest: RunResult) -> None:
@@ -197,16 +197,16 @@ def test_a_pull_counts_beside_what_else_is_borne() -> None:
 def test_rigid_pads_that_stay_are_said_to_be_unknown() -> None:
     rigid = f"pads=[{{name='tail',at=0.15,{ALL_ROUND},stiffness='rigid'}},{{name='mouth',moving=true,{ALL_ROUND}}}]"
     scene = boom(rigid)
-    (line,) = unknown(scene, response_with({"mouth left": np.cos}))
+    (line,) = unknown_forces(scene, response_with({"mouth left": np.cos}))
     assert line.startswith("the pads tail bottom right, tail bottom left, ") and "their forces are unknown" in line
     names = [name for ring in scene.pads for name, _, _ in ring.places]
-    assert not unknown(scene, response_with(dict.fromkeys(names, np.cos)))
-    assert not unknown(boom(), response_with({"mouth left": np.cos}))
+    assert not unknown_forces(scene, response_with(dict.fromkeys(names, np.cos)))
+    assert not unknown_forces(boom(), response_with({"mouth left": np.cos}))
 
 
 def test_points_that_hold_a_planar_beam_hold_it_both_ways() -> None:
     scene, found = scenes.load(WORKFLOWS / "evolved_residual.toml"), response_with({"slider at s": lambda t: -t})
-    assert pad_loads(scene, found) == {} and pulled_rings(scene, (), found) == unknown(scene, found) == []
+    assert pad_loads(scene, found) == {} and pulled_rings(scene, (), found) == unknown_forces(scene, found) == []
 
 
 #: Structures of the sweep: a sample in CI, all of them with PMR_SWEEP=full.

@@ -11,18 +11,18 @@ from driving import driven
 from oracle import flexible, full_body
 
 from pmr.compare.errors import nrms
-from pmr.compare.ringing import (
-    RINGING,
+from pmr.compare.saved_model import simulate_saved
+from pmr.compare.trust import (
+    RINGING_SHARE,
     NotJudged,
     alternating,
     causes,
     remedy,
     rigid_contacts,
     ringing_share,
+    ringing_warnings,
     rings,
-    warnings,
 )
-from pmr.compare.saved_model import simulate_saved
 from pmr.pipeline import run
 from pmr.report import errors, sentences
 from pmr.scene.signals import Chirp, Sine, SmoothRamp
@@ -58,7 +58,7 @@ def test_only_the_reference_is_said_to_ring_where_it_does() -> None:
     assert rings(SMOOTH, shaken)
     assert not rings(shaken, SMOOTH)  # the reduced model's own ringing is its error
     assert not rings(shaken, shaken)
-    assert not rings(SMOOTH, SMOOTH + 0.5 * RINGING * SIGNS)
+    assert not rings(SMOOTH, SMOOTH + 0.5 * RINGING_SHARE * SIGNS)
     assert not rings(0.5 * SMOOTH, shaken)  # off by more than what rings
 
 
@@ -76,7 +76,7 @@ def test_a_rigid_row_is_blamed_only_where_there_is_one() -> None:
 
     assert named(stiff, pad) == [] and "rigid" not in causes([]) + remedy([])
     assert named(stiff, row, pad, cylinder) == ["mouth", "cylinder of fly"] and named(flexible, row, pad) == []
-    said = warnings({"pad_force": NotJudged(0.1, 3.0, 0.01)}, named(stiff, pad, cylinder))
+    said = ringing_warnings({"pad_force": NotJudged(0.1, 3.0, 0.01)}, named(stiff, pad, cylinder))
     assert "cylinder of fly is rigid" in said[0] and "pads that give way" not in said[0]
 
 
@@ -88,7 +88,7 @@ def test_a_reference_that_rings_is_not_booked_on_the_reduced_model(load_scene) -
         assert outcome is not None
         found[rho_inf] = outcome.result
     calm, rung = (one.summary for one in found.values())
-    assert calm["not_judged"] == {} and calm["errors"]["reduced_vs_full"]["pad_force"] < RINGING
+    assert calm["not_judged"] == {} and calm["errors"]["reduced_vs_full"]["pad_force"] < RINGING_SHARE
     assert rung["no_reference"] == {} and rung["errors"]["reduced_vs_full"]["beam"] < 1e-3
     assert all("pad_force" not in rung[kind]["reduced_vs_full"] for kind in ("errors", "absolute_errors"))
     assert rung["not_judged"]["pad_force"]["alternating"] > 0.5 > 10.0 * rung["not_judged"]["pad_force"]["below"]
@@ -137,5 +137,5 @@ def test_no_force_is_blamed_that_agrees_with_more_damping() -> None:
                 unjudged += 1
             else:
                 damped = nrms(*(one.multipliers for one in forces[0.8]))
-                assert nrms(reduced, reference) < max(RINGING, 3.0 * damped), (path, rho_inf, step)
+                assert nrms(reduced, reference) < max(RINGING_SHARE, 3.0 * damped), (path, rho_inf, step)
     assert unjudged > 0

@@ -14,14 +14,14 @@ from pydantic import ValidationError
 from scipy.integrate import solve_ivp
 
 import pmr
-from pmr.compare import ropes
+from pmr.compare import forces as ropes
 from pmr.errors import InputError
 from pmr.export.exudyn.script import write_exudyn_script
 from pmr.export.fmi.fmu import contents
 from pmr.fullmodel.build import build_bodies, models_of
 from pmr.pipeline.full_order import FullOrder
 from pmr.report import forces as reported
-from pmr.results.extremes import Extremes
+from pmr.results.response import Extremes
 from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.scene.checks import check
@@ -80,7 +80,7 @@ def simulated() -> tuple[Scene, pmr.Response, np.ndarray]:
 def test_a_rope_bears_what_follows_it_and_the_cylinder_bears_all(simulated) -> None:
     """At rest, by statics: a weight counts by how far it moves where the cylinder moves by one."""
     scene, response, masses = simulated
-    found, along = ropes.forces(scene, response), masses * G / 2.0
+    found, along = ropes.rope_forces(scene, response), masses * G / 2.0
     fly, second = along[2], along[1] + 2.0 * along[2]
     first = along.sum() + SECOND * second
     at_rest = [found[name][0] for name in ("first", "second", "fly")]
@@ -90,7 +90,7 @@ def test_a_rope_bears_what_follows_it_and_the_cylinder_bears_all(simulated) -> N
 @pytest.mark.slow
 def test_the_cylinder_gives_the_work_that_raises_all_sections(simulated) -> None:
     scene, response, masses = simulated
-    drive, t = ropes.forces(scene, response)["first"], response.t
+    drive, t = ropes.rope_forces(scene, response)["first"], response.t
     power = drive * scene.paths["first"].rate(t)
     work = float((power[1:] + power[:-1]) @ np.diff(t) / 2.0)
     tails = np.cumsum([np.ptp(scene.paths[name].value(t)) for name in scene.names[1:]])
@@ -100,7 +100,7 @@ def test_the_cylinder_gives_the_work_that_raises_all_sections(simulated) -> None
 @pytest.mark.slow
 def test_the_summary_and_the_report_have_them(simulated) -> None:
     scene, response, _ = simulated
-    said = ropes.part(scene, response).figures["ropes"]
+    said = ropes.ropes_part(scene, response).figures["ropes"]
     assert [(one["name"], one["follows"]) for one in said] == [("first", None), ("second", "first"), ("fly", "second")]
     assert "power" in said[0] and "power" not in said[1]
     assert Extremes.from_summary(said[0]["force"]).summary() == said[0]["force"]
@@ -168,7 +168,9 @@ def test_the_summary_says_how_long_and_stiff_a_rope_is(simulated) -> None:
     scene, response, _ = simulated
     joint = scene.joint(3).model_copy(update={"rope": Rope(EA=6e6, strands=2)})
     fly = scene.sections[3].model_copy(update={"joint": joint})
-    said = ropes.part(scene.model_copy(update={"sections": (*scene.sections[:3], fly)}), response).figures["ropes"]
+    said = ropes.ropes_part(scene.model_copy(update={"sections": (*scene.sections[:3], fly)}), response).figures[
+        "ropes"
+    ]
     assert said[2]["length"] == 6.0 and said[2]["stiffness"] == 2e6 and "length" not in said[1]
 
     class Result:
@@ -235,13 +237,13 @@ def test_a_section_swings_on_a_winchs_rope_as_its_equation_says(simulator: str) 
     late = np.sqrt(2e6 / 2.0 / fly_mass()) ** 3 * 1e-3**2 / 12.0 * 1.2  # rad: of the trapezoidal rule, at the shortest
     assert force == pytest.approx(known, abs=late * np.ptp(known) / 2.0) and late < 0.006
     assert found.surplus < 1e-4
-    (said,) = ropes.part(scene, found).figures["ropes"]
+    (said,) = ropes.ropes_part(scene, found).figures["ropes"]
     ends = [5.0 - scene.paths["fly"].value(t) for t in (0.0, scene.time.end)]
     assert (said["name"], said["follows"], said["length"]) == ("fly", None, pytest.approx(max(ends)))
-    (pushed,) = ropes.part(scene, found).grave
+    (pushed,) = ropes.ropes_part(scene, found).grave
     assert pushed.startswith(f"the rope of fly would have to push with up to {force.max() / 1e3:.3g} kN at ")
     pulls = replace(found, slider_force=found.slider_force + force.max(), force_peaks=None)
-    assert force.max() > 0.0 and not ropes.part(scene, pulls).grave
+    assert force.max() > 0.0 and not ropes.ropes_part(scene, pulls).grave
     assert said["stiffness"] == pytest.approx(2e6 / max(ends)) and said["force"]["min"] == pytest.approx(-force.max())
 
 
@@ -319,7 +321,7 @@ def test_a_chain_of_ropes_gives_way_alike_in_all_simulators(tmp_path: Path) -> N
 
 
 def test_where_nothing_follows_there_are_none(simulated) -> None:
-    assert ropes.forces(pmr.load_scene("boom_four"), simulated[1]) == {}
+    assert ropes.rope_forces(pmr.load_scene("boom_four"), simulated[1]) == {}
 
 
 @pytest.mark.slow
@@ -330,4 +332,4 @@ def test_a_rope_that_bears_round_off_does_not_push(simulated) -> None:
     for size, said in ((-1e-15, 0), (-1.0, 2)):
         forces = response.slider_force.copy()
         forces[:, drives] = size
-        assert len(ropes.part(scene, replace(response, slider_force=forces, force_peaks=None)).grave) == said
+        assert len(ropes.ropes_part(scene, replace(response, slider_force=forces, force_peaks=None)).grave) == said

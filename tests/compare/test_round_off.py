@@ -13,9 +13,9 @@ from scipy.interpolate import PPoly
 
 from pmr import scene as scenes
 from pmr.compare.errors import force_round_off, round_off
-from pmr.compare.evaluation import respond as of_sections
-from pmr.compare.indicators import chi
-from pmr.compare.runs import run_from_start
+from pmr.compare.estimate import chi
+from pmr.compare.outputs import run_from_start
+from pmr.compare.responses import respond as of_sections
 from pmr.pipeline import reduce, run
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Constant

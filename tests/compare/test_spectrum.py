@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmr.compare.spectrum import band, error_below
+from pmr.compare.errors import band, error_below
 
 STEP = 1e-3
 T = np.arange(2000) * STEP

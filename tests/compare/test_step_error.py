@@ -18,9 +18,8 @@ from oracle import flexible, full_body, paper_basis, project, rich_body
 from pmr import scene as scenes
 from pmr.compare import step_error as step_errors
 from pmr.compare.errors import relative_error
-from pmr.compare.halved_steps import Ladder, Stepped
-from pmr.compare.runs import run_from_start
-from pmr.compare.step_error import LIMIT, StepError, summary, warnings
+from pmr.compare.outputs import run_from_start
+from pmr.compare.step_error import STEP_LIMIT, Ladder, StepError, Stepped, step_summary, step_warnings
 from pmr.errors import SimulationError
 from pmr.pipeline import reduce, run
 from pmr.reduced.model import ReducedModel
@@ -88,17 +87,17 @@ def test_a_coarse_step_is_said_with_the_band_of_load_and_motion() -> None:
     found = step_error(model, driven(REST, load, stepping))
     assert found.beam > 0.3 and found.settled and 2.0 < found.band < 20.0
     natural = np.array([[2.0, 60.0], [1.0, 50.0]])
-    (line,) = warnings(found, stepping, [("load F", load)], natural)
+    (line,) = step_warnings(found, stepping, [("load F", load)], natural)
     for words in ("step of 0.5 s is too coarse", "load F goes up to 5 Hz, 0.4 steps a period", "the motion goes up to",
                   "number 1, 1 Hz and above", "bring the error below 2 %"):  # fmt: skip
         assert words in line
     with catch_warnings():  # of modes that a reduced model hasn't at any place
         simplefilter("error")
         fewer = np.column_stack([natural, [np.nan, np.nan]])
-        assert warnings(found, stepping, [("load F", load)], fewer) == [line]
-    assert found.enough is not None and true_error(model, REST, load, TimeStepping(10.0, found.enough), 16) < LIMIT
+        assert step_warnings(found, stepping, [("load F", load)], fewer) == [line]
+    assert found.enough is not None and true_error(model, REST, load, TimeStepping(10.0, found.enough), 16) < STEP_LIMIT
     fine = TimeStepping(10.0, found.enough)
-    assert warnings(step_error(model, driven(REST, load, fine)), fine, [("load F", load)], natural) == []
+    assert step_warnings(step_error(model, driven(REST, load, fine)), fine, [("load F", load)], natural) == []
 
 
 def test_two_runs_that_both_miss_a_tone_are_not_believed() -> None:
@@ -113,7 +112,7 @@ def test_a_tone_beyond_all_steps_leaves_the_error_unknown() -> None:
     load = Sine(amplitude=50.0, frequency=1.024e9)
     found = step_error(model, driven(PATH, load, stepping))
     assert not found.settled and found.enough is None
-    (line,) = warnings(found, stepping, [("load F", load)], np.empty((0, 0)))
+    (line,) = step_warnings(found, stepping, [("load F", load)], np.empty((0, 0)))
     assert "at least" in line and "don't settle it" in line
 
 
@@ -131,7 +130,7 @@ def test_where_rows_only_push_and_runs_part_the_mean_is_compared(by: str) -> Non
     found = step_error(model, driven(REST, PUSHED[by], stepping))
     assert found.by == by and (found.largest is None) == (by == "mean") and found.beam > 1e-3
     if by == "mean":
-        (line,) = warnings(found, stepping, [], np.empty((0, 0)))
+        (line,) = step_warnings(found, stepping, [], np.empty((0, 0)))
         assert "in the mean (motions part after an impact" in line
     else:  # a run that chooses the parts of its steps, against shorter steps in as many parts throughout
         given = TimeStepping(10.0, 1e-3)
@@ -173,13 +172,13 @@ def test_the_band_that_was_left_out_is_the_same_afterwards(pushes: bool) -> None
 
 def test_a_small_error_that_is_not_settled_is_not_called_too_coarse() -> None:
     found = StepError(1e-2, 2e-2, None, 1e-4, False, "mean", None, 5.0, 0.1)
-    (line,) = warnings(found, TimeStepping(1.0, 1e-3), [], np.empty((0, 0)))
+    (line,) = step_warnings(found, TimeStepping(1.0, 1e-3), [], np.empty((0, 0)))
     assert "has an error that is not settled: it is at least 1 %" in line and "too coarse" not in line
-    assert warnings(replace(found, settled=True), TimeStepping(1.0, 1e-3), [], np.empty((0, 0))) == []
+    assert step_warnings(replace(found, settled=True), TimeStepping(1.0, 1e-3), [], np.empty((0, 0))) == []
 
 
 def test_a_run_too_long_to_be_repeated_is_said(monkeypatch) -> None:
-    monkeypatch.setattr("pmr.compare.halved_steps.LONGEST", 1000)
+    monkeypatch.setattr("pmr.compare.step_error.LONGEST", 1000)
     with pytest.raises(SimulationError, match="half the step is too long"):
         step_error(MODELS["residual flexibility"][0], driven(PATH, SLOW, TimeStepping(1.0, 1e-3)))
 
@@ -214,19 +213,23 @@ def test_second_order_is_summed_to_its_end() -> None:
 
 def test_what_the_summary_holds() -> None:
     found = StepError(0.3, 0.2, None, 1e-4, False, "mean", None, 5.0, 0.1)
-    figures = summary(found)
-    assert figures["beam"] == 0.3 and figures["limit"] == LIMIT and figures["reason"] is None
-    without = summary(None, "march failed")
+    figures = step_summary(found)
+    assert figures["beam"] == 0.3 and figures["limit"] == STEP_LIMIT and figures["reason"] is None
+    without = step_summary(None, "march failed")
     assert without["beam"] is None and without["reason"] == "march failed" and set(without) == set(figures)
-    with_forces = summary(replace(found, others={"reaction": 0.4}, unsettled=("reaction",)), not_covered=["stresses"])
+    with_forces = step_summary(
+        replace(found, others={"reaction": 0.4}, unsettled=("reaction",)), not_covered=["stresses"]
+    )
     assert with_forces == {**figures, "reaction": 0.4, "not_covered": ["stresses"]}
 
 
 def test_a_step_that_is_far_off_in_another_kind_alone_is_a_warning() -> None:
     found = StepError(1e-3, 1e-3, None, 1e-4, True, "motion", 1e-3, 5.0, 0.1, {"pad_force": 0.05, "velocity": 0.3})
-    (said,) = warnings(found, TimeStepping(1.0, 1e-3), [], np.empty((1, 0)))
+    (said,) = step_warnings(found, TimeStepping(1.0, 1e-3), [], np.empty((1, 0)))
     assert said == "the time step of 0.001 s is off by 30 % in velocities, as steps of 0.0001 s show"
-    assert warnings(replace(found, others={"pad_force": 0.05}), TimeStepping(1.0, 1e-3), [], np.empty((1, 0))) == []
+    assert (
+        step_warnings(replace(found, others={"pad_force": 0.05}), TimeStepping(1.0, 1e-3), [], np.empty((1, 0))) == []
+    )
 
 
 COARSE = ["time.end=1.0", "mesh.elements=20", "slider.path={kind='ramp',times=[0.1,0.9],values=[1.25,1.6]}",
@@ -244,7 +247,7 @@ def test_a_run_whose_step_is_too_coarse_by_ten_says_so(load_scene, name: str) ->
         return outcome.result.summary, chapter(outcome.result, "case-1")
 
     fine, coarse = with_step_of(2e-3), with_step_of(2e-2)
-    assert fine[0]["step"]["beam"] < LIMIT < coarse[0]["step"]["beam"]
+    assert fine[0]["step"]["beam"] < STEP_LIMIT < coarse[0]["step"]["beam"]
     assert [sum("too coarse" in line for line in found["warnings"]) for found, _ in (fine, coarse)] == [0, 1]
     assert coarse[0]["errors"]["reduced_vs_full"]["beam"] < 0.02  # both models miss the same
     for summary_, shown in (fine, coarse):
@@ -257,7 +260,7 @@ def test_where_march_fails_the_reason_stands_in_place_of_the_figure(load_scene, 
     def fails(*_: object, **__: object) -> None:
         raise SimulationError("march failed at step 3")
 
-    monkeypatch.setattr("pmr.compare.estimated.step_error.step_error", fails)
+    monkeypatch.setattr("pmr.compare.estimated.step_error", fails)
     outcome = run(load_scene("evolved_residual", [*COARSE, "simulation.simulators=['march']", "compare.against=[]"]))
     assert outcome is not None
     summary_ = outcome.result.summary

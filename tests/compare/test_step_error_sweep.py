@@ -12,8 +12,8 @@ from alone import step_error
 from random_scenes import random_scene
 
 from pmr.compare.errors import relative_error
-from pmr.compare.halved_steps import NEGLIGIBLE, SETTLED
 from pmr.compare.simulated import simulate
+from pmr.compare.step_error import NEGLIGIBLE, SETTLED
 from pmr.pipeline import reduce
 from pmr.scene import Scene
 from pmr.simulation import Excitation

@@ -3,9 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmr.compare.summary import Part, combine_parts, origin
+from pmr.compare.summary import origin_part
 from pmr.fullmodel.build import build, warnings
 from pmr.pipeline import run
+from pmr.results.run import Part, combine_parts
 
 
 def test_figures_and_warnings_of_all_parts_are_gathered_in_order() -> None:
@@ -27,7 +28,7 @@ def test_no_part_overwrites_what_another_one_says() -> None:
 
 def test_libraries_stand_beside_the_versions(load_scene) -> None:
     scene = load_scene("paper_simple", [])
-    figures = origin(scene, {"dolfinx": "0"}).figures
+    figures = origin_part(scene, {"dolfinx": "0"}).figures
     assert figures["versions"]["dolfinx"] == "0" and "numpy" in figures["versions"]
     assert (figures["title"], figures["scene_hash"]) == (scene.title, scene.hash)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pmr.compare.trust import ALTERNATING, absent, distrust, doubts
+from pmr.compare.trust import ALTERNATING, distrust, doubts, missing_references
 from pmr.errors import InputError, SimulationError
 from pmr.fem.compat import MPI
 from pmr.files import npz
@@ -51,8 +51,8 @@ def test_what_can_be_trusted() -> None:
 
 def test_warnings() -> None:
     smooth = np.sin(20.0 * T)
-    assert absent({}) == doubts(response(smooth, 0.01)) == []
-    [reference], [reduced] = absent({"ancf": "it broke"}), doubts(response(smooth, 0.3))
+    assert missing_references({}) == doubts(response(smooth, 0.01)) == []
+    [reference], [reduced] = missing_references({"ancf": "it broke"}), doubts(response(smooth, 0.3))
     assert reference == "no reference by the ANCF cable: it broke"
     assert reduced.startswith("the reduced model's motion is not to be trusted: 30 % of its largest energy")
 

@@ -14,7 +14,7 @@ from on_pads import beam_on_pads, flexible_on_pads
 from one_body import displacement
 from oracle import enriched, paper_basis, project, rich_body
 
-from pmr.compare.velocities import force_rates, load_rates, velocity
+from pmr.compare.outputs import force_rates, load_rates, output_rates
 from pmr.scene.signals import Sine, SmoothRamp
 from pmr.simulation import TimeStepping
 
@@ -38,9 +38,9 @@ def test_they_are_the_rates_of_outputs_and_forces(pads: Array | None) -> None:
     model = replace(enriched(FULL, 5), pads=pads)
     run = one_body.simulate(model, EXTENSION)
     y = displacement(model, run.q, run.s, run.multipliers, loads_at(LOADS, run.t))
-    found, late = velocity(model, run, EXTENSION)[1:-1], slice(300, None)  # the start strikes
+    found, late = output_rates(model, run, EXTENSION)[1:-1], slice(300, None)  # the start strikes
     assert np.abs(found - rate(y))[late].max() < 2e-4 * np.abs(found).max()
-    assert np.abs(run.v @ model.outputs.T - velocity(model, run, EXTENSION)).max() > 1e-2 * np.abs(found).max()
+    assert np.abs(run.v @ model.outputs.T - output_rates(model, run, EXTENSION)).max() > 1e-2 * np.abs(found).max()
     z = force_rates(model, run, EXTENSION.path_rate, load_rates(model, EXTENSION))
     assert np.abs(z.rate[1:-1] - rate(run.multipliers))[late].max() < 1e-3 * np.abs(z.rate).max()
 
@@ -56,13 +56,13 @@ def test_rows_that_are_open_have_no_force_that_changes() -> None:
     assert not z.rate[~pushes].any() and 0.1 < pushes.mean() < 0.9
     y = displacement(model, run.q, run.s, run.multipliers, loads_at(loads, run.t))
     same = np.all((pushes[2:] == pushes[1:-1]) & (pushes[:-2] == pushes[1:-1]), axis=1)
-    found = velocity(model, run, excitation)[1:-1]
+    found = output_rates(model, run, excitation)[1:-1]
     assert np.abs(found - rate(y))[same].max() < 2e-4 * np.abs(found).max()
 
 
 def test_without_flexibility_they_are_those_of_the_coordinates() -> None:
     model = project(FULL, paper_basis(FULL, 3, 3, 6))
     run = one_body.simulate(model, SHORT)
-    assert np.array_equal(velocity(model, run, SHORT), run.v @ model.outputs.T)
+    assert np.array_equal(output_rates(model, run, SHORT), run.v @ model.outputs.T)
     with pytest.raises(ValueError, match="without residual flexibility"):
         force_rates(model, run, SHORT.path_rate, load_rates(model, SHORT))

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from pmr import scene as scenes
-from pmr.compare import memory, responses
-from pmr.compare.boom_figures import frequency_map
-from pmr.compare.evaluation import respond
-from pmr.compare.pad_forces import part
+from pmr.compare import responses
+from pmr.compare.forces import forces_part
+from pmr.compare.frequencies import frequency_map
+from pmr.compare.responses import respond
 from pmr.errors import InputError
 from pmr.export.paraview import Travelling, write_series
 from pmr.fem.compat import MPI
@@ -29,7 +29,7 @@ from pmr.reduction.bodies import reduce_bodies
 from pmr.report.document import write_report
 from pmr.results import RunResult
 from pmr.results import load as load_frames
-from pmr.results.convention import outputs_of
+from pmr.results.response import outputs_of
 from pmr.results.tables import tables
 from pmr.scene import Scene
 from pmr.simulation import Excitation
@@ -389,7 +389,7 @@ def test_a_rigid_cylinder_pushes_with_mass_times_acceleration_weight_along_the_b
         resisting = 0.1 * (on_mouth + np.abs(weight - on_mouth))
         added = found.other(f"friction of {name}")
         assert np.abs(added - resisting)[slides].max() < 1e-3 * np.abs(resisting).max()
-    listed = {one["name"]: one for one in part(boom, system, found).figures["cylinders"]}
+    listed = {one["name"]: one for one in forces_part(boom, system, found).figures["cylinders"]}
     assert listed["cylinder of fly"]["max"] == found.force("force of cylinder of fly", 0).max()
     assert listed["cylinder of middle"]["friction"] == pytest.approx(np.abs(resisting).max(), rel=1e-3)
 
@@ -445,7 +445,9 @@ def test_a_boom_that_does_not_fit_into_memory_is_refused_before_it_begins(monkey
     """Of several bodies all states are kept: with many steps that is said before anything is simulated."""
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", ["time.step=1e-5", "section.mesh.elements=6"])
     few = boom.model_copy(update={"time": boom.time.model_copy(update={"step": 1e-3})})
-    assert memory.needed_bytes(boom, 100, 30) / memory.needed_bytes(few, 100, 30) == pytest.approx(100.0, rel=0.01)
+    assert responses.needed_bytes(boom, 100, 30) / responses.needed_bytes(few, 100, 30) == pytest.approx(
+        100.0, rel=0.01
+    )
     monkeypatch.setattr("pmr.errors.environment.available_memory", lambda: 10**8)
     with pytest.raises(InputError, match="steps take about .* are free; at most"):
         run(boom)

@@ -10,7 +10,7 @@ from newton_euler import needed, of_masses
 
 import pmr
 from pmr import scene as scenes
-from pmr.compare.evaluation import respond
+from pmr.compare.responses import respond
 from pmr.compare.simulated import excitation_in
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies

@@ -10,8 +10,7 @@ import pytest
 from ways.kinds import KINDS
 
 import pmr
-from pmr.compare import responses
-from pmr.compare.responses import MARCHED_UP_TO, full_simulator
+from pmr.compare.responses import MARCHED_UP_TO, exudyn, full_simulator
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullSystem
@@ -104,7 +103,7 @@ def test_pads_that_push_are_followed_in_the_parts_that_the_reduced_model_chose(
     """In full order by PETSc, and of the reduced model by Exudyn."""
     scene = pmr.load_scene(KINDS["J"].written(tmp_path), ["simulation.full=petsc", "time.end=0.02"])
     scene = scene.model_copy(update={"simulation": scene.simulation.model_copy(update={"simulators": SIMULATORS})})
-    asked, observed, in_exudyn = dict[str, TimeStepping](), full_order.observe, responses.exudyn.simulate_system
+    asked, observed, in_exudyn = dict[str, TimeStepping](), full_order.observe, exudyn.simulate_system
 
     def observe(system: FullSystem, excitation: Excitation, *more: Any, **named: Any) -> History:
         asked["petsc"] = excitation.stepping
@@ -115,7 +114,7 @@ def test_pads_that_push_are_followed_in_the_parts_that_the_reduced_model_chose(
         return in_exudyn(system, excitation, *more)
 
     monkeypatch.setattr(full_order, "observe", observe)
-    monkeypatch.setattr(responses.exudyn, "simulate_system", simulated, raising=False)
+    monkeypatch.setattr(exudyn, "simulate_system", simulated, raising=False)
     pmr.run(scene)
     assert len(asked["petsc"].schedule) == 20  # one number a step, instead of the most for all of them
     assert asked["exudyn"].schedule == asked["petsc"].schedule

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import pmr
-from pmr.compare import ropes
+from pmr.compare import forces as ropes
 from pmr.compare.model_part import Motion, model_part
 from pmr.fem.compat import MPI
 from pmr.pipeline.model_part import measure_model
@@ -45,7 +45,7 @@ def test_the_pivot_holds_the_roll_of_the_basket_and_one_cylinder_all_ropes() -> 
     response = pmr.simulate(boom, pmr.reduce(boom).system)
     roll = response.other("reaction of base: pivot rx")[0]
     assert abs(roll) == pytest.approx(400.0 * 9.80665 * 0.5 * 0.8, rel=1e-6)
-    found = {name: force[0] for name, force in ropes.forces(boom, response).items()}
+    found = {name: force[0] for name, force in ropes.rope_forces(boom, response).items()}
     own = {name: response.force(f"force of cylinder of {name}", 0)[0] for name in found}
     assert found["fly"] == own["fly"] and found["second"] == own["second"] + own["fly"]
     assert found["first"] == pytest.approx(sum(own.values()), rel=1e-12)

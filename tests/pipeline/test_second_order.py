@@ -13,10 +13,9 @@ from scipy.optimize import brentq
 
 import pmr
 from pmr import scene as scenes
-from pmr.compare.boom_figures import frequency_map
-from pmr.compare.evaluation import respond
+from pmr.compare.frequencies import frequencies_on_way, frequency_map, places_on_way
+from pmr.compare.responses import respond
 from pmr.compare.saved_model import simulate_saved
-from pmr.compare.way import frequencies, places_on_way
 from pmr.errors import InputError
 from pmr.fullmodel.build import build_bodies
 from pmr.pipeline.full_order import FullOrder
@@ -52,7 +51,7 @@ def natural(scene: Scene) -> Frequencies:
     full = FullOrder.of(scene, {name: one.model for name, one in made.built.items()})
     at = places_on_way(scene, excitation, full.whole.size)
     c = excitation.amplitudes(list(excitation.terms), at.t)
-    found = frequencies(scene, made.system, excitation, at)
+    found = frequencies_on_way(scene, made.system, excitation, at)
     return replace(found, models={**found.models, "full": full.frequencies(at.s, at.count, c)})
 
 

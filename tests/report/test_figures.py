@@ -17,7 +17,7 @@ from pmr.report.figures import shapes, sketch
 from pmr.report.figures.canvas import HALF, PENS, SHADE, WIDE, log_axis, octave_axis, sheet, style, svg
 from pmr.report.figures.histories import Span, Timeline, band, drawn_history, sliding_spans
 from pmr.results import Paths, RunResult
-from pmr.results.parts import FrequencyMap
+from pmr.results.run import FrequencyMap
 
 LABELS = {
     "position": ["Slider position in m", "Time in s"],

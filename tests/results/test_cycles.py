@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmr.results.extremes import SMALLEST, cycles
+from pmr.results.fatigue import SMALLEST, cycles
 
 
 def test_the_example_of_the_standard() -> None:

@@ -13,7 +13,7 @@ from boom_results import boom, make_space  # noqa: F401 fixtures
 from pmr.files import npz
 from pmr.report.columns import forces, tips
 from pmr.results import Energy, Response, RunResult
-from pmr.results.convention import outputs_of
+from pmr.results.response import outputs_of
 from pmr.system.body import force_outputs, kinds_of, length_outputs, other_outputs
 
 T = np.linspace(0.0, 1.0, 4)

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from pmr.results import Energy, Response
-from pmr.results.extremes import Extreme, Extremes
-from pmr.results.outputs import KINDS
 from pmr.results.quantities import MEASURES, QUANTITIES, label_of_error, with_unit
+from pmr.results.response import KINDS, Extreme, Extremes
 from pmr.scene.asked import OutputKind
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import pmr
-from pmr.compare.utilisation import utilisation
+from pmr.compare.summary import utilisation_part
 from pmr.reduction.section_forces import PIECES
 from pmr.results import RunResult
 from pmr.results.tables import tables
@@ -83,16 +83,16 @@ def test_each_region_is_compared_with_its_own_yield_stress() -> None:
     scene = load_any(BOOM, QUICK)
     plain = load_any(BOOM, [one for one in QUICK if "yield" not in one])
     stresses = {"middle": record(top=300e6, bottom=200e6)}
-    assert utilisation(plain, stresses).figures == {}
-    found = utilisation(scene, stresses)
+    assert utilisation_part(plain, stresses).figures == {}
+    found = utilisation_part(scene, stresses)
     assert found.figures["utilisation"]["reduced"]["region"] == "top" and not found.grave
     softer = with_region(scene, "bottom", 180e6)
-    found = utilisation(softer, stresses)
+    found = utilisation_part(softer, stresses)
     assert found.figures["utilisation"]["reduced"]["region"] == "bottom"
     assert found.figures["utilisation"]["reduced"]["value"] == pytest.approx(200.0 / 180.0)
     assert len(found.grave) == 1 and "1.11 times the yield stress" in found.grave[0]
     stiffer = with_region(scene, "top", 900e6)
-    assert utilisation(stiffer, stresses).figures["utilisation"]["reduced"]["region"] == "bottom"
+    assert utilisation_part(stiffer, stresses).figures["utilisation"]["reduced"]["region"] == "bottom"
 
 
 def with_region(scene: Scene, region: str, yield_stress: float) -> Scene:

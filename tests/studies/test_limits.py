@@ -11,7 +11,7 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 from textbook import beam_matrices
 
-from pmr.compare.runs import run_from_start
+from pmr.compare.outputs import run_from_start
 from pmr.errors import InputError
 from pmr.reduction.bodies import join_bodies, reduce_bodies
 from pmr.results.quantities import mises

@@ -19,8 +19,8 @@ from matplotlib.lines import Line2D
 from published import speed
 
 import pmr
-from pmr.compare.cable import simulate_cable
-from pmr.compare.runs import run_from_start
+from pmr.compare.outputs import run_from_start
+from pmr.compare.responses import simulate_cable
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
 from pmr.report.figures.canvas import INK, MUTED, WIDE, drawing, key, log_x, sheet
 from pmr.report.numbers import SPACE, percent, plain, quantity, significant

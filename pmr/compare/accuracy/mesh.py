@@ -153,7 +153,7 @@ def once(scene: Scene) -> Scene:
 def part_of(of_scene: Trials, other: Trials, sizes: Sizes, steps: int, share: float) -> dict[str, float]:
     """Part of the mesh by kind, fractions of `own`: a `share` of what the same model on the other mesh is apart.
 
-    Both are hardly damped by the scheme, as what runs are compared with (`pmr.compare.halved_steps`).  Raises
+    Both are hardly damped by the scheme, as what runs are compared with (`pmr.compare.step_error`).  Raises
     InputError or SimulationError as for `pmr.simulation.Simulator`.
     """
     (mine, floors), (theirs, _) = of_scene.run_undamped(sizes, steps), other.run_undamped(sizes, steps)

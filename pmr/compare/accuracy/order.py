@@ -13,17 +13,17 @@ import numpy as np
 from pmr.compare.accuracy import mesh
 from pmr.compare.accuracy.search import best_within, is_within, reach, reasons, share, thin_out
 from pmr.compare.accuracy.trials import Trial, Trials
-from pmr.compare.coverage import IMPACTS, JUMPS
 from pmr.compare.estimate import no_estimate
+from pmr.compare.trust import LOAD_JUMPS, SLIDER_IMPACTS
 from pmr.errors import InputError
 from pmr.errors.text import rounded
 from pmr.reduced.attachment import as_simulated
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.asked import Accuracy, Budget
+from pmr.scene.keys import ALONE
 from pmr.scene.mechanism import frame_terms
 from pmr.simulation import Excitation
-from pmr.system.contacts import ALONE
 from pmr.system.from_scene import system_of
 from pmr.system.system import System
 
@@ -104,7 +104,9 @@ class Search:
         if lacking := [kind for kind in trials.wanted if kind not in trials.kinds]:
             _refuse(scene, f"no {lacking[0]}, or a scene with {_NEEDED.get(lacking[0], 'such outputs')}, is allowed")
         if "pad_force" in trials.wanted and trials.impulsive:
-            _refuse(scene, f"no pad_force, or a path without kinks, is allowed; there is no estimate of {IMPACTS}")
+            _refuse(
+                scene, f"no pad_force, or a path without kinks, is allowed; there is no estimate of {SLIDER_IMPACTS}"
+            )
         self._coarsest = trials.coarsest(scene.recovery.every if scene.recovery else None)
         self.mesh: Mapping[str, float] | None = None
         if scene.budget is not None:
@@ -113,8 +115,10 @@ class Search:
             sizes = trials.own if len(trials.own) > 1 else trials.uniform(scene.reduction.coordinates)
             self.trial = reach(trials, sizes, scene.time.steps, self._allowed_errors)
         unknown = {} if self.trial.estimate is None else self.trial.estimate.unknown
-        if "pad_force" in trials.wanted and unknown.get("pad_force") == JUMPS:
-            _refuse(scene, f"no pad_force, or loads that set in smoothly, are allowed; there is no estimate of {JUMPS}")
+        if "pad_force" in trials.wanted and unknown.get("pad_force") == LOAD_JUMPS:
+            _refuse(
+                scene, f"no pad_force, or loads that set in smoothly, are allowed; there is no estimate of {LOAD_JUMPS}"
+            )
         self._seconds = time.perf_counter() - begin
 
     @property

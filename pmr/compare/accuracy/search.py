@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 
 from pmr.compare.accuracy.trials import Sizes, Trial, Trials
-from pmr.compare.halved_steps import ROUGH
+from pmr.compare.step_error import ROUGH
 from pmr.errors import InputError
 from pmr.errors.text import rounded
 from pmr.scene.asked import Budget

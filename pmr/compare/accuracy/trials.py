@@ -12,22 +12,32 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.booms import force_kinds_of
 from pmr.compare.estimate import MARGIN, Estimate, estimate
-from pmr.compare.halved_steps import reference_rho
-from pmr.compare.outputs import KINDS, Floors, Outputs, differences, impulsive
-from pmr.compare.runs import between_kinks, in_parts, is_recorded, outputs, run_from_start, without_rates
-from pmr.compare.step_error import StepError, step_error
+from pmr.compare.outputs import (
+    OUTPUT_KINDS,
+    Floors,
+    Outputs,
+    between_kinks,
+    differences,
+    force_kinds_of_system,
+    impulsive,
+    in_parts,
+    is_recorded,
+    outputs_of_run,
+    outputs_without_rates,
+    run_from_start,
+)
+from pmr.compare.step_error import StepError, reference_rho, step_error
 from pmr.errors import SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extend, truncate
+from pmr.scene.keys import ALONE, named
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.reactions import column_names
 from pmr.simulation.stepping import unseen
 from pmr.system.body import length_outputs, other_outputs
-from pmr.system.contacts import ALONE, named
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 
@@ -104,9 +114,9 @@ class Trials:
     def kinds(self) -> tuple[str, ...]:
         """Kinds of outputs that there are."""
         alone, system = ALONE in self._wholes, self.system(self.own)
-        forces = dict.fromkeys(["pad_force"] if alone else force_kinds_of(system))
+        forces = dict.fromkeys(["pad_force"] if alone else force_kinds_of_system(system))
         probes = ["probe"] * any(np.any(other_outputs(model)) for model in self._wholes.values())
-        return tuple(dict.fromkeys((*KINDS[:2], *forces, "velocity", *probes)))
+        return tuple(dict.fromkeys((*OUTPUT_KINDS[:2], *forces, "velocity", *probes)))
 
     @property
     def impulsive(self) -> bool:
@@ -267,11 +277,13 @@ class Trials:
         """Outputs at all steps of a run; forces of sections are zero beside kinks of their extensions."""
         system = self.system(sizes)
         run = run_from_start(system, excitation)
-        run_outputs = outputs(system, run, excitation) if "velocity" in self.wanted else without_rates(system, run)
+        run_outputs = (
+            outputs_of_run(system, run, excitation) if "velocity" in self.wanted else outputs_without_rates(system, run)
+        )
         return between_kinks(system, run_outputs, excitation, excitation.times, excitation.stepping.step)
 
     def run_undamped(self, sizes: Sizes, steps: int) -> tuple[Outputs, Floors]:
-        """Outputs of a run that the scheme hardly damps (`pmr.compare.halved_steps`), and what may be round-off."""
+        """Outputs of a run that the scheme hardly damps (`pmr.compare.step_error`), and what may be round-off."""
         system, excitation = self.system(sizes), self.with_steps(steps)
         grid = excitation.stepping
         stepping = TimeStepping(grid.end, grid.step, reference_rho(system, grid.rho_inf))

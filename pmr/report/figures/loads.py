@@ -18,7 +18,7 @@ from pmr.report.figures.histories import Array, Timeline, curves, largest_of
 from pmr.report.numbers import unit_for, with_sign
 from pmr.report.subject import length, moving_part, offsets, stress_times
 from pmr.results import BodyResult, RunResult
-from pmr.results.outputs import Output
+from pmr.results.response import Output
 from pmr.scene.keys import named
 from pmr.scene.signals import SignalBase
 

@@ -15,7 +15,7 @@ from pmr.report.figures.canvas import drawing
 from pmr.report.figures.load_chart import AtRest, Chart, at_rest, load_chart, pointer_cells
 from pmr.report.numbers import SPACE, plain, quantity
 from pmr.report.studies.finished import FinishedStudy
-from pmr.results.outputs import FORCES
+from pmr.results.response import FORCES
 from pmr.scene.keys import ALONE
 from pmr.studies import charting
 from pmr.studies.cases import LoadCase

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.results.outputs import Output
 from pmr.results.quantities import Columns
+from pmr.results.response import Output
 from pmr.scene import Scene
 from pmr.scene.built import Load
 from pmr.scene.choice import directions

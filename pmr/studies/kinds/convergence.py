@@ -14,11 +14,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator
 
 from pmr import scene as scenes
-from pmr.compare import errors as compare
-from pmr.compare.cable import simulate_cable
-from pmr.compare.evaluation import respond
-from pmr.compare.judged import warnings_of_response
-from pmr.compare.runs import run_from_start
+from pmr.compare.errors import absolute_error, relative_error
+from pmr.compare.outputs import run_from_start
+from pmr.compare.responses import respond, simulate_cable
+from pmr.compare.summary import warnings_of_response
 from pmr.errors import InputError
 from pmr.scene.hints import hints
 from pmr.scene.keys import ALONE
@@ -127,7 +126,7 @@ def _compare_tip(tip: Any, coordinates: int, needs: Mapping[str, TaskResult]) ->
     record: dict[str, Scalar] = {"coordinates": coordinates, "e_abs": None, "e_nrms": None}
     if "finest" in needs:
         finest = needs["finest"].arrays["tip"]
-        record |= {"e_abs": compare.absolute_error(tip, finest), "e_nrms": compare.relative_error(tip, finest)}
+        record |= {"e_abs": absolute_error(tip, finest), "e_nrms": relative_error(tip, finest)}
     return TaskResult(record, {"tip": tip})
 
 

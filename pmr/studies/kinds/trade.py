@@ -21,8 +21,8 @@ from pydantic import Field
 
 from pmr import scene as scenes
 from pmr.compare.errors import relative_error
-from pmr.compare.evaluation import respond
-from pmr.compare.judged import warnings_of_response
+from pmr.compare.responses import respond
+from pmr.compare.summary import warnings_of_response
 from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene
 from pmr.simulation import Excitation, TimeStepping

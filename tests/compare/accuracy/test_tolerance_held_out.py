@@ -17,8 +17,7 @@ import pytest
 from alone import trials
 from tolerance_scenes import KINDS, tolerance_scene, with_tolerance
 
-from pmr.compare.outputs import Floors, Outputs, differences
-from pmr.compare.runs import outputs_from
+from pmr.compare.outputs import Floors, Outputs, differences, outputs_from
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build

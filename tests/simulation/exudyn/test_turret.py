@@ -12,7 +12,7 @@ from turret import Turret
 
 import pmr
 from pmr import scene as scenes
-from pmr.compare.evaluation import respond
+from pmr.compare.responses import respond
 from pmr.compare.simulated import excitation_in
 from pmr.report.columns import body_axes
 from pmr.results import Response
