@@ -58,9 +58,10 @@ def varying(system: System) -> System:
     return replace(system, terms=(*axial(system)[:2], *dashpots))
 
 
-def rubbing(system: System, stiffness: float) -> System:
-    """With pads that rub, off the axis."""
-    rough = [replace(one, friction=0.3, arm=0.18, shear_stiffness=stiffness) for one in system.contacts]
+def rubbing(system: System, stiffness: float, at_rest: float = 0.0) -> System:
+    """With pads that rub, off the axis, at rest by another coefficient; paths move by about `stribeck_speed`."""
+    how = {"friction": 0.3, "arm": 0.18, "shear_stiffness": stiffness, "static_friction": at_rest}
+    rough = [replace(one, **how, stribeck_speed=0.3) for one in system.contacts]
     return replace(system, contacts=tuple(rough))
 
 

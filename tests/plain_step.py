@@ -165,13 +165,16 @@ class Plain:
         """Forces and gaps by the friction that follows from these forces, and that friction."""
         known = self.friction
         assert known is not None and self.travelled is not None
-        limits, new = known.coefficients * np.abs(forces[known.pads]), rubbed.copy()
+        new = rubbed.copy()
         for i, cylinder in enumerate(known.cylinders):
             own = slice(known.first[i], known.first[i + 1])
+            sliding, at_rest, falls_by = known.laws[own].T
+            mu = sliding + (at_rest - sliding) * np.exp(-abs(s[i] - self.travelled[i]) / self.step / falls_by)
+            limits = mu * np.abs(forces[known.pads[own]])
             moved, gives, before = s[i] - self.travelled[i], known.gives[i], rubbed[own].sum()
             if gives > 0.0:
                 moved -= gives * (forces[cylinder] + before - self.drives[i])
-            slid = np.clip(self.rubbed[own] + known.stiffness[own] * moved, -limits[own], limits[own])
+            slid = np.clip(self.rubbed[own] + known.stiffness[own] * moved, -limits, limits)
             new[own] = slid if gives == 0.0 else rubbed[own] + 0.2 * (slid - rubbed[own])  # under-relaxed
         moments = known.moments(new, forces)
         gap = known.gaps(new) - self.assembly.turned_rows(x) @ moments

@@ -320,7 +320,7 @@ def _friction(rows: Arrangement) -> dict[str, NDArray[Any] | str]:
     friction, nothing = rows.friction, np.zeros(0, np.int64)
     if friction is None:
         numbers = ("joint_paths", "joint_cylinders", "pad_contacts")
-        reals = ("joint_gives", "pad_coefficients", "pad_stiffness", "pad_arms")
+        reals = ("joint_gives", "pad_laws", "pad_stiffness", "pad_arms")
         empty = dict.fromkeys(numbers, nothing) | dict.fromkeys(reals, np.zeros(0))
         return {**empty, "first_pad": np.zeros(1, np.int64)}
     return {
@@ -329,7 +329,7 @@ def _friction(rows: Arrangement) -> dict[str, NDArray[Any] | str]:
         "joint_gives": friction.gives,
         "first_pad": friction.first,
         "pad_contacts": friction.pads,
-        "pad_coefficients": friction.coefficients,
+        "pad_laws": friction.laws,
         "pad_stiffness": friction.stiffness,
         "pad_arms": friction.arms,
     }

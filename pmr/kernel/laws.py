@@ -153,22 +153,32 @@ class JointCylinder(NamedTuple):
 
 
 def slide_pads(
-    stiffness: Array, coefficients: Array, forces: Array, old: Array, displacement: float, cylinder: JointCylinder
-) -> Array:
-    """Friction (n,) N at the end of a step of a joint's pads, whose path has moved by `displacement` m.
+    stiffness: Array,
+    laws: Array,
+    forces: Array,
+    old: Array,
+    displacement: float,
+    speed: float,
+    cylinder: JointCylinder,
+) -> tuple[Array, Array]:
+    """Friction (n,) N of a joint's pads at the end of a step, and limits (n,) N at which they slide.
 
     Parameters
     ----------
-    stiffness, coefficients : (n,) arrays
-        Along the boom while a pad sticks, in N/m; Coulomb's.
+    stiffness : (n,) array, N/m
+        Along the boom while a pad sticks.
+    laws : (n, 3) array
+        Constants of the pads' laws of friction (`pmr.system.contacts.friction_law`).
     forces, old : (n,) arrays, N
         With which pads press, and their friction at the end of the last step (`pmr.system.contacts`).
+    displacement, speed : float
+        By which the path has moved in the step, in m, and how fast, in m/s.
     """
-    arrays = [np.ascontiguousarray(array, float) for array in (stiffness, coefficients, forces, old)]
+    arrays = [np.ascontiguousarray(array, float) for array in (stiffness, laws, forces, old)]
     limits, new = np.zeros((2, len(old)))
     joint = ffi.new("pmr_cylinder *", cylinder._asdict())
-    lib.pmr_friction(len(old), *map(_doubles, arrays), displacement, joint, *map(_doubles, (limits, new)))
-    return new
+    lib.pmr_friction(len(old), *map(_doubles, arrays), displacement, speed, joint, *map(_doubles, (limits, new)))
+    return new, limits
 
 
 def _doubles(array: Array) -> Any:

@@ -180,6 +180,8 @@ def _of_joint(scene: Scene, number: int) -> Iterator[Unused]:
         for k, ring in enumerate(getattr(joint, end)):
             if not ring.friction:
                 yield Unused(f"joint.{end}.{k}.shear_stiffness", "", "without friction nothing sticks")
+            if not ring.static_friction:
+                yield Unused(f"joint.{end}.{k}.stribeck_speed", "", "without static_friction it falls from nothing")
     if not is_axial(member_at(scene, number)):
         yield from (
             Unused(f"joint.{key}", "", f"{name} has no coordinates along the boom, and so no {key}")

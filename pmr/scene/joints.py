@@ -30,6 +30,7 @@ from pmr.scene.keys import (
     Quantity,
     Section,
     Size,
+    Speed,
     Stiffness,
     Switch,
     Usual,
@@ -40,6 +41,8 @@ from pmr.scene.structures import PointMass, Probe
 
 #: N/m: of a pad along the boom.
 SHEAR_STIFFNESS = 1e8
+#: m/s: by which friction of a pad falls from that at rest to that of sliding.
+STRIBECK_SPEED = 0.01
 
 
 class JointPads(Section):
@@ -66,6 +69,13 @@ class JointPads(Section):
         default=0.0,
         description="Coulomb's coefficient of friction along the boom",
     )
+    static_friction: Friction = Field(
+        default=0.0,
+        description="Coefficient of friction of pads at rest, from which it falls to that of sliding; 0: no other",
+    )
+    stribeck_speed: Annotated[Speed, Usual(1e-5, 1.0)] = Field(
+        default=STRIBECK_SPEED, description="Speed by which friction falls from that at rest to that of sliding"
+    )
     shear_stiffness: Stiffness = Field(
         default=SHEAR_STIFFNESS, description="Stiffness of each pad along the boom while it sticks"
     )
@@ -74,6 +84,8 @@ class JointPads(Section):
     def _only_what_pushes_has_play(self) -> JointPads:
         if self.clearance and not self.unilateral:
             raise ValueError("a clearance goes with unilateral = true")
+        if self.static_friction and not 0.0 < self.friction <= self.static_friction:
+            raise ValueError(f"static_friction = {self.static_friction:g} is allowed beside a smaller friction")
         strange = (
             [face for face in self.clearance if face not in (self.faces or ())]
             if isinstance(self.clearance, dict)

@@ -169,6 +169,7 @@ class Grip:
     forces: Array = field(default_factory=lambda: np.zeros(0))  # (n,) N
     s: Array = field(default_factory=lambda: np.zeros(0))  # (J,) m: where the paths lead
     drives: Array = field(default_factory=lambda: np.zeros(0))  # (J,) N: of the cylinders
+    limits: Array = field(default_factory=lambda: np.zeros(0))  # (n,) N: at which pads slide
 
     @classmethod
     def at_start(cls, contacts: Sequence[Contact], s: Array, multipliers: Array) -> Grip:
@@ -176,26 +177,28 @@ class Grip:
         law = Friction.of(contacts)
         if law is None:
             return cls()
-        return cls(np.zeros(len(law.pads)), s.copy(), np.where(law.cylinders < 0, 0.0, multipliers[law.cylinders]))
+        none, drives = np.zeros(len(law.pads)), np.where(law.cylinders < 0, 0.0, multipliers[law.cylinders])
+        return cls(none, s.copy(), drives, none.copy())
 
 
-def slide(law: Friction, old: Grip, sums: Array, s: Array, multipliers: Array, matrix: Array) -> Grip:
-    """Grip after a step to s (J,) m with multipliers (m,) N, solved under joints' friction `sums` (J,) N.
+def slide(law: Friction, old: Grip, sums: Array, s: Array, h: float, multipliers: Array, matrix: Array) -> Grip:
+    """Grip after a step of h s to s (J,) m with multipliers (m,) N, solved under joints' friction `sums` (J,) N.
 
     `matrix` (m, m) is that of the multipliers, of which the diagonal counts.
     """
-    forces = np.zeros(len(old.forces))
+    forces, limits = np.zeros((2, len(old.forces)))
     driven = np.where(law.cylinders < 0, 0.0, multipliers[law.cylinders])
     for joint, (c, gives) in enumerate(zip(law.cylinders, law.gives, strict=True)):
         of_joint = slice(law.first[joint], law.first[joint + 1])
         cylinder = JointCylinder(gives, matrix[c, c], driven[joint], sums[joint], old.drives[joint])
         pads, travel = law.pads[of_joint], s[joint] - old.s[joint]
-        forces[of_joint] = slide_pads(
+        forces[of_joint], limits[of_joint] = slide_pads(
             law.stiffness[of_joint],
-            law.coefficients[of_joint],
+            law.laws[of_joint],
             multipliers[pads],
             old.forces[of_joint],
             travel,
+            abs(travel) / h if travel else 0.0,
             cylinder,
         )
-    return Grip(forces, s, driven + law.totals(forces))
+    return Grip(forces, s, driven + law.totals(forces), limits)

@@ -19,12 +19,16 @@ Friction of pads along the boom, in the equations of motion.
 A pad that presses with N, while its section slides out by :math:`\Delta y` in a step, pulls that back with f, and the
 outer one on:
 
-.. math:: f_{n+1} = \max(-\mu |N|, \min(\mu |N|, f_n + \kappa\, \Delta y))
+.. math:: f_{n+1} = \max(-\mu |N|, \min(\mu |N|, f_n + \kappa\, \Delta y)), \qquad
+    \mu = \mu_k + (\mu_s - \mu_k)\, e^{-|\dot s| / v_s}
 
-It sticks, as a spring of the pad's stiffness :math:`\kappa` along the boom, until that would take more than Coulomb's
-:math:`\mu |N|`, and slides at that: an elastic, perfectly plastic element with one state a pad, f itself, and no
-speed in it (Jenkins' element; W. D. Iwan, A distributed-element model for hysteresis, Journal of Applied Mechanics 33,
-1966, 893-900).  What it turns into heat is f times what it slides, :math:`\Delta y - \Delta f / \kappa`.
+It sticks, as a spring of the pad's stiffness :math:`\kappa` along the boom, until that would take more than :math:`\mu
+|N|`, and slides at that: an elastic, perfectly plastic element with one state a pad, f itself (Jenkins' element; W. D.
+Iwan, A distributed-element model for hysteresis, Journal of Applied Mechanics 33, 1966, 893-900).  The coefficient is
+Coulomb's :math:`\mu_k`, or falls to it from that at rest :math:`\mu_s` as the joint's path moves faster (R. Stribeck
+1902; L. C. Bo and D. Pavelescu, The friction-speed relation and its influence on the critical velocity of stick-slip
+motion, Wear 82, 1982, 277-289).  What it turns into heat is f times what it slides, :math:`\Delta y - \Delta f /
+\kappa`.
 
 With :math:`\Lambda` the force of the joint's cylinder of stiffness k, of which :math:`\lambda = \Lambda - \sum f`
 reaches the sections, the pads of a joint slide by the extension and by what the cylinder gives way,
@@ -45,7 +49,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pmr.errors import BEYOND_ENDS, InputError
-from pmr.scene.joints import SHEAR_STIFFNESS
+from pmr.scene.joints import SHEAR_STIFFNESS, STRIBECK_SPEED
 from pmr.scene.keys import ALONE as ALONE
 from pmr.scene.keys import SLIDER as SLIDER
 from pmr.scene.keys import cylinder_of
@@ -84,7 +88,7 @@ class Contact:
     compliance: float = 0.0  # 1/k in m/N; 0 for a rigid one
     # m, of a contact that only pushes: how far the inner place may go before it closes; None: it holds both ways
     clearance: float | None = None
-    friction: float = 0.0  # Coulomb's coefficient along the path (`pmr.system.contacts`)
+    friction: float = 0.0  # coefficient along the path while the contact slides
     kind: str = "pad"  # or ``cylinder``, ``support``, ``straight`` (`pmr.results.response`)
     arm: float = 0.0  # m: of friction, from the axis to the face that the contact presses on
     shear_stiffness: float = SHEAR_STIFFNESS  # N/m: along the path, while it sticks
@@ -92,6 +96,8 @@ class Contact:
     lengthening: float = 0.0
     path: str | None = None
     bears: tuple[tuple[str, float], ...] = ()  # shares of the forces of other contacts, by their names
+    static_friction: float = 0.0  # coefficient at rest; 0: that of sliding
+    stribeck_speed: float = STRIBECK_SPEED  # m/s: by which friction falls from the one to the other
 
     def __post_init__(self) -> None:
         for place in (self.inner, *filter(None, (self.outer,))):
@@ -107,6 +113,10 @@ class Contact:
             raise refusal(self.name, "clearance", self.clearance, "a length from 0 on is allowed")
         if not 0.0 < self.shear_stiffness < np.inf:
             raise refusal(self.name, "shear_stiffness", self.shear_stiffness, "more than 0 N/m is allowed")
+        if self.static_friction and not self.friction <= self.static_friction < np.inf:
+            raise refusal(self.name, "static_friction", self.static_friction, f"{self.friction} or more is allowed")
+        if not 0.0 < self.stribeck_speed < np.inf:
+            raise refusal(self.name, "stribeck_speed", self.stribeck_speed, "more than 0 m/s is allowed")
         if self.outer is not None and self.outer.body == self.inner.body:
             raise refusal(self.name, "outer", self.outer.body, "another body than the inner one, or none, is allowed")
 
@@ -114,6 +124,15 @@ class Contact:
 def refusal(contact: str, key: str, value: object, allowed: str) -> InputError:
     """Error about a contact, by its name."""
     return InputError("system", f"contacts.{contact}.{key}", value, allowed)
+
+
+#: Keys of friction, of a ring of pads in a scene, of a pad and of a contact.
+FRICTION = ("friction", "shear_stiffness", "static_friction", "stribeck_speed")
+
+
+def friction_law(contact: Contact) -> tuple[float, float, float]:
+    """Constants of a contact's law of friction, in the order in which the kernel reads them (src/friction.c)."""
+    return contact.friction, contact.static_friction or contact.friction, contact.stribeck_speed
 
 
 @dataclass(frozen=True)
@@ -129,6 +148,8 @@ class JointPad:
     friction: float = 0.0
     arm: float = 0.0
     shear_stiffness: float = SHEAR_STIFFNESS
+    static_friction: float = 0.0
+    stribeck_speed: float = STRIBECK_SPEED
 
 
 @dataclass(frozen=True)
@@ -178,9 +199,8 @@ class Joint:
                 pad.direction,
                 pad.compliance,
                 pad.clearance,
-                pad.friction,
                 arm=pad.arm,
-                shear_stiffness=pad.shear_stiffness,
+                **{name: getattr(pad, name) for name in FRICTION},
             )
             for pad, inner, outer in (*at_tail, *at_mouth)
         )
@@ -274,7 +294,7 @@ class Friction:
     first: Indices  # (J + 1,): where the pads of each joint begin
     cylinders: Indices  # (J,): numbers of these contacts; -1 of a joint without
     gives: Array  # (J,) m/N: 1/k of these; 0 of a rigid one or none
-    coefficients: Array  # (n,): mu
+    laws: Array  # (n, k): constants of their laws, as `friction_law` has them
     stiffness: Array  # (n,) N/m: kappa
     arms: Array  # (n,) m: e
     count: int  # m
@@ -298,7 +318,7 @@ class Friction:
             np.cumsum([0, *map(len, pads_of_joints)]),
             np.array(cylinders, np.int64),
             np.array([0.0 if k < 0 else contacts[k].compliance for k in cylinders]),
-            np.array([contacts[k].friction for k in pads]),
+            np.array([friction_law(contacts[k]) for k in pads]),
             np.array([contacts[k].shear_stiffness for k in pads]),
             np.array([contacts[k].arm for k in pads]),
             len(contacts),

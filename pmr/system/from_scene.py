@@ -21,7 +21,7 @@ from pmr.scene.keys import ALONE, cylinder_of, named
 from pmr.scene.mechanism import Drive, rope_shares
 from pmr.scene.members import AROUND, POINT, TAIL, WITHIN, as_pads, footprint, member_at, members
 from pmr.system.body import SlidingBody
-from pmr.system.contacts import Contact, Joint, JointPad, Place
+from pmr.system.contacts import FRICTION, Contact, Joint, JointPad, Place
 from pmr.system.system import Body, System, ground_contacts
 from pmr.system.terms import terms_of
 
@@ -123,13 +123,12 @@ def _pads(scene: Scene, number: int, ring: JointPads, called: str, rows: set[str
     """Pads of a ring of a joint whose forces both sections feel: a planar beam does not move sideways."""
     called = " ".join(filter(None, (called, ring.name)))
     compliance = 0.0 if ring.stiffness == "rigid" else 1.0 / ring.stiffness
+    law = {key: getattr(ring, key) for key in FRICTION}
     if ring.faces is None:
         clearance = ring.clearance_on("") if ring.unilateral else None
         for way, direction in {" above": 1.0, " below": -1.0}.items() if ring.unilateral else {"": 1.0}.items():
             arm = _arm(scene.sections[number], "top") if ring.friction else 0.0
-            yield JointPad(
-                called + way, POINT, ring.at, direction, compliance, clearance, ring.friction, arm, ring.shear_stiffness
-            )
+            yield JointPad(called + way, POINT, ring.at, direction, compliance, clearance, arm=arm, **law)
         return
     pads = as_pads(ring, footprint(scene, ring))
     named = pads.model_copy(update={"name": called})  # so are their contacts
@@ -137,7 +136,7 @@ def _pads(scene: Scene, number: int, ring: JointPads, called: str, rows: set[str
         if row in rows:
             clearance = ring.clearance_on(face) if ring.unilateral else None
             arm = _arm(scene.sections[number], face) if ring.friction else 0.0
-            yield JointPad(name, row, ring.at, 1.0, compliance, clearance, ring.friction, arm, ring.shear_stiffness)
+            yield JointPad(name, row, ring.at, 1.0, compliance, clearance, arm=arm, **law)
 
 
 def _arm(part: Part, face: str) -> float:

@@ -182,10 +182,12 @@ def test_below_the_friction_angle_a_section_stays_and_above_it_slides(slope: flo
 
 
 @pytest.mark.slow
-def test_both_simulators_of_full_order_rub_alike() -> None:
-    """Swinging on a cylinder, sliding and stuck."""
+@pytest.mark.parametrize("at_rest", [0.0, 1.5 * MU])
+def test_both_simulators_of_full_order_rub_alike(at_rest: float) -> None:
+    """Swinging on a cylinder, sliding and stuck; with another coefficient at rest, which the path's speed lowers."""
     path = {"kind": "smooth_ramp", "times": [0.0, 0.06], "values": [2.0, 2.03]}
     pads = {"at": AT, "stiffness": 3e8, "unilateral": False, "friction": MU, "shear_stiffness": 1e7}
+    pads |= {"static_friction": at_rest, "stribeck_speed": 0.3} if at_rest else {}
     scene = sliding(path, 0.2, step=4e-4, cylinder=SOFT).model_dump(mode="json", exclude_unset=True)
     for section in scene["sections"]:
         section["body"]["material"] = {}
@@ -211,11 +213,18 @@ def test_both_simulators_of_full_order_rub_alike() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("stiffness", "unilateral"), [(SOFT, False), ("rigid", False), (SOFT, True)])
-def test_exudyn_rubs_as_the_compiled_loop_does(stiffness: float | str, unilateral: bool) -> None:
-    """Stuck at first, then sliding, with what residual flexibility makes of the moments; pads in the same parts."""
+@pytest.mark.parametrize(
+    ("stiffness", "unilateral", "at_rest"),
+    [(SOFT, False, 0.0), ("rigid", False, 0.0), (SOFT, True, 0.0), (SOFT, False, 1.5 * MU), (SOFT, True, 1.5 * MU)],
+)
+def test_exudyn_rubs_as_the_compiled_loop_does(stiffness: float | str, unilateral: bool, at_rest: float) -> None:
+    """Stuck at first, then sliding, with what residual flexibility makes of the moments; pads in the same parts.
+
+    Of pads that have another coefficient at rest, twice as slow as it falls at most: a slide takes more than Coulomb's.
+    """
     path = {"kind": "smooth_ramp", "times": [0.0, 0.06], "values": [2.0, 2.03]}
     pads = {"at": AT, "stiffness": 3e8, "unilateral": unilateral, "friction": MU, "shear_stiffness": 1e7}
+    pads |= {"static_friction": at_rest, "stribeck_speed": 1.5} if at_rest else {}
     data = sliding(path, 0.03, step=1e-3).model_dump(mode="json", exclude_unset=True)
     for section in data["sections"]:
         section["body"]["material"] = {}
@@ -231,6 +240,8 @@ def test_exudyn_rubs_as_the_compiled_loop_does(stiffness: float | str, unilatera
     assert friction is not None and other.friction is not None
     slid = friction.sum(axis=1) > 0.99 * MU * np.abs(march.forces[:, :2]).sum(axis=1)
     assert slid.sum() > 5 and (~slid).sum() > 3
+    pressed_by = np.abs(march.forces[:, : friction.shape[1]]).sum(axis=1)
+    assert bool(at_rest) == np.any(friction.sum(axis=1) > 1.05 * MU * pressed_by)
     bound = 1e-4 if unilateral else 1e-7  # pads let go as Exudyn's scheme has it
     assert other.forces == pytest.approx(march.forces, abs=bound * size)
     assert other.friction == pytest.approx(friction, abs=bound * size)

@@ -137,7 +137,9 @@ def test_friction_of_a_joint_solves_its_equation(seed: int) -> None:
     """Slip x of elements that stick as springs, on a cylinder that gives way less the softer what it pushes is."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(1, 6))
-    kappa, mu = 10.0 ** rng.uniform(4.0, 9.0, n), rng.uniform(0.05, 0.3, n)
+    kappa, mu_k = 10.0 ** rng.uniform(4.0, 9.0, n), rng.uniform(0.05, 0.3, n)
+    mu_s, falls_by, speed = mu_k * rng.choice([1.0, 1.5], n), rng.uniform(0.01, 0.1, n), float(rng.uniform(0.0, 0.1))
+    mu = mu_k + (mu_s - mu_k) * np.exp(-speed / falls_by)
     forces = 10.0 ** rng.uniform(0.0, 6.0, n) * rng.choice([-1.0, 0.0, 1.0], n, p=[0.4, 0.2, 0.4])
     limits = mu * np.abs(forces)
     old = limits * rng.uniform(-1.0, 1.0, n)
@@ -155,5 +157,7 @@ def test_friction_of_a_joint_solves_its_equation(seed: int) -> None:
         x = (low + high) / 2.0
         low, high = (low, x) if x + softness * (friction(x).sum() - given) > slides else (x, high)
     cylinder = JointCylinder(gives, gives + soft, force, given, drive)
-    found = slide_pads(kappa, mu, forces, old, moved, cylinder)
+    laws = np.stack([mu_k, mu_s, falls_by], axis=1)
+    found, found_limits = slide_pads(kappa, laws, forces, old, moved, speed, cylinder)
+    np.testing.assert_allclose(found_limits, limits, rtol=1e-14)
     np.testing.assert_allclose(found, friction(low), rtol=1e-8, atol=1e-9 * limits.max() + 1e-12 * kappa.max() * 1e-3)

@@ -42,6 +42,7 @@ CASES = {
     "terms, coupled damping": lambda: varying(coupled(boom(2))),
     "friction that sticks": lambda: rubbing(boom(2), 3e6),
     "friction that slides": lambda: rubbing(boom(2), 3e7),
+    "friction that falls": lambda: rubbing(boom(2), 3e7, 0.5),
     "friction, pads that push": lambda: rubbing(boom(2, **PUSHING), 3e7),
 }
 

@@ -61,6 +61,7 @@ REFUSED = [
     ("section.joint.tail.0.clearance=0.0124", ""),
     ("section.joint.friction_speed=0.1", "joint.friction_speed = 0.1: no such key is allowed any more: pads stick"),
     ("section.joint.tail.0.friction=50", r"friction = 50.0: a number from 0 to 1 is allowed"),
+    ("section.joint.tail.0.static_friction=0.2", "static_friction = 0.2 is allowed beside a smaller friction"),
     ("sections.fly.supports=[{on='tip',kind='clamped'}]", r"supports\[0\].kind = 'clamped': directions"),
     ("sections.middle.supports=[{on='tip',directions=['x'],stiffness=1e5}]", "directions: directions without x"),
     ("sections.fly.supports=[{on='tip',kind='roller'}]", ""),

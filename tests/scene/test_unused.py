@@ -30,6 +30,7 @@ REFUSED = [
     ("boom_three", "sections.fly.body.box.frame_depth=0.1", r"sections\[2\].body.box.frame_depth: leave it out"),
     ("boom_three", "sections.fly.joint.ratio=2.0", r"sections\[2\].joint.ratio: leave it out: fly follows no other"),
     ("boom_three", "sections.fly.joint.tail.0.shear_stiffness=1e7", r"sections\[2\].joint.tail.0.shear_stiffness:"),
+    ("boom_three", "sections.fly.joint.tail.0.stribeck_speed=0.1", r"sections\[2\].joint.tail.0.stribeck_speed:"),
 ]  # fmt: skip
 
 

@@ -201,8 +201,8 @@ void pmr_extrapolate(pmr_iteration *iteration) { chosen()->extrapolate(iteration
 
 void pmr_scheme_factors(double h, double rho_inf, pmr_factors *factors) { chosen()->factors(h, rho_inf, factors); }
 
-double pmr_friction(int n, const double *kappa, const double *coefficients, const double *forces, const double *old,
-                    double moved, const pmr_cylinder *cylinder, double *limits, double *f)
+double pmr_friction(int n, const double *kappa, const double *laws, const double *forces, const double *old,
+                    double moved, double speed, const pmr_cylinder *cylinder, double *limits, double *f)
 {
-    return chosen()->friction(n, kappa, coefficients, forces, old, moved, cylinder, limits, f);
+    return chosen()->friction(n, kappa, laws, forces, old, moved, speed, cylinder, limits, f);
 }

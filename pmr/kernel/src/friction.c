@@ -2,15 +2,20 @@
 
    A pad that presses with N, while its section slides out by dy in a step, pulls that back with
 
-       f_{n+1} = clip(f_n + kappa dy, -mu |N|, mu |N|):
+       f_{n+1} = clip(f_n + kappa dy, -L, L),    L = mu(v) |N|:
 
-   it sticks as a spring of stiffness kappa, and slides at Coulomb's force (Jenkins' element; Iwan 1966).  With Lambda
+   it sticks as a spring of stiffness kappa, and slides at its law's limit L (Jenkins' element; Iwan 1966) of the speed
+   v = |ds| / h by which its joint's path moves in a step or a part of one.  With Lambda
    the force of the joint's cylinder of stiffness k, of which lambda = Lambda - sum f reaches the sections, the pads
    of a joint slide by y = s - Lambda / k, and the cylinder gives way by sum f / k more, its gap.  On the face that a
    pad touches, an arm e from the axis, friction makes a moment -e sign(lambda) f: the multiplier of a row C' behind
    the contacts.
 
-   A new friction law is a function like `slide`, called in `find_friction`, with its constants in the system's data. */
+   A new law is another `friction_limit`, its constants those of `friction_law` in pmr/system/contacts.py. */
+
+/* Constants of a pad's law: coefficients of a pad that slides and of one at rest, speed in m/s by which it falls from
+   the latter to the former. */
+enum { SLIDING, AT_REST, FALLS_BY };
 
 /* Of the lengths that a slip is found from: what is round-off; and how often it is improved at most. */
 #define SLIP_ROUND_OFF 1e-15
@@ -52,8 +57,19 @@ static double slide(int count, const double *kappa, const double *old, const dou
     return total;
 }
 
-/* Largest friction of a pad that presses with a force. */
-INLINE double friction_limit(double coefficient, double force) { return coefficient * fabs(force); }
+/* Largest friction of a pad that presses with a force, mu(v) |N|, and how it changes with the speed,
+
+       mu(v) = mu_k + (mu_s - mu_k) exp(-v / v_s)
+
+   (Stribeck 1902, in the form of Bo and Pavelescu 1982); Coulomb's law where mu_s = mu_k. */
+INLINE double friction_limit(const double *law, double force, double speed, double *slope)
+{
+    const double more = law[AT_REST] - law[SLIDING];
+    double falls = 0.0;
+    if (more != 0.0) falls = more * exp(-speed / law[FALLS_BY]);
+    if (slope) *slope = more != 0.0 ? -falls / law[FALLS_BY] * fabs(force) : 0.0;
+    return (law[SLIDING] + falls) * fabs(force);
+}
 
 /* New friction of a joint's pads after the old one, with their limits, where the joint's path has moved so far; returns
    its sum. */
@@ -69,11 +85,11 @@ static double slide_joint(int count, const double *kappa, const double *old, con
     return slide(count, kappa, old, limits, moved, softness, c->friction, f);
 }
 
-static double friction_alone(int n, const double *kappa, const double *coefficients, const double *forces,
-                             const double *old, double moved, const pmr_cylinder *c, double *limits, double *f)
+static double friction_alone(int n, const double *kappa, const double *laws, const double *forces, const double *old,
+                             double moved, double speed, const pmr_cylinder *c, double *limits, double *f)
 {
     int j;
-    for (j = 0; j < n; j++) limits[j] = friction_limit(coefficients[j], forces[j]);
+    for (j = 0; j < n; j++) limits[j] = friction_limit(laws + PMR_LAW * j, forces[j], speed, NULL);
     return slide_joint(n, kappa, old, limits, moved, c, f);
 }
 
@@ -108,29 +124,30 @@ static void set_gaps(pmr_state *st)
 /* Friction, its moments and its sums that follow from the present multipliers, which were found under the old ones.
    What counts as small is measured by what all pads could bear: gaps by sum mu |lambda| / k, forces on the modes by
    sum (e mu |lambda|)^2 |C'|^2, of which the largest so far stay. */
-static void find_friction(pmr_state *st)
+static void find_friction(pmr_state *st, double h)
 {
     const pmr_system *y = st->system;
     double gap = 0.0, square = 0.0;
     int i, j;
-    for (j = 0; j < y->pads; j++) {
-        const double *row = st->C + (size_t)(y->contacts + j) * y->modes;
-        const double limit = friction_limit(y->pad_coefficients[j], st->lambda[y->pad_contacts[j]]),
-                     moment = y->pad_arms[j] * limit;
-        st->limits[j] = limit;
-        square += moment * moment * dot(row, row, 0, y->modes);
-    }
     for (i = 0; i < y->joints; i++) {
         const int first = y->first_pad[i], count = y->first_pad[i + 1] - first, k = y->joint_cylinders[i];
+        const double moved = st->s[y->joint_paths[i]] - st->travelled[i];
         pmr_cylinder c = {.gives = y->joint_gives[i], .friction = st->joint_sums[i], .drive = st->drives[i]};
+        for (j = first; j < first + count; j++) {
+            const double *row = st->C + (size_t)(y->contacts + j) * y->modes;
+            const double force = st->lambda[y->pad_contacts[j]];
+            const double limit = friction_limit(y->pad_laws + PMR_LAW * j, force, fabs(moved) / h, NULL);
+            const double moment = y->pad_arms[j] * limit;
+            st->limits[j] = limit;
+            square += moment * moment * dot(row, row, 0, y->modes);
+            if (c.gives > 0.0) gap += c.gives * limit;
+        }
         if (c.gives > 0.0) {
             c.compliance = st->A[k * y->mp + k];
             c.force = st->lambda[k];
-            for (j = first; j < first + count; j++) gap += c.gives * st->limits[j];
         }
-        st->new_sums[i] =
-            slide_joint(count, y->pad_stiffness + first, st->old_friction + first, st->limits + first,
-                        st->s[y->joint_paths[i]] - st->travelled[i], &c, st->friction + first);
+        st->new_sums[i] = slide_joint(count, y->pad_stiffness + first, st->old_friction + first, st->limits + first,
+                                      moved, &c, st->friction + first);
     }
     find_moments(st, st->friction, st->new_moments);
     st->progress.gap_largest = larger(st->progress.gap_largest, gap);
@@ -141,12 +158,13 @@ static int sticks(const pmr_state *st, int pad) { return fabs(st->friction[pad])
 
 /* The same along a seed, with pads that stick or slide going on so: sums and moments by what it makes of multipliers,
    of drivers u (N,) or NULL, and of the old sums. */
-static void follow_friction(pmr_state *st, const double *lambda, const double *u, const double *sums)
+static void follow_friction(pmr_state *st, double h, const double *lambda, const double *u, const double *sums)
 {
     const pmr_system *y = st->system;
     int i, j;
     for (i = 0; i < y->joints; i++) {
-        const double gives = y->joint_gives[i];
+        const double gives = y->joint_gives[i], moved = st->s[y->joint_paths[i]] - st->travelled[i];
+        const double faster = (u ? u[y->joint_paths[i]] : 0.0) * (moved < 0.0 ? -1.0 : 1.0) / h;
         double softness = 0.0, slope = 1.0, slid = u ? u[y->joint_paths[i]] : 0.0, total = 0.0;
         if (gives > 0.0) {
             const int k = y->joint_cylinders[i];
@@ -156,8 +174,11 @@ static void follow_friction(pmr_state *st, const double *lambda, const double *u
         }
         for (j = y->first_pad[i]; j < y->first_pad[i + 1]; j++) {
             const int k = y->pad_contacts[j];
-            const double way = (st->friction[j] < 0.0) == (st->lambda[k] < 0.0) ? 1.0 : -1.0;
-            st->along[j] = way * y->pad_coefficients[j] * lambda[k]; /* of one that slides */
+            const double pushed = st->lambda[k] < 0.0 ? -lambda[k] : lambda[k], way = st->friction[j] < 0.0 ? -1.0 : 1.0;
+            double by_speed, by_force;
+            friction_limit(y->pad_laws + PMR_LAW * j, st->lambda[k], fabs(moved) / h, &by_speed);
+            by_force = friction_limit(y->pad_laws + PMR_LAW * j, 1.0, fabs(moved) / h, NULL);
+            st->along[j] = way * (by_force * pushed + by_speed * faster); /* of one that slides */
             if (sticks(st, j))
                 slope += softness * y->pad_stiffness[j];
             else

@@ -75,7 +75,7 @@ struct pmr_system {
     const double *entry_values;  /* (entries, 4): with amplitudes of 1 */
     /* friction */
     const int32_t *joint_paths, *joint_cylinders, *first_pad, *pad_contacts;
-    const double *joint_gives, *pad_coefficients, *pad_stiffness, *pad_arms;
+    const double *joint_gives, *pad_laws, *pad_stiffness, *pad_arms;
     /* a frame that moves (frame.c); without one there are no motions */
     int32_t motions, quantities, product_count;
     const int32_t *frame_angles;  /* (5): motions that are luffing, slewing, roll, pitch and yaw; less than 0: none */
@@ -215,7 +215,7 @@ typedef struct {
     int (*choose_changes)(int, int32_t *, pmr_search *);
     void (*extrapolate)(pmr_iteration *);
     void (*factors)(double, double, pmr_factors *);
-    double (*friction)(int, const double *, const double *, const double *, const double *, double,
+    double (*friction)(int, const double *, const double *, const double *, const double *, double, double,
                        const pmr_cylinder *, double *, double *);
     size_t (*state_bytes)(const pmr_state *);
     void (*state_save)(const pmr_state *, void *);

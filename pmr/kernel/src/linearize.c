@@ -172,7 +172,7 @@ static void add_seed_loads(const pmr_system *y, const seed *d, double *forces)
 
 /* Forces of terms and friction along a seed, by what it makes of z, z' and multipliers, and of terms by a change of
    amplitudes: 1 if they were so, else the next iterate. */
-static int follow_forces(pmr_state *st, seed *d, const double *of_amplitudes)
+static int follow_forces(pmr_state *st, double h, seed *d, const double *of_amplitudes)
 {
     const pmr_system *y = st->system;
     double change, size, gap = 0.0, gaps = 0.0;
@@ -181,7 +181,7 @@ static int follow_forces(pmr_state *st, seed *d, const double *of_amplitudes)
         find_terms(st, d->z, d->v, st->w_new);
         for (n = 0; n < y->modes; n++) st->w_new[n] += of_amplitudes[n];
     }
-    if (y->pads) follow_friction(st, d->lambda, d->u, d->sums);
+    if (y->pads) follow_friction(st, h, d->lambda, d->u, d->sums);
     set_iterate(st, d->w, d->lambda + y->contacts, d->sums);
     change = residual_square(st, &size);
     for (n = 0; n < y->joints; n++) {
@@ -238,7 +238,7 @@ static int follow_seed(pmr_state *st, const pmr_scheme *c, seed *d, const double
             d->z[n] = d->z_next[n] + c->z_gain * d->acceleration[n];
             d->v[n] = d->v_next[n] + c->v_gain * d->acceleration[n];
         }
-        if ((!y->registers && !y->pads) || follow_forces(st, d, of_amplitudes)) return 0;
+        if ((!y->registers && !y->pads) || follow_forces(st, c->h, d, of_amplitudes)) return 0;
     }
     return 1;
 }

@@ -251,7 +251,7 @@ static int read_arrays(pmr_system *y, char *why)
     TAKE(joint_gives, PMR_NUMBERS, y->joints);
     TAKE(first_pad, PMR_INTEGERS, y->joints + 1);
     TAKE(pad_contacts, PMR_INTEGERS, y->pads);
-    TAKE(pad_coefficients, PMR_NUMBERS, y->pads);
+    TAKE(pad_laws, PMR_NUMBERS, PMR_LAW * y->pads);
     TAKE(pad_stiffness, PMR_NUMBERS, y->pads);
     TAKE(pad_arms, PMR_NUMBERS, y->pads);
     y->quantities = (int32_t)(pmr_block_count(y, "quantity_list") / 3);

@@ -189,7 +189,7 @@ static int revise(pmr_state *st, const pmr_scheme *c, int times)
         find_terms(st, st->z, st->v, st->w_new);
     }
     if (y->pads) {
-        find_friction(st);
+        find_friction(st, c->h);
         rubs = gaps_change(st, bound);
     }
     set_iterate(st, st->w, st->lambda + y->contacts, st->joint_sums);

@@ -196,6 +196,7 @@ class Pads:
             for joint in (() if law is None else law.joints)
         ]
         self.grip = Grip()
+        self.t = 0.0  # s, at which that is
 
     def rows(self, x: Array) -> Rows:
         """At x (1, sides) m."""
@@ -211,11 +212,18 @@ class Pads:
         return np.asarray(np.linalg.solve(rows.giving.F, displacements)) if f.any() else displacements
 
     def begin(self, rows: Rows, q: Array, f: Array) -> None:
-        """Stand at rest without friction, at coordinates q (n,) under loads f (i,) N."""
+        """Stand at rest without friction at t = 0, at coordinates q (n,) under loads f (i,) N."""
+        self.t = 0.0
         self.grip = Grip.at_start(self._equations.system.contacts, rows.s, self._multipliers(rows, q, f, 0.0))
 
-    def state(self, rows: Rows, q: Array, f: Array) -> PadState:
-        """State at the end of the present step, with coordinates q (n,) under loads f (i,) N.
+    def end(self, rows: Rows, q: Array, f: Array, t: float) -> PadState:
+        """End the present step at t s: what pads hold is where the next one begins; arguments and errors as `state`."""
+        ended = self.state(rows, q, f, t)
+        self.grip, self.t = ended.grip, t
+        return ended
+
+    def state(self, rows: Rows, q: Array, f: Array, t: float) -> PadState:
+        """State at the end of the present step at t s, with coordinates q (n,) under loads f (i,) N.
 
         A SimulationError is raised where friction does not settle.
         """
@@ -226,17 +234,17 @@ class Pads:
         diagonal[self.gives] = np.diag(rows.giving.F)
         for _ in range(LIMIT):
             multipliers, last = self._multipliers(rows, q, f, gap), grip
-            grip = slide(law, self.grip, law.totals(last.forces), rows.s, multipliers, np.diag(diagonal))
+            sums = law.totals(last.forces)
+            grip = slide(law, self.grip, sums, rows.s, t - self.t, multipliers, np.diag(diagonal))
             moments = law.moments(grip.forces, multipliers)
             old, gap = gap, law.gaps(grip.forces) - rows.answers @ moments
-            limits = law.coefficients * np.abs(multipliers[law.pads])
-            most = law.gaps(limits) + np.abs(rows.answers) @ np.abs(law.moments(limits, multipliers))
+            most = law.gaps(grip.limits) + np.abs(rows.answers) @ np.abs(law.moments(grip.limits, multipliers))
             if np.abs(gap - old).max() <= CONVERGED * most.max():
                 return PadState(multipliers, grip, rows.slopes.T @ moments, gap)
         raise SimulationError(f"friction of the pads along {', '.join(law.joints)} does not settle")
 
-    def add_friction(self, motion: Motion) -> Motion:
-        """Motion with friction and the forces of contacts that give way, from step to step."""
+    def add_friction(self, motion: Motion, t: Array) -> Motion:
+        """Motion at t (N,) s with friction and the forces of contacts that give way, from step to step."""
         rows = self.rows(motion.x[:1])
         self.begin(rows, motion.q[0], motion.f[0])
         begun = self._multipliers(rows, motion.q[0], motion.f[0], 0.0)
@@ -244,8 +252,7 @@ class Pads:
         for k in range(1, len(motion.q)):
             if np.any(motion.x[k] != motion.x[k - 1]):
                 rows = self.rows(motion.x[k : k + 1])
-            steps.append(self.state(rows, motion.q[k], motion.f[k]))
-            self.grip = steps[-1].grip
+            steps.append(self.end(rows, motion.q[k], motion.f[k], float(t[k])))
         forces = motion.forces.copy()
         forces[:, self.gives] = np.array([step.multipliers[self.gives] for step in steps])
         return replace(
@@ -262,9 +269,9 @@ class Pads:
         F, C, M = np.zeros((m, m)), np.zeros_like(rows.slopes), np.zeros((m, m))
         F[np.ix_(self.gives, self.gives)], C[self.gives] = rows.giving.F, rows.giving.C
         if law is not None:
-            f = state.grip.forces
-            slides = np.abs(f) >= law.coefficients * np.abs(multipliers[law.pads])
-            way = law.coefficients * np.sign(f) * slides
+            f, limits, pressed = state.grip.forces, state.grip.limits, np.abs(multipliers[law.pads])
+            slides = np.abs(f) >= limits
+            way = np.divide(limits, pressed, out=np.zeros(len(f)), where=pressed > 0.0) * np.sign(f) * slides
             M[law.pads, law.pads] = law.arms * way  # dm / dlambda
             for j, (c, gives) in enumerate(zip(law.cylinders, law.gives, strict=True)):
                 if gives > 0.0:

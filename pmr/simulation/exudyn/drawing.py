@@ -75,7 +75,7 @@ class Watched:
         if self._held:
             multipliers[self._held] = self._mbs.GetObjectOutput(self._items.oContacts, exu.OutputVariableType.Force)
         if rubbing is not None:
-            at = rubbing.state(rubbing.rows(x), q, f)
+            at = rubbing.state(rubbing.rows(x), q, f, t)
             multipliers[self._rest], grip = at.multipliers[self._rest], at.grip.forces
         elif self._rest.any():
             multipliers[self._rest] = self._contacts.forces(self._contacts.rows(x), q[None], f[None])[0]

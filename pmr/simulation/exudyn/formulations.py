@@ -108,14 +108,14 @@ def _contact_parameters(
         at, inertia = rows(t), pads.inertia(t)
         if t <= 0.0:  # where Exudyn asks for the accelerations at the start
             begin(np.asarray(q))
-        state = pads.state(at, np.asarray(q), np.array(inputs.loads(t)) + inertia)
+        state = pads.state(at, np.asarray(q), np.array(inputs.loads(t)) + inertia, t)
         # what contacts answer to inertia is in the mass of the base and the coordinates
         return state.w - at.giving.C.T @ (state.multipliers[pads.gives] - pads.answers(at, inertia))
 
     def jacobian(mbs: Any, t: float, item: int, q: Any, q_t: Any, factor: float, factor_t: float) -> Any:
         steps.check(t)
         at = rows(t)
-        state = pads.state(at, np.asarray(q), np.array(inputs.loads(t)) + pads.inertia(t))
+        state = pads.state(at, np.asarray(q), np.array(inputs.loads(t)) + pads.inertia(t), t)
         return equations.matrix(factor * pads.stiffness(at, state))
 
     def finish(mbs: Any, items: SystemItems, t: float) -> None:
@@ -128,7 +128,7 @@ def _contact_parameters(
             return
         q = items.coordinates(mbs)
         if reached > 0.0:
-            pads.grip = pads.state(rows(reached), q, loads + pads.inertia(reached)).grip
+            pads.end(rows(reached), q, loads + pads.inertia(reached), reached)
         else:
             begin(q)
         reached, loads = t, np.array(inputs.loads(t))

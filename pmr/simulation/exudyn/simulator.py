@@ -199,7 +199,7 @@ class Run:
         seconds = solve(self._mbs, chosen, self._describe, progress, times)
         motion, contacts = self._motion(), Contacts(self._equations, self._inputs)
         if self._friction is not None:
-            motion = Pads(self._equations, contacts, self._friction).add_friction(motion)
+            motion = Pads(self._equations, contacts, self._friction).add_friction(motion, self._lengths.times)
         balanced = balance_energy(self._equations, contacts, motion)
         return self._trajectory(motion, balanced, seconds)
 

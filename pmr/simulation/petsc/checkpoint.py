@@ -228,7 +228,7 @@ class Keeper:
 def _of_friction(system: FullSystem) -> list[Any]:
     """Arrays that define the friction of a system's pads; empty without friction."""
     friction = Friction.of(system.contacts)
-    return [] if friction is None else [friction.pads, friction.coefficients, friction.stiffness, friction.arms]
+    return [] if friction is None else [friction.pads, friction.laws, friction.stiffness, friction.arms]
 
 
 def _digest(*parts: Any) -> str:

@@ -114,7 +114,7 @@ class Integrator:
             b = b - self.constraint.correction(multipliers) if len(multipliers) else b.copy()
             if w is not None:
                 times += 1
-                grip = self._terms.slide(state.grip, rubbed, c, multipliers, self.constraint.matrix)
+                grip = self._terms.slide(state.grip, rubbed, c, self._factors.h, multipliers, self.constraint.matrix)
                 new = self._terms.rubbed(self.constraint.rows, multipliers, grip)
                 new_w = self._terms.forces(self._q_gain * b, ahead.v + self._v_gain * (b - scaled), c) + new.force
                 if not (self._terms.settled(w, new_w, times, new) and self._terms.at_rest(rubbed, new)):

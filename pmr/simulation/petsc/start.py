@@ -94,18 +94,18 @@ class Terms:
         """Friction with the rows where they stand, under multipliers (m,)."""
         if self._friction is None:
             return Rubbed(0.0, np.zeros(0), np.zeros(len(multipliers)))
-        friction, limits = self._friction, self._friction.coefficients * np.abs(multipliers[self._friction.pads])
+        friction, limits = self._friction, grip.limits
         moments, most = friction.moments(grip.forces, multipliers), np.abs(friction.moments(limits, multipliers))
         self._widest = max(self._widest, float(friction.gaps(limits).max(initial=0.0)))
         at_limits = float(np.sum(rows.transposed_slopes(most) ** 2))
         force, sums = rows.transposed_slopes(moments), friction.totals(grip.forces)
         return Rubbed(force, sums, friction.gaps_of(sums), at_limits)
 
-    def slide(self, old: Grip, rubbed: Rubbed, c: Array, multipliers: Array, matrix: Array) -> Grip:
-        """Friction of the pads after a step, at the joints' places, which stand behind the amplitudes c."""
+    def slide(self, old: Grip, rubbed: Rubbed, c: Array, h: float, multipliers: Array, matrix: Array) -> Grip:
+        """Friction of the pads after a step of h s, at the joints' places, which stand behind the amplitudes c."""
         if self._friction is None:
             return old
-        return slide(self._friction, old, rubbed.sums, c[len(self._names) :], multipliers, matrix)
+        return slide(self._friction, old, rubbed.sums, c[len(self._names) :], h, multipliers, matrix)
 
     def begin_step(self) -> None:
         """Begin an iteration anew: at a step, and where contacts that open change what it leads to."""
