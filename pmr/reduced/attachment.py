@@ -61,9 +61,9 @@ CYLINDER, RICHER = 2, 3
 DEPENDENT = 1e-9
 
 
-def with_cylinder_modes(model: ReducedModel, count: int = CYLINDER) -> ReducedModel:
-    """The model with `count` modes of its cylinder as coordinates, its last ones; as it is where it has no cylinder."""
-    carriers = model.carriers
+def with_cylinder_modes(model: ReducedModel) -> ReducedModel:
+    """The model with modes of its cylinder as coordinates, its last ones; as it is where it has no cylinder."""
+    carriers, count = model.carriers, CYLINDER
     if carriers is None or carriers.answers is None:
         return model
     answers = carriers.answers
@@ -88,7 +88,7 @@ def knows_matrices(model: ReducedModel) -> bool:
 
 
 def _in_a_frame(extended_model: ReducedModel, model: ReducedModel, loads: Array, turned: Array) -> ReducedModel:
-    """`found` with the matrices and ports of a model that has `a` coordinates less, as far as they are known.
+    """The extended model with the matrices and ports of a `model` that has `a` coordinates less, as far as known.
 
     Those are answers to combinations `loads` (K + i, a) of loads on carriers and inputs, and combinations `turned`
     (k, a) of the first that answer the cylinder.

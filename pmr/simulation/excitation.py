@@ -188,6 +188,4 @@ def places(system: Joined[Body], excitation: Excitation) -> Array:
 
 def rates_of_places(system: Joined[Body], excitation: Excitation) -> Array:
     """Rates (sides,) in m/s of the contacts' places at t = 0."""
-    rates = {name: float(path.rate(0.0)) for name, path in excitation.paths.items()}
-    on = [side.place for side in system.sides]
-    return np.array([0.0 if place.path is None else place.rate * rates[place.path] for place in on])
+    return system.rates({name: float(path.rate(0.0)) for name, path in excitation.paths.items()})

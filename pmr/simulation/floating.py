@@ -11,6 +11,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.simulation.frame_motion import skew
+
 Array = NDArray[np.float64]
 _E = np.eye(3)
 #: Levi-Civita's symbol.
@@ -241,8 +243,3 @@ def _beyond(sections: int, paths: int) -> Array:
 def _skew_part(A: Array) -> Array:
     """Sum of r x u (3, .) out of first moments sum r_l u_j (3, 3, .)."""
     return np.array([A[1, 2] - A[2, 1], A[2, 0] - A[0, 2], A[0, 1] - A[1, 0]])
-
-
-def skew(v: Array) -> Array:
-    """The matrix whose product with r is v x r."""
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

@@ -30,9 +30,10 @@ from pmr.scene.keys import Direction, input_of
 from pmr.scene.mechanism import FrameTerm, frame_terms
 from pmr.scene.members import Member, member_at
 from pmr.scene.signals import Constant, SignalBase
-from pmr.scene.signals.base import Floats, Strand
+from pmr.scene.signals.base import Strand
 from pmr.simulation.frame_motion import (
     Acceleration,
+    Derived,
     Product,
     Products,
     Quantity,
@@ -53,27 +54,8 @@ def _cached_turning(luffing: SignalBase, slewing: SignalBase, t: bytes, rocking:
     return Turning.of(luffing, slewing, np.frombuffer(t), rocking)
 
 
-class OfFrame(SignalBase):
+class OfFrame(Derived):
     """A scalar that follows from the frame's angles and paths; by differences where its rate is asked for."""
-
-    step: float  # s, over which kinks of paths are spread
-
-    @property
-    @abstractmethod
-    def signals(self) -> tuple[SignalBase, ...]:
-        """Signals that the amplitude follows from."""
-
-    def rate(self, t: ArrayLike) -> Array:
-        t, half = np.asarray(t, float), self.step / 2.0
-        before = np.maximum(t - half, 0.0)
-        return np.asarray((self.value(t + half) - self.value(before)) / (t + half - before))
-
-    def on_steps(self, step: float) -> Self:
-        return self.model_copy(update={"step": step})
-
-    @property
-    def breaks(self) -> Floats:
-        return tuple(sorted({b for signal in self.signals for b in signal.breaks}))
 
     def highest_frequency(self, start: float, end: float) -> float:
         """Twice that of angles and paths: rates are squared, and turn what they multiply."""

@@ -16,10 +16,11 @@ A motion that has been found, as signals of a frame's base.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,7 +32,30 @@ from pmr.scene.signals import SignalBase
 from pmr.scene.signals.base import Floats, Strand
 
 
-class Acceleration(SignalBase):
+class Derived(SignalBase):
+    """A scalar that follows from other signals as a step of h sees them: kinks are spread over one."""
+
+    step: float  # s
+
+    @property
+    @abstractmethod
+    def signals(self) -> tuple[SignalBase, ...]:
+        """Signals that it follows from."""
+
+    def rate(self, t: ArrayLike) -> Array:
+        t, half = np.asarray(t, float), self.step / 2.0
+        before = np.maximum(t - half, 0.0)
+        return np.asarray((self.value(t + half) - self.value(before)) / (t + half - before))
+
+    def on_steps(self, step: float) -> Self:
+        return self.model_copy(update={"step": step})
+
+    @property
+    def breaks(self) -> Floats:
+        return tuple(sorted({b for signal in self.signals for b in signal.breaks}))
+
+
+class Acceleration(Derived):
     r"""The sum of some paths twice differentiated, m/s^2, as a step of h sees it: a kink is spread over one.
 
     .. math:: a(t) = \big(\dot s(t + h/2) - \dot s(t - h/2)\big) / h
@@ -40,7 +64,10 @@ class Acceleration(SignalBase):
     """
 
     paths: tuple[SignalBase, ...]
-    step: float
+
+    @property
+    def signals(self) -> tuple[SignalBase, ...]:
+        return self.paths
 
     def value(self, t: ArrayLike) -> Array:
         t, half = np.asarray(t, float), self.step / 2.0
@@ -51,18 +78,6 @@ class Acceleration(SignalBase):
     @property
     def strands(self) -> tuple[Strand, ...]:
         return tuple(replace(strand, spread=self.step) for path in self.paths for strand in path.strands)
-
-    def rate(self, t: ArrayLike) -> Array:
-        t, half = np.asarray(t, float), self.step / 2.0
-        before = np.maximum(t - half, 0.0)
-        return np.asarray((self.value(t + half) - self.value(before)) / (t + half - before))
-
-    def on_steps(self, step: float) -> Acceleration:
-        return self.model_copy(update={"step": step})
-
-    @property
-    def breaks(self) -> Floats:
-        return tuple(sorted({b for path in self.paths for b in path.breaks}))
 
 
 Array = NDArray[np.float64]
@@ -138,19 +153,19 @@ class Turning:
     @cached_property
     def gradient(self) -> Array:
         """A (T, 3, 3) in 1/s^2."""
-        spin = _skew(self.velocity)
-        return _skew(self.acceleration) + spin @ spin
+        spin = skew(self.velocity)
+        return skew(self.acceleration) + spin @ spin
 
 
 def _motion_of(angle: SignalBase, t: Array) -> Angle:
     return angle.value(t), angle.rate(t), angle.second_rate(t)
 
 
-def _skew(vectors: Array) -> Array:
-    """Matrices (T, 3, 3) whose product with r is v x r."""
-    x, y, z = vectors.T
+def skew(vectors: Array) -> Array:
+    """Matrices (..., 3, 3) whose product with r is v x r, of vectors v (..., 3)."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
     none = np.zeros_like(x)
-    return np.stack([none, -z, y, z, none, -x, -y, x, none], axis=-1).reshape(-1, 3, 3)
+    return np.stack([none, -z, y, z, none, -x, -y, x, none], axis=-1).reshape(*np.shape(x), 3, 3)
 
 
 #: A quantity, numbers 0, 1, 2 being axes x, y, z:

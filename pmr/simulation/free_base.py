@@ -46,7 +46,8 @@ from pmr.scene.frame import INERTIA
 from pmr.scene.keys import input_of
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.members import member_at
-from pmr.simulation.floating import CROSS, Boom, Carried, Extended, Moments, Motion, Pressed, Shortened, State, skew
+from pmr.simulation.floating import CROSS, Boom, Carried, Extended, Moments, Motion, Pressed, Shortened, State
+from pmr.simulation.frame_motion import skew
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows
 from pmr.system.contact_rows import ContactRows

@@ -117,7 +117,7 @@ def richer_system(scene: Scene, system: System, at: Stands, up_to: float) -> Sys
     weight, hook = sample.f[sample.parts.index(WEIGHT)], sample.f[sample.parts.index(HOOK)]
     loads = [weight, weight + np.array(most)[:, None] * hook]
     if sample.terms.size:
-        shapes = np.array([equilibrium.state(0.0).form.buckled(half)[0] for equilibrium in loaded])
+        shapes = np.array([equilibrium.state(0.0).form.buckled(half) for equilibrium in loaded])
         forces.append(shapes * np.abs(forces[-1]).max(axis=1, initial=0.0)[:, None])
         loads.append(np.zeros_like(weight))
     bearing = [np.nan_to_num(contact_forces) for contact_forces in forces]

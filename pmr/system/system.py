@@ -202,6 +202,15 @@ class Joined(Generic[AnyBody]):
                 ranges[place.path] = max(low, ends[0]), min(high, ends[1])
         return ranges
 
+    def rates(self, rates: Mapping[str, ArrayLike]) -> Array:
+        """Rates (..., sides) in m/s of all places from those of the paths."""
+        shape = np.broadcast_shapes(*(np.shape(values) for values in rates.values()))
+        by_side = np.zeros((*shape, len(self.sides)))
+        for k, side in enumerate(self.sides):
+            if side.place.path is not None:
+                by_side[..., k] = side.place.rate * np.asarray(rates[side.place.path])
+        return by_side
+
     def coordinates(self, s: Mapping[str, ArrayLike]) -> Array:
         """X (..., sides) in m of all places from the path coordinates in m, within their rows' ranges.
 

@@ -101,10 +101,8 @@ class Equations:
         self, s: Mapping[str, float], rates: Mapping[str, float], initial: Mapping[str, InitialState]
     ) -> dict[str, InitialState]:
         """A consistent one of each body, on what supports leave free; errors as for `consistent_start`."""
-        x, places = self.at(s)[0], [side.place for side in self.system.sides]
-        x_rate = np.array([0.0 if place.path is None else place.rate * rates[place.path] for place in places])
         free = self.assembly.free
-        states = consistent_start(self.assembly, x, x_rate, initial)
+        states = consistent_start(self.assembly, self.at(s)[0], self.system.rates(rates), initial)
         return {name: InitialState(start.q[free[name]], start.v[free[name]]) for name, start in states.items()}
 
     def needs(self, x: Array, rho_inf: float = 0.0) -> Needs:
@@ -209,6 +207,11 @@ OfPlaces = Callable[[Array], Array]
 Driving: TypeAlias = SignalBase | Callable[[Any, float], float]
 
 
+def value_of(driving: Driving, mbs: Any, t: float) -> float:
+    """Value of a signal, or of a function of the mbs, at t s."""
+    return float(driving.value(t) if hasattr(driving, "value") else driving(mbs, t))
+
+
 class Inputs(ABC):
     """Places and loads at a time, and what depends on the places, a block of them ahead as far as they are known."""
 
@@ -284,14 +287,14 @@ class SignalInputs(Inputs):
         self.number(t)
         if not self._moving:
             return self._x
-        return self._equations.at(self.s | {name: self._value(self._paths[name], t) for name in self._moving})
+        return self._equations.at(self.s | {name: value_of(self._paths[name], self._mbs, t) for name in self._moving})
 
     def begin(self, t: float) -> None:
-        self.s = {name: self._value(path, t) for name, path in self._paths.items()}  # m
+        self.s = {name: value_of(path, self._mbs, t) for name, path in self._paths.items()}  # m
         before, self._t, self._x = self._x, t, self._equations.at(self.s)
         self._k += int(not np.array_equal(before, self._x))
-        self._f = tuple(self._value(load, t) for load in self._loads)
-        self._c = tuple(self._value(term, t) for term in self._terms)
+        self._f = tuple(value_of(load, self._mbs, t) for load in self._loads)
+        self._c = tuple(value_of(term, self._mbs, t) for term in self._terms)
 
     def number(self, t: float) -> int:
         if t != self._t:
@@ -313,9 +316,6 @@ class SignalInputs(Inputs):
         """Coordinate of each path at t s, in m."""
         self.number(t)
         return self.s
-
-    def _value(self, driving: Driving, t: float) -> float:
-        return float(driving.value(t) if hasattr(driving, "value") else driving(self._mbs, t))
 
 
 class TabulatedInputs(Inputs):

@@ -54,10 +54,11 @@ from pmr.scene.keys import input_of
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.signals import Constant
 from pmr.simulation.exudyn.contacts import Contacts
-from pmr.simulation.exudyn.equations import Driving, Equations, Inputs, NodeCoordinate, Paths, check_path
+from pmr.simulation.exudyn.equations import Driving, Equations, Inputs, NodeCoordinate, Paths, check_path, value_of
 from pmr.simulation.exudyn.formulations import Start, nothing_beyond_matrices
 from pmr.simulation.exudyn.items import Steps, SystemItems, add_bodies, with_contacts
-from pmr.simulation.floating import Extended, Moments, Motion, skew
+from pmr.simulation.floating import Extended, Moments, Motion
+from pmr.simulation.frame_motion import skew
 from pmr.simulation.free_base import Answering, Answers, FreeBase
 from pmr.system.changing_rows import ChangingRows
 from pmr.system.system import System
@@ -273,11 +274,6 @@ class Base:
         return L.T @ pressed.mass @ L, L.T @ force, stiffness
 
 
-def _value(driving: Any, mbs: Any, t: float) -> float:
-    """Value of a signal or function at t s."""
-    return float(driving.value(t) if hasattr(driving, "value") else driving(mbs, t))
-
-
 def driven_by_base(system: System, loads: Mapping[str, Driving]) -> dict[str, Driving]:
     """The loads, and those at zero by which a frame would accelerate the boom: its base does so."""
     nothing = Constant(amount=0.0)
@@ -305,7 +301,7 @@ def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on
 
 def _cylinder_load(load: Any, extension: Any, mbs: Any, t: float) -> float:
     """Minus what a cylinder pushes with against a load along it, over its length, N/m."""
-    return _value(load, mbs, t) / _value(extension, mbs, t)
+    return value_of(load, mbs, t) / value_of(extension, mbs, t)
 
 
 def with_base(mbs: Any, items: SystemItems, base: Base, inputs: Inputs) -> SystemItems:

@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.simulation.exudyn.free_base import Base
 from pmr.simulation.exudyn.items import SystemItems, add_coordinates
-from pmr.simulation.floating import skew
+from pmr.simulation.frame_motion import skew
 from pmr.simulation.start import InitialState
 
 Array = NDArray[np.float64]

@@ -22,8 +22,8 @@ from pmr.files import npz
 from pmr.files.whole import NotWrittenError
 from pmr.fullmodel.model import FullSystem
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.petsc.recorder import Recorder, Sampled
-from pmr.simulation.petsc.start import State, whole_start
+from pmr.simulation.petsc.recorder import Recorder
+from pmr.simulation.petsc.start import Sampled, State, whole_start
 from pmr.simulation.start import Grip, InitialState
 from pmr.system.contacts import Friction
 

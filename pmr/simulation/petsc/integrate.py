@@ -43,9 +43,9 @@ from pmr.reduced.matrices import Rayleigh
 from pmr.simulation import contact_step
 from pmr.simulation.contact_step import Lengths
 from pmr.simulation.petsc.constraint import Constraint, Prediction, Pushing, compliances, paths
-from pmr.simulation.petsc.recorder import Recorder, Sampled
+from pmr.simulation.petsc.recorder import Recorder
 from pmr.simulation.petsc.rows import BlockFactor, PathCompliance, PathRows, effective_matrix
-from pmr.simulation.petsc.start import State, Terms
+from pmr.simulation.petsc.start import Sampled, State, Terms
 
 Array = NDArray[np.float64]
 

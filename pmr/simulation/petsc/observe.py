@@ -19,9 +19,9 @@ from pmr.simulation.excitation import Excitation, places
 from pmr.simulation.petsc.checkpoint import Checkpoint, Keeper, Reached, identity
 from pmr.simulation.petsc.constraint import Pushing
 from pmr.simulation.petsc.integrate import PartedSteps, contact_frequency
-from pmr.simulation.petsc.recorder import History, Recorder, Recording, Sampled
+from pmr.simulation.petsc.recorder import History, Recorder, Recording
 from pmr.simulation.petsc.rows import BlockFactor
-from pmr.simulation.petsc.start import Onset, State, moves_at_once, starting_state
+from pmr.simulation.petsc.start import Sampled, State, moves_at_once, starting_state
 from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
@@ -86,9 +86,8 @@ class _Run:
         self._needs = needs_of(self._system, self._system.compliance.rigid, self._at.x, excitation.stepping.rho_inf)
         refuse("petsc", self._needs, REFERENCE)
         self._recorder = Recorder(self._system, excitation.stepping, recording)
-        self._onset = Onset(self._at.x[0], self._at.rates[0], self._at.f[0], self._at.c[0])
         self._mass, omega = None, 0.0
-        if self._needs.pushing or moves_at_once(self._system, self._onset, initial):
+        if self._needs.pushing or moves_at_once(self._system, self._at, initial):
             self._mass = BlockFactor(self._system, lambda model: factor_of(model.M, "M"))
         if self._needs.pushing and self._mass is not None:
             omega = contact_frequency(self._system, self._at.x, self._mass)
@@ -121,7 +120,7 @@ class _Run:
         return replace(history, forces=forces[:, :m], peaks=peaks[:, :m], supports=forces[:, m:])
 
     def _started(self) -> Reached:
-        state = starting_state(self._system, self._onset, self._initial, self._mass)
+        state = starting_state(self._system, self._at, self._initial, self._mass)
         return Reached(0, 0.0, state, self._lengths.parts)
 
     def _steps(self, reached: Reached, resumed: bool) -> PartedSteps:
@@ -161,12 +160,8 @@ def sample_excitation(system: FullSystem, excitation: Excitation) -> Sampled:
     InputError
         If a path, load or amplitude of a term is missing, or a path takes a side where its row is not defined.
     """
-    names, sides = list(excitation.paths), system.sides
-    rates = np.zeros((len(excitation.times), len(sides)))
-    for k, side in enumerate(sides):
-        if side.place.path in names:
-            rates[:, k] = side.place.rate * excitation.rates[:, names.index(side.place.path)]
-    x = places(system, excitation)
+    names, x = list(excitation.paths), places(system, excitation)
+    rates = np.broadcast_to(system.rates(dict(zip(names, excitation.rates.T, strict=True))), x.shape)
     f, c = excitation.forces(system.input_names), excitation.amplitudes(system.term_names)
     c = np.column_stack([c, *(excitation.s[:, names.index(joint)] for joint in joints_of(system.contacts))])
     return Sampled(excitation.times, excitation.s, x, rates, f, c)

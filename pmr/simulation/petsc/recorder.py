@@ -21,7 +21,7 @@ from pmr.fullmodel.model import FullSystem
 from pmr.results import Energy
 from pmr.simulation import balance
 from pmr.simulation.petsc.rows import PathRows
-from pmr.simulation.petsc.start import State, Terms
+from pmr.simulation.petsc.start import Sampled, State, Terms
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.contacts import Friction
 
@@ -112,21 +112,6 @@ class History:
 
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Sampled:
-    """An excitation on a time grid: paths s (T, P) m, places x (T, q) m of the sides, their rates, loads f (T, i) N.
-
-    Amplitudes of terms are c (T, K), the paths of joints with friction behind them.
-    """
-
-    t: Array
-    s: Array
-    x: Array
-    rates: Array
-    f: Array
-    c: Array
 
 
 class Recorder:

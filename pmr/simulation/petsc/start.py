@@ -35,7 +35,7 @@ from pmr.fem.factor import product
 from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.kernel.laws import FixedPoint, solve_contact
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.native.systems import static_start as equilibrium
+from pmr.simulation.native import systems
 from pmr.simulation.petsc.rows import BlockFactor, PathRows, contact_rows
 from pmr.simulation.refusals import describe_divergence
 from pmr.simulation.start import Grip, InitialState, check_impulse, check_position, check_state, row_drift, slide
@@ -184,9 +184,14 @@ class State:
 
 
 @dataclass(frozen=True)
-class Onset:
-    """Places x (q,) m of the sides, their rates, loads f (i,) N and amplitudes c (K,) of terms at t = 0."""
+class Sampled:
+    """An excitation on a time grid: paths s (T, P) m, places x (T, q) m of the sides, their rates, loads f (T, i) N.
 
+    Amplitudes of terms are c (T, K), the paths of joints with friction behind them.
+    """
+
+    t: Array
+    s: Array
     x: Array
     rates: Array
     f: Array
@@ -205,13 +210,13 @@ def static_start(system: FullSystem, excitation: Excitation) -> dict[str, Initia
 
     def make() -> dict[str, InitialState]:
         assert gathered is not None
-        return dict(equilibrium(gathered, excitation))
+        return dict(systems.static_start(gathered, excitation))
 
     return dict(system.comm.bcast(on_first(system.comm, make)))
 
 
 def starting_state(
-    system: FullSystem, onset: Onset, initial: Mapping[str, InitialState], mass: BlockFactor | None
+    system: FullSystem, at: Sampled, initial: Mapping[str, InitialState], mass: BlockFactor | None
 ) -> State:
     """State at the start; collective.  `mass` is a factor of M, needed where anything acts or moves.
 
@@ -226,28 +231,28 @@ def starting_state(
     if mass is None:
         nothing = np.zeros_like(q)
         return State(
-            q, v, nothing, nothing.copy(), multipliers, multipliers.copy(), _initial_grip(system, onset, multipliers)
+            q, v, nothing, nothing.copy(), multipliers, multipliers.copy(), _initial_grip(system, at, multipliers)
         )
-    C, soft, pushes = contact_rows(system, onset.x), ~system.compliance.rigid, ~np.isnan(system.clearance)
+    C, soft, pushes = contact_rows(system, at.x[0]), ~system.compliance.rigid, ~np.isnan(system.clearance)
     excess = C @ start.q - np.nan_to_num(system.clearance)
-    F = system.gives(onset.x)[np.ix_(soft, soft)]
+    F = system.gives(at.x[0])[np.ix_(soft, soft)]
     multipliers[soft] = solve_contact(F, excess[soft], pushes[soft], excess[soft] > 0.0)[0]
-    held = _Held(system, onset, mass)
+    held = _Held(system, at, mass)
     v -= held.impulse(start)
-    force = _forces(system, onset.f, q, v) + Terms(system).forces(q, v, onset.c)
+    force = _forces(system, at.f[0], q, v) + Terms(system).forces(q, v, at.c[0])
     force -= system.mine((C.T @ multipliers)[None])[0]
     acceleration, multipliers[~soft] = held.acceleration(force)
-    share, grip = np.where(pushes, multipliers, 0.0), _initial_grip(system, onset, multipliers)
+    share, grip = np.where(pushes, multipliers, 0.0), _initial_grip(system, at, multipliers)
     return State(q, v, acceleration.copy(), acceleration, multipliers, share, grip)
 
 
-def _initial_grip(system: FullSystem, onset: Onset, multipliers: Array) -> Grip:
-    return Grip.at_start(system.contacts, onset.c[len(system.term_names) :], multipliers)
+def _initial_grip(system: FullSystem, at: Sampled, multipliers: Array) -> Grip:
+    return Grip.at_start(system.contacts, at.c[0][len(system.term_names) :], multipliers)
 
 
-def moves_at_once(system: FullSystem, onset: Onset, initial: Mapping[str, InitialState]) -> bool:
+def moves_at_once(system: FullSystem, at: Sampled, initial: Mapping[str, InitialState]) -> bool:
     """Whether anything acts or moves at t = 0; the same on every rank."""
-    load = any(np.any(local_csr(model.inputs) @ onset.f[at]) for model, at in _inputs(system))
+    load = any(np.any(local_csr(model.inputs) @ at.f[0][inputs]) for model, inputs in _inputs(system))
     start = whole_start(system, initial)
     return bool(system.comm.allreduce(int(bool(load or np.any(start.q) or np.any(start.v)))))
 
@@ -282,12 +287,12 @@ def _inputs(system: FullSystem) -> list[tuple[FullModel, slice]]:
 class _Held:
     """M with the rigid contacts at one place each."""
 
-    def __init__(self, system: FullSystem, onset: Onset, mass: BlockFactor) -> None:
+    def __init__(self, system: FullSystem, at: Sampled, mass: BlockFactor) -> None:
         rigid = system.compliance.rigid
         self._comm, self._factor = system.comm, mass
         self._names = tuple(name for name, stiff in zip(system.contact_names, rigid, strict=True) if stiff)
-        self._C = contact_rows(system, onset.x)[rigid].toarray()
-        self._turning = contact_rows(system, onset.x, onset.rates)[rigid].toarray()
+        self._C = contact_rows(system, at.x[0])[rigid].toarray()
+        self._turning = contact_rows(system, at.x[0], at.rates[0])[rigid].toarray()
         self._mine = system.mine(self._C)
         self._answers = mass.solve_columns(np.ascontiguousarray(self._mine.T))  # M^-1 C^T
         self._G = self._comm.allreduce(self._mine @ self._answers)

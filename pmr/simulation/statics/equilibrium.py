@@ -153,6 +153,15 @@ class _Contacts:
         return np.asarray(pulls | ~state.closed & (motion - self._clearance > ROUND_OFF * size))
 
 
+def border_matrix(K: Array, C: Array, F: Array) -> tuple[Array, Array]:
+    """The matrix of a structure that is held, and what the unknowns are to be multiplied with, in similar units."""
+    n, scale = len(K), float(np.abs(K).max()) or 1.0
+    matrix, units = np.empty((n + len(C), n + len(C))), np.ones(n + len(C))
+    units[n:] = scale
+    matrix[:n, :n], matrix[:n, n:], matrix[n:, :n], matrix[n:, n:] = K, scale * C.T, scale * C, -(scale**2) * F
+    return matrix, units
+
+
 def saddle_point_solver(K: sp.csr_matrix, rows: ContactRows) -> Callable[[Array], Array]:
     """Solutions of ((K, C^T), (C, -F)) for right sides (n + m, ...); not finite where it is singular."""
     n, scale = K.shape[0], rows.unit(K)

@@ -27,6 +27,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from pmr.kernel.laws import ContactSearch
+from pmr.simulation.statics.equilibrium import border_matrix
 from pmr.system.definite import Free, first_singular, root
 
 Array = NDArray[np.float64]
@@ -133,7 +134,7 @@ class Form:
         e, n = equations, len(equations.K)
         K, every = e.K + e.G[0], closed.all()
         self._C, self._F, self._X = (e.C, e.F, e.X) if every else (e.C[closed], e.F[:, closed][closed], e.X[:, closed])
-        matrix, units = _border_matrix(K, self._C, self._F)
+        matrix, units = border_matrix(K, self._C, self._F)
         self.held, self.critical = False, 0.0
         try:
             Z = units[:, None] * np.linalg.inv(matrix) * units
@@ -200,7 +201,7 @@ class Form:
     def _unstressed_flexibility(self) -> tuple[Array, Array, Array, Array]:
         """Geometric stiffness on the root L of the unstressed flexibility, both parts; L; what loads press contacts."""
         e, n = self.equations, len(self.equations.K)
-        matrix, units = _border_matrix(e.K, self._C, self._F)
+        matrix, units = border_matrix(e.K, self._C, self._F)
         Z = np.linalg.inv(matrix)
         size, Q = np.linalg.eigh((Z[:n, :n] + Z[:n, :n].T) / 2.0)
         some = size > len(size) * np.finfo(float).eps * size[-1]
@@ -222,14 +223,14 @@ class Form:
         on = self.condensed
         return first_singular(on.K + (factor - 1.0) * on.G[0], factor * on.G[1], near, up_to)
 
-    def buckled(self, load: float, count: int = 1) -> Array:
-        """Contact forces (count, m) of the shapes in which it buckles first, the largest of each 1."""
+    def buckled(self, load: float) -> Array:
+        """Contact forces (m,) of the shape in which it buckles first, the largest 1."""
         N0, N1, L, on_contacts = self._unstressed_flexibility
         _, Y = np.linalg.eigh(N0 + load * N1)
         G = self.equations.G[0] + load * self.equations.G[1]
-        forces = np.zeros((count, len(self.closed)))
-        forces[:, self.closed] = (on_contacts @ (G @ (L @ Y[:, :count]))).T
-        return np.asarray(forces / np.maximum(np.abs(forces).max(axis=1, keepdims=True), np.finfo(float).tiny))
+        forces = np.zeros(len(self.closed))
+        forces[self.closed] = on_contacts @ (G @ (L @ Y[:, 0]))
+        return np.asarray(forces / max(np.abs(forces).max(initial=0.0), np.finfo(float).tiny))
 
     @cached_property
     def condensed(self) -> Condensed:
@@ -285,15 +286,6 @@ class Form:
         """
         on, square = self.condensed, (2.0 * np.pi * frequency) ** 2
         return first_singular(on.K - square * on.M, on.G[1] - square * on.place.T @ on.place, near, up_to)
-
-
-def _border_matrix(K: Array, C: Array, F: Array) -> tuple[Array, Array]:
-    """The matrix of a structure that is held, and what the unknowns are to be multiplied with, in similar units."""
-    n, scale = len(K), float(np.abs(K).max()) or 1.0
-    matrix, units = np.empty((n + len(C), n + len(C))), np.ones(n + len(C))
-    units[n:] = scale
-    matrix[:n, :n], matrix[:n, n:], matrix[n:, :n], matrix[n:, n:] = K, scale * C.T, scale * C, -(scale**2) * F
-    return matrix, units
 
 
 class Loaded:

@@ -33,6 +33,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from pmr.simulation.statics.equilibrium import border_matrix
 from pmr.simulation.statics.loaded import Form
 
 Array = NDArray[np.float64]
@@ -180,10 +181,8 @@ def _at_rest(form: Form, load: float, loads: list[Array]) -> tuple[Array, Array]
     """Outputs (o, k) and forces (m, k) under loads (n, k), gaps (m, k) and direct outputs (o, k)."""
     e, closed = form.equations, form.closed
     C, F, K = e.C[closed], e.F[np.ix_(closed, closed)], e.K + e.G[0] + load * e.G[1]
-    n, scale = len(K), float(np.abs(K).max()) or 1.0
-    units = np.concatenate([np.ones(n), np.full(len(C), scale)])[:, None]
-    matrix = np.block([[K, scale * C.T], [scale * C, -(scale**2) * F]])
-    solution = units * np.linalg.solve(matrix, units * np.vstack([loads[0], loads[1][closed]]))
+    n, (matrix, units) = len(K), border_matrix(K, C, F)
+    solution = units[:, None] * np.linalg.solve(matrix, units[:, None] * np.vstack([loads[0], loads[1][closed]]))
     forces = np.zeros((len(closed), solution.shape[1]))
     forces[closed] = solution[n:]
     outputs = e.outputs @ solution[:n] - e.X @ forces + loads[2]
