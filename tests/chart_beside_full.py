@@ -14,10 +14,10 @@ from pmr.scene import Scene, load_any
 from pmr.simulation.statics.postures import HOOK, WEIGHT, Postures, Stands, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads
-from pmr.studies.charting import allowed, postures
-from pmr.studies.field_probes import with_fields
-from pmr.studies.figures import boom_arguments
-from pmr.studies.limits import Limit
+from pmr.studies.chart_models import postures
+from pmr.studies.charting import allow_row
+from pmr.studies.limits import Limit, with_fields
+from pmr.studies.shared import scene_arguments
 
 Array = NDArray[np.float64]
 GRAVITY = 9.80665
@@ -67,12 +67,12 @@ def beside(scene: Scene, places: Array, limits: Sequence[Limit], up_to: float) -
     at = {"extensions": extensions, "luffing": places[:, -1].tolist(), "slewing": [0.0] * count}
     asked: dict[str, Any] = {"up_to": up_to, "error": True}
     fields = [name for one in limits if one.of == "field" for name in one.which]
-    made = postures(boom_arguments(scene) | asked | {"at": at, "fields": fields}, {})
+    made = postures(scene_arguments(scene) | asked | {"at": at, "fields": fields}, {})
     scene = with_fields(scene, fields, count)
     asked |= {"limits": [one.model_dump(mode="json") for one in limits], "gravity": GRAVITY, "rows": [0, count]}
     cases = [{"weight": 1.0, "load": 1.0, "loads": {}}]
-    asked |= boom_arguments(scene)
-    found = allowed(asked | {"cases": cases, "left": []}, {"postures": made}).arrays
+    asked |= scene_arguments(scene)
+    found = allow_row(asked | {"cases": cases, "left": []}, {"postures": made}).arrays
     full = shared.full_system(scene)
     whole = Postures.of(scene, full, Stands.of(at))
     amounts = [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in whole.parts]
@@ -98,7 +98,7 @@ def arrays_at_rest(
     }
     assert scene.frame is not None
     turned = ["luffing"] if scene.frame.slewing is None else ["luffing", "slewing"]
-    arguments = boom_arguments(with_hook(scene)) | {"up_to": 1e6, "error": False, "at": at, "turned": turned}
+    arguments = scene_arguments(with_hook(scene)) | {"up_to": 1e6, "error": False, "at": at, "turned": turned}
     return postures(arguments, {}).arrays
 
 

@@ -28,9 +28,10 @@ from pmr.simulation.statics.loaded import States
 from pmr.simulation.statics.postures import HOOK, WEIGHT, Postures, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place
-from pmr.studies.charting import allowed, postures
-from pmr.studies.figures import boom_arguments
+from pmr.studies.chart_models import postures
+from pmr.studies.charting import allow_row
 from pmr.studies.limits import Limit
+from pmr.studies.shared import scene_arguments
 from pmr.system.assembly import Assembly
 
 Array = NDArray[np.float64]
@@ -63,7 +64,7 @@ def chart(
     hooked = with_hook(scene)
     at = {"extensions": {name: [x] for name, x in extensions.items()}, "luffing": [np.deg2rad(angle)], "slewing": [0.0]}
     common: dict[str, Any] = {"up_to": 4.0 * at_load, "error": True}
-    made = postures(boom_arguments(hooked) | common | {"at": at}, {})
+    made = postures(scene_arguments(hooked) | common | {"at": at}, {})
     own = npz.record(
         Postures, {n.removeprefix("reduced."): a for n, a in made.arrays.items() if n.startswith("reduced.")}
     )
@@ -91,10 +92,10 @@ def chart(
         value = 1.0 / value if key == "least" and value > 0.0 else value
         if np.isfinite(value) and value > 0.0:
             limits.append(unit.model_copy(update={key: value}))
-    asked = boom_arguments(hooked) | common | {"gravity": G, "rows": [0, 1]}
+    asked = scene_arguments(hooked) | common | {"gravity": G, "rows": [0, 1]}
     asked["limits"] = [one.model_dump(mode="json") for one in limits]
     cases = [{"weight": 1.0, "load": 1.0, "loads": {"wind": wind}}]
-    found = allowed(asked | {"cases": cases, "left": []}, {"postures": made}).arrays
+    found = allow_row(asked | {"cases": cases, "left": []}, {"postures": made}).arrays
     load, error = found["load"][0][: len(limits)], found["error"][0][: len(limits)]
     bar = np.full(len(limits), np.nan)
     for k, limit in enumerate(limits):

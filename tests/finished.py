@@ -7,10 +7,9 @@ from typing import Any
 
 from pmr.studies import files
 from pmr.studies.call import Outcome, save
-from pmr.studies.engine.graph import digests
-from pmr.studies.engine.store import Store, Stored
 from pmr.studies.files import Project
-from pmr.studies.results import StudyResults
+from pmr.studies.results import Store, StudyResults
+from pmr.studies.tasks import digests
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
 #: A coarse beam over half a second.
@@ -46,7 +45,7 @@ def compute(folder: Path, project: Project) -> StudyResults:
     for task in sorted(part.plan, key=lambda task: list(digest).index(task.key)):
         needs = {name: results[key] for name, key in task.needs.items()}
         results[task.key] = task.function(task.arguments, needs)
-        store.write(digest[task.key], Stored(task.key, results[task.key]))
+        store.write(digest[task.key], task.key, results[task.key])
     found = StudyResults.collect(folder, part.plan, "test", store, {})
     save(project, Outcome({"": found}, len(results)), folder)
     return found

@@ -17,11 +17,11 @@ import numpy as np
 from waiting import wait_until
 
 from pmr.errors import SimulationError
+from pmr.studies import workers
 from pmr.studies.call import Outcome, compute, save
-from pmr.studies.engine import pools
-from pmr.studies.engine.task import Plan, Task, TaskResult
 from pmr.studies.files import Part, Project
 from pmr.studies.study import StudyBase
+from pmr.studies.tasks import Plan, Task, TaskResult
 
 Needs = Mapping[str, TaskResult]
 COUNT, FREE = 12, 6
@@ -134,15 +134,15 @@ def project(*studies: StudyBase) -> Project:
 def run(folder: Path, *studies: StudyBase, jobs: int = 2) -> Outcome:
     """Compute studies on this machine and write their tables."""
     asked = project(*studies)
-    with pools.local_pool(jobs) as pool:
+    with workers.local_pool(jobs) as pool:
         outcome = compute(asked, folder, pool, lambda progress: None)
     save(asked, outcome, folder)
     return outcome
 
 
 def main(folder: Path, jobs: int) -> None:
-    ranks = pools.launched_ranks()
-    with pools.rank_pool() if ranks > 1 else pools.local_pool(jobs) as pool:
+    ranks = workers.launched_ranks()
+    with workers.rank_pool() if ranks > 1 else workers.local_pool(jobs) as pool:
         if pool is not None:
             asked = project(Squares(log=folder / "calls", seconds=SLEPT))
             save(asked, compute(asked, folder, pool, lambda progress: None), folder)

@@ -23,9 +23,8 @@ from pmr.errors.text import visible
 
 if TYPE_CHECKING:
     from pmr.scene import Scene
-    from pmr.studies.call import Outcome
-    from pmr.studies.engine import pools
-    from pmr.studies.engine.runner import Progress, Watch
+    from pmr.studies import workers
+    from pmr.studies.call import Outcome, Progress, Watch
     from pmr.studies.files import Project
 
 LOGGED_EVERY = 30.0  # s, where there is no terminal
@@ -131,14 +130,14 @@ def _run_experiment(
     raise typer.Exit(subprocess.run([sys.executable, str(script), *options], check=False).returncode)
 
 
-def _pool(jobs: int | None) -> AbstractContextManager[pools.Pool | None]:
-    from pmr.studies.engine import pools
+def _pool(jobs: int | None) -> AbstractContextManager[workers.Pool | None]:
+    from pmr.studies import workers
 
-    if pools.launched_ranks() == 1:
-        return pools.local_pool(jobs or environment.cores())
+    if workers.launched_ranks() == 1:
+        return workers.local_pool(jobs or environment.cores())
     if jobs:
         raise InputError("command line", "--jobs", jobs, "under MPI all ranks but the first are workers; leave it out")
-    return pools.rank_pool()
+    return workers.rank_pool()
 
 
 @contextmanager

@@ -305,8 +305,8 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity("buckling", "buckling factors", "1", "boom", (), "buckling factor", "least"),
     )
 }  # fmt: skip
-#: How a load chart measures them, by the keys of its limits.
-MEASURES = {quantity.limit: quantity.measure for quantity in QUANTITIES.values() if quantity.measure is not None}
+#: Those that a load chart can limit, by the keys of its limits.
+LIMITED = {quantity.limit: quantity for quantity in QUANTITIES.values() if quantity.measure is not None}
 
 
 def label_of_error(name: str) -> str:

@@ -1,5 +1,5 @@
-"""Studies: many runs described by one file, spread over processes or MPI ranks, and resumed where they were cut off.
+"""Many runs and one table of them.  A study file (`files`) names its kind, which plans `tasks`.
 
-`files` reads a study and plans its tasks (`task`), `graph` finds what is still to be done, `runner` has it done by one
-of the `pools`, whose `worker` processes put results into the `store`; `results` makes one table of them.
+`call` has them done by `workers`, processes here or beside the ranks of MPI, which put results into a store; `results`
+makes one table of them.
 """

@@ -1,27 +1,53 @@
-"""One call of ``pmr study``: from the parts of a project to their tables."""
+"""One call of ``pmr study``: open tasks of its plans, computed by a pool of workers, and the tables of its parts."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from pmr.errors import environment
-from pmr.studies.engine.graph import open_nodes
-from pmr.studies.engine.pools import Pool
-from pmr.studies.engine.runner import Watch, run
-from pmr.studies.engine.store import Store
-from pmr.studies.engine.worker import NOT_COMPUTING
+from pmr.errors.text import duration
 from pmr.studies.files import Project
-from pmr.studies.results import RunRecord, StudyResults
+from pmr.studies.results import RunRecord, Store, StudyResults
 from pmr.studies.study import StudyBase
+from pmr.studies.tasks import Failure, Node, Ready, open_nodes
+from pmr.studies.workers import NOT_COMPUTING, Order, Pool, code_of_tasks
 
 #: What digests of results leave out, so that a change there computes nothing again: a task's own one has its module.
 LEFT_OUT = (*NOT_COMPUTING, "studies/kinds/")
 #: Keys of study files that name files: where these lie is of no interest to readers of a summary.
 FILES = {"scene", "scenes"}
+WATCH_EVERY = 1.0  # s
+NAMED = 4  # tasks that a line of progress names
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Numbers of tasks that are done, failed (or skipped) and there are in all, and seconds."""
+
+    done: int
+    failed: int
+    total: int
+    elapsed: float
+    left: float | None  # estimated; None before the first task is done
+    running: tuple[str, ...] = ()  # keys of the tasks that are computed now
+
+    @property
+    def text(self) -> str:
+        """The progress in one line."""
+        failed = f", {self.failed} failed or skipped" if self.failed else ""
+        time_left = f", about {duration(self.left)} left" if self.left and self.done + self.failed < self.total else ""
+        now = f"; now {', '.join(self.running[:NAMED])}{' ...' * (len(self.running) > NAMED)}" if self.running else ""
+        return f"{self.done} of {self.total} tasks done{failed} after {duration(self.elapsed)}{time_left}{now}"
+
+
+Watch = Callable[[Progress], None]
 
 
 @dataclass(frozen=True)
@@ -49,11 +75,70 @@ def compute(project: Project, folder: Path, pool: Pool, watch: Watch) -> Outcome
     store, code = Store(folder / "tasks"), environment.code_digest(environment.sources(), LEFT_OUT)
     store.prepare()
     nodes = open_nodes([part.plan for part in project.parts], code, store.sound)
-    failures = run(nodes, store, pool, watch)
+    failures = run_tasks(nodes, store, pool, watch)
     results = {
         part.name: StudyResults.collect(folder / part.name, part.plan, code, store, failures) for part in project.parts
     }
     return Outcome(results, len(nodes) - len(failures))
+
+
+def run_tasks(nodes: Mapping[str, Node], store: Store, pool: Pool, watch: Watch) -> dict[str, Failure]:
+    """Compute nodes as `open_nodes` returns them into the store, each as soon as the results that it needs are there.
+
+    Returns the failures by digest.  `watch` is called with the progress whenever a task ends, and every second.
+    """
+    ready, code, begin = Ready(nodes), code_of_tasks(), time.monotonic()
+    running: dict[Future[Failure | None], Node] = {}
+    alone: deque[Node] = deque()
+    done, failures = set[str](), dict[str, Failure]()
+
+    def start(node: Node) -> None:
+        task = node.task
+        order = Order(task.key, node.digest, task.address, task.arguments, node.needs, str(store.folder), code)
+        running[pool.submit(order)] = node
+
+    while ready or alone or running:
+        while ready and len(running) < 2 * pool.slots:  # one waits behind each that runs, so that no worker does
+            node = ready.pop()
+            failed_need = next((digest for digest in node.needs.values() if digest in failures), None)
+            if failed_need is not None:
+                failures[node.digest] = failures[failed_need].of_dependent(nodes[failed_need].task.key)
+                ready.done(node.digest)
+            elif node.task.alone:
+                alone.append(node)
+            else:
+                start(node)
+        if alone and not running:
+            start(alone.popleft())
+            wait(running)
+        finished, _ = wait(running, timeout=WATCH_EVERY, return_when=FIRST_COMPLETED)
+        for future in [future for future in running if future in finished]:
+            node, failure = running.pop(future), _failure(future)
+            if failure is None:
+                done.add(node.digest)
+            else:
+                failures[node.digest] = failure
+            ready.done(node.digest)
+        keys = [node.task.key for node in running.values()][: pool.slots]
+        watch(_progress(nodes, done, failures, time.monotonic() - begin, keys))
+    return failures
+
+
+def _failure(future: Future[Failure | None]) -> Failure | None:
+    try:
+        return future.result()
+    except Exception as error:  # the machine could not even start a process, say
+        return Failure.of(error)
+
+
+def _progress(
+    nodes: Mapping[str, Node], done: set[str], failures: Mapping[str, Failure], elapsed: float, keys: list[str]
+) -> Progress:
+    """Progress after `elapsed` seconds, while the tasks with these keys are computed."""
+    cost_done = sum(nodes[digest].task.cost for digest in done)
+    cost_left = sum(node.task.cost for digest, node in nodes.items() if digest not in done and digest not in failures)
+    left = elapsed * cost_left / cost_done if cost_done else None
+    return Progress(len(done), len(failures), len(nodes), elapsed, left, tuple(keys))
 
 
 def save(project: Project, outcome: Outcome, folder: Path) -> list[Path]:

@@ -5,20 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from pmr.errors import InputError
-from pmr.scene.keys import Usual
+from pmr.scene.keys import Section, Usual
 
 #: Hoisting classes of EN 13001-2: phi2,min of drives HD1, and beta2 in s/m.
 CLASSES = {"HC1": (1.05, 0.17), "HC2": (1.10, 0.34), "HC3": (1.15, 0.51), "HC4": (1.20, 0.68)}
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Exposed(_Table):
+class Exposed(Section):
     """Area on which wind blows."""
 
     load: str = Field(description="Name of a load of the scene that acts where the wind does, and along it")
@@ -26,7 +22,7 @@ class Exposed(_Table):
     shape: float = Field(description="Shape factor; negative where the load of the scene points against the wind")
 
 
-class Wind(_Table):
+class Wind(Section):
     r"""A wind that blows steadily: :math:`F = q A c`, :math:`q = \rho v^2 / 2`."""
 
     speed: Annotated[float, Field(gt=0.0), Usual(0.5, 75.0, unit="m/s")] = Field(description="m/s")
@@ -49,7 +45,7 @@ class Wind(_Table):
         return by_load
 
 
-class LoadCase(_Table):
+class LoadCase(Section):
     """Loads that act at once, and their factors; every factor is the user's own."""
 
     name: str = Field(description="What it is called")

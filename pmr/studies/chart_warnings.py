@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,15 +18,12 @@ from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.simulation.statics.loaded import State
 from pmr.simulation.statics.postures import Postures
-from pmr.studies.allowed import Place
+from pmr.studies.allowed import BELOW, Place
+from pmr.studies.chart_models import Models
 from pmr.system.contacts import Contact
-from pmr.system.contacts import Place as ContactPlace
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Share of a load by which less of it is looked at.
-BELOW = 1e-6
 #: Kinds of outputs and contacts, as a budget calls their errors.
 KINDS = {"tip": "tip", "pad": "pad_force", "cylinder": "cylinder_force", "support": "support_force"}
 
@@ -57,34 +53,6 @@ class RestingResponse(Response):
         return self.words[int(t)]
 
 
-def contacts_as_text(system: System) -> NDArray[np.str_]:
-    """Contacts of a system in JSON, as far as warnings depend on them."""
-    records = [
-        {
-            "name": contact.name,
-            "body": contact.inner.body,
-            "path": contact.inner.path,
-            "clearance": contact.clearance,
-            "kind": contact.kind,
-        }
-        for contact in system.contacts
-    ]
-    return np.array(json.dumps(records))
-
-
-def contacts_from_text(text: NDArray[np.str_]) -> list[Contact]:
-    """The contacts that `contacts_as_text` wrote, without their places and stiffnesses."""
-    return [
-        Contact(
-            record["name"],
-            ContactPlace(record["body"], record["name"], path=record["path"]),
-            clearance=record["clearance"],
-            kind=record["kind"],
-        )
-        for record in json.loads(str(text))
-    ]
-
-
 def boom_at_rest(place: Place, load: float, reach: float) -> list[AtRest]:
     """The boom at a place without a load, and just below a load in kg, as far as it stands."""
     at, k = place.at, place.k
@@ -101,8 +69,7 @@ def warnings_of_row(
     scene: Scene,
     contacts: Sequence[Contact],
     places: Callable[[Postures, int], Sequence[Place]],
-    models: Mapping[str, tuple[Postures, str, float]],
-    reach: Array,
+    models: Models,
     loads: Array,
     cases: Array,
     first: int,
@@ -110,48 +77,29 @@ def warnings_of_row(
     """Lines of a run's warnings at the places of a row, without a load and under the least of the loads (p, l) kg.
 
     `places` has a place in all load cases, by its number, of which `first` is the least of the row; `cases` (p, l) are
-    those of the loads.  `models` are as ``others`` of `warnings`, and the chart's own one as ``own``; the boom's tip is
-    at `reach` (P,) m along it.
+    those of the loads.
     """
-    rests, numbers = list[AtRest](), list[int]()
+    reach, compared = models.reach, models.compared
+    rests, of_compared = list[AtRest](), {part: list[AtRest]() for part in compared}
     for k, (of_limits, of_cases) in enumerate(zip(loads, cases, strict=True), first):
         limit = int(of_limits.argmin())
-        place = places(models["own"][0], k)[of_cases[limit]]
-        standing = boom_at_rest(place, float(of_limits[limit]), float(reach[k]))
+        case = int(of_cases[limit])
+        standing = boom_at_rest(places(models.reduced, k)[case], float(of_limits[limit]), float(reach[k]))
         rests += standing
-        numbers += [int(of_cases[limit])] * len(standing)
-    other_models = {
-        name: ([places(at, at_rest.place.k)[n] for at_rest, n in zip(rests, numbers, strict=True)], called, share)
-        for name, (at, called, share) in models.items()
-        if name != "own"
-    }
-    return warnings(scene, contacts, rests, float(reach.max()), other_models)
-
-
-def warnings(
-    scene: Scene,
-    contacts: Sequence[Contact],
-    rests: Sequence[AtRest],
-    reach: float,
-    other_models: Mapping[str, tuple[Sequence[Place], str, float]],
-) -> tuple[str, ...]:
-    """Lines of a run's warnings for places at rest, the gravest first, of a boom that reaches so far at most, in m.
-
-    `others` has, by ``model`` and ``mesh``, the same places of another model, what that is called, and the share of
-    the difference by which the chart's own is off.
-    """
+        for part, other in compared.items():
+            of_compared[part] += [replace(rest, place=places(other.postures, k)[case]) for rest in standing]
     if not rests:
         return ()
     response = _response(rests)
     parts = [
         Part(grave=pulled_rings(scene, contacts, response)),
         ropes_part(scene, response),
-        Part(grave=large_motion(reach, [response])),
+        Part(grave=large_motion(float(reach.max()), [response])),
     ]
     budget = {}
-    for name, (places, called, share) in other_models.items():
-        other_rests = [AtRest(place, at_rest.load, at_rest.words) for place, at_rest in zip(places, rests, strict=True)]
-        budget[name] = _off(rests, other_rests, share) | ({"beside": called} if name == "model" else {})
+    for part, other in compared.items():
+        beside = {"beside": other.called} if part == "model" else {}
+        budget[part] = _off(rests, of_compared[part], other.share) | beside
     hints = [*unknown_forces(scene, response), *missing_reactions(scene)]
     return (*grave(parts), *budget_warnings(scene, budget), *hints)
 

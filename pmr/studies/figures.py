@@ -1,11 +1,8 @@
-"""What a run of a study says, as figures of its row: errors, forces, frequencies, what probes measure.
-
-Booms of several sections are run here, too.
-"""
+"""Runs of a study, and their figures as a row of its table: errors, forces, frequencies, what probes measure."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,10 +10,11 @@ from numpy.typing import NDArray
 
 from pmr.results import Frequencies, Response
 from pmr.results.fatigue import cycles
+from pmr.results.response import Extremes
 from pmr.results.tables import force_extremes, parts_of, probe_extremes, reaction_extremes, stress_by_part
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE, named
-from pmr.studies.engine.task import Scalar, TaskResult
+from pmr.studies.tasks import Scalar, TaskResult
 
 Array = NDArray[np.float64]
 
@@ -28,29 +26,35 @@ FREQUENCIES, PLACES = 3, ("s_min", "s_middle", "s_max")
 COMPARED_FREQUENCIES = 3
 
 
-def error_figures(summary: Mapping[str, Any], *kinds: str) -> dict[str, Scalar]:
-    """``<kind>.<a>_vs_<b>.<place>`` of ``errors`` or ``absolute_errors``; ``max_displacement``, ``max_error`` in m.
-
-    `summary` is that of a run, or the part that `pmr.compare.summary.comparison_part` makes of responses.
-    """
-    record: dict[str, Scalar] = {
-        f"{kind}.{pair}.{place}": error
-        for kind in kinds
-        for pair, places in summary[kind].items()
-        for place, error in places.items()
-    }
-    return record | {key: summary[key] for key in ("max_displacement", "max_error") if summary[key] is not None}
-
-
-def figures_of(scene: Scene, response: Response, s: Array, omega: Array) -> dict[str, Scalar]:
-    """Figures of a simulated model with frequencies omega (S, f) in rad/s at path coordinates s (S,) in m, ascending.
+def figures_of(scene: Scene, response: Response, s: Array, frequencies: Array) -> dict[str, Scalar]:
+    """Figures of a simulated model with frequencies (S, f) in Hz at path coordinates s (S,) in m, ascending.
 
     ``largest_force`` of all in N but for rigid supports; ``forces.<of>.{min,t_min,s_min,max,t_max,s_max}`` in N, s
     and m; of rigid supports ``reactions.<of>.{min,...}`` in N and ``moments.<of>.{min,...}`` in N m;
     ``path.{s_min,s_max}`` in m, and ``frequencies.<place>.<i>`` in Hz there and midway;
     ``probes.<name>.{min,...}`` likewise in the probe's unit, with ``range``, the largest of its load cycles.
     """
-    return dict((*_forces(scene, response), *_frequencies(s, omega), *_probes(scene, response)))
+    path, record = scene.along(response.t), dict[str, Scalar]()
+    if forces := force_extremes(response, path):
+        record["largest_force"] = max(extremes.size for extremes in forces.values())
+    for name, extremes in forces.items():
+        record |= _extreme_figures(f"forces.{name}", extremes)
+    for of, extremes in reaction_extremes(response, path).items():
+        record |= _extreme_figures(f"{'moments' if of.unit == 'N m' else 'reactions'}.{of.support}", extremes)
+    record |= {"path.s_min": float(s[0]), "path.s_max": float(s[-1])}
+    middle = int(np.abs(s - (s[0] + s[-1]) / 2.0).argmin())
+    for place, k in zip(PLACES, (0, middle, -1), strict=True):
+        for i, frequency in enumerate(frequencies[k, :FREQUENCIES].tolist(), start=1):
+            record[f"frequencies.{place}.{i}"] = frequency if np.isfinite(frequency) else None
+    for name, extremes in probe_extremes(response, path).items():
+        record |= _extreme_figures(f"probes.{name}", extremes)
+        record[f"probes.{name}.range"] = float(cycles(response.t, response.other(name))[:1, 0].sum())
+    return record
+
+
+def _extreme_figures(name: str, extremes: Extremes) -> dict[str, Scalar]:
+    """``<name>.{min,t_min,s_min,max,t_max,s_max}``."""
+    return {f"{name}.{key}": value for key, value in extremes.summary().items()}
 
 
 def stresses(summary: Mapping[str, Any]) -> dict[str, Scalar]:
@@ -91,48 +95,7 @@ def of_bodies(summary: Mapping[str, Any]) -> dict[str, Scalar]:
     return record
 
 
-def _forces(scene: Scene, response: Response) -> Iterator[tuple[str, Scalar]]:
-    extremes = force_extremes(response, scene.along(response.t))
-    if extremes:
-        yield "largest_force", max(max(extreme.most, -extreme.least) for extreme in extremes.values())
-    for name, extreme in extremes.items():
-        yield from ((f"forces.{name}.{key}", value) for key, value in extreme.summary().items())
-    for of, extreme in reaction_extremes(response, scene.along(response.t)).items():
-        room = "moments" if of.unit == "N m" else "reactions"
-        yield from ((f"{room}.{of.support}.{key}", value) for key, value in extreme.summary().items())
-
-
-def _frequencies(s: Array, omega: Array) -> Iterator[tuple[str, Scalar]]:
-    yield "path.s_min", float(s[0])
-    yield "path.s_max", float(s[-1])
-    middle = int(np.abs(s - (s[0] + s[-1]) / 2.0).argmin())
-    for place, k in zip(PLACES, (0, middle, -1), strict=True):
-        for i, omega_of_mode in enumerate(omega[k, :FREQUENCIES], start=1):
-            yield (
-                f"frequencies.{place}.{i}",
-                float(omega_of_mode) / (2.0 * np.pi) if np.isfinite(omega_of_mode) else None,
-            )
-
-
-def _probes(scene: Scene, response: Response) -> Iterator[tuple[str, Scalar]]:
-    for name, extreme in probe_extremes(response, scene.along(response.t)).items():
-        yield from ((f"probes.{name}.{key}", value) for key, value in extreme.summary().items())
-        largest = cycles(response.t, response.other(name))[:1, 0]
-        yield f"probes.{name}.range", float(largest.sum())
-
-
-def boom_arguments(boom: Scene) -> dict[str, Any]:
-    """A boom as arguments of a task; the hash stands for the content of files that it names."""
-    plain = boom.model_copy(update={"title": "", "published": None})
-    return {"boom": plain.model_dump(mode="json"), "hash": plain.hash}
-
-
-def run_boom_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
-    """Task: one run of a boom of sections, or with second order; see `ran`."""
-    return ran(Scene.model_validate(arguments["boom"]))
-
-
-def ran(scene: Scene, shared: Any = None) -> TaskResult:
+def run_scene(scene: Scene, shared: Any = None) -> TaskResult:
     """Result of a run as a row of a table, with its warnings; `shared` is a `pmr.pipeline.bodies.Precomputed`.
 
     Figures: ``errors.<a>_vs_<b>.<place>`` (e_NRMS), ``coordinates.full`` and ``.reduced``, ``max_displacement`` and
@@ -148,23 +111,23 @@ def ran(scene: Scene, shared: Any = None) -> TaskResult:
     outcome = run(scene.model_copy(update={"simulation": once}), measures=users_folder(), shared=shared)
     assert outcome is not None  # a task runs on one rank
     result, summary = outcome.result, outcome.result.summary
-    record = error_figures(summary, "errors")
+    errors = {f"{pair}.{place}": e for pair, places in summary["errors"].items() for place, e in places.items()}
+    record: dict[str, Scalar] = {f"errors.{name}": error for name, error in errors.items()}
+    record |= {key: summary[key] for key in ("max_displacement", "max_error") if summary[key] is not None}
     record |= {f"coordinates.{model}": size for model, size in summary["coordinates"].items()}
     frequencies, response = result.frequencies, result.responses["reduced"]
     arrays = {"t": response.t, "tip": response.tip, "reach": frequencies.along}
     if (shapes := result.body.shapes) is not None:
         record |= {"basis.kappa": summary["basis"]["kappa"]} | _frequency_errors(frequencies)
         arrays["singular_values"] = shapes.singular_values
-    record |= figures_of(scene, response, frequencies.along, 2.0 * np.pi * frequencies.models["reduced"]) | of_bodies(
-        summary
-    )
+    record |= figures_of(scene, response, frequencies.along, frequencies.models["reduced"]) | of_bodies(summary)
     if len(scene.sections) > 1 and summary["pads"]:
         record["largest_force"] = max(max(pad["max"], -pad["min"]) for pad in summary["pads"])
     cylinders, ropes = summary.get("cylinders", ()), summary.get("ropes", ())
     record |= {f"cylinders.{row['name']}.{key}": row[key] for row in cylinders for key in ("min", "max")}
     record |= {f"ropes.{row['name']}.{key}": row["force"][key] for row in ropes for key in ("min", "max")}
     arrays |= {f"frequencies.{model}": values for model, values in frequencies.models.items()}
-    seconds = {f"simulate.{name}": row.seconds for name, row in result.responses.items()}
+    seconds = {f"simulate.{name}": motion.seconds for name, motion in result.responses.items()}
     return TaskResult(record, arrays, seconds, tuple(summary["warnings"]))
 
 

@@ -9,14 +9,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from pmr.errors import InputError
 from pmr.errors.text import hint
+from pmr.scene.keys import Section
 from pmr.scene.tomlfiles import Change, Dialect, TomlFile, override
 from pmr.studies import kinds
-from pmr.studies.engine.task import Plan, Task
 from pmr.studies.study import StudyBase
+from pmr.studies.tasks import Plan, Task
 
 DIALECT = Dialect("study file", references=("file", "files", "scene", "scenes"))
 COLLECTION = "collection"
@@ -24,10 +25,8 @@ COLLECTION = "collection"
 EXPERIMENTS = ("combinations", "error_map", "histories", "residual", "speed")
 
 
-class Collection(BaseModel):
+class Collection(Section):
     """Several studies in one call: `files`, and by a file's name without suffix what to change in it."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     kind: Literal["collection"] = Field(description="Several studies in one call")
     title: str = Field(description="For reports")

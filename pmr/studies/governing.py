@@ -1,23 +1,82 @@
-"""What a boom does at places where a limit governs its load chart: shape, forces, stresses, and what else is used."""
+"""What a boom does where a limit governs its load chart: shape, forces, stresses, and how it swings when it stops."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from pmr.results.quantities import mises
-from pmr.simulation.statics.postures import Bent, Postures
-from pmr.studies.allowed import Place
-from pmr.studies.field_probes import FIELD
-from pmr.studies.limits import Limit
-from pmr.studies.stops import Stopping
+from pmr.scene.keys import Section, Usual
+from pmr.simulation.statics.loaded import States
+from pmr.simulation.statics.postures import HOOK, Bent, Postures
+from pmr.simulation.statics.swings import Acting, stopping_swing
+from pmr.studies.allowed import BELOW, Place
+from pmr.studies.limits import FIELD, Limit
 
 Array = NDArray[np.float64]
-#: Share of a load by which less of it is looked at.
-BELOW = 1e-6
+
+
+class Stop(Section):
+    """A stop of luffing or slewing, whose speed falls steadily to nothing."""
+
+    of: Literal["luffing", "slewing"] = Field(description="Motion that is stopped")
+    speed: Annotated[float, Field(gt=0.0)] = Field(
+        description="Speed before the stop, in the scene's unit of angles per second"
+    )
+    within: Annotated[float, Field(gt=0.0), Usual(1e-3, 60.0, unit="s")] = Field(description="Duration of the stop, s")
+    class_factor: Annotated[float, Field(ge=1.0)] | None = Field(
+        default=None, description="Factor on the drive's forces that a standard gives, for comparison"
+    )
+
+
+@dataclass(frozen=True)
+class Stopping:
+    """A stop in rad/s, and the loads (P, i) of a unit of the angle's acceleration at all places."""
+
+    of: str
+    speed: float
+    within: float
+    turned: Array
+
+    def row(self, place: Place, load: float, limit: Limit | None) -> Array:
+        """Five numbers: by which factor the tip swings beyond a steady deceleration, and what is used of a limit.
+
+        The share at rest, under a steady deceleration, and at most in the stop, of both directions; the speed in rad/s.
+        Not numbers where nothing stands, or the tip does not move.
+        """
+        none, state = np.array([*[np.nan] * 4, self.speed]), place.loaded.state(load)
+        swing = stopping_swing(state.form, load, self._acting_loads(place, load), self.within) if state.stands else None
+        if swing is None:
+            return none
+        tip = [n for n, kind in enumerate(place.at.output_kinds) if kind == "tip"]
+        steady = swing.steady[0][tip]
+        factor = np.abs(swing.outputs[:, tip] @ steady).max() / (steady @ steady) if np.any(steady) else np.nan
+        if limit is None:
+            return np.append(factor, none[1:])
+        share, rate = place.share(limit), self.speed / self.within
+
+        def most(outputs: Array, forces: Array) -> float:
+            """In both directions."""
+            of, by = (state.outputs, state.forces), (rate * outputs, rate * forces)
+            extremes = [np.vstack([values + more, values - more]) for values, more in zip(of, by, strict=True)]
+            return float(share(States.beside(state, *extremes)).max())
+
+        steadily = most(*(values[None] for values in swing.steady))
+        return np.array([factor, place.used(limit, state), steadily, most(swing.outputs, swing.forces), self.speed])
+
+    def _acting_loads(self, place: Place, load: float) -> Acting:
+        at, k = place.at, place.k
+        f = self.turned[k].copy()
+        if self.of == "luffing":  # the load hangs: what lifts its rope accelerates it, and nothing sideways
+            x, _, z = at.tip[k]
+            lifted = float(at.up[k] @ [-z, 0.0, x])  # by a radian
+            f += load * lifted / place.gravity * at.f[at.parts.index(HOOK), k]
+        return Acting(at.B @ f, -at.H[k] @ f, np.vstack([at.direct, at.machine_loads[k]]) @ f)
 
 
 def chosen(load: Array) -> NDArray[np.int64]:
@@ -39,7 +98,7 @@ def details(
 
     ``forces`` (p, m) N, ``bent`` (p, b) m across the boom at ``bent.x`` of ``bent.section`` along ``direction.names``,
     ``stress`` (p, s) Pa, von Mises', ``used`` (p, l), shares of all limits and of what it buckles under, and
-    ``luffing`` (p,) rad, with the names of all, and ``stops`` (p, stops, 5) as `pmr.studies.stops` has them.
+    ``luffing`` (p,) rad, with the names of all, and ``stops`` (p, stops, 5) as `Stopping.row` has them.
     """
     at = next((place.at for place in places if place is not None), None)
     if at is None:
@@ -50,7 +109,7 @@ def details(
         for n, (place, load) in enumerate(zip(places, loads.tolist(), strict=True))
     ]
     example_row = next(row for row in rows if row is not None)
-    empty = {name: np.full_like(place, np.nan) for name, place in example_row.items()}
+    empty = {name: np.full_like(values, np.nan) for name, values in example_row.items()}
     arrays = {name: np.array([(row or empty)[name] for row in rows]) for name in example_row}
     names = {
         "forces": at.force_names,
@@ -58,7 +117,7 @@ def details(
         "direction": bent.direction,
         "section": bent.names,
     }
-    arrays |= {f"{name}.names": np.array(place, dtype=np.str_) for name, place in names.items()}
+    arrays |= {f"{of}.names": np.array(named, dtype=np.str_) for of, named in names.items()}
     return arrays | {"kinds": np.array(at.force_kinds, dtype=np.str_), "bent.x": bent.x, "bent.section": bent.section}
 
 

@@ -1,7 +1,8 @@
 r"""Limits of a load chart: what may not be passed, and which share of a limit a load uses.
 
-The share is 1 where the limit is reached, with the limit's own factor :math:`\gamma`: :math:`\gamma |r| / r_{most}`, r
-being the run's own quantity (`pmr.results.quantities`) or what a user makes of `AtRest`, and of the others
+`KINDS` declares each of them once: its amount, its unit and how the share follows from states.  The share is 1 where
+the limit is reached, with the limit's own factor :math:`\gamma`: :math:`\gamma |r| / r_{most}`, r being the run's own
+quantity (`pmr.results.quantities`) or what a user makes of `AtRest`, and of the others
 
 ===========  ===============================================================================
 buckling     :math:`\gamma \Lambda_{least} / \Lambda`, all axial forces growing
@@ -12,66 +13,145 @@ overturning  :math:`\gamma M_{load} / M_{rest}` about each edge of the polygon (
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Annotated, Literal, Self
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from pmr.errors import InputError
-from pmr.results.quantities import MEASURES, Columns, Measure, fits
+from pmr.results.quantities import LIMITED, Columns, Measure, fits
 from pmr.scene import Scene
-from pmr.scene.keys import Hinted, Usual, named
+from pmr.scene.choice import model_of
+from pmr.scene.keys import Section, Usual, named
 from pmr.scene.mechanism import rope_shares
+from pmr.scene.members import members
+from pmr.scene.structures import Probe
 from pmr.simulation.statics.loaded import Form, States
 from pmr.simulation.statics.postures import Postures
-from pmr.studies.field_probes import FIELD, WHOLE, bodies_with_field
-from pmr.studies.own_limits import Own, amount_of, check_names, expression_of, function_of
-from pmr.studies.searches import Share
+from pmr.studies import shared
 from pmr.studies.tipping import Mass, Tipping, area
+from pmr.studies.user_limits import amount_of, check_names, expression_of, function_of
 from pmr.system.from_scene import force_names
 
 Array = NDArray[np.float64]
 Positive = Annotated[float, Field(gt=0.0)]
-#: Whose names can be checked without a model.
-NAMED = ("stress", "rope", "pad", "cylinder", "support")
-#: Keys of what the user makes of a state.
-OWN = ("function", "expression")
-LEAST = ("buckling", "frequency")
-#: What is usual of `most`, by what it limits.
-_STRESS, _FORCE = Usual(1e6, 1e10, unit="Pa"), Usual(0.05, 1e3, "weight", "N")
-USUAL_MOST = {
-    **dict.fromkeys(("stress", "field"), _STRESS),
-    **dict.fromkeys(("pad", "cylinder", "support", "luffing", "rope"), _FORCE),
-    "deflection": Usual(1e-5, 1.0, "reach", "m"),
-    "pressure": Usual(1e4, 1e10, unit="Pa"),
-}
+#: The shares (p,) of a limit that states use.
+Share = Callable[[States], Array]
 #: The limit that every chart has: beyond it nothing stands.
 STABILITY = "stability"
+#: What names of probes of the field begin with, behind the body's; faces that are looked at, where cells have them.
+FIELD, FACES = "field of ", ("outer", "inner")
+#: Models of bodies that have a field; what a mesh without regions is called.
+WITH_FIELD, WHOLE = ("shell", "solid"), "walls"
+#: Numbers that the places of a chart may need in all.
+MOST_NUMBERS = 2**27
 
 
-class Limit(Hinted):
+@dataclass(frozen=True)
+class Kind:
+    """What a chart can limit, ``of`` in its file.
+
+    Attributes
+    ----------
+    amount : str
+        The limit's key that holds it: ``most``, ``least``, or nothing.
+    unit : str
+        Its unit, empty where there is none or the user knows it.
+    share : callable
+        Returns, of a limit at the k-th place where parts act by amounts, the `Share` that states use.
+    usual : Usual, optional
+        What is usual of it.
+    names : callable, optional
+        Returns the scene's names among which ``which`` chooses; None where that takes a model, or there are none.
+    directly : callable, optional
+        Of an eigenvalue: returns the load in kg of a form that reaches it, near a load and up to another.
+    grows : bool
+        Whether the share grows with the load alone.
+    in_richer : bool
+        Whether a richer structural model has it at the same places.
+    """
+
+    amount: Literal["most", "least", ""]
+    unit: str
+    share: Callable[[Limit, Postures, int, Sequence[float]], Share]
+    usual: Usual | None = None
+    names: Callable[[Scene], Sequence[str]] | None = None
+    directly: Callable[[Form, float, float, float], float] | None = None
+    grows: bool = False
+    in_richer: bool = True
+
+
+def _share_of_quantity(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
+    if limit.of == "luffing" and not at.arm[k] > 0.0:
+        reason = f"at {np.rad2deg(at.luffing[k]):.4g} degrees the cylinder has an arm of {at.arm[k]:.2g} m"
+        raise InputError("study", "luffing", None, f"angles at which it raises the boom are allowed: {reason}")
+    measure, share_of_unit = limit.measure(at.columns), limit.factor / limit.allowed_amount
+    return lambda states: share_of_unit * measure(np.hstack([states.outputs, states.forces]))
+
+
+def _share_of_users(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
+    is_function, text = limit.of == "function", limit.function or limit.expression or ""
+    evaluate = function_of(limit.name, text) if is_function else expression_of(text)
+    amount = amount_of(evaluate, f"limits.{limit.name}.{limit.of}", text, at, k)
+    return lambda states: limit.factor / limit.allowed_amount * np.abs(amount(states))
+
+
+def _share_of_buckling(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
+    return lambda states: limit.allowed_amount * np.array([form.inverse_factor(load) for form, load in _each(states)])
+
+
+def _share_of_frequency(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
+    return lambda states: np.array([_ratio(limit.allowed_amount, form.frequency(load)) for form, load in _each(states)])
+
+
+def _share_of_overturning(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
+    tipping = limit.tipping(at, k, amounts)
+    return lambda states: tipping.share(states, limit.factor)
+
+
+def _stress_probes(scene: Scene) -> list[str]:
+    bodies = scene.bodies.items()
+    return [named(body, p.name) for body, part in bodies for p in part.probes if "stress" in p.measures]
+
+
+def _force_names_of(kind: str) -> Callable[[Scene], Sequence[str]]:
+    return lambda scene: force_names(scene)[kind]
+
+
+#: What is usual of a quantity, by its unit.
+USUAL = {"Pa": Usual(1e6, 1e10, unit="Pa"), "N": Usual(0.05, 1e3, "weight", "N"), "m": Usual(1e-5, 1.0, "reach", "m")}
+USUAL_PRESSURE = Usual(1e4, 1e10, unit="Pa")
+#: Names that the quantities of a run are chosen by, where no model is needed to know them.
+NAMES: Mapping[str, Callable[[Scene], Sequence[str]]] = {
+    "stress": _stress_probes,
+    "rope": lambda scene: list(rope_shares(scene)),
+    **{kind: _force_names_of(kind) for kind in ("pad", "cylinder", "support")},
+}
+#: All kinds of limits: the quantities of a run, and what a run has no quantity for.
+KINDS: Mapping[str, Kind] = {
+    key: Kind("most", q.unit, _share_of_quantity, USUAL.get(q.unit), NAMES.get(key), in_richer=q.unit != "Pa")
+    for key, q in LIMITED.items()
+} | {
+    "buckling": Kind("least", "", _share_of_buckling, directly=Form.load_of_factor, grows=True),
+    "frequency": Kind("least", "Hz", _share_of_frequency, directly=Form.load_of_frequency, grows=True),
+    "overturning": Kind("", "", _share_of_overturning, grows=True),
+    "function": Kind("most", "", _share_of_users, in_richer=False),
+    "expression": Kind("most", "", _share_of_users, in_richer=False),
+}
+if TYPE_CHECKING:
+    KindName = str
+else:
+    KindName = Literal[tuple(KINDS)]
+
+
+class Limit(Section):
     """Limit of a load chart, with its safety factor."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
     name: str = Field(min_length=1, description="Name of the limit, and of its column")
-    of: Literal[
-        "stress",
-        "pad",
-        "cylinder",
-        "support",
-        "luffing",
-        "deflection",
-        "buckling",
-        "frequency",
-        "overturning",
-        "rope",
-        "function",
-        "expression",
-        "field",
-    ] = Field(description="Quantity that is limited")
+    of: KindName = Field(description="Quantity that is limited")
     function: str | None = Field(
         default=None, description="Name of a function that an installed package offers as an entry point `pmr.limits`"
     )
@@ -101,13 +181,17 @@ class Limit(Hinted):
     machine: tuple[Mass, ...] = Field(default=(), description="Masses of the machine below the boom")
 
     @property
+    def kind(self) -> Kind:
+        return KINDS[self.of]
+
+    @property
     def hint_numbers(self) -> dict[str, tuple[float, Usual]]:
-        usual = USUAL_MOST["pressure" if self.area else self.of] if self.of in USUAL_MOST else None
+        usual = USUAL_PRESSURE if self.area else self.kind.usual
         return {"most": (self.most, usual)} if self.most is not None and usual is not None else {}
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
-        needed = "" if self.of == "overturning" else "least" if self.of in LEAST else "most"
+        needed = self.kind.amount
         for key in ("most", "least"):
             if (getattr(self, key) is not None) != (key == needed):
                 raise ValueError(f"a limit of {self.of} {f'takes {needed}' if needed else 'takes no amount'}: {key}")
@@ -117,39 +201,31 @@ class Limit(Hinted):
             raise ValueError("overturning needs a polygon with an area, and masses of the machine")
         if self.area is not None and self.of != "pad":
             raise ValueError("area belongs to a limit of pads")
-        for key in OWN:
+        for key in ("function", "expression"):
             if (getattr(self, key) is not None) != (self.of == key):
                 raise ValueError(f"{key} belongs to a limit of {key!r}, which needs one")
         if self.expression is not None:
             expression_of(self.expression)
         return self
 
+    @property
+    def allowed_amount(self) -> float:
+        """Largest allowed value, of a pad with an area its force; or `factor` times the smallest one."""
+        if self.least is not None:
+            return self.factor * self.least
+        return float(self.most or 0.0) * float(np.prod(self.area or (1.0,)))
+
     def share(self, at: Postures, k: int, amounts: Sequence[float]) -> Share:
         """Function of states at the k-th place that returns the used share of the limit, parts acting by `amounts`.
 
         An InputError is raised where it looks at nothing.
         """
-        least = self.factor * float(self.least or 0.0)
-        if self.of == "buckling":
-            return lambda states: least * np.array([form.inverse_factor(load) for form, load in _each(states)])
-        if self.of == "frequency":
-            return lambda states: np.array([_ratio(least, form.frequency(load)) for form, load in _each(states)])
-        if self.of == "overturning":
-            tipping = self.tipping(at, k, amounts)
-            return lambda states: tipping.share(states, self.factor)
-        allowed = float(self.most or 0.0) * float(np.prod(self.area or (1.0,)))
-        if self.of in OWN:
-            amount = amount_of(self._own(), f"limits.{self.name}.{self.of}", getattr(self, self.of), at, k)
-            return lambda states: self.factor / allowed * np.abs(amount(states))
-        if self.of == "luffing" and not at.arm[k] > 0.0:
-            reason = f"at {np.rad2deg(at.luffing[k]):.4g} degrees the cylinder has an arm of {at.arm[k]:.2g} m"
-            raise InputError("study", "luffing", None, f"angles at which it raises the boom are allowed: {reason}")
-        measure = self.measure(at.columns)
-        return lambda states: self.factor / allowed * measure(np.hstack([states.outputs, states.forces]))
+        return self.kind.share(self, at, k, amounts)
 
     def measure(self, columns: Columns) -> Measure:
         """The amount of which `most` is allowed, from values of these columns; an InputError is raised without any."""
-        measure = MEASURES[self.of](columns, self.looks_at)
+        measure_of = LIMITED[self.of].measure
+        measure = measure_of and measure_of(columns, self.looks_at)
         if measure is None:
             probes = [probe for probe in columns.stresses() if FIELD not in probe] if self.of == "stress" else []
             raise self._unknown_name(probes)
@@ -160,20 +236,12 @@ class Limit(Hinted):
 
         It may be known to be `near` a load, and is not needed above the largest.
         """
-        if self.of == "buckling":
-            return form.load_of_factor(self.factor * float(self.least or 0.0), near, up_to)
-        if self.of == "frequency":
-            return form.load_of_frequency(self.factor * float(self.least or 0.0), near, up_to)
-        return None
+        directly = self.kind.directly
+        return None if directly is None else directly(form, self.allowed_amount, near, up_to)
 
     def tipping(self, at: Postures, k: int, amounts: Sequence[float]) -> Tipping:
         """Moments about the edges of a limit of overturning."""
         return Tipping.of(self.polygon, self.height, self.machine, at, k, np.asarray(amounts))
-
-    @property
-    def grows(self) -> bool:
-        """Whether what it uses grows with the load alone."""
-        return self.of in ("buckling", "frequency", "overturning")
 
     def check(self, scene: Scene) -> None:
         """An InputError is raised where a name that it looks at is none of the scene's; that takes no model."""
@@ -184,26 +252,12 @@ class Limit(Hinted):
             function_of(self.name, self.function)
         if self.expression is not None:
             check_names(self.name, self.expression, scene)
-        if self.of == "field" and not (names := bodies_with_field(scene)):
-            raise self._unknown_name(names)
-        if self.of not in NAMED:
-            return
-        names = [
-            named(body, probe.name)
-            for body, part in scene.bodies.items()
-            for probe in part.probes
-            if "stress" in probe.measures
-        ]
-        if self.of == "rope":
-            names = list(rope_shares(scene))
-        elif self.of != "stress":
-            names = list(force_names(scene)[self.of])
-        if not all(any(fits((pattern,), name) for name in names) for pattern in self.which):
-            raise self._unknown_name(names)
-
-    def _own(self) -> Own:
-        """Function or expression of the user that evaluates a state."""
-        return function_of(self.name, self.function) if self.of == "function" else expression_of(self.expression or "")
+        if self.of == "field" and not bodies_with_field(scene):
+            raise self._unknown_name(())
+        if self.kind.names is not None:
+            names = self.kind.names(scene)
+            if not all(any(fits((pattern,), name) for name in names) for pattern in self.which):
+                raise self._unknown_name(names)
 
     def looks_at(self, name: str) -> bool:
         """Return whether the limit depends on a column, a probe or a point of the field, by its name."""
@@ -226,6 +280,48 @@ def _each(states: States) -> Iterator[tuple[Form, float]]:
 
 def _ratio(part: float, total: float) -> float:
     """Ratio of a part to the total; infinite where the total is not positive."""
-    if total <= 0.0:
-        return np.inf
-    return part / total
+    return part / total if total > 0.0 else np.inf
+
+
+def bodies_with_field(scene: Scene) -> list[str]:
+    """Names of shells and solids, as limits of the field choose among them."""
+    named_members = zip(scene.names, members(scene), strict=True)
+    return [name or WHOLE for name, member in named_members if model_of(member) in WITH_FIELD]
+
+
+def with_fields(scene: Scene, patterns: Sequence[str], places: int) -> Scene:
+    """The scene with probes at all stress points of bodies, or of their regions, whose name fits one of the patterns.
+
+    A region is called as its body and itself, ``fly: flange``.  An InputError is raised where nothing fits, or where so
+    many points at so many places would fill the memory.
+    """
+    if not patterns:
+        return scene
+    built, parts, count = shared.bodies_of(scene), list[Any](), 0
+    for name, part in zip(scene.names, scene.sections, strict=True):
+        probes = list(_field_probes(name, built[name].structure.model, patterns))
+        count += len(probes)
+        parts.append(part.model_copy(update={"probes": (*part.probes, *probes)}))
+    if not count:
+        raise InputError("study", "limits.which", ", ".join(patterns), "a body or region with walls is allowed")
+    contacts = 12 * len(scene.sections)
+    if 3 * count * places * contacts > MOST_NUMBERS:
+        allowed = f"fewer places or a coarser mesh: {places} places look at {count} points each"
+        raise InputError("study", "limits.which", ", ".join(patterns), allowed)
+    return scene.model_copy(update={"sections": tuple(parts)})
+
+
+def _field_probes(name: str, model: Any, patterns: Sequence[str]) -> Iterator[Probe]:
+    """Probes at the stress points of a body's regions whose name, or the body's, fits one of the patterns."""
+    rows = model.stresses() if hasattr(model, "stresses") else None
+    if rows is None or not set(FACES) & set(rows.faces) and len(rows.components) < 6:
+        return
+    faces = [face for face in FACES if face in rows.faces] or list(rows.faces)
+    for region, cells in (dict(model.grid.regions) or {WHOLE: np.unique(rows.cell)}).items():
+        if not (fits(patterns, name or WHOLE) or fits(patterns, named(name, region))):
+            continue
+        for face in faces:
+            at = rows.on(face)
+            for number in at[np.isin(rows.cell[at], cells)].tolist():
+                point = tuple(float(x) for x in rows.points[number])
+                yield Probe(name=f"{FIELD}{region} {number}", at=point, face=face, measures=("stress",))

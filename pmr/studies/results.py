@@ -1,4 +1,4 @@
-"""What a study leaves behind: one table of its runs, their measured seconds, a summary; read again by reports.
+"""Files that a study leaves: results of its tasks, one table of its runs, their measured seconds, a summary.
 
 ``runs.csv`` and ``runs.npz`` hold the runs in the order of the plan: key, status, reason, parameters, figures.  They
 are the same to the last byte however many workers there were and however often the study was cut off; times, which
@@ -10,8 +10,10 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+import time
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,15 +24,97 @@ from numpy.typing import NDArray
 from pmr.errors.text import kind_of
 from pmr.files import npz
 from pmr.files.whole import finish_swap, fresh
-from pmr.studies.engine.graph import digests
-from pmr.studies.engine.runner import Failure
-from pmr.studies.engine.store import Store
-from pmr.studies.engine.task import Plan, Scalar
+from pmr.studies.tasks import Failure, Plan, Scalar, TaskResult, digests
 
+FORMAT = "pmr-task-result"
+FORMAT_VERSION = 3  # warnings belong to the result
+STALE_AFTER = 3600.0  # s, age at which a file under construction counts as abandoned
 #: Between the warnings in a cell of the table.
 SEPARATOR = " | "
 #: Files that go together, and those that are made of them.
 TABLES, REPORT = ("runs.csv", "runs.npz", "seconds.csv", "summary.json"), ("report.html", "report.pdf")
+
+
+@dataclass(frozen=True)
+class Store:
+    """Folder of the results of tasks, one npz file with a JSON header each, by the digest of what decides the result.
+
+    A file appears under its name only when it is complete, and a damaged one counts as none; so a study that was cut
+    off goes on with what is there.  Equal tasks of several studies share a file.  Nothing in it is pickled.
+    """
+
+    folder: Path
+
+    def path(self, digest: str) -> Path:
+        """File of the result with this digest."""
+        return self.folder / f"{digest}.npz"
+
+    def prepare(self) -> None:
+        """Make the folder, and clear away what interrupted processes left half-written."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        for file in self.folder.glob("*.part"):
+            if file.is_file() and time.time() - file.stat().st_mtime > STALE_AFTER:
+                file.unlink(missing_ok=True)
+
+    def sound(self, digest: str) -> bool:
+        """Whether the result is there, and undamaged to the last byte."""
+        try:
+            self.read(digest)
+        except npz.DamagedError:
+            return False
+        return True
+
+    def write(self, digest: str, key: str, result: TaskResult) -> None:
+        """Put the result of the task with this key in its place, all of it or nothing.
+
+        Raises TypeError or ValueError if the record holds anything but finite scalars.
+        """
+        header = {
+            "format": FORMAT,
+            "version": FORMAT_VERSION,
+            "digest": digest,
+            "key": key,
+            "record": _check_record(result.record),
+            "seconds": dict(result.seconds),
+            "warnings": list(result.warnings),
+        }
+        npz.write(self.path(digest), {f"array.{name}": array for name, array in result.arrays.items()}, header)
+
+    def headline(self, digest: str) -> TaskResult:
+        """Read a result without its arrays."""
+        return self.read(digest, only=(npz.HEADER,))
+
+    def read(self, digest: str, only: Collection[str] | None = None) -> TaskResult:
+        """Return the result with this digest, with `only` some members of its file; arrays are read-only.
+
+        Raises DamagedError if the file is missing or damaged.
+        """
+        file = self.path(digest)
+        try:
+            data = npz.read(file, only=only)
+            header = npz.without_header(data)
+            if (header["format"], header["digest"]) != (FORMAT, digest) or not 1 <= header["version"] <= FORMAT_VERSION:
+                raise ValueError("another file's header")
+            arrays = {name.removeprefix("array."): array for name, array in data.items()}
+            for array in arrays.values():
+                array.setflags(write=False)
+            warnings = tuple(header["warnings"] if header["version"] > 2 else header["notes"])
+            return TaskResult(header["record"], arrays, header["seconds"], warnings)
+        except (KeyError, TypeError, ValueError) as error:
+            raise npz.DamagedError(f"{file.name} is missing or damaged ({error})") from None
+
+
+def _check_record(record: Mapping[str, Scalar]) -> dict[str, Scalar]:
+    """Plain Python scalars, all finite."""
+    plain: dict[str, Scalar] = {}
+    for name, value in record.items():
+        value = value.item() if isinstance(value, np.generic) else value
+        if not isinstance(value, (float, int, bool, str, type(None))):
+            raise TypeError(f"{name} is a {type(value).__name__}; a record holds scalars")
+        if isinstance(value, float) and not math.isfinite(value):
+            raise ValueError(f"{name} = {value} is not finite")
+        plain[name] = value
+    return plain
 
 
 @dataclass(frozen=True)
@@ -92,8 +176,7 @@ class StudyResults:
             if failure is not None:
                 record = RunRecord(task.key, failure.status, task.parameters, {}, {}, failure.reason, failure.detail)
             else:
-                stored, file = store.headline(digest[task.key]), os.path.relpath(store.path(digest[task.key]), folder)
-                done = stored.result
+                done, file = store.headline(digest[task.key]), os.path.relpath(store.path(digest[task.key]), folder)
                 record = RunRecord(
                     task.key, "done", task.parameters, done.record, done.seconds, warnings=done.warnings, file=file
                 )
@@ -127,7 +210,7 @@ class StudyResults:
         """Arrays of one run."""
         file = next(run.file for run in self.runs if run.key == key)
         path = self.folder / file
-        return Store(path.parent).read(path.stem).result.arrays
+        return Store(path.parent).read(path.stem).arrays
 
     def column(self, name: str) -> NDArray[Any]:
         """One column of the table; NaN (or an empty text) where a run has no such figure."""

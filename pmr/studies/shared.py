@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +22,9 @@ from pmr.results import Response
 from pmr.scene import Compare, Damping, Reduction, Scene, Simulation, TimeChoice
 from pmr.scene.keys import ALONE
 from pmr.scene.signals import Constant
-from pmr.studies.engine.task import Task, TaskFunction, TaskResult
+from pmr.studies.tasks import Arguments, Needs, Task, TaskFunction, TaskResult
+from pmr.system.from_scene import contacts_of
+from pmr.system.terms import terms_of
 
 if TYPE_CHECKING:
     from pmr.fullmodel.build import Built
@@ -36,25 +39,26 @@ NOTHING = Constant(amount=0.0)
 
 
 def scene_arguments(scene: Scene) -> dict[str, Any]:
-    """A scene as arguments of a task; the hash stands for the content of files that the scene names.
-
-    An InputError is raised for a body alone with second order, which most kinds of study do not follow.
-    """
-    if len(scene.sections) == 1 and scene.frame is not None and scene.frame.second_order:
-        allowed = "false is allowed in a study of a body alone; studies of kind 'scenes' follow second order"
-        raise InputError("scene", "frame.second_order", scene.frame.second_order, allowed)
+    """A scene as arguments of a task; the hash stands for the content of files that the scene names."""
     plain = scene.model_copy(update={"title": "", "published": None})
     return {"scene": plain.model_dump(mode="json"), "hash": plain.hash}
 
 
-def scene_of(arguments: Mapping[str, Any]) -> Any:
+def scene_of(arguments: Arguments) -> Scene:
     """The scene that `scene_arguments` was given."""
     return Scene.model_validate(arguments["scene"])
 
 
+def refuse_second_order(scene: Scene) -> None:
+    """An InputError is raised for a body alone with second order, which most kinds of study do not follow."""
+    if len(scene.sections) == 1 and scene.frame is not None and scene.frame.second_order:
+        allowed = "false is allowed in a study of a body alone; studies of kind 'scenes' follow second order"
+        raise InputError("scene", "frame.second_order", scene.frame.second_order, allowed)
+
+
 def model_of(scene: Scene) -> FullModel:
-    """The scene's full model, as `built_of`."""
-    return built_of(scene).model
+    """The full model of a body alone, as `bodies_of` has it."""
+    return bodies_of(scene)[ALONE].model
 
 
 def body_of(scene: Scene) -> FullBody:
@@ -65,15 +69,20 @@ def body_of(scene: Scene) -> FullBody:
 
 
 def full_system(scene: Scene) -> System:
-    """All full models of a scene as one system in one piece."""
-    from pmr.studies.booms import full_of
+    """All full models of a scene as one system in one piece: a task has one rank."""
+    from pmr.fullmodel.model import FullSystem
 
-    return full_of(scene, bodies_of(scene))
+    models = {name: built.model for name, built in bodies_of(scene).items()}
+    full = FullSystem(models, contacts_of(scene, models)).gather()
+    assert full is not None
+    return replace(full, terms=terms_of(scene, full.bodies))
 
 
-def built_of(scene: Scene) -> Built:
-    """The scene's full model and structure, as `bodies_of` has them of a body alone."""
-    return bodies_of(scene)[ALONE]
+def reduced_system(scene: Scene) -> System:
+    """All bodies of a scene, reduced as it asks, as one system."""
+    from pmr.reduction.bodies import join_bodies, reduce_bodies
+
+    return join_bodies(scene, reduce_bodies(scene, bodies_of(scene)))
 
 
 def bodies_of(scene: Scene) -> Mapping[str, Built]:
@@ -144,7 +153,7 @@ def frequencies_task(scene: Scene) -> Task:
     return _task(frequencies, "frequencies", "frequencies", _without_loads(scene))
 
 
-def snapshots_from(scene: Scene, needs: Mapping[str, TaskResult]) -> Snapshots:
+def snapshots_from(scene: Scene, needs: Needs) -> Snapshots:
     """The scene's snapshots, from the results of its `modes_tasks` where it has any."""
     from pmr.reduction.from_scene import given_vectors
     from pmr.reduction.snapshots import Snapshots
@@ -162,7 +171,7 @@ def response_from(result: TaskResult) -> Response:
     return npz.record(Response, result.arrays)
 
 
-def modes_at(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+def modes_at(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: eigenmodes with the slider held at one of the scene's positions."""
     from pmr.fullmodel.eigensolvers import eigensolver
     from pmr.reduction.snapshots import positions
@@ -175,7 +184,7 @@ def modes_at(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     return TaskResult(arrays={"phi": modes.phi, "omega": modes.omega, "residuals": modes.residuals, "s": at})
 
 
-def modes_released(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+def modes_released(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: the modes of a scene whose basis needs no slider positions."""
     from pmr.reduction.from_scene import take_snapshots
 
@@ -185,7 +194,7 @@ def modes_released(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]
     return TaskResult(arrays={"phi": phi, "omega": taken.omega, "residuals": taken.residuals, "s": taken.s})
 
 
-def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+def reference(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: response of the full model or of the ANCF cable."""
     from pmr.pipeline.full_order import FullOrder
 
@@ -195,7 +204,7 @@ def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> 
     return TaskResult(arrays=npz.arrays(response), seconds={"simulate": response.seconds})
 
 
-def frequencies(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+def frequencies(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: the full model's lowest frequencies in rad/s, ``omega`` (S, f), over the path, ``s`` (S,)."""
     from pmr.compare.frequencies import CURVES, visited_positions
     from pmr.fullmodel.eigensolvers import lowest_frequencies

@@ -6,9 +6,10 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from pmr.studies.engine.task import Plan, Scalar
+from pmr.scene.keys import Section
+from pmr.studies.tasks import Plan, Scalar
 
 if TYPE_CHECKING:
     from pmr.studies.results import StudyResults
@@ -16,10 +17,8 @@ if TYPE_CHECKING:
 Count = Annotated[int, Field(ge=1, strict=True)]
 
 
-class Statement(BaseModel):
+class Statement(Section):
     """Statement of a publication about something that the study finds out too."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     figure: str = Field(description="Name of the study's own figure")
     text: str = Field(description="What it is")
@@ -35,14 +34,12 @@ class Statement(BaseModel):
     why: str = Field(default="", description="Why the two differ, as far as is known")
 
 
-class StudyBase(BaseModel):
+class StudyBase(Section):
     """A study: what is varied, validated and frozen.
 
     A kind is a module of `pmr.studies.kinds` with a class ``Study`` derived from this one, whose ``kind`` is a Literal
     of the module's name.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     kind: str = Field(description="Kind of study")
     title: str = Field(description="For reports")

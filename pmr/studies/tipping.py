@@ -17,11 +17,11 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from pmr.errors import InputError
 from pmr.scene.frame import rotation
-from pmr.scene.keys import Usual
+from pmr.scene.keys import Section, Usual
 from pmr.simulation.statics.loaded import States
 from pmr.simulation.statics.postures import HOOK, WEIGHT, Postures
 
@@ -29,10 +29,8 @@ Array = NDArray[np.float64]
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
-class Mass(BaseModel):
+class Mass(Section):
     """A part of the machine below the boom."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     name: str = Field(description="Name of the mass, for the report")
     mass: Annotated[float, Usual(0.02, 1e6, "boom", "kg")] = Field(gt=0.0, description="kg")

@@ -9,19 +9,20 @@ import sys
 import time
 
 from pmr.cli.app import main
-from pmr.studies.engine.worker import Answer, Order, Worker
+from pmr.studies.tasks import Failure
+from pmr.studies.workers import Order, Worker
 
-plain, done = Worker.run, list[Answer]()
+plain, done = Worker.run, list[Failure | None]()
 
 
-def run(worker: Worker, order: Order) -> Answer:
+def run(worker: Worker, order: Order) -> Failure | None:
     """As before for the first orders; then until the worker is closed."""
     if len(done) < count:
         done.append(plain(worker, order))
         return done[-1]
     while worker._child is not None and worker._child.poll() is None:
         time.sleep(0.01)
-    return Answer("failed", 0.0, "closed")
+    return Failure("closed")
 
 
 if __name__ == "__main__":

@@ -14,8 +14,7 @@ import pytest
 from processes import UNDRAWN, called, python, undrawn
 from waiting import PATIENCE, wait_until
 
-from pmr.studies.engine.store import Store
-from pmr.studies.results import StudyResults
+from pmr.studies.results import Store, StudyResults
 
 ROOT = Path(__file__).parents[2]
 HELD = str(Path(__file__).with_name("held.py"))

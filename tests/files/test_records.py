@@ -17,7 +17,7 @@ from pmr.fields.series import Fields
 from pmr.files.npz import arrays, record
 from pmr.reduced.model import ReducedModel
 from pmr.simulation.petsc.checkpoint import Checkpoint, load
-from pmr.studies.engine.store import Store
+from pmr.studies.results import Store
 
 EARLIER = Path(__file__).parent / "earlier"  # written by the last commit that named arrays otherwise
 
@@ -103,7 +103,7 @@ def test_fields_checkpoints_and_results_of_version_1_are_read() -> None:
     saved = load(Checkpoint(EARLIER / "checkpoint.npz"), {"n": 2, "norms": [1.0, 2.0]})
     assert saved and (saved.step, saved.seconds) == (3, 1.5) and np.array_equal(saved.arrays["q"], [0.0, 1.0])
     stored = Store(EARLIER).read("abc")
-    assert (stored.key, stored.result.warnings) == ("run", ("a note",))
-    assert stored.result.record == {"error": 0.5, "name": "a"}
-    assert np.array_equal(stored.result.arrays["t"], np.arange(3.0)) and stored.result.seconds == {"march": 0.1}
+    assert stored.warnings == ("a note",)
+    assert stored.record == {"error": 0.5, "name": "a"}
+    assert np.array_equal(stored.arrays["t"], np.arange(3.0)) and stored.seconds == {"march": 0.1}
     assert Store(EARLIER).sound("abc") and not Store(EARLIER).sound("reduced")

@@ -16,7 +16,7 @@ from fuzz.verdict import NonsenseError
 
 from pmr.errors import ConvergenceError, SimulationError
 from pmr.studies import files
-from pmr.studies.engine.task import Plan, Task, TaskResult
+from pmr.studies.tasks import Plan, Task, TaskResult
 
 SCENES = {
     "beam.toml": BEAM

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pmr.results import Energy, Response
-from pmr.results.quantities import MEASURES, QUANTITIES, label_of_error, with_unit
+from pmr.results.quantities import LIMITED, QUANTITIES, label_of_error, with_unit
 from pmr.results.response import KINDS, Extreme, Extremes
 from pmr.scene.asked import OutputKind
 
@@ -44,7 +44,7 @@ def test_each_quantity_stands_once_and_is_of_kinds_that_responses_have() -> None
     assert {kind for quantity in QUANTITIES.values() for kind in quantity.kinds} <= set(KINDS)
     assert set(get_args(OutputKind)) <= QUANTITIES.keys()
     limited = [quantity.limit for quantity in QUANTITIES.values() if quantity.limit]
-    assert sorted(limited) == sorted(MEASURES)
+    assert sorted(limited) == sorted(LIMITED)
 
 
 @pytest.mark.parametrize(

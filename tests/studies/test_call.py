@@ -17,10 +17,10 @@ from pydantic import Field
 from study_tasks import COUNT, FREE, SLEPT, Squares, run
 from waiting import is_alive, wait_until
 
-from pmr.studies.engine.store import Store
-from pmr.studies.engine.task import Plan, Task
-from pmr.studies.results import StudyResults
+from pmr.files import npz
+from pmr.studies.results import Store, StudyResults
 from pmr.studies.study import StudyBase
+from pmr.studies.tasks import Plan, Task
 
 PROGRAM = str(Path(study_tasks.__file__))
 TABLES = ("runs.csv", "runs.npz")
@@ -47,7 +47,7 @@ def calls(folder: Path) -> list[str]:
 def stored(folder: Path) -> dict[str, Path]:
     """Files of results, by the key of the task."""
     store = Store(folder / "tasks")
-    return {store.headline(file.stem).key: file for file in store.folder.glob("*.npz")}
+    return {npz.without_header(npz.read(file))["key"]: file for file in store.folder.glob("*.npz")}
 
 
 def tables(folder: Path) -> list[bytes]:

@@ -11,10 +11,10 @@ from chart_beside_run import MACHINE, beside, chart, run
 from random_machines import GIVING, SHELLS, G, random_machine
 
 from pmr.errors import InputError
-from pmr.results.quantities import MEASURES
+from pmr.results.quantities import LIMITED
 from pmr.scene import Scene
 from pmr.studies.kinds.chart import _check_at_rest
-from pmr.studies.limits import OWN, Limit
+from pmr.studies.limits import Limit
 
 pytestmark = pytest.mark.slow
 
@@ -27,7 +27,7 @@ BOXES = ((0.28, 0.38, 0.008), (0.235, 0.33, 0.0065))
 def test_no_limit_has_a_formula_of_its_own() -> None:
     """All are quantities of runs, eigenvalues, what a user makes, or sums of moments of what a run says."""
     kinds = set(get_args(Limit.model_fields["of"].annotation))
-    assert kinds == {*MEASURES, "buckling", "frequency", "overturning", *OWN}
+    assert kinds == {*LIMITED, "buckling", "frequency", "overturning", "function", "expression"}
 
 
 @pytest.mark.parametrize("seed", range(COUNT) if os.environ.get("PMR_SWEEP") == "full" else SAMPLED)

@@ -20,10 +20,10 @@ from pmr.scene.richer import model_comparison
 from pmr.simulation.statics.postures import Postures, Stands, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads
-from pmr.studies.figures import boom_arguments
+from pmr.studies.chart_models import richer_model
 from pmr.studies.limits import Limit
 from pmr.studies.results import StudyResults
-from pmr.studies.richer_model import richer_model
+from pmr.studies.shared import scene_arguments
 
 pytestmark = pytest.mark.slow
 
@@ -107,5 +107,5 @@ def test_a_chart_warns_as_a_run_of_the_boom_at_rest_does(chart: StudyResults, fo
 def test_without_a_richer_model_the_reason_is_said(folder: Path) -> None:
     scene = load_any(folder / "scene.toml", ["section.body.model=shell"])
     at = {"extensions": {"fly": [EXTENSION]}, "luffing": [ANGLE], "slewing": [0.0]}
-    arrays = richer_model(boom_arguments(with_hook(scene)) | {"at": at}, {}).arrays
+    arrays = richer_model(scene_arguments(with_hook(scene)) | {"at": at}, {}).arrays
     assert "a shell is the richest model there is" in str(arrays["reason"]) and "model.K" not in arrays

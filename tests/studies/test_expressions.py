@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from pmr.studies.expressions import value_of
+from pmr.studies.user_limits import value_of
 
 AT = {"load": 3.0, "force": {"fly tail top": -4.0, "ring": 2.0}}
 

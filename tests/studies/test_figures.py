@@ -11,7 +11,9 @@ from pmr import scene as scenes
 from pmr.files.whole import users_folder
 from pmr.pipeline import run
 from pmr.results import Energy, Response
-from pmr.studies.figures import boom_arguments, figures_of, run_boom_case
+from pmr.studies.figures import figures_of
+from pmr.studies.kinds.scenes import run_case
+from pmr.studies.shared import scene_arguments
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 
@@ -25,8 +27,8 @@ def test_rows_hold_forces_frequencies_and_probes_with_times_and_places() -> None
         force_names=("force of mouth top", "force of cylinder"), others=5.0 * np.cos(2.0 * np.pi * t)[:, None],
         other_names=("weld stress along",), other_units=("Pa",),
     )  # fmt: skip
-    s, omega = np.array([1.5, 2.0, 2.5]), 2.0 * np.pi * np.array([[1.0, 4.0], [2.0, 5.0], [3.0, np.nan]])
-    found = figures_of(scene, response, s, omega)
+    s, frequencies = np.array([1.5, 2.0, 2.5]), np.array([[1.0, 4.0], [2.0, 5.0], [3.0, np.nan]])
+    found = figures_of(scene, response, s, frequencies)
     assert found["largest_force"] == pytest.approx(100.0)
     top = {key: found[f"forces.mouth top.{key}"] for key in ("min", "t_min", "s_min", "max", "t_max", "s_max")}
     assert top == pytest.approx(
@@ -47,7 +49,7 @@ def test_a_row_has_ropes_and_the_warnings_of_the_run(tmp_path: Path) -> None:
     described["sections"][2]["joint"] = {"follows": "mid"}
     (tmp_path / "boom.toml").write_text(toml.written(described | {"compare": {"against": []}}))
     scene = scenes.load_any(tmp_path / "boom.toml")
-    outcome, row = run(scene, measures=users_folder()), run_boom_case(boom_arguments(scene), {})
+    outcome, row = run(scene, measures=users_folder()), run_case(scene_arguments(scene), {})
     assert outcome is not None
     summary = outcome.result.summary
     ropes = {one["name"]: one["force"] for one in summary["ropes"]}

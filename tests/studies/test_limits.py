@@ -25,10 +25,8 @@ from pmr.simulation.statics.postures import HOOK, WEIGHT, Postures, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads, bent_further
 from pmr.studies.charting import MARGIN, governing_limit, in_doubt, lowest
-from pmr.studies.field_probes import with_fields
-from pmr.studies.governing import chosen
-from pmr.studies.limits import Limit
-from pmr.studies.stops import Stopping
+from pmr.studies.governing import Stopping, chosen
+from pmr.studies.limits import Limit, with_fields
 from pmr.studies.tipping import Mass
 from pmr.system.body import kinds_of
 from pmr.system.terms import carried_inertia

@@ -20,15 +20,12 @@ from pmr.scene.keys import ALONE
 from pmr.studies import charting
 from pmr.studies.cases import LoadCase
 from pmr.studies.charting import governing_limit
-from pmr.studies.limits import STABILITY
+from pmr.studies.limits import KINDS, STABILITY
 
 Array = NDArray[np.float64]
 
 #: Reaches and angles in the table, at most.
 ROWS, COLUMNS = 14, 7
-#: Units of what is limited; others have none.
-UNITS = dict.fromkeys(("pad", "cylinder", "support", "luffing", "rope"), "N")
-UNITS |= {"stress": "Pa", "field": "Pa", "deflection": "m", "frequency": "Hz"}
 #: Arrays of error bars: the sum and its parts.
 PARTS = ("", *(f".{of}" for of in charting.PARTS))
 #: What stands in place of a load where no load up to the largest one reaches the limit.
@@ -245,10 +242,10 @@ def _amount(limit: Mapping[str, Any], amount: float | None) -> str:
     """Amount of a limit with its unit."""
     if amount is None:
         return "–"
-    unit = "Pa" if limit.get("area") else UNITS.get(str(limit["of"]))
+    unit = "Pa" if limit.get("area") else KINDS[str(limit["of"])].unit
     if unit == "Hz":
         return f"{amount:g}{SPACE}Hz"  # nobody speaks of a boom's millihertz
-    return f"{amount:g}" if unit is None else quantity(amount, unit)
+    return quantity(amount, unit) if unit else f"{amount:g}"
 
 
 def _loads(chart: Chart, error: Array, luffing: Any) -> Grid:

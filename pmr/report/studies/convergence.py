@@ -9,7 +9,7 @@ from pmr.report.blocks import Block, Chapter, KeyNumber
 from pmr.report.figures.canvas import WIDE, dots, drawing, key, log_axis, log_x, sheet
 from pmr.report.numbers import length
 from pmr.report.studies.finished import FinishedStudy
-from pmr.studies.engine.task import number
+from pmr.studies.tasks import number
 
 APPROACHES = {"ancf": "ANCF cable", "full": "full model"}
 _NUMBERS = {"full": 0, "ancf": 2}  # of the colours

@@ -11,9 +11,9 @@ from typing import Any, Protocol
 
 from pmr.report.blocks import DIFFERENT, SAME, ErrorTable, Mark, Row, mark_for, signed_deviation
 from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
-from pmr.studies.engine.task import Scalar, number
 from pmr.studies.results import RunRecord, StudyResults
 from pmr.studies.study import Statement
+from pmr.studies.tasks import Scalar, number
 
 
 @dataclass(frozen=True)

@@ -29,8 +29,8 @@ from pmr.report.studies.tables import (
     value_of,
     value_words,
 )
-from pmr.studies.engine.task import number
 from pmr.studies.results import RunRecord
+from pmr.studies.tasks import number
 
 MOST_ROWS, MOST_COLUMNS, MOST_GRIDS, MOST_VALUES, MOST_PANELS = 60, 7, 3, 8, 4
 COORDINATES = "reduction.coordinates"

@@ -16,8 +16,8 @@ from pmr.report.subject import MODELS
 from pmr.scene.joints import Part
 from pmr.scene.keys import quantity_of as quantity_in
 from pmr.scene.scene import BodyFile
-from pmr.studies.engine.task import Scalar, number
 from pmr.studies.results import RunRecord
+from pmr.studies.tasks import Scalar, number
 
 TIME = "simulate.reduced"  # seconds of one simulation of the reduced model
 _PLACES = {

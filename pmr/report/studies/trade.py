@@ -13,9 +13,9 @@ from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
 from pmr.report.figures.canvas import WIDE, dots, drawing, log_axis, log_x, sheet
 from pmr.report.numbers import percent, plain, quantity
 from pmr.report.studies.finished import FinishedStudy
-from pmr.studies.engine.task import number
+from pmr.studies.kinds.trade import TOLERANCES, points
 from pmr.studies.results import RunRecord
-from pmr.studies.tolerances import TOLERANCES, points
+from pmr.studies.tasks import number
 
 NAMES = {
     "pod": "POD, slider at nodes",

@@ -4,41 +4,37 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.hints import hints_of
-from pmr.scene.keys import Usual, of_key
+from pmr.scene.keys import Section, Usual, of_key
 from pmr.scene.signals import Constant
 from pmr.scene.tomlfiles import Change
 from pmr.simulation.statics.postures import HOOK, with_hook
+from pmr.studies import shared
 from pmr.studies.cases import CLASSES, LoadCase, hoisting_factor
-from pmr.studies.charting import allowed, governing_limit, in_doubt, lowest, postures, sequence
-from pmr.studies.engine.task import Plan, Scalar, Task, number
-from pmr.studies.figures import boom_arguments
+from pmr.studies.chart_models import postures, richer_model
+from pmr.studies.charting import allow_row, governing_limit, in_doubt, lowest
+from pmr.studies.governing import Stop
 from pmr.studies.limits import STABILITY, Limit
 from pmr.studies.results import StudyResults
-from pmr.studies.richer_model import richer_model
-from pmr.studies.stops import Stop
 from pmr.studies.study import Count, StudyBase
+from pmr.studies.tasks import Plan, Scalar, Task
 
 #: Places in all, at most.
 MOST = 200_000
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Range(_Table):
+class Range(Section):
     """Evenly spaced values."""
 
     least: float = Field(description="First value, in m or the unit of the scene's angles")
@@ -58,8 +54,18 @@ class Range(_Table):
     def values(self) -> tuple[float, ...]:
         return tuple(np.linspace(self.least, self.most, self.count).tolist())
 
+    def of_sections(self, names: Sequence[str]) -> list[dict[str, float]]:
+        """Extensions of sections: of all together, or of one after the other, the first of `names` first."""
+        rows = list[dict[str, float]]()
+        for share in np.linspace(0.0, 1.0, self.count):
+            in_turn = np.clip(share * len(names) - np.arange(len(names)), 0.0, 1.0)
+            shares = in_turn if self.order == "in turn" else np.full(len(names), share)
+            values = self.least + shares * (self.most - self.least)
+            rows.append(dict(zip(names, values.tolist(), strict=True)))
+        return rows
 
-class Hoist(_Table):
+
+class Hoist(Section):
     """How a load is hoisted off the ground: the factor that this makes of its weight is computed at each point."""
 
     speed: Annotated[float, Field(gt=0.0), Usual(1e-3, 5.0, unit="m/s")] = Field(
@@ -145,16 +151,16 @@ class Study(StudyBase):
         fields = sorted({name for limit in self.limits if limit.of == "field" for name in limit.which})
         common |= {"fields": fields} if fields else {}
         turned = {"turned": sorted({stop.of for stop in self.stops})} if self.stops else {}
-        boom = boom_arguments(with_hook(scene))
-        shared = {"postures": Task("postures", postures, boom | common | turned | {"at": at}, cost=10.0)}
+        boom = shared.scene_arguments(with_hook(scene))
+        common_tasks = {"postures": Task("postures", postures, boom | common | turned | {"at": at}, cost=10.0)}
         if self.error_bars:
-            shared["model"] = Task("model", richer_model, boom | {"at": at}, cost=20.0)
-        needs = {name: task.key for name, task in shared.items()}
+            common_tasks["model"] = Task("model", richer_model, boom | {"at": at}, cost=20.0)
+        needs = {name: task.key for name, task in common_tasks.items()}
         row_arguments: dict[str, Any] = {"up_to": self.up_to, "error": self.error_bars} | boom
         row_arguments |= {
             "limits": [limit.model_dump(mode="json") for limit in self.limits],
             "cases": [case.acting_amounts(self.classes) for case in self._in_service],
-            "left": [case.acting_amounts(self.classes) for case in self._left],
+            "left": [case.acting_amounts(self.classes) for case in self._out_of_service],
             "gravity": scene.gravity.acceleration if scene.gravity else 0.0,
             "stops": [{"of": stop.of, "speed": stop.speed * unit, "within": stop.within} for stop in self.stops],
             "hoist": self.hoist and [self.hoist.rope_stiffness, self.hoist.speed],
@@ -163,8 +169,8 @@ class Study(StudyBase):
         for k, row in enumerate(rows):
             parameters: dict[str, Scalar] = {f"extension.{name}": value for name, value in row.items()}
             arguments = row_arguments | {"rows": [k * size, (k + 1) * size]}
-            runs.append(Task(f"row{k + 1}", allowed, arguments, needs, parameters))
-        return Plan(tuple(runs), tuple(shared.values()))
+            runs.append(Task(f"row{k + 1}", allow_row, arguments, needs, parameters))
+        return Plan(tuple(runs), tuple(common_tasks.values()))
 
     def figures(self, results: StudyResults) -> Mapping[str, Scalar]:
         table = self.table(results)
@@ -181,7 +187,7 @@ class Study(StudyBase):
             factors = table["hoist"][np.isfinite(table["hoist"])]
             figures |= {"hoist.least": float(factors.min()), "hoist.most": float(factors.max())} if len(factors) else {}
             figures |= {} if (factor := self._class_factor) is None else {"hoist.class": factor}
-        for k, case in enumerate(self._left):
+        for k, case in enumerate(self._out_of_service):
             figures[f"stands.{case.name}"] = int((~table["passed"][:, k].any(axis=1)).sum())
         return figures
 
@@ -208,7 +214,7 @@ class Study(StudyBase):
         return [case for case in self.cases if case.in_service]
 
     @property
-    def _left(self) -> list[LoadCase]:
+    def _out_of_service(self) -> list[LoadCase]:
         """Out of service."""
         return [case for case in self.cases if not case.in_service]
 
@@ -237,61 +243,44 @@ class Study(StudyBase):
         if not any(done):
             return {"chart.csv": ""}
         points = [point for point, is_done in zip(self._points, np.repeat(done, self._size), strict=True) if is_done]
-        table, names = self.table(results), self.names
-        load, error = table["load"], table["error"]
-        least, doubt = governing_limit(load), in_doubt(load, error, self.up_to)
+        table = self.table(results)
+        rows = [self._cells(table, k, *point) for k, point in enumerate(points)]
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
-        heads = [f"extension {name} [m]" for name in self._scene.names[1:]]
-        angle = "degrees" if self._scene.frame is not None and self._scene.frame.unit == "degrees" else "rad"
-        heads += [
-            f"luffing [{angle}]",
-            f"slewing [{angle}]",
-            "radius [m]",
-            "height [m]",
-            "load [kg]",
-            "lower bound [kg]",
-        ]
-        writer.writerow(
-            [
-                *heads,
-                "governed by",
-                "case",
-                "may govern",
-                *(["hoisting factor"] if self.hoist else []),
-                *(f"{case.name}, passed" for case in self._left),
-                *(f"{n} [kg]" for n in names),
-                *(f"{n} error [kg]" for n in names),
-                "not covered",
-            ]
-        )
-        for k, (row, a, b) in enumerate(points):
-            radius, height = table["place"][k].tolist()
-            which = int(least[k])
-            is_limited = which >= 0
-            lower = float(max(0.0, lowest(load[k], error[k], self.up_to).min()))
-            allowed_cells = [load[k, which] if is_limited else "", lower if is_limited or lower < self.up_to else ""]
-            allowed_cells += (
-                [names[which], self._in_service[int(table["case"][k, which])].name] if is_limited else ["none", ""]
-            )
-            may = " | ".join(name for name, point in zip(names, doubt[k], strict=True) if point)
-            hoist_and_passed: list[Any] = [float(table["hoist"][k])] if self.hoist else []
-            hoist_and_passed += [" | ".join(np.array(names)[passed]) or "none" for passed in table["passed"][k]]
-            cells = [
-                *row.values(),
-                a,
-                b,
-                radius,
-                height,
-                *allowed_cells,
-                may,
-                *hoist_and_passed,
-                *load[k].tolist(),
-                *error[k].tolist(),
-            ]
-            cells.append(str(table["not_covered"][k]))
-            writer.writerow([_cell(point) for point in cells])
+        writer.writerow([head for head, _ in rows[0]])
+        writer.writerows([[_cell(value) for _, value in row] for row in rows])
         return {"chart.csv": text.getvalue()}
+
+    def _cells(
+        self, table: Mapping[str, Any], k: int, row: Mapping[str, float], luffing: float, slewing: float
+    ) -> list[tuple[str, float | str]]:
+        """Heads and values of the k-th point's row of ``chart.csv``."""
+        frame, names = self._scene.frame, np.array(self.names)
+        angle = "degrees" if frame is not None and frame.unit == "degrees" else "rad"
+        load, error = table["load"][k], table["error"][k]
+        lower = float(max(0.0, lowest(load[None], error[None], self.up_to).min()))
+        (which,), (doubt,) = governing_limit(load[None]), in_doubt(load[None], error[None], self.up_to)
+        is_limited = which >= 0
+        return [
+            *((f"extension {name} [m]", extension) for name, extension in row.items()),
+            (f"luffing [{angle}]", luffing),
+            (f"slewing [{angle}]", slewing),
+            ("radius [m]", table["place"][k, 0]),
+            ("height [m]", table["place"][k, 1]),
+            ("load [kg]", load[which] if is_limited else ""),
+            ("lower bound [kg]", lower if is_limited or lower < self.up_to else ""),
+            ("governed by", names[which] if is_limited else "none"),
+            ("case", self._in_service[int(table["case"][k, which])].name if is_limited else ""),
+            ("may govern", " | ".join(names[doubt])),
+            *([("hoisting factor", table["hoist"][k])] if self.hoist else []),
+            *(
+                (f"{case.name}, passed", " | ".join(names[passed]) or "none")
+                for case, passed in zip(self._out_of_service, table["passed"][k], strict=True)
+            ),
+            *((f"{name} [kg]", value) for name, value in zip(self.names, load, strict=True)),
+            *((f"{name} error [kg]", value) for name, value in zip(self.names, error, strict=True)),
+            ("not covered", str(table["not_covered"][k])),
+        ]
 
     def not_covered(self, results: StudyResults) -> str:
         """Parts of the error that the bars lack, in clauses."""
@@ -335,10 +324,7 @@ class Study(StudyBase):
         names = scene.names[1:] if len(scene.sections) > 1 else ()
         extensions = self.extensions
         if isinstance(extensions, Range):
-            count = len(names)
-            rows = sequence(
-                names, [extensions.least] * count, [extensions.most] * count, extensions.count, extensions.order
-            )
+            rows = extensions.of_sections(names)
         else:
             rows = [
                 dict.fromkeys(names, extension) if isinstance(extension, float) else dict(extension)
@@ -377,7 +363,7 @@ def _check_at_rest(scene: Scene) -> None:
         raise InputError("scene", f"frame.base.{moving[0]}", None, allowed)
 
 
-def _cell(value: Any) -> str:
+def _cell(value: float | str) -> str:
     if isinstance(value, str):
         return value
-    return "" if np.isnan(number(value)) else f"{number(value):.9g}"
+    return "" if np.isnan(value) else f"{value:.9g}"

@@ -6,7 +6,6 @@ its difference over all steps to that of the finest discretisation of the same a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -15,18 +14,18 @@ from pydantic import Field, field_validator
 
 from pmr import scene as scenes
 from pmr.compare.errors import absolute_error, relative_error
-from pmr.compare.outputs import run_from_start
+from pmr.compare.outputs import in_parts, run_from_start
 from pmr.compare.responses import respond, simulate_cable
 from pmr.compare.summary import warnings_of_response
 from pmr.errors import InputError
+from pmr.scene import Compare, Reduction, Scene, Simulation
 from pmr.scene.hints import hints
-from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn.ancf import COORDINATES_PER_NODE
-from pmr.studies import booms, sections, shared, subjects
-from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult
+from pmr.studies import shared
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Count, StudyBase
+from pmr.studies.tasks import Arguments, Needs, Plan, Scalar, Task, TaskResult
 
 #: Rough effort in s of one element.
 COSTS = {"ancf": 0.1, "full": 0.01}
@@ -46,7 +45,7 @@ class Study(StudyBase):
 
     @field_validator("full", "ancf")
     @classmethod
-    def _increasing(cls, elements: tuple[int, ...]) -> tuple[int, ...]:
+    def _check_increasing(cls, elements: tuple[int, ...]) -> tuple[int, ...]:
         if list(elements) != sorted(set(elements)):
             raise ValueError("numbers of elements must increase")
         if len(elements) == 1:
@@ -54,34 +53,24 @@ class Study(StudyBase):
         return elements
 
     def plan(self) -> Plan:
-        if boom := subjects.boom(self.scene):
-            return self._of_sections(boom)
-        scene = scenes.beam_scene(self.scene)
-        profile = scene.body.profile
-        if scene.mesh.file is not None or profile is None or profile.axial_stiffness is None:
+        scene = scenes.load_any(self.scene) if scenes.has_sections(self.scene) else scenes.beam_scene(self.scene)
+        shared.refuse_second_order(scene)
+        profile = scene.sections[0].body.profile
+        if len(scene.sections) > 1:
+            if self.ancf:
+                raise InputError("study", "ancf", list(self.ancf), "no ANCF cable is allowed: it is a single beam")
+            if any(part.mesh.file is not None for part in scene.sections):
+                raise InputError("study", "scene", str(self.scene), "sections with mesh.elements are allowed")
+        elif scene.mesh.file is not None or profile is None or profile.axial_stiffness is None:
             allowed = "a scene with mesh.elements and body.profile.axial_stiffness is allowed"
             raise InputError("study", "scene", str(self.scene), allowed)
         return Plan((*self._runs(scene, "ancf", self.ancf), *self._runs(scene, "full", self.full)))
 
-    def _of_sections(self, boom: scenes.Scene) -> Plan:
-        if self.ancf:
-            raise InputError("study", "ancf", list(self.ancf), "no ANCF cable is allowed: it is a single beam")
-        if any(part.mesh.file is not None for part in boom.sections):
-            raise InputError("study", "scene", str(self.scene), "sections with mesh.elements are allowed")
-        finest, runs = f"full-{self.full[-1]}", []
-        for count in self.full:
-            needs = {"finest": finest} if count != self.full[-1] else {}
-            parameters: dict[str, Scalar] = {"approach": "full", "elements": count}
-            refined = booms.with_elements(boom, count)
-            runs.append(sections.task(f"full-{count}", sections.full_tip, refined, parameters, needs))
-        return Plan(tuple(runs))
-
-    def _runs(self, scene: scenes.Scene, approach: str, elements: tuple[int, ...]) -> list[Task]:
-        function = {"ancf": cable_tip, "full": beam_tip}[approach]
+    def _runs(self, scene: Scene, approach: str, elements: tuple[int, ...]) -> list[Task]:
+        function = {"ancf": cable_tip, "full": full_tip}[approach]
         runs = []
         for count in elements:
-            meshed = _without_reduction(scene).model_copy(update={"mesh": scenes.MeshChoice(elements=count)})
-            arguments = shared.scene_arguments(meshed)
+            arguments = shared.scene_arguments(with_elements(scene, count))
             needs = {"finest": f"{approach}-{elements[-1]}"} if count != elements[-1] else {}
             parameters: dict[str, Scalar] = {"approach": approach, "elements": count}
             cost = COSTS[approach] * count
@@ -102,17 +91,34 @@ class Study(StudyBase):
         return record
 
 
-def beam_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
-    """Task: ``coordinates``, ``e_abs`` (m) and ``e_nrms`` of the full beam's tip; array ``tip`` (T,) in m."""
+def with_elements(scene: Scene, count: int) -> Scene:
+    """Return the scene with so many elements in every section, and without what the full model's motion needs not."""
+    update = {
+        "compare": Compare(against=()), "simulation": Simulation(), "recovery": None, "accuracy": None, "budget": None
+    }  # fmt: skip
+    parts = [
+        part.model_copy(update={"mesh": part.mesh.model_copy(update={"elements": count})}) for part in scene.sections
+    ]
+    return shared.with_reduction(scene.model_copy(update=update | {"sections": tuple(parts)}), Reduction())
+
+
+def full_tip(arguments: Arguments, needs: Needs) -> TaskResult:
+    """Task: ``coordinates``, ``e_abs`` (m) and ``e_nrms`` of the full model's tip; array ``tip`` in m.
+
+    That has the transverse displacement (T,) of a beam alone, all directions (T, d) of a boom's tip.
+    """
     scene = shared.scene_of(arguments)
     system = shared.full_system(scene)
-    response = respond(system, run_from_start(system, Excitation.of(scene)))
-    result = _compare_tip(response.of("tip")[:, -1], system.bodies[ALONE].size, needs)
+    response = respond(system, run_from_start(system, in_parts(system, Excitation.of(scene))))
+    tip = response.of("tip", body=scene.names[-1])
+    result = _compare_tip(
+        tip if len(scene.sections) > 1 else tip[:, -1], sum(body.size for body in system.bodies.values()), needs
+    )
     return replace(result, warnings=warnings_of_response(scene, system, response))
 
 
-def cable_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
-    """Task: as `beam_tip`, for the ANCF cable."""
+def cable_tip(arguments: Arguments, needs: Needs) -> TaskResult:
+    """Task: ``coordinates``, ``e_abs`` (m) and ``e_nrms`` of the ANCF cable's tip; array ``tip`` (T,) in m."""
     scene = shared.scene_of(arguments)
     elements = scene.mesh.elements
     compared = scene.compare.model_copy(update={"ancf_elements": elements})
@@ -122,15 +128,9 @@ def cable_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> 
     return replace(result, warnings=tuple(hints(scene)))
 
 
-def _compare_tip(tip: Any, coordinates: int, needs: Mapping[str, TaskResult]) -> TaskResult:
+def _compare_tip(tip: Any, coordinates: int, needs: Needs) -> TaskResult:
     record: dict[str, Scalar] = {"coordinates": coordinates, "e_abs": None, "e_nrms": None}
     if "finest" in needs:
         finest = needs["finest"].arrays["tip"]
         record |= {"e_abs": absolute_error(tip, finest), "e_nrms": relative_error(tip, finest)}
     return TaskResult(record, {"tip": tip})
-
-
-def _without_reduction(scene: scenes.Scene) -> scenes.Scene:
-    """The scene without what the full model's motion does not depend on: reduction, comparison, choice of simulator."""
-    update = {"compare": scenes.Compare(against=()), "simulation": scenes.Simulation()}
-    return shared.with_reduction(scene.model_copy(update=update), scenes.Reduction())

@@ -1,9 +1,9 @@
 """Accuracy against time: bases and sizes, steps, meshes, and what each costs online and offline.
 
-Methods are those of `pmr.studies.bases`, and
+Methods are the bases of `pmr.studies.motions.models`, and
 
-visited
-    POD of eigenmodes with the slider held at nine positions that the path visits.
+trajectory
+    POD of the full model's own motion.
 
 Axial coordinates, which nothing excites, are left out of planar beams, for all methods alike.
 """
@@ -21,20 +21,43 @@ from pydantic import Field
 
 from pmr import scene as scenes
 from pmr.compare.errors import relative_error
+from pmr.compare.outputs import run_from_start
 from pmr.compare.responses import respond
 from pmr.compare.summary import warnings_of_response
 from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene
-from pmr.simulation import Excitation, TimeStepping
-from pmr.simulation.modal import modal_form
-from pmr.studies import bases, booms, sections, shared, subjects
-from pmr.studies.bases import observe, scale_step
-from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
+from pmr.studies import shared
+from pmr.studies.motions import OF_SECTIONS, Case, displacement, models, models_of_motion, reduced_to
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Count, StudyBase
-from pmr.studies.tolerances import TOLERANCES, coarsest_within
-from pmr.system.body import length_outputs
+from pmr.studies.tasks import Arguments, Needs, Plan, Scalar, Task, TaskFunction, TaskResult, key_of, number
 from pmr.system.system import System
+
+#: Of errors along the body.
+TOLERANCES = (0.05, 0.01, 0.001, 0.0001)
+
+
+def points(figures: Mapping[str, Scalar]) -> list[tuple[int, float, float]]:
+    """Coordinates, step as a multiple of the scene's, and error of each model that was simulated."""
+    split = [(name.split("."), value) for name, value in figures.items() if name.startswith("total.")]
+    return [(int(part[1]), float(".".join(part[2:])), number(value)) for part, value in split if value is not None]
+
+
+def coarsest_within(figures: Mapping[str, Scalar], tolerance: float) -> tuple[int, float] | None:
+    """Fewest coordinates that hold a tolerance, and the longest step with which they do; None where none do.
+
+    With shorter steps they have to, too: errors of model and step that cancel each other are no merit.
+    """
+    for r in sorted({r for r, _, _ in points(figures)}):
+        longest = None
+        for _, h, error in sorted(point for point in points(figures) if point[0] == r):
+            if error > tolerance:
+                break
+            longest = h
+        if longest is not None:
+            return r, longest
+    return None
+
 
 Array = NDArray[np.float64]
 Method = Literal["pod", "visited", "modes", "flexibility", "trajectory"]
@@ -68,29 +91,26 @@ class Study(StudyBase):
     def plan(self) -> Plan:
         runs, truths = [], []
         for file in self.scenes:
-            if boom := subjects.boom(file):
-                self._check_steps(boom.time.steps)
-                truth, of_sections = self._of_sections(boom, file.stem)
-                truths.append(truth)
-                runs += of_sections
-                continue
-            scene = without_axial(scenes.load(file))
+            scene, name = without_axial(scenes.load_any(file)).model_copy(update={"recovery": None}), file.stem
+            is_alone = len(scene.sections) == 1
+            shared.refuse_second_order(scene)
             self._check_steps(scene.time.steps)
             common = shared.scene_arguments(scene) | {"steps": sorted(self.steps, reverse=True)}
-            truth = Task(key_of(f"truth-{file.stem}-{common['hash']}"), reference, common, cost=5.0)
+            truth = Task(key_of(f"truth-{name}-{common['hash']}"), reference, common, cost=5.0)
             truths.append(truth)
-            for method in self.methods:
-                reduced = scene.model_copy(update={"reduction": bases.reduction(scene, method, max(self.coordinates))})
-                arguments = common | shared.scene_arguments(reduced)
-                arguments |= {"method": method, "coordinates": sorted(self.coordinates)}
-                needs, parameters = {"truth": truth.key}, {"scene": file.stem, "method": method}
-                runs.append(Task(key_of(f"{file.stem},{method}"), errors, arguments, needs, parameters, cost=5.0))
-            arguments = common | {"radii": list(self.radii)}
-            parameters = {"scene": file.stem, "method": "radii"}
-            runs.append(Task(key_of(f"{file.stem},radii"), dissipated, arguments, {"truth": truth.key}, parameters))
-            if scene.body.profile is not None and scene.mesh.file is None:
-                arguments, parameters = common | {"elements": list(self.elements)}, parameters | {"method": "elements"}
-                runs.append(Task(key_of(f"{file.stem},elements"), meshed, arguments, {"truth": truth.key}, parameters))
+            tasks = list[tuple[str, TaskFunction, Mapping[str, Any]]]()
+            for method in self.methods if is_alone else [basis for basis in self.methods if basis in OF_SECTIONS]:
+                reduced = shared.scene_arguments(reduced_to(scene, method, max(self.coordinates)))
+                sizes = {"method": method, "coordinates": sorted(self.coordinates)}
+                tasks.append((method, errors_of_method, common | reduced | sizes))
+            if is_alone:
+                tasks.append(("radii", errors_of_radii, common | {"radii": list(self.radii)}))
+            if is_alone and scene.body.profile is not None and scene.mesh.file is None:
+                tasks.append(("elements", errors_of_meshes, common | {"elements": list(self.elements)}))
+            for of, function, arguments in tasks:
+                parameters, cost = {"scene": name, "method": of}, 5.0 if function is errors_of_method else 1.0
+                key, needs = key_of(f"{name},{of}"), {"truth": truth.key}
+                runs.append(Task(key, function, arguments, needs, parameters, cost))
         return Plan(tuple(runs), tuple(truths))
 
     def _check_steps(self, count: int) -> None:
@@ -98,19 +118,6 @@ class Study(StudyBase):
         if any(ratio != round(ratio) for ratio in ratios) or 1.0 not in self.steps:
             allowed = f"1 and factors that divide the largest, and that one the {count} steps, are allowed"
             raise InputError("study", "steps", list(self.steps), allowed)
-
-    def _of_sections(self, boom: Scene, name: str) -> tuple[Task, list[Task]]:
-        """The reference of a boom, and a run of each method that sections have."""
-        steps, largest = sorted(self.steps, reverse=True), booms.reduced_to(boom, max(self.coordinates))
-        truth = sections.task(f"truth-{name}-{boom.hash}", sections.finest, boom, {}, {}, steps=steps)
-        runs = []
-        for method in (basis for basis in self.methods if basis in sections.BASES):
-            more = {"steps": steps, "basis": method, "coordinates": sorted(self.coordinates)}
-            parameters, needs = {"scene": name, "method": method}, {"truth": truth.key}
-            runs.append(
-                sections.task(f"{name},{method}", sections.by_size_and_step, largest, parameters, needs, **more)
-            )
-        return truth, runs
 
     def figures(self, results: StudyResults) -> dict[str, Scalar]:
         record: dict[str, Scalar] = {}
@@ -124,84 +131,78 @@ class Study(StudyBase):
 
 def without_axial(scene: Scene) -> Scene:
     """A planar beam without coordinates along its axis; any other scene as it is."""
-    if scene.body.profile is None:
+    if len(scene.sections) > 1 or scene.body.profile is None:
         return scene
     profile = scene.body.profile.model_copy(update={"axial": False})
     return scene.model_copy(update={"body": scene.body.model_copy(update={"profile": profile})})
 
 
-def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+def reference(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: ``y`` (T, o) in m, the full model's motion with a step `FINER` than all that are tried.
 
     Figures: ``step``, what its own step is off by, as a fraction.  Warnings are those of a run with the scene's step.
     """
-    scene, steps = shared.scene_of(arguments), arguments["steps"]
-    form, excitation, finest = modal_form(shared.body_of(scene)), Excitation.of(scene), FINER * steps[-1]
+    case, steps = Case.of(shared.scene_of(arguments)), arguments["steps"]
+    finest = FINER * steps[-1]
     coarser, y = (
-        observe(form, scale_step(excitation, factor * finest), round(steps[0] / (factor * finest)))
+        displacement(case.scene, case.full, factor * finest, round(steps[0] / (factor * finest)))
         for factor in (2.0, 1.0)
     )
-    case = bases.Case.of(scene)
-    system = System.of(case.full)
-    lines = warnings_of_response(scene, system, respond(system, case.run))
+    lines = warnings_of_response(case.scene, case.full, case.response)
     return TaskResult({"step": relative_error(coarser, y) / 3.0}, {"y": y}, warnings=lines)
 
 
-def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+def errors_of_method(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: a method's errors.
 
     Figures: ``total.<r>.<factor>``, e_NRMS of all displacements against the reference with the scene's step times a
-    factor; ``reduction.<r>``, the same against the full model with the scene's own step; ``energy.<r>``, the largest
-    difference to that one's energy while the slider moves, over its largest energy; ``reference``, what the reference's
-    step is off by; ``scene step`` in s and the number of ``steps``.  None where no model can be simulated.
-    Seconds: ``offline``, of the processor, ``step.<r>`` and ``full``, of one step.
+    factor; ``reduction.<r>``, the same against the full model with the scene's own step; of a body alone
+    ``energy.<r>``, the largest difference to that one's energy while the slider moves, over its largest energy;
+    ``reference``, what the reference's step is off by; ``scene step`` in s and the number of ``steps``.  None where no
+    model can be simulated.  Seconds: ``offline``, of the processor, ``step.<r>`` and ``full``, of one step.
     """
-    scene, truth = shared.scene_of(arguments), needs["truth"]
-    case = bases.Case.of(scene)
+    case, truth, method = Case.of(shared.scene_of(arguments)), needs["truth"], arguments["method"]
+    scene, steps, is_alone = case.scene, case.scene.time.steps, len(case.scene.sections) == 1
     begin = time.process_time()
-    models = bases.MODELS[arguments["method"]](case)
-    tried = [
-        (r, bases.simulator(models.of(r))) for r in arguments["coordinates"] if models.smallest <= r <= models.largest
-    ]
-    seconds = {"offline": time.process_time() - begin, "full": case.run.seconds / scene.time.steps}
-    stored = case.run.energy
-    moving = np.abs(case.excitation.path_rate) > 0.0
-    record: dict[str, Scalar] = {"reference": truth.record["step"]}
-    record |= {"scene step": scene.time.step, "steps": scene.time.steps}
-    for r, simulate in tried:
+    of_basis = models_of_motion(case) if method == "trajectory" else models(scene, method)
+    sizes = [r for r in arguments["coordinates"] if of_basis.smallest <= r <= of_basis.largest]
+    systems = {r: of_basis.of(r) for r in sizes}
+    seconds = {"offline": time.process_time() - begin, "full": case.run.seconds / steps}
+    record: dict[str, Scalar] = {"reference": truth.record["step"], "scene step": scene.time.step, "steps": steps}
+    for r, system in systems.items():
         names = [f"total.{r}.{factor:g}" for factor in arguments["steps"]]
-        record |= dict.fromkeys((*names, f"reduction.{r}", f"energy.{r}"))
+        record |= dict.fromkeys((*names, f"reduction.{r}", *([f"energy.{r}"] if is_alone else [])))
         for factor, name in zip(arguments["steps"], names, strict=True):
-            every = round(arguments["steps"][0] / factor)
             try:
-                motion = simulate(scale_step(case.excitation, factor), every)
-                record[name] = relative_error(motion.displacement, truth.arrays["y"])
+                y = displacement(scene, system, factor, round(arguments["steps"][0] / factor))
             except (SimulationError, InputError):
                 continue
+            record[name] = relative_error(y, truth.arrays["y"])
         try:
-            runs = [simulate(case.excitation, 1) for _ in range(REPEATS)]
+            runs = [run_from_start(system, case.excitation) for _ in range(REPEATS)]
         except (SimulationError, InputError):
             continue
-        seconds[f"step.{r}"] = min(run.seconds for run in runs) / scene.time.steps
-        record[f"reduction.{r}"] = relative_error(runs[0].displacement, case.displacement[:, length_outputs(case.full)])
-        off = np.abs(runs[0].energy - stored)[moving].max(initial=0.0)
-        record[f"energy.{r}"] = float(min(off / stored.max(), 1e3))
+        seconds[f"step.{r}"] = min(run.seconds for run in runs) / steps
+        record[f"reduction.{r}"] = relative_error(respond(system, runs[0]).displacement, case.response.displacement)
+        if is_alone:
+            moving = np.abs(case.excitation.path_rate) > 0.0
+            off = np.abs(runs[0].energy - case.run.energy)[moving].max(initial=0.0)
+            record[f"energy.{r}"] = float(min(off / case.run.energy.max(), 1e3))
     return TaskResult(record, seconds=seconds, warnings=truth.warnings)
 
 
-def dissipated(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+def errors_of_radii(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: ``rho.<radius>.<factor>``, e_NRMS of many free modes with other spectral radii, against the reference."""
-    scene, truth = shared.scene_of(arguments), needs["truth"].arrays["y"]
-    form, excitation, record = modal_form(_many(scene)), Excitation.of(scene), dict[str, Scalar]()
+    scene, truth, steps = shared.scene_of(arguments), needs["truth"].arrays["y"], arguments["steps"]
+    system, record = _many(scene), dict[str, Scalar]()
     for radius in arguments["radii"]:
-        for factor in arguments["steps"]:
-            stepping = TimeStepping(excitation.stepping.end, excitation.stepping.step * factor, radius)
-            y = observe(form, excitation.with_stepping(stepping), round(arguments["steps"][0] / factor))
+        for factor in steps:
+            y = displacement(scene, system, factor, round(steps[0] / factor), rho_inf=radius)
             record[f"rho.{radius:g}.{factor:g}"] = relative_error(y, truth)
     return TaskResult(record, warnings=needs["truth"].warnings)
 
 
-def meshed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+def errors_of_meshes(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: ``tip.<elements>``, e_NRMS of the tip, many free modes, against twice the largest number of elements.
 
     None where a mesh is too coarse for a model, as with two sliders within one element.
@@ -210,7 +211,7 @@ def meshed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
 
     def tip(count: int) -> Array:
         finer = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"elements": count})})
-        return observe(modal_form(_many(finer)), Excitation.of(finer), 1)[:, -1:]
+        return displacement(finer, _many(finer), 1.0, 1)[:, -1:]
 
     finest, record = tip(2 * max(arguments["elements"])), dict[str, Scalar]()
     for count in arguments["elements"]:
@@ -221,9 +222,9 @@ def meshed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
     return TaskResult(record, warnings=needs["truth"].warnings)
 
 
-def _many(scene: Scene) -> Any:
+def _many(scene: Scene) -> System:
+    """Return a body's model of many free modes."""
     from pmr.pipeline import reduce
 
     size = 2 * (scene.mesh.elements + 1) if scene.body.profile is not None else 10 * MANY
-    update = {"reduction": bases.reduction(scene, "flexibility", min(MANY, size // 2))}
-    return reduce(scene.model_copy(update=update)).reduced
+    return System.of(reduce(reduced_to(scene, "flexibility", min(MANY, size // 2))).reduced)

@@ -11,7 +11,7 @@ import pytest
 from scipy.optimize import brentq
 
 from pmr.simulation.statics.loaded import Equations, Form, Loaded
-from pmr.studies.searches import Search, first_load, run_searches
+from pmr.studies.allowed import Search, first_load, run_searches
 from pmr.system.definite import Free, first_singular, root
 
 Array = np.ndarray

@@ -20,12 +20,11 @@ from pmr.errors.environment import plugin_objects
 from pmr.report.studies.document import page
 from pmr.scene import load_any
 from pmr.studies import files, shared
-from pmr.studies.call import compute, save
-from pmr.studies.engine.pools import local_pool
-from pmr.studies.engine.runner import Progress
+from pmr.studies.call import Progress, compute, save
 from pmr.studies.kinds.chart import Study
 from pmr.studies.limits import Limit
 from pmr.studies.results import RunRecord, StudyResults
+from pmr.studies.workers import local_pool
 from pmr.system.from_scene import force_names
 
 pytestmark = pytest.mark.slow

@@ -12,8 +12,8 @@ from pmr.errors import InputError
 from pmr.scene import load
 from pmr.simulation import InitialState, TimeStepping
 from pmr.studies import files
-from pmr.studies.engine.task import number
 from pmr.studies.results import StudyResults
+from pmr.studies.tasks import number
 
 SMALL = """
 kind = "convergence"

@@ -11,8 +11,8 @@ from finished import WORKFLOWS, finished
 
 from pmr.report.studies.finished import FinishedStudy
 from pmr.studies import kinds
-from pmr.studies.engine.task import number
 from pmr.studies.results import StudyResults
+from pmr.studies.tasks import number
 
 #: What is changed in a scene of two sections.
 CHANGES = {
@@ -42,7 +42,7 @@ def text(kind: str, folder: Path) -> str:
 
 
 def reported(kind: str, folder: Path, results: StudyResults) -> None:
-    module = importlib.import_module(f"pmr.report.studies.sections.{kind}")
+    module = importlib.import_module(f"pmr.report.studies.{kind}")
     assert module.content(FinishedStudy.load(folder), "part").blocks
     assert results.is_complete
 

@@ -12,9 +12,9 @@ from pmr import scene
 from pmr.pipeline import run
 from pmr.studies import files
 from pmr.studies import shared as common
-from pmr.studies.engine.task import Plan, key_of
 from pmr.studies.kinds.scenes import run_case
 from pmr.studies.results import StudyResults
+from pmr.studies.tasks import Plan, key_of
 
 NAMES = ("base", "fly")
 SCENE = Path(__file__).parents[3] / "workflows" / "paper_simple.toml"

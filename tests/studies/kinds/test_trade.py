@@ -12,12 +12,12 @@ from pmr.errors import InputError
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.trade import NAMES, content, front
 from pmr.scene import load
-from pmr.simulation import Excitation
+from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
-from pmr.studies import bases, files, shared, tolerances
-from pmr.studies.engine.task import number
+from pmr.studies import files, shared
 from pmr.studies.kinds import trade
 from pmr.studies.results import StudyResults
+from pmr.studies.tasks import number
 
 pytestmark = pytest.mark.slow
 
@@ -51,10 +51,13 @@ def test_methods_differ_as_they_should(small: StudyResults) -> None:
 
 def test_the_reference_is_the_full_model_with_a_far_shorter_step(small: StudyResults) -> None:
     scene = trade.without_axial(load(small.folder / "short.toml"))
-    body = shared.model_of(scene).gather()
+    body, driven = shared.model_of(scene).gather(), Excitation.of(scene)
+    end, step, rho = driven.stepping.end, driven.stepping.step, driven.stepping.rho_inf
     assert body is not None
     runs = [
-        one_body.observe(modal_form(body), bases.scale_step(Excitation.of(scene), h), every=round(2.0 / h)).y
+        one_body.observe(
+            modal_form(body), driven.with_stepping(TimeStepping(end, h * step, rho)), every=round(2.0 / h)
+        ).y
         for h in (0.125, 1 / 32)
     ]
     assert number(figures(small)["pod"]["reference"]) == pytest.approx(nrms(*runs), rel=0.5)
@@ -77,9 +80,9 @@ def test_what_holds_a_tolerance_holds_it_with_shorter_steps_too() -> None:
         "total.8.1": 0.02,
         "total.8.0.5": 0.004,
     }
-    assert tolerances.coarsest_within(found, 0.01) == (8, 0.5)
-    assert tolerances.coarsest_within(found, 0.02) == (4, 1.0)
-    assert tolerances.coarsest_within(found, 0.001) is None
+    assert trade.coarsest_within(found, 0.01) == (8, 0.5)
+    assert trade.coarsest_within(found, 0.02) == (4, 1.0)
+    assert trade.coarsest_within(found, 0.001) is None
 
 
 def test_steps_that_do_not_meet_are_refused(tmp_path: Path) -> None:

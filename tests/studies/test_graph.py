@@ -3,8 +3,7 @@ from __future__ import annotations
 import pytest
 from study_tasks import add, square
 
-from pmr.studies.engine.graph import Ready, digests, open_nodes
-from pmr.studies.engine.task import Plan, Task
+from pmr.studies.tasks import Plan, Ready, Task, digests, open_nodes
 
 
 def nothing_done(digest: str) -> bool:
@@ -43,13 +42,6 @@ def test_a_task_waits_for_all_it_needs() -> None:
     assert (a.task.key, b.task.key, ready.pop().task.key, bool(ready)) == ("a", "b", "last", False)
     ready.done(b.digest)
     assert ready.pop().task.key == "sum"
-
-
-def test_all_that_depend_on_a_task_are_found_once() -> None:
-    plan = Plan((task("x"), task("d", "b", "c")), (task("a"), task("b", "a"), task("c", "a")))
-    nodes = open_nodes([plan], "", nothing_done)
-    found = [nodes[d].task.key for d in Ready(nodes).dependents(digests(plan, "")["a"])]
-    assert sorted(found) == ["b", "c", "d"]
 
 
 def test_what_is_done_needs_nothing_any_more() -> None:

@@ -9,30 +9,30 @@ import numpy as np
 import pytest
 
 from pmr.files.npz import DamagedError, write
-from pmr.studies.engine.store import STALE_AFTER, Store, Stored
-from pmr.studies.engine.task import TaskResult
+from pmr.studies.results import STALE_AFTER, Store
+from pmr.studies.tasks import TaskResult
 
 ARRAYS = {"x": np.linspace(0.0, 1.0, 1000), "names": np.array(["a", "b"]), "none": np.empty((0, 3))}
-STORED = Stored("key", TaskResult({"a": 0.1, "b": None, "c": True, "d": "text"}, ARRAYS, {"task": 2.0}, ("a note",)))
+RESULT = TaskResult({"a": 0.1, "b": None, "c": True, "d": "text"}, ARRAYS, {"task": 2.0}, ("a note",))
 
 
 @pytest.fixture
 def store(tmp_path: Path) -> Store:
     store = Store(tmp_path / "tasks")
     store.prepare()
-    store.write("abc", STORED)
+    store.write("abc", "key", RESULT)
     return store
 
 
 def test_what_was_written_is_read_again(store: Store) -> None:
     back = store.read("abc")
-    assert store.sound("abc") and (back.key, back.result.warnings) == ("key", ("a note",))
-    assert back.result.record == STORED.result.record and list(back.result.record) == ["a", "b", "c", "d"]
-    assert back.result.seconds == {"task": 2.0} and list(back.result.arrays) == list(ARRAYS)
+    assert store.sound("abc") and back.warnings == ("a note",)
+    assert back.record == RESULT.record and list(back.record) == ["a", "b", "c", "d"]
+    assert back.seconds == {"task": 2.0} and list(back.arrays) == list(ARRAYS)
     for name, array in ARRAYS.items():
-        assert np.array_equal(back.result.arrays[name], array)
-        assert not back.result.arrays[name].flags.writeable  # shared by all tasks of a process
-    assert store.headline("abc").result.record == STORED.result.record
+        assert np.array_equal(back.arrays[name], array)
+        assert not back.arrays[name].flags.writeable  # shared by all tasks of a process
+    assert store.headline("abc").record == RESULT.record
 
 
 def test_no_part_of_a_result_is_taken_for_the_whole(store: Store) -> None:
@@ -60,7 +60,7 @@ def test_a_flipped_bit_anywhere_in_the_content_is_noticed(store: Store) -> None:
 
 def test_objects_are_not_stored(store: Store) -> None:
     with pytest.raises(ValueError, match="allow_pickle"):
-        store.write("def", Stored("key", TaskResult(arrays={"x": np.array([{}])})))
+        store.write("def", "key", TaskResult(arrays={"x": np.array([{}])}))
     assert not store.sound("def")
 
 
@@ -77,11 +77,11 @@ def test_equal_arrays_give_equal_files(tmp_path: Path) -> None:
 def test_a_file_is_replaced_in_one_step(store: Store) -> None:
     with store.path("abc").open("rb") as reader:  # someone reads while another one writes
         beginning = reader.read(100)
-        store.write("abc", Stored("other", TaskResult()))
+        store.write("abc", "other", TaskResult({"other": True}))
         assert beginning + reader.read() != store.path("abc").read_bytes()
         reader.seek(0)
         assert reader.read(100) == beginning
-    assert store.read("abc").key == "other"
+    assert store.read("abc").record == {"other": True}
 
 
 def test_what_was_left_half_written_is_cleared_away_later(store: Store) -> None:

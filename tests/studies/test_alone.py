@@ -8,8 +8,8 @@ from typing import Literal
 import pytest
 import study_tasks
 
-from pmr.studies.engine.task import Plan, Task
 from pmr.studies.study import StudyBase
+from pmr.studies.tasks import Plan, Task
 
 
 class Intervals(StudyBase):

@@ -4,7 +4,7 @@ import pytest
 
 from pmr.cli import study as cli_study
 from pmr.errors.text import duration
-from pmr.studies.engine.runner import Progress
+from pmr.studies.call import Progress
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import math
 import pytest
 from study_tasks import add, square
 
-from pmr.studies.engine.task import Plan, Task, key_of
+from pmr.studies.tasks import Plan, Task, key_of
 
 
 @pytest.mark.parametrize("key", ["", "a/b", "a b", ".hidden", "x" * 121, "ä", "a\n"])

@@ -1,0 +1,233 @@
+"""Models of a load chart at all its places: a reduced one, and richer ones that tell the errors of its loads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import TypeAdapter
+
+from pmr.errors import ConvergenceError, InputError, SimulationError
+from pmr.files import npz
+from pmr.scene import Scene
+from pmr.scene.richer import model_comparison
+from pmr.simulation.statics.equilibrium import buckling_factors
+from pmr.simulation.statics.loaded import Loaded
+from pmr.simulation.statics.postures import (
+    HOOK,
+    WEIGHT,
+    Bent,
+    Postures,
+    Stands,
+    acceleration_loads,
+    places_of,
+    unit_loads,
+)
+from pmr.studies import shared
+from pmr.studies.limits import STABILITY, Limit, with_fields
+from pmr.studies.tasks import Arguments, Needs, TaskResult
+from pmr.system.assembly import Assembly
+from pmr.system.contacts import Contact
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+
+#: Contacts of a system, to JSON and back.
+CONTACTS = TypeAdapter(tuple[Contact, ...])
+#: Why the error of the mesh is not known.
+NO_FINER_MESH = "a finer one is made of beams with rigid walls alone"
+#: Luffing angles at each extension whose forces attachment modes answer.
+ANSWERED = 3
+#: Places at which the richer model's buckling factor is compared with that of full order.
+MEASURED = 5
+#: Why limits are not compared of what the richer model has at other places, or not at all.
+STRESS = "it depends on how walls bend at pads, loads and corners"
+#: What makes the error unknown, as in runs.
+UNKNOWN = (InputError, ConvergenceError, SimulationError, ValueError, ImportError)
+
+
+def postures(arguments: Arguments, needs: Needs) -> TaskResult:
+    """Task: `Postures` of the reduced system, ``reduced.``, and with ``error`` of a richer one, ``richer.``.
+
+    Those of a finer mesh, ``finer.``, are there where all bodies are beams.
+
+    ``mended`` is the share of a mesh's error that it does not have.
+    Arrays ``reach`` (P,) m along the boom and ``tip`` (P, 3) m on the ground, undeformed, as well, and ``contacts``, of
+    which warnings have to know.  Warnings are those of a run that hold for the scene wherever it stands.
+    """
+    from pmr.compare.accuracy import mesh
+    from pmr.compare.accuracy.mesh import FINER, ORDER
+    from pmr.fullmodel.build import warnings
+
+    at = Stands.of(arguments["at"])
+    scene = with_fields(shared.scene_of(arguments), arguments.get("fields", ()), at.count)
+    system = shared.reduced_system(scene)
+    reduced = Postures.of(scene, system, at)
+    reach = at.reach(scene)
+    arrays = {
+        **npz.arrays(Bent.of(system, at), "bent."),
+        "reach": reach,
+        "contacts": np.array(CONTACTS.dump_json(system.contacts).decode()),
+        "tip": at.on_ground(scene, reach),
+        **npz.arrays(reduced, "reduced."),
+        **{f"turned.{angle}": acceleration_loads(scene, system, at, angle) for angle in arguments.get("turned", ())},
+    }
+    if arguments["error"]:
+        better = richer_system(scene, system, at, arguments["up_to"])
+        arrays |= npz.arrays(Postures.of(scene, better, at), "richer.")
+        if (finer := on_finer_mesh(scene)) is not None:
+            arrays |= npz.arrays(Postures.of(scene, finer, at), "finer.")
+            arrays["mended"] = np.array(1.0 - FINER**-ORDER)
+        full = shared.full_system(scene)
+        arrays["too_stiff"] = np.array(too_stiff(scene, better, full, at, arguments["up_to"]))
+    of_structures = [line for body in shared.bodies_of(scene).values() for line in warnings(body.structure)]
+    lines = dict.fromkeys((*of_structures, *mesh.warnings(scene)))
+    return TaskResult(arrays=arrays, warnings=tuple(lines))
+
+
+def on_finer_mesh(scene: Scene) -> System | None:
+    """Reduced in the same way on elements half as long, of beams, whose reduction takes little time; else none."""
+    from pmr.compare.accuracy.mesh import finer_beams, has_rigid_beams, once
+
+    if not has_rigid_beams(scene) or any(part.mesh.file is not None for part in scene.sections):
+        return None
+    finer = once(finer_beams(scene))
+    return shared.reduced_system(finer)
+
+
+def richer_system(scene: Scene, system: System, at: Stands, up_to: float) -> System:
+    """System with attachment modes for contact forces under no and half of the largest load, and for buckling."""
+    from pmr.compare.estimate import system_with_attachment_modes
+
+    few = at.some(_sample_places(at))
+    sample, half = Postures.of(scene, system, few), up_to / 2.0
+    loaded = [Loaded(sample.at(k, dict.fromkeys(sample.parts, 0.0) | {WEIGHT: 1.0})) for k in range(few.count)]
+    most = [min(half, equilibrium.state(0.0).form.critical / 2.0) for equilibrium in loaded]
+    forces = [np.array([equilibrium.state(0.0).forces for equilibrium in loaded])]
+    forces.append(np.array([equilibrium.state(load).forces for equilibrium, load in zip(loaded, most, strict=True)]))
+    weight, hook = sample.f[sample.parts.index(WEIGHT)], sample.f[sample.parts.index(HOOK)]
+    loads = [weight, weight + np.array(most)[:, None] * hook]
+    if sample.terms.size:
+        shapes = np.array([equilibrium.state(0.0).form.buckled(half) for equilibrium in loaded])
+        forces.append(shapes * np.abs(forces[-1]).max(axis=1, initial=0.0)[:, None])
+        loads.append(np.zeros_like(weight))
+    bearing = [np.nan_to_num(contact_forces) for contact_forces in forces]
+    return system_with_attachment_modes(system, places_of(system, few), bearing, loads)
+
+
+def too_stiff(scene: Scene, better: System, full: System, at: Stands, up_to: float) -> float:
+    """By which share the buckling factor of a richer system is above that of full order, at most, at a few places.
+
+    A shape of few coordinates buckles later than that of all (Rayleigh's quotient), and the two models' errors of
+    opposite sign may cancel in their difference.
+    """
+    every = _sample_places(at)
+    few = at.some(every[np.linspace(0, len(every) - 1, min(MEASURED, len(every))).astype(int)])
+    factors = []
+    for system in (better, full):
+        assembly, x, (parts, _, c) = Assembly(system), places_of(system, few), unit_loads(scene, system, few)
+        pressed = c[parts.index(WEIGHT)] + up_to / 2.0 * c[parts.index(HOOK)]
+        named = [dict(zip(system.term_names, row.tolist(), strict=True)) for row in pressed]
+        factors.append([buckling_factors(assembly, at_, amounts)[0] for at_, amounts in zip(x, named, strict=True)])
+    richer, exact = np.array(factors)
+    finite = np.isfinite(richer) & np.isfinite(exact)
+    return max(0.0, float(np.max(richer[finite] / exact[finite] - 1.0, initial=0.0)))
+
+
+def _sample_places(at: Stands) -> NDArray[np.int64]:
+    """Numbers of places: at each extension those of the least, a middle and the largest angle."""
+    groups = dict[tuple[float, ...], list[int]]()
+    for k in range(at.count):
+        groups.setdefault(tuple(float(extension[k]) for extension in at.extensions.values()), []).append(k)
+    selection = set[int]()
+    for numbers in groups.values():
+        ordered = sorted(numbers, key=lambda k: float(at.luffing[k]))
+        selection |= {ordered[i] for i in np.linspace(0, len(ordered) - 1, min(ANSWERED, len(ordered))).astype(int)}
+    return np.array(sorted(selection))
+
+
+def richer_model(arguments: Arguments, needs: Needs) -> TaskResult:
+    """Task: `Postures` of a richer structural model, ``model.``, and what it is ``called``; or the ``reason`` for none.
+
+    It is the model that runs are compared with (`pmr.scene.richer.model_comparison`), with 20 free modes a section.
+    """
+    from pmr.system.from_scene import force_names
+
+    scene, at = shared.scene_of(arguments), Stands.of(arguments["at"])
+    try:
+        of_scene, other, called = model_comparison(scene)
+        if any(sorted(force_names(of_scene)[kind]) != sorted(force_names(other)[kind]) for kind in ("pad", "cylinder")):
+            return _without(f"a {called} has other pads and cylinders")
+        postures = Postures.of(other, shared.reduced_system(other), at)
+    except UNKNOWN as error:
+        return _without(error.allowed if isinstance(error, InputError) else str(error))
+    return TaskResult(arrays={**npz.arrays(postures, "model."), "called": np.array(called)})
+
+
+def _without(reason: str) -> TaskResult:
+    return TaskResult(arrays={"reason": np.array(reason)})
+
+
+@dataclass(frozen=True)
+class ComparedModel:
+    """Postures of another model, what it is called, and by which share of their difference the reduced one is off."""
+
+    postures: Postures
+    called: str
+    share: float
+
+
+@dataclass(frozen=True)
+class Models:
+    """Postures of the reduced model, a richer one, one on a finer mesh and a richer structural one.
+
+    Of the last three those are None that are not there.
+    """
+
+    reduced: Postures
+    better: Postures | None
+    finer: Postures | None
+    structural: Postures | None
+    called: str  # what the richer structural model is called, or why there is none
+    mended: float  # share of a mesh's error that the finer one does not have
+    above: float  # share by which the richer model's buckling factor is above that of full order
+    reach: Array  # (P,) m
+
+    @classmethod
+    def of(cls, needs: Needs) -> Models:
+        """Collect the results of the tasks `postures` and `richer_model`."""
+        arrays, model_arrays = needs["postures"].arrays, needs["model"].arrays if "model" in needs else {}
+        reduced = npz.record(Postures, arrays, "reduced.")
+        better, finer = (_postures(arrays, name) for name in ("richer", "finer"))
+        mended, above = (float(arrays.get(name, np.nan)) for name in ("mended", "too_stiff"))
+        called = str(model_arrays.get("called", model_arrays.get("reason", "")))
+        return cls(reduced, better, finer, _postures(model_arrays, "model"), called, mended, above, arrays["reach"])
+
+    @property
+    def compared(self) -> dict[str, ComparedModel]:
+        """Models with which the reduced one is compared, by the part of the error that they tell."""
+        by_part = dict[str, ComparedModel]()
+        if self.structural is not None:
+            by_part["model"] = ComparedModel(self.structural, self.called, 1.0)
+        if self.finer is not None:
+            by_part["mesh"] = ComparedModel(self.finer, "finer mesh", 1.0 / self.mended)
+        return by_part
+
+    def not_covered(self, limits: Sequence[Limit]) -> list[str]:
+        """Parts of the error that are not in the bars, a clause each."""
+        if self.better is None:
+            return ["any error: error_bars = false"]
+        of = sorted({limit.of for limit in limits if not limit.kind.in_richer})
+        model = f"the structural model: {self.called}" if self.structural is None else ""
+        if not model and of:
+            model = f"the structural model in limits of {' and '.join(of)}: {STRESS}"
+        mesh = "" if self.finer is not None else f"the mesh: {NO_FINER_MESH}"
+        return [*filter(None, (model, mesh)), f"large rotations in {STABILITY}"]
+
+
+def _postures(arrays: Mapping[str, NDArray[Any]], model: str) -> Postures | None:
+    """Postures of a model; None where a task has not stored any."""
+    return npz.record(Postures, arrays, f"{model}.") if f"{model}.K" in arrays else None

@@ -1,1 +1,0 @@
-"""The engine of studies: tasks, their graph, workers, and the store of what is finished."""

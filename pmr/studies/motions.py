@@ -1,0 +1,162 @@
+"""Full and reduced models of a scene, of several bases and of every size, and their motions, simulated alike.
+
+Of a boom of sections the size is the number of elastic modes of each section; rigid-body motions and modes of cylinders
+come on top.  Motions begin in static equilibrium or at rest, as the scene says.  Where pads push, models take the parts
+of a step that the full one took.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.compare.accuracy.order import trials_of
+from pmr.compare.outputs import in_parts, run_from_start
+from pmr.compare.responses import respond
+from pmr.reduced.attachment import as_simulated
+from pmr.reduced.model import ReducedModel
+from pmr.reduced.truncation import MODAL, extend, truncate
+from pmr.results import Response
+from pmr.scene import Reduction, Scene
+from pmr.scene.keys import ALONE
+from pmr.scene.mechanism import frame_terms
+from pmr.simulation import Excitation
+from pmr.simulation.modal import modal_form
+from pmr.studies import shared
+from pmr.system.body import projected
+from pmr.system.from_scene import system_of
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+
+#: Every so many steps of the full motion are snapshots of it.
+EVERY = 5
+#: Rigid-body motions of a section, at most.
+RIGID = 6
+#: Bases that sections may have: free modes, without the flexibility of those left out or with it.
+OF_SECTIONS = ("modes", "flexibility")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene, its full models as one system, and the motion of that."""
+
+    scene: Scene
+    full: System  # of a body alone in its modal coordinates
+    excitation: Excitation  # in the parts of a step that the full motion took
+    run: SystemTrajectory
+    response: Response
+
+    @classmethod
+    def of(cls, scene: Scene) -> Case:
+        is_alone = len(scene.sections) == 1
+        full = System.of(modal_form(shared.body_of(scene)).body) if is_alone else shared.full_system(scene)
+        excitation = in_parts(full, Excitation.of(scene))
+        run = run_from_start(full, excitation)
+        return cls(scene, full, excitation, run, respond(full, run))
+
+
+def displacement(scene: Scene, system: System, factor: float, every: int, rho_inf: float | None = None) -> Array:
+    """Displacements (T, o) in m of a system at each `every`-th step, which is `factor` times as long as the scene's.
+
+    The spectral radius `rho_inf` is the scene's, too, where none is named.
+    """
+    driven = Excitation.of(scene)
+    grid = replace(driven.stepping, step=factor * driven.stepping.step)
+    grid = grid if rho_inf is None else replace(grid, rho_inf=rho_inf)
+    return respond(system, run_from_start(system, driven.on_grid(grid), every)).displacement
+
+
+@dataclass(frozen=True)
+class Models:
+    """Systems of models by their size, from the smallest to the largest."""
+
+    of: Callable[[int], System]
+    largest: int
+    smallest: int = 1
+
+
+def reduced_to(scene: Scene, basis: str, largest: int) -> Scene:
+    """Return the scene with what a basis needs for models of up to this size, and nothing to be searched."""
+    solver = scene.sections[0].reduction.solver
+    if len(scene.sections) > 1:
+        update = {"coordinates": RIGID + largest, "flexibility": True, "estimate": True}
+        parts = tuple(
+            part.model_copy(update={"reduction": part.reduction.model_copy(update=update)}) for part in scene.sections
+        )
+        return scene.model_copy(update={"sections": parts, "accuracy": None, "budget": None})
+    if basis == "visited":
+        choice = Reduction(basis="eigenmodes", snapshots=9, modes=4, coordinates=min(largest, 36), solver=solver)
+    elif basis == "pod":
+        choice = Reduction(basis="eigenmodes", positions="nodes", coordinates=min(largest, 30), solver=solver)
+    else:
+        choice = Reduction(basis="free_modes", flexibility=True, coordinates=largest, solver=solver)
+    return shared.with_reduction(scene, choice)
+
+
+def models(scene: Scene, basis: str) -> Models:
+    """Models of a scene that was `reduced_to` a basis.
+
+    ``pod`` and ``visited`` are POD of eigenmodes with the sliders held, at all nodes or at nine positions that the path
+    visits; ``modes`` are free modes, and nothing of those left out; ``flexibility`` has their flexibility as well.
+    """
+    if len(scene.sections) > 1:
+        return _models_of_sections(scene, basis)
+    from pmr.reduction.bodies import reduce_body
+
+    longest = reduce_body(scene, shared.model_of(scene)).model
+    if basis == "flexibility":
+        return _flexible_models(longest)
+    if basis == "modes":
+        longest = replace(longest, flexibility=None, enrichment=None)
+    return Models(lambda size: System.of(longest.leading(size)), longest.size)
+
+
+def _flexible_models(longest: ReducedModel) -> Models:
+    """Models with as many enrichment modes as the longest one has."""
+    every = extend(longest) if longest.enrichment else longest
+    more = every.size - longest.size
+
+    def of(size: int) -> System:
+        leading = every if size + more == every.size else replace(truncate(every, size + more), enrichment=None)
+        return System.of(truncate(leading, size) if more else leading)
+
+    omega2 = np.diagonal(longest.K)
+    rigid = int(np.sum(omega2 <= MODAL * np.finfo(float).eps * omega2[-1]))  # which have no flexibility
+    return Models(of, longest.size, max(rigid, 1))
+
+
+def models_of_motion(case: Case) -> Models:
+    """Models of a body alone on the POD of its full motion's modal coordinates."""
+    (body,) = case.full.reduced.values()
+    U, sigma, _ = np.linalg.svd(case.run.bodies[ALONE].q[::EVERY].T, full_matrices=False)
+    rank = int(np.sum(sigma > sigma[0] * 1e-13))
+    return Models(lambda size: System.of(projected(body, U[:, :size])), rank)
+
+
+def _models_of_sections(boom: Scene, basis: str) -> Models:
+    """Models with so many elastic modes a section."""
+    from pmr.reduction.bodies import reduce_bodies
+
+    bodies = reduce_bodies(boom, shared.bodies_of(boom))
+    trials = trials_of(boom, {name: body.modal for name, body in bodies.items()})
+
+    def of(size: int) -> System:
+        modal = trials.models(trials.uniform(size))
+        if basis == "modes":
+            modal = {name: _without_flexibility(model) for name, model in modal.items()}
+        stressed = any(frame_terms(boom))
+        return system_of(boom, {name: as_simulated(model, stressed) for name, model in modal.items()})
+
+    return Models(of, trials.elastic(trials.most))
+
+
+def _without_flexibility(model: ReducedModel) -> ReducedModel:
+    """Return a section's model without the flexibility of the modes that are left out."""
+    assert model.carriers is not None  # as section models have
+    carriers = replace(model.carriers, flexibility=None, inertia=None, answers=None)
+    return replace(model, flexibility=None, enrichment=None, carriers=carriers)

@@ -1,0 +1,237 @@
+"""Tasks of a study, each a function call with a name; the plan that lists them, and the graph of those to compute."""
+
+from __future__ import annotations
+
+import hashlib
+import heapq
+import inspect
+import json
+import re
+import sys
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache, lru_cache
+from graphlib import CycleError, TopologicalSorter
+from typing import Any
+
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+
+#: What stands in one cell of the table.
+Scalar = float | int | bool | str | None
+#: What a key of a task may be: it is the name of a file, too.
+LONGEST = 120
+KEY = re.compile(rf"[A-Za-z0-9][A-Za-z0-9._=,+-]{{0,{LONGEST - 1}}}")
+
+
+def key_of(text: str) -> str:
+    """A key that says what `text` does: what a key can't hold becomes ``_``, the end of what is too long a digest."""
+    key = re.sub(r"[^A-Za-z0-9._=,+-]+", "_", text)
+    key = key if key[:1].isalnum() else f"0{key}"
+    return key if len(key) <= LONGEST else f"{key[: LONGEST - 9]}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+
+
+def number(value: Scalar) -> float:
+    """A cell that holds a number; raises TypeError if it is empty or holds a text."""
+    if value is None or isinstance(value, str):
+        raise TypeError(f"{value!r} is no number")
+    return float(value)
+
+
+@dataclass(frozen=True)
+class TaskResult:
+    """Result of a task.
+
+    The figures of its `record`, one column of the table each, are the same on every machine that computes alike; so
+    measured times, which differ from run to run, stand apart in `seconds`.  `warnings` are those of a run of the same
+    scene, a line each; what is logged as a warning meanwhile joins them.
+    """
+
+    record: Mapping[str, Scalar] = field(default_factory=dict)  # a float must be finite; None leaves the cell empty
+    arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # for other tasks or the report; no objects
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why there is no result: the task failed itself, or was skipped because one that it needs did."""
+
+    reason: str  # one line, the same wherever the task fails
+    detail: str = ""  # what helps to find out why
+    status: str = "failed"  # or "skipped"
+
+    @classmethod
+    def of(cls, error: BaseException) -> Failure:
+        """Failure by an error that was raised."""
+        return cls(" ".join(f"{type(error).__name__}: {error}".split()), "".join(traceback.format_exception(error)))
+
+    def of_dependent(self, key: str) -> Failure:
+        """Failure of a task that needs the one with this key."""
+        reason = self.reason if self.status == "skipped" else f"needs {key}, which failed: {self.reason}"
+        return Failure(reason, status="skipped")
+
+
+#: Arguments of a task, as JSON holds them; results of the tasks that it needs, by the names under which it needs them.
+Arguments = Mapping[str, Any]
+Needs = Mapping[str, TaskResult]
+TaskFunction = Callable[[Arguments, Needs], TaskResult]
+
+
+@dataclass(frozen=True)
+class Task:
+    """One call of a function of a module, in a process of its own.
+
+    It is called with `arguments` and the results of `needs`, sees one MPI process and one thread, and what it computes
+    depends on nothing else.  A task that is `alone` measures time: it waits until nothing else is left to do, and no
+    other one runs beside it.
+    """
+
+    key: str  # unique in its plan: letters, digits and ``._=,+-``
+    function: TaskFunction
+    arguments: Mapping[str, Any] = field(default_factory=dict)  # as JSON holds; of a file that is read its digest too
+    needs: Mapping[str, str] = field(default_factory=dict)  # name for the function: key of the task whose result it is
+    parameters: Mapping[str, Scalar] = field(default_factory=dict)  # first columns of the table, of failed runs too
+    cost: float = 1.0  # expected effort in any unit: long ones start first, and the time left is estimated by it
+    alone: bool = False
+
+    def __post_init__(self) -> None:
+        if not KEY.fullmatch(self.key):
+            raise ValueError(f"task key {self.key!r}: {KEY.pattern} is allowed")
+        if "." in self.function.__qualname__:
+            raise ValueError(f"task {self.key}: {self.address} is no function of a module")
+
+    @property
+    def address(self) -> str:
+        """``"module:name"`` of the function."""
+        return f"{self.function.__module__}:{self.function.__qualname__}"
+
+    def digest(self, code: str, needs: Mapping[str, str]) -> str:
+        """Digest of what decides the result: the code, the source of the function's module, its arguments and, by name,
+        the digests of what it needs.
+        """
+        content = [code, self.address, _source(self.function.__module__), self.arguments, needs]
+        return hashlib.sha256(json.dumps(content, sort_keys=True, allow_nan=False).encode()).hexdigest()[:24]
+
+
+@lru_cache
+def _source(module: str) -> str:
+    return inspect.getsource(sys.modules[module])
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The tasks of one study."""
+
+    runs: tuple[Task, ...]  # one row of the table each, in this order
+    shared: tuple[Task, ...] = ()  # what several runs need, without a row; computed once if a run still needs it
+
+    def __post_init__(self) -> None:
+        twice = [key for key, count in Counter(task.key.casefold() for task in self).items() if count > 1]
+        if twice:
+            allowed = f"two runs are called {', '.join(twice)}; names of scenes and cases, and values, must differ"
+            raise InputError("study", "", None, allowed)
+        keys = {task.key for task in self}
+        for task in self:
+            missing = set(task.needs.values()) - keys
+            if missing:
+                raise ValueError(f"task {task.key} needs {', '.join(sorted(missing))}, which the plan lacks")
+
+    def __iter__(self) -> Iterator[Task]:
+        """Everything, what is shared first."""
+        return iter((*self.shared, *self.runs))
+
+
+@dataclass(frozen=True)
+class Node:
+    """A task with the digests of what it needs, by name.
+
+    `urgency` is the cost of the longest chain of tasks that begins here: the most urgent first keeps all workers busy
+    longest (list scheduling by upward rank; Topcuoglu, Hariri, Wu 2002, section 4.1).
+    """
+
+    digest: str
+    task: Task
+    needs: Mapping[str, str]
+    urgency: float
+
+
+def digests(plan: Plan, code: str) -> dict[str, str]:
+    """Digest of each task of a plan, by key; raises ValueError if tasks need each other in a circle."""
+    tasks, digest_of_task = {task.key: task for task in plan}, dict[str, str]()
+    for key in _in_order({key: task.needs.values() for key, task in tasks.items()}):
+        task = tasks[key]
+        digest_of_task[key] = task.digest(code, {name: digest_of_task[need] for name, need in task.needs.items()})
+    return digest_of_task
+
+
+def open_nodes(plans: Sequence[Plan], code: str, is_done: Callable[[str], bool]) -> dict[str, Node]:
+    """Tasks that are to be computed, by digest, in an order in which nothing precedes what it needs.
+
+    These are the runs that are not done and, of what is shared, only what they still need.
+    """
+    tasks: dict[str, Task] = {}
+    needs: dict[str, dict[str, str]] = {}
+    digests_to_check: list[str] = []
+    for plan in plans:
+        digest = digests(plan, code)
+        for task in plan:
+            tasks.setdefault(digest[task.key], task)
+            needs[digest[task.key]] = {name: digest[key] for name, key in task.needs.items()}
+        digests_to_check += [digest[run.key] for run in plan.runs]
+    is_done, missing = cache(is_done), set[str]()
+    while digests_to_check:
+        digest_ = digests_to_check.pop()
+        if digest_ not in missing and not is_done(digest_):
+            missing.add(digest_)
+            digests_to_check += needs[digest_].values()
+    open_needs = {d: [need for need in needs[d].values() if need in missing] for d in tasks if d in missing}
+    order = _in_order(open_needs)
+    urgency: dict[str, float] = {}
+    for digest_ in reversed(order):
+        cost_of_chain = tasks[digest_].cost + urgency.get(digest_, 0.0)
+        urgency[digest_] = cost_of_chain
+        for need in open_needs[digest_]:
+            urgency[need] = max(urgency.get(need, 0.0), cost_of_chain)
+    return {d: Node(d, tasks[d], needs[d], urgency[d]) for d in order}
+
+
+class Ready:
+    """The nodes whose needs are met, most urgent first."""
+
+    def __init__(self, nodes: Mapping[str, Node]) -> None:
+        self._nodes = nodes
+        self._rank = {digest: (-node.urgency, i) for i, (digest, node) in enumerate(nodes.items())}
+        self._sorter = TopologicalSorter(
+            {d: [n for n in node.needs.values() if n in nodes] for d, node in nodes.items()}
+        )
+        self._heap = list[tuple[tuple[float, int], str]]()
+        self._sorter.prepare()
+        self._add_ready()
+
+    def __bool__(self) -> bool:
+        return bool(self._heap)
+
+    def pop(self) -> Node:
+        """Remove the most urgent node and return it."""
+        return self._nodes[heapq.heappop(self._heap)[1]]
+
+    def done(self, digest: str) -> None:
+        """Make the nodes ready that waited for this one alone, whether it has a result or failed."""
+        self._sorter.done(digest)
+        self._add_ready()
+
+    def _add_ready(self) -> None:
+        for digest in self._sorter.get_ready():
+            heapq.heappush(self._heap, (self._rank[digest], digest))
+
+
+def _in_order(needs: Mapping[str, Iterable[str]]) -> list[str]:
+    """Keys such that each stands behind all it needs."""
+    try:
+        return list(TopologicalSorter(needs).static_order())
+    except CycleError as error:
+        raise ValueError(f"{' and '.join(sorted(set(error.args[1])))} need each other") from None

@@ -1,0 +1,262 @@
+"""Workers: child processes that run one task after the other, on this machine or on the ranks that MPI launched.
+
+Tasks never run in the process that plans, nor in one that MPI launched.  So a task that brings its process down (a
+crash in compiled code, no memory left) fails alone, it sees the same single thread and the same single MPI process
+whether the study runs on one machine or on many, and it computes the same bits.  A local thread or a rank, by an
+executor of `concurrent.futures`, only looks after the child process of one worker.
+"""
+
+from __future__ import annotations
+
+import atexit
+import importlib
+import json
+import logging.handlers
+import os
+import queue
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from pmr.errors import InputError, environment
+from pmr.studies.results import Store
+from pmr.studies.tasks import Failure, TaskResult
+
+#: Libraries read these when they are loaded.
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
+#: By these a process takes itself for a rank of its parent's MPI job.
+OF_MPI = ("OMPI_", "ORTE_", "PRTE_", "PMIX_", "PMI_", "PMI2_", "HYDI_", "HYDRA_", "MPI_LOCAL", "SLURM_")
+#: What no task computes with, by the beginnings of paths within pmr.
+NOT_COMPUTING = ("report/", "cli/")
+PATIENCE = 10.0  # s for a child to leave by itself
+#: What a child runs: it finds modules where its parent does.
+START = "import sys; sys.path[:] = sys.argv[1:]; from pmr.studies.workers import serve; serve()"
+LAST_LINES = 20  # that a child which dies leaves behind
+OTHER_CODE = "pmr was edited since the study was planned, or is another one on this machine; call the study again"
+
+
+@dataclass(frozen=True)
+class Order:
+    """A task as text: what to call, with what, and where results are.
+
+    `code` is the digest of the code that it was planned by, see `code_of_tasks`; empty where any will do.
+    """
+
+    key: str
+    digest: str
+    address: str
+    arguments: Mapping[str, Any]
+    needs: Mapping[str, str]  # name for the function -> digest
+    store: str
+    code: str = ""
+
+
+def code_of_tasks() -> str:
+    """Digest of the code that tasks compute with, as it stands in its files now."""
+    return environment.code_digest(environment.sources(), NOT_COMPUTING)
+
+
+class Worker:
+    """The parent's side of one child process; `path` is where the child finds modules, as in ``sys.path``.
+
+    A child that dies is replaced for the next order.
+    """
+
+    def __init__(self, path: Sequence[str]) -> None:
+        self._path = list(path)
+        self._log = tempfile.TemporaryFile("a+b")
+        self._child: subprocess.Popen[str] | None = None
+
+    def run(self, order: Order) -> Failure | None:
+        """Have a task done, whose result is in the store when this returns None."""
+        child = self._child if self._child is not None and self._child.poll() is None else self._start()
+        self._log.seek(0)  # the child writes where its parent has stopped to read
+        self._log.truncate()
+        assert child.stdin is not None and child.stdout is not None
+        try:
+            child.stdin.write(json.dumps(asdict(order)) + "\n")
+            child.stdin.flush()
+            line = child.stdout.readline()
+        except BrokenPipeError:
+            line = ""
+        if line:
+            answer = json.loads(line)
+            return None if answer is None else Failure(**answer)
+        return Failure(f"its process died ({_cause(child.wait())})", self._last_words())
+
+    def close(self) -> None:
+        """Let the child leave; it takes no part of a task with it that is not done."""
+        if self._child is not None:
+            assert self._child.stdin is not None
+            with suppress(BrokenPipeError):
+                self._child.stdin.close()
+            try:
+                self._child.wait(PATIENCE)
+            except subprocess.TimeoutExpired:
+                self._child.kill()
+                self._child.wait()
+
+    def _start(self) -> subprocess.Popen[str]:
+        variables = {name: value for name, value in os.environ.items() if not name.startswith(OF_MPI)}
+        variables |= dict.fromkeys(ONE_THREAD, "1")
+        self._child = subprocess.Popen(
+            [sys.executable, "-c", START, *self._path],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._log,
+            text=True,
+            env=variables,
+        )
+        return self._child
+
+    def _last_words(self) -> str:
+        self._log.seek(0)
+        return "\n".join(self._log.read().decode(errors="replace").splitlines()[-LAST_LINES:])
+
+
+def _cause(code: int) -> str:
+    if code >= 0:
+        return f"exit code {code}"
+    name = signal.Signals(-code).name
+    return f"{name}, no memory left?" if name == "SIGKILL" else name
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Something that has orders done some time, `slots` at a time."""
+
+    slots: int
+    submit: Callable[[Order], Future[Failure | None]]
+
+
+@contextmanager
+def local_pool(jobs: int) -> Iterator[Pool]:
+    """Workers on this machine, each looked after by a thread, started as they are needed and gone in the end."""
+    thread, workers = threading.local(), [Worker(sys.path) for _ in range(jobs)]
+    unused = iter(workers)
+
+    def start_thread() -> None:
+        thread.worker = next(unused)
+
+    executor = ThreadPoolExecutor(jobs, initializer=start_thread)
+    try:
+        yield Pool(jobs, lambda order: executor.submit(lambda: thread.worker.run(order)))
+    finally:
+        executor.shutdown(wait=False, cancel_futures=True)
+        for worker in workers:
+            worker.close()
+
+
+@contextmanager
+def rank_pool() -> Iterator[Pool | None]:
+    """On rank 0 a pool of the other ranks; there this yields None, once they are no longer needed."""
+    from mpi4py import MPI
+    from mpi4py.futures import MPICommExecutor
+
+    with MPICommExecutor(MPI.COMM_WORLD, root=0, main=False) as executor:
+        if executor is None:
+            yield None
+        else:
+            yield Pool(MPI.COMM_WORLD.size - 1, lambda order: executor.submit(run_on_rank, order, sys.path))
+
+
+def launched_ranks() -> int:
+    """Number of ranks that a launcher started, 1 without one; MPI is started only if there are several.
+
+    Raises InputError if the launcher belongs to another MPI than mpi4py, so that each process would take itself for the
+    only one.
+    """
+    ranks = environment.launched()
+    if ranks == 1:
+        return 1
+    from mpi4py import MPI
+
+    size = int(MPI.COMM_WORLD.size)
+    if size == 1:
+        library = MPI.Get_library_version().split(",")[0].split("\n")[0]
+        raise InputError(
+            "command line", "mpiexec", ranks, f"the launcher of this Python's own MPI is allowed ({library.strip()})"
+        )
+    return size
+
+
+def run_on_rank(order: Order, path: list[str]) -> Failure | None:
+    """Have an order done by the child process of this rank."""
+    return _worker_of_rank(tuple(path)).run(order)
+
+
+@lru_cache(1)
+def _worker_of_rank(path: tuple[str, ...]) -> Worker:
+    worker = Worker(path)
+    atexit.register(worker.close)
+    return worker
+
+
+def serve() -> None:
+    """Serve orders as the child process of a worker until its input ends: line by line, an answer for each.
+
+    What a library prints goes to the error stream, never between the answers.  When the parent dies the child goes too.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
+    lines, answers = os.fdopen(os.dup(0)), os.fdopen(os.dup(1), "w")
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    os.dup2(2, 1)
+    notes = logging.handlers.BufferingHandler(sys.maxsize)
+    notes.setLevel(logging.WARNING)
+    logging.getLogger().addHandler(notes)
+    orders: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+    is_busy = threading.Event()
+
+    def listen() -> None:
+        for line in lines:
+            orders.put(line)
+        if is_busy.is_set():
+            os._exit(1)  # nobody is left to tell
+        orders.put(None)
+
+    threading.Thread(target=listen, daemon=True).start()
+    while (line := orders.get()) is not None:
+        is_busy.set()
+        failure = _run(Order(**json.loads(line)), notes)
+        is_busy.clear()
+        try:
+            print(json.dumps(failure and asdict(failure)), file=answers, flush=True)  # noqa: T201  (the answer)
+        except BrokenPipeError:
+            os._exit(1)
+
+
+def _run(order: Order, notes: logging.handlers.BufferingHandler) -> Failure | None:
+    if order.code not in ("", code_of_tasks()):
+        return Failure(OTHER_CODE)
+    notes.flush()
+    try:
+        needs = {name: _result(order.store, digest) for name, digest in order.needs.items()}
+        module, _, name = order.address.partition(":")
+        function = getattr(importlib.import_module(module), name)
+        begin = time.perf_counter()
+        result: TaskResult = function(order.arguments, needs)
+        seconds = {"task": time.perf_counter() - begin} | dict(result.seconds)
+        warnings = dict.fromkeys((*result.warnings, *(record.getMessage() for record in notes.buffer)))
+        if order.code not in ("", code_of_tasks()):  # modules that the task imported may be those of the edited files
+            return Failure(OTHER_CODE)
+        Store(Path(order.store)).write(
+            order.digest, order.key, replace(result, seconds=seconds, warnings=tuple(warnings))
+        )
+    except (Exception, SystemExit) as error:
+        return Failure.of(error)
+    return None
+
+
+@lru_cache(16)  # the next tasks may need the same
+def _result(store: str, digest: str) -> TaskResult:
+    return Store(Path(store)).read(digest)
