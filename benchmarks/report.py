@@ -25,7 +25,7 @@ def write(results: Mapping[str, Any], folder: Path) -> Path:
     ]
     asked = Block("Requirements", grids=(_requirements(results["requirements"]),))
     software = [f"{name}{SPACE}{version}" for name, version in results["versions"].items()]
-    origin = Block("Machine and software", columns=_provenance(results), software=software)
+    origin = Block("Machine and software", tables=_provenance(results), software=software)
     page = render(
         "study_report.html",
         "How fast, and how far from what is possible",
@@ -75,10 +75,10 @@ def _value(value: float, unit: str) -> str:
     return f"{significant(value, 3)}{SPACE}×" if unit == "ratio" else quantity(value, unit)
 
 
-def _provenance(results: Mapping[str, Any]) -> list[list[Table]]:
+def _provenance(results: Mapping[str, Any]) -> list[Table]:
     about = results["about"]
     took = tuple((pages.PAGES[name][0], quantity(one["seconds"], "s")) for name, one in about.items())
     load = tuple((pages.PAGES[name][0], plain(round(one["load_before"], 2))) for name, one in about.items())
     commits = sorted({str(one["commit"]) for one in about.values()})
     machine = tuple(results["machine"].items()) + (("commit", ", ".join(commits)),)
-    return [[Table("Machine", machine)], [Table("Time taken", took)], [Table("Load when a section began", load)]]
+    return [Table("Machine", machine), Table("Time taken", took), Table("Load when a section began", load)]

@@ -219,7 +219,7 @@ class Block:
     player: Player | None = None
     without_scripts: tuple[Drawing, ...] = ()
     pictures: tuple[Picture, ...] = ()
-    columns: Sequence[Sequence[Table]] = ()
+    tables: Sequence[Table] = ()  # side by side
     software: Sequence[str] = ()
     page: bool = False  # whether it begins one on paper
 

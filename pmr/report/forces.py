@@ -51,7 +51,7 @@ def _ropes(result: RunResult) -> Iterator[Grid]:
             "Forces of ropes or chains, all strands of each together, and of a cylinder that moves all of them: by "
         )
         caption += "virtual work, without friction of sheaves."
-        grid = _grid(extremes_of_ropes, "N", max(map(size, extremes_of_ropes.values())), caption)
+        grid = _grid(extremes_of_ropes, "N", max(of.size for of in extremes_of_ropes.values()), caption)
         elastic = [
             (quantity(rope["length"], "m"), quantity(rope["stiffness"], "N/m")) if "length" in rope else ("", "")
             for rope in result.summary["ropes"]
@@ -97,7 +97,7 @@ def _luffing_grids(result: RunResult) -> Iterator[Grid]:
     rows = list[tuple[str, ...]]()
     for name, base in (("force", "N"), ("length", "m"), ("speed", "m/s"), ("power", "W")):
         extreme = Extremes.from_summary(cylinder[name])
-        unit = unit_for(size(extreme), base)
+        unit = unit_for(extreme.size, base)
         rows.append((f"{name} in {unit.name}", *cells(extreme, unit)))
     caption = "The cylinder that raises the boom, hinged as frame.cylinder says: positive where it presses, and where "
     caption += f"it gets longer; when that is, and {place_called(result)} then."
@@ -189,8 +189,8 @@ def _rigid(result: RunResult, at_pivot: bool, caption: str) -> Iterator[Grid]:
         if (result.scene.frame is not None and of.support.startswith(PIVOT)) == at_pivot:
             by_unit.setdefault(of.unit, {})[of.support.removeprefix(PIVOT)] = extreme
     for base, of_unit in by_unit.items():
-        largest = max(map(size, of_unit.values()))
-        bearing = {name: extreme for name, extreme in of_unit.items() if size(extreme) > ROUND_OFF * largest}
+        largest = max(extreme.size for extreme in of_unit.values())
+        bearing = {name: extreme for name, extreme in of_unit.items() if extreme.size > ROUND_OFF * largest}
         if bearing:  # nothing acts along a support that only keeps a direction
             yield _grid(bearing, base, largest, caption.format("moments" if base == "N m" else "forces"))
 
@@ -200,15 +200,10 @@ def _grid(extremes_by_name: Mapping[str, Extremes], base: str, largest: float, c
 
     So is what is round-off beside `largest`, the largest of all kinds.
     """
-    most = max(map(size, extremes_by_name.values()), default=0.0)
+    most = max((extreme.size for extreme in extremes_by_name.values()), default=0.0)
     unit, nothing = unit_for(most, base), max(NOTHING * most, ROUND_OFF * largest)
     rows = tuple((name or "slider", *cells(extreme, unit, nothing)) for name, extreme in extremes_by_name.items())
     return Grid(caption, ("", f"least in {unit.name}", f"largest in {unit.name}"), rows)
-
-
-def size(extreme: Extremes) -> float:
-    """The largest of both."""
-    return max(extreme.most, -extreme.least)
 
 
 def cells(extreme: Extremes, unit: Unit, nothing: float = 0.0) -> Iterator[str]:

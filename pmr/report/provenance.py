@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import combinations_with_replacement, pairwise
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-import numpy as np
-
-from pmr.report.blocks import Table
 from pmr.report.numbers import SPACE, plain, quantity
 from pmr.report.subject import reduced_size
 from pmr.results import RunResult
 from pmr.scene.keys import named
 
 Rows = Iterator[tuple[str, str]]
-#: Tables side by side; lines that a title takes with the space above it; letters on a line of both columns of a table.
-COLUMNS, TITLE, WIDTHS = 3, 2, (20, 24)
 CELLS = {"line": "lines", "triangle": "triangles", "tetra": "tetrahedra", "hexahedron": "hexahedra"}
 _STEPS = {
     "assemble": "full model",
@@ -33,28 +27,6 @@ _STEPS = {
     "full": "simulation, full",
     "ancf": "simulation, ANCF",
 }
-
-
-def side_by_side(tables: Sequence[Table]) -> list[Sequence[Table]]:
-    """Tables that have rows, in their order, in `COLUMNS` columns of which the longest is as short as can be."""
-    shown = [table for table in tables if table.rows]
-    ends = np.cumsum([0, *(_lines(table) for table in shown)])
-
-    def splits(between: tuple[int, ...]) -> list[tuple[int, int]]:
-        return list(pairwise((0, *between, len(shown))))
-
-    def longest(between: tuple[int, ...]) -> int:
-        return max(int(ends[last] - ends[first]) for first, last in splits(between))
-
-    chosen = min(combinations_with_replacement(range(len(shown) + 1), COLUMNS - 1), key=longest)
-    return [shown[first:last] for first, last in splits(chosen) if first < last]
-
-
-def _lines(table: Table) -> int:
-    """About as many lines as it takes, with its title."""
-    return TITLE + sum(
-        max(-(-len(text) // width) for text, width in zip(row, WIDTHS, strict=True)) for row in table.rows
-    )
 
 
 def software(result: RunResult) -> list[str]:

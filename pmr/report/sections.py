@@ -12,7 +12,6 @@ from pmr.report import (
     forces,
     machine,
     player,
-    probes,
     provenance,
     sentences,
     stresses,
@@ -226,15 +225,16 @@ def response(result: RunResult, prefix: str) -> Block | None:
 
 def origin(result: RunResult, prefix: str) -> Block:
     """Tables of the scene, of sizes, of times and of the machine that computed."""
-    tables = [
+    all_tables = (
         *machine.bodies(result),
         machine.motion(result),
         Table("Wall time", tuple(provenance.times(result.summary.get("seconds", {})))),
         Table("Run", tuple(provenance.run(result))),
         machine.method(result),
         Table("Sizes", tuple(provenance.sizes(result))),
-    ]
-    return Block(heading="Provenance", columns=provenance.side_by_side(tables), software=provenance.software(result))
+    )
+    shown = [table for table in all_tables if table.rows]
+    return Block(heading="Provenance", tables=shown, software=provenance.software(result))
 
 
 #: In the order in which they stand in the page; how far a run is off is known at its very end.
@@ -242,7 +242,7 @@ OF_ERRORS: tuple[Show, ...] = (errors, accuracy)
 #: What follows the motion.
 SECTIONS: tuple[Show, ...] = (
     space.in_space, inputs_over_time, tip, stresses.stress,
-    stresses.along_beams, probes.probes, forces.contact,
+    stresses.along_beams, stresses.probes, forces.contact,
     forces.cylinders, forces.supports, forces.pivot, energy, constraint, basis, response, origin,
 )  # fmt: skip
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pmr.report import forces as drawn
-from pmr.report import probes, sentences, stresses
+from pmr.report import sentences, stresses
 from pmr.report.errors import rows as error_rows
 from pmr.report.forces import contact
 from pmr.results import RunResult
@@ -39,7 +39,7 @@ def probed(make_result) -> RunResult:
 
 @pytest.mark.slow
 def test_probes_have_extremes_and_load_cycles(probed: RunResult) -> None:
-    block = probes.probes(probed, "case-1")
+    block = stresses.probes(probed, "case-1")
     assert block is not None
     extremes, stress, strain = block.grids
     assert [row[0] for row in extremes.rows] == [
@@ -121,5 +121,5 @@ def test_regions_stand_beside_the_full_model(make_result) -> None:
 
 
 def test_without_probes_or_names_of_forces_nothing_is_said(make_result) -> None:
-    assert probes.probes(make_result(), "case-1") is None
+    assert stresses.probes(make_result(), "case-1") is None
     assert contact(make_result(), "case-1").grids == ()

@@ -153,6 +153,13 @@ def _place_labels(ax: Axes) -> None:
     ax.xaxis.set_label_coords(0.5, -0.25 * inch / extent.height)
 
 
+def equal_axes(ax: Axes) -> None:
+    """Make a metre as long across as up; the axes get narrower or lower, and their labels stay at their distances."""
+    ax.set_aspect("equal", adjustable="box", anchor="SW")
+    ax.apply_aspect()
+    _place_labels(ax)
+
+
 def key_rows(names: Sequence[str], width: float) -> int:
     """Rows that legend entries of these names take above axes in a figure so wide, in: `ROW` more of its top each."""
     entries = sum(ENTRY + LETTER * len(name) for name in names)

@@ -14,7 +14,19 @@ from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from pmr.errors.text import visible
-from pmr.report.figures.canvas import INK, MUTED, ROW, SECTIONS, SHADE, WIDE, key, key_rows, of_sections, sheet
+from pmr.report.figures.canvas import (
+    INK,
+    MUTED,
+    ROW,
+    SECTIONS,
+    SHADE,
+    WIDE,
+    equal_axes,
+    key,
+    key_rows,
+    of_sections,
+    sheet,
+)
 
 Array = NDArray[np.float64]
 
@@ -92,11 +104,10 @@ def _draw(chart: Chart) -> tuple[Figure, Array]:
     ax.plot(0.0, 0.0, marker="o", color=MUTED, markersize=4.0, clip_on=False, zorder=3.0)
     ax.set_xlim(low[0], high[0])
     ax.set_ylim(low[1], high[1])
-    ax.set_aspect("equal", adjustable="box", anchor="SW")
+    equal_axes(ax)
     ax.set_xlabel("Radius in m")
     ax.set_ylabel("Height in m")
     key(figure, [_entry(colours[k], chart.names[k]) for k in chart.governing_limits], max(rows, 1))
-    ax.apply_aspect()
     return figure, corners
 
 
@@ -199,7 +210,7 @@ def at_rest(boom: AtRest) -> Figure:
     ax.annotate("", (x[-1], z[-1] - 0.12 * reach), (x[-1], z[-1]), arrowprops={"arrowstyle": "->", "color": INK})
     ax.set_xlim(low[0], high[0])
     ax.set_ylim(min(low[1], z[-1] - 0.14 * reach), high[1])
-    ax.set_aspect("equal", adjustable="box", anchor="SW")
+    equal_axes(ax)
     ax.set_xlabel("Radius in m")
     ax.set_ylabel("Height in m")
     key(figure, [Line2D([], [], color=colour, linewidth=2.0, label=name) for name, colour in colours.items()])

@@ -312,7 +312,7 @@ def _page(
     text += "".join(f" {name}" for name in _stops(study, names[n], arrays["at.stops"][n]))
     drawn = drawing(anchor, at_rest, caption, boom)
     return Block(
-        f"Governed by {names[n]}", ((drawn,),), text=text, columns=_columns(names, n, arrays, sections), page=True
+        f"Governed by {names[n]}", ((drawn,),), text=text, tables=_tables(names, n, arrays, sections), page=True
     )
 
 
@@ -333,9 +333,7 @@ def _stops(study: FinishedStudy, limit: str, stops: Array) -> Iterator[str]:
         yield f"{sentence}."
 
 
-def _columns(
-    names: list[str], n: int, arrays: Mapping[str, NDArray[Any]], sections: tuple[str, ...]
-) -> list[list[Table]]:
+def _tables(names: list[str], n: int, arrays: Mapping[str, NDArray[Any]], sections: tuple[str, ...]) -> list[Table]:
     """Shares of limits, stresses and displacements beside the forces."""
     used = zip(names, arrays["at.used"][n], strict=True)
     tables = [Table("Used of each limit", tuple((name, f"{100.0 * share:.3g}{SPACE}%") for name, share in used))]
@@ -352,7 +350,7 @@ def _columns(
             tables.append(Table(f"Tips of sections, across the boom {way}", tips))
     forces = zip(arrays["at.forces.names"], arrays["at.kinds"], _zero_round_off(arrays["at.forces"][n]), strict=True)
     some = tuple((str(name), quantity(float(f), "N")) for name, kind, f in forces if kind in FORCES)
-    return [tables, [Table("Forces, positive where they push", some)]] if some else [tables]
+    return [*tables, Table("Forces, positive where they push", some)] if some else tables
 
 
 def _zero_round_off(values: Array) -> Array:

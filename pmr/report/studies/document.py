@@ -50,7 +50,7 @@ def _provenance(summary: Mapping[str, Any], studies: Sequence[FinishedStudy]) ->
     software = [f"{name}{SPACE}{version}" for name, version in summary["versions"].items()]
     blocks = (
         Block("Effort", grids=(Grid(caption, ("study", "runs", "time"), tuple(effort)),)),
-        Block("Machine and software", columns=[[Table("Machine", tuple(rows))]], software=software),
+        Block("Machine and software", tables=[Table("Machine", tuple(rows))], software=software),
     )
     return Chapter(anchor="provenance", title="Provenance", blocks=blocks)
 

@@ -161,12 +161,6 @@ def number_of(value: Scalar) -> float | None:
     return None if value is None or isinstance(value, bool | str) else float(value)
 
 
-def case_name(scene: str) -> str:
-    """A scene's file as it is called in a sentence: ``paper_evolved`` is the evolved case."""
-    name = scene.removeprefix("paper_").replace("_", " ")
-    return f"{name} case" if scene.startswith("paper_") else name
-
-
 def list_words(words: Iterable[str]) -> str:
     """``a, b and c``."""
     *most, last = words

@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from pmr.report.figures.load_chart import Chart, load_chart
+from pmr.report.figures.canvas import style
+from pmr.report.figures.load_chart import AtRest, Chart, at_rest, load_chart
 from pmr.report.studies.chart import content
 
 
@@ -48,3 +50,14 @@ def test_colours_end_where_the_machine_does(reaches: int, angles: int) -> None:
     assert far.min() <= reach[0] * (1.0 + 1e-12)
     turned = np.arctan2(corners[:, 1], corners[:, 0])[far > (1.0 - 1e-9) * reach[-1]]
     assert len(np.unique(turned.round(9))) == (angles + 1 if angles > 1 else 2)  # on the arc, between the places too
+
+
+def test_the_height_of_a_steep_boom_is_labelled_beside_its_ticks() -> None:
+    """On axes that are narrow for a metre as long across as up the label stood on the ticks."""
+    along, nothing = np.linspace(0.0, 20.0, 5), np.zeros(5)
+    with style():
+        figure = at_rest(AtRest(along, nothing, nothing.astype(int), ("base",), 1.2))
+        FigureCanvasAgg(figure).draw()
+        axis = figure.axes[0].yaxis
+        ticks = [text.get_window_extent().x0 for text in axis.get_ticklabels() if text.get_text()]
+        assert axis.label.get_window_extent().x1 < min(ticks)
