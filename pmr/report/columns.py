@@ -17,6 +17,7 @@ from pmr.results.response import outputs_of
 from pmr.results.tables import FORCE_OF
 from pmr.scene.built import PadRing
 from pmr.scene.frame import rotation
+from pmr.scene.keys import named
 from pmr.scene.members import as_pads
 
 PLAYING = 30.0  # s that the whole motion plays at the speed set first
@@ -110,9 +111,10 @@ class Force:
     column: int
     name: str
     called: str
+    unit: str = "N"
 
     def of(self, response: Response) -> Array:
-        """The force over time, (T,) N."""
+        """The force, or moment, over time, (T,) in its unit."""
         return response.force(self.called, self.column)
 
 
@@ -228,23 +230,27 @@ def forces(result: RunResult, kind: str = "pad") -> dict[str, list[Force]]:
     response = result.responses["reduced"]
     first, count = response.displacement.shape[1], response.slider_force.shape[1]
     outputs = outputs_of(result.scene, response)[first : first + count]
+    numbers = {output.name: k for k, output in enumerate(outputs) if output.kind == kind}
+    if kind == "pad" and is_alone(result) and result.scene.pads:
+        groups = dict[str, list[Force]]()
+        for ring in sorted(result.scene.pads, key=lambda ring: bool(ring.moving)):
+            for name, _, _ in ring.places:
+                if (called := FORCE_OF + name) in numbers:
+                    pad = Force(numbers[called], name.removeprefix(f"{ring.name} "), called)
+                    groups.setdefault(ring.name, []).append(pad)
+        return groups
     chosen = [(k, output.name) for k, output in enumerate(outputs) if output.kind == kind]
-    rings = sorted(result.scene.pads, key=lambda ring: bool(ring.moving)) if is_alone(result) and kind == "pad" else []
-    if not rings:
-        several = len(chosen) > 1
-        short = {name: name.removeprefix(FORCE_OF) for _, name in chosen}
-        if is_alone(result) and kind == "pad":  # points that slide
-            short = {}
-        called = [short.get(name, f"slider {k + 1}" if several else "") for k, name in chosen]
-        unnamed_group = [Force(k, short, name) for (k, name), short in zip(chosen, called, strict=True)]
-        return {"": unnamed_group} if unnamed_group else {}
-    columns, groups = {name: k for k, name in chosen}, dict[str, list[Force]]()
-    for ring in rings:
-        for name, _, _ in ring.places:
-            if (full := FORCE_OF + name) in columns:
-                pad = Force(columns[full], name.removeprefix(f"{ring.name} "), full)
-                groups.setdefault(ring.name, []).append(pad)
-    return groups
+    if kind == "pad" and is_alone(result):  # points that slide
+        names = [f"slider {k + 1}" if len(chosen) > 1 else "" for k, _ in chosen]
+    else:
+        names = [called.removeprefix(FORCE_OF) for _, called in chosen]
+    units = {
+        named(body, FORCE_OF + support): unit
+        for body, part in result.scene.bodies.items()
+        for support, unit in part.springs.items()
+    }
+    group = [Force(k, name, called, units.get(called, "N")) for (k, called), name in zip(chosen, names, strict=True)]
+    return {"": group} if group else {}
 
 
 def rings(result: RunResult) -> Iterator[Ring]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -105,30 +105,30 @@ def _luffing_grids(result: RunResult) -> Iterator[Grid]:
 
 
 def _block(result: RunResult, prefix: str, kind: str, called: str) -> Block | None:
-    """Figures of a kind's forces, so many panels in each, and a table of the extremes."""
-    groups, drawn = forces(result, kind), list[tuple[Drawing, ...]]()
-    anchor = "forces" if kind == "pad" else kind
-    bearing = {name: [force for force in group if bears(result, force)] for name, group in groups.items()}
-    for name, group in bearing.items():
-        for first in range(0, len(group), figures.MOST_FORCES):
-            some, number = group[first : first + figures.MOST_FORCES], len(drawn) + 1
-            caption = _caption(result, kind, name)
-            drawn.append((drawing(f"{prefix}-{anchor}-{number}", figures.forces, caption, result, some),))
+    """Figures of a kind's forces and moments, so many panels in each, and tables of the extremes."""
+    groups, drawn, grids = forces(result, kind), list[tuple[Drawing, ...]](), list[Grid]()
     if not groups:
         return None
-    grid = extremes(result, kind, [force for group in bearing.values() for force in group])
-    idle = [_force_name(force) for name, group in groups.items() for force in group if force not in bearing[name]]
+    anchor = "forces" if kind == "pad" else kind
+    bearing = [force for group in groups.values() for force in group if bears(result, force)]
+    for unit in ("N", "N m"):
+        for name, group in groups.items():
+            shown = [force for force in group if force in bearing and force.unit == unit]
+            for first in range(0, len(shown), figures.MOST_FORCES):
+                panels, number = shown[first : first + figures.MOST_FORCES], len(drawn) + 1
+                caption = _caption(result, kind, name, unit)
+                drawn.append((drawing(f"{prefix}-{anchor}-{number}", figures.forces, caption, result, panels),))
+        named_forces = [force for force in bearing if force.unit == unit and force.called]
+        grids += [extremes(result, kind, named_forces)] if named_forces else []
+    idle = [_force_name(force) for group in groups.values() for force in group if force not in bearing]
     text = f"No force at any time on {', '.join(idle)}." if idle else ""
-    return Block(heading=called.capitalize(), text=text, rows=tuple(drawn), grids=(grid,) if grid.rows else ())
+    return Block(heading=called.capitalize(), text=text, rows=tuple(drawn), grids=tuple(grids))
 
 
 def bears(result: RunResult, force: Force) -> bool:
     """Whether a force is in any model more than round-off beside the largest of all."""
-    for response in result.responses.values():
-        nothing = max(response.force_round_off, ROUND_OFF * float(np.abs(response.slider_force).max(initial=0.0)))
-        if float(np.abs(force.of(response)).max(initial=0.0)) > nothing:
-            return True
-    return False
+    responses = result.responses.values()
+    return any(float(np.abs(force.of(of)).max(initial=0.0)) > of.force_floor for of in responses)
 
 
 def _force_name(force: Force) -> str:
@@ -140,7 +140,7 @@ def place_called(result: RunResult) -> str:
     return "the path coordinate s" if is_alone(result) else "the reach"
 
 
-def _caption(result: RunResult, kind: str, group: str) -> str:
+def _caption(result: RunResult, kind: str, group: str, unit: str) -> str:
     in_parts = result.responses["reduced"].force_peaks is not None  # a step was made in parts, for pads that only push
     push = any(ring.unilateral for part in result.scene.bodies.values() for ring in rings_of(part))
     within = " Of pads that only push, the largest force within each step." if in_parts and push else ""
@@ -148,7 +148,7 @@ def _caption(result: RunResult, kind: str, group: str) -> str:
         note = "What a cylinder or rope pushes its section out with, friction included; negative where it pulls."
         return f"Cylinder forces over time. {note}"
     if kind == "support":
-        return "Forces of supports that give way, positive along the axes."
+        return f"{'Moments' if unit == 'N m' else 'Forces'} of supports that give way, positive along the axes."
     if not is_alone(result):
         return f"Pad forces over time. Positive where a pad pushes the sections apart.{within}"
     if not result.scene.pads:
@@ -156,23 +156,20 @@ def _caption(result: RunResult, kind: str, group: str) -> str:
     return f"Forces of the pads at the {group}, positive where they push the body inwards.{within}"
 
 
-def extremes(result: RunResult, kind: str, chosen: list[Force]) -> Grid:
-    """Smallest and largest of a kind's forces, and of friction the largest where it is known."""
+def extremes(result: RunResult, kind: str, chosen: Sequence[Force]) -> Grid:
+    """Smallest and largest of a kind's forces, or moments, in one unit; the largest friction where it is known."""
     response, t = result.responses["reduced"], result.responses["reduced"].t
-    path = result.along_at(t)
-    by_name = {_force_name(force): Extremes.of(force.of(response), t, path) for force in chosen if force.called}
-    friction = {
-        cylinder["name"]: cylinder["friction"]
-        for cylinder in result.summary.get("cylinders", ())
-        if "friction" in cylinder
-    }
+    path, unit = result.along_at(t), chosen[0].unit
+    by_name = {_force_name(force): Extremes.of(force.of(response), t, path) for force in chosen}
+    what = "moments" if unit == "N m" else "forces"
     on = " on supports that give way" if kind == "support" else ""
-    caption = f"Least and largest forces{on}, when they occur, and {place_called(result)} then.{SIGNS.get(kind, '')}"
-    grid = _grid(by_name, "N", float(np.abs(response.slider_force).max(initial=0.0)), caption)
+    caption = f"Least and largest {what}{on}, when they occur, and {place_called(result)} then.{SIGNS.get(kind, '')}"
+    grid = _grid(by_name, unit, float(np.abs(response.slider_force).max(initial=0.0)), caption)
+    cylinders_of_run = result.summary.get("cylinders", ())
+    friction = {of["name"]: quantity(of["friction"], "N") for of in cylinders_of_run if "friction" in of}
     if not friction.keys() & by_name.keys():
         return grid
-    column = [quantity(friction[name], "N") if name in friction else "" for name in by_name]
-    rows = tuple((*row, cell) for row, cell in zip(grid.rows, column, strict=True))
+    rows = tuple((*row, friction.get(name, "")) for row, name in zip(grid.rows, by_name, strict=True))
     return Grid(grid.caption, (*grid.head, "friction up to"), rows)
 
 

@@ -97,6 +97,22 @@ def test_what_is_nothing_beside_the_largest_of_its_kind_is_zero(probed: RunResul
     assert largest == {"lower": "100", "other": "0", "aside": "0.0110"}
 
 
+def test_moments_of_supports_that_give_way_are_no_forces(make_space, monkeypatch) -> None:
+    """A support of 1e8 N/m along z and one of 1e6 N m/rad about y: each with its unit, in a figure and a table."""
+    supports = [
+        {"name": "leg", "on": "tail", "directions": ["z"], "stiffness": 1e8},
+        {"name": "hinge", "on": "tail", "directions": ["ry"], "stiffness": 1e6},
+    ]
+    result, figures = make_space(supports=supports, responses=("reduced",)), []
+    names, reduced = ("force of leg", "force of hinge"), result.responses["reduced"]
+    bearing = replace(reduced, slider_force=np.array([2e3, 5e4]) * np.ones((len(reduced.t), 2)), force_names=names)
+    monkeypatch.setattr(drawn, "drawing", lambda *given: figures.append([force.unit for force in given[-1]]))
+    block = drawn.supports(replace(result, responses={"reduced": bearing}), "case-1")
+    assert block is not None and figures == [["N"], ["N m"]]
+    assert [grid.head[1] for grid in block.grids] == ["least in kN", "least in kN m"]
+    assert [grid.rows[0][0] for grid in block.grids] == ["leg", "hinge"]
+
+
 def test_round_off_of_cylinders_is_no_key_number(make_result) -> None:
     for error, shown in ((1.1e-10, False), (1.1e-3, True)):
         found = make_result(summary={"errors": {"reduced_vs_full": {"cylinder_force": error}}})

@@ -130,10 +130,6 @@ class Timeline:
                 shown = max(phase.start, span.start), min(phase.end, span.end)
                 ax.axvspan(*shown, color=SHADE, linewidth=0.0, zorder=0.0)
         ax.set_xlim(span.start, span.end)
-        low, high = ax.dataLim.intervaly
-        least = FLATTEST * max(abs(low), abs(high))
-        if 0.0 < high - low < least < np.inf:
-            ax.set_ylim((low + high - least) / 2.0, (low + high + least) / 2.0)
         ax.set_ylabel(label)
         if last:
             ax.set_xlabel("Time in s")
@@ -198,6 +194,14 @@ def difference_clause(time: Timeline, signals: Mapping[str, Array], shown: str, 
     return f"; {model_words(base)} differs by less than {share}"
 
 
+def _widen(ax: Axes, panel: Mapping[str, Array], size: float) -> None:
+    """Give the axis of signals (T,) that hardly change, over `size`, a range in which labels of ticks are short."""
+    low, high = (float(end([end(signal) for signal in panel.values()])) for end in (np.min, np.max))
+    least = FLATTEST * max(abs(low), abs(high))
+    if 0.0 < high - low < least:
+        ax.set_ylim((low + high - least) / 2.0 / size, (low + high + least) / 2.0 / size)
+
+
 def model_words(simulator: str) -> str:
     """A simulator's model in a sentence."""
     return "ANCF" if simulator == "ancf" else f"the {simulator} model"
@@ -223,6 +227,7 @@ def curves(
         for ax, span in zip(row, (time.whole, window), strict=False):
             time.trace(ax, panel, unit.size, span)
             time.frame(ax, f"{name} in {unit.name}" if ax is row[0] else "", span, last=number == len(panels))
+        _widen(row[0], panel, unit.size)
         if window:
             row[1].xaxis.set_major_locator(MaxNLocator(3, steps=STEPS, prune="lower"))  # beside the first axes' last
             row[0].axvspan(window.start, window.end, facecolor="none", edgecolor=INK, linewidth=0.6, zorder=4.0)
@@ -257,6 +262,7 @@ def _energies(
         for ax, label, panel in zip(column, labels, panels, strict=True):
             time.trace(ax, panel, unit.size, weight=0.6)
             time.frame(ax, f"{label} in {unit.name}", last=ax is column[-1])
+            _widen(ax, panel, unit.size)
     key(figure, time.legend(list(signals[-1])))
     return figure
 

@@ -100,12 +100,12 @@ MOST_FORCES = 8  # panels of one figure
 
 
 def forces(result: RunResult, group: Sequence[Force]) -> Figure:
-    """Forces, at most `MOST_FORCES`, one panel each on one scale: one face is seen against the other."""
+    """Forces, or moments, at most `MOST_FORCES`, a panel each on one scale: one face is seen against the other."""
     time = Timeline(result)
     signals = [time.signals(force.of) for force in group]
-    unit, columns = unit_for(largest_of(*signals), "N"), min(len(group), 2)
+    unit, columns = unit_for(largest_of(*signals), group[0].unit), min(len(group), 2)
     rows = -(-len(group) // columns)
-    gaps = {"hspace": 0.3, "wspace": 0.09}
+    gaps, what = {"hspace": 0.3, "wspace": 0.09}, "Moment" if group[0].unit == "N m" else "Force"
     tall, margins = 0.85 if columns > 1 else 1.39, {"top": 0.42}  # below the key each panel has its name
     figure, axes = sheet(
         WIDE, 0.66 + tall * rows, rows, columns, margins=margins, sharex=True, sharey=True, gridspec_kw=gaps
@@ -113,7 +113,7 @@ def forces(result: RunResult, group: Sequence[Force]) -> Figure:
     for k, (force, panel) in enumerate(zip(group, signals, strict=True)):
         ax, last = axes.flat[k], k >= len(group) - columns
         time.trace(ax, panel, unit.size, weight=0.6 if columns > 1 else 1.0)
-        time.frame(ax, "" if k % columns else f"Force in {unit.name}", last=last)
+        time.frame(ax, "" if k % columns else f"{what} in {unit.name}", last=last)
         ax.tick_params(labelbottom=last)
         ax.set_title(force.name, loc="left", pad=2.0)
     for ax in axes.flat[len(group) :]:
