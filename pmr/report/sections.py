@@ -159,9 +159,9 @@ def constraint(result: RunResult, prefix: str) -> Block | None:
 def basis(result: RunResult, prefix: str) -> Block | None:
     """Shapes of a basis, singular values of what it was made from, frequencies beside published ones."""
     rows: list[tuple[Drawing, ...]] = []
-    for name, body in result.bodies.items():
+    for number, (name, body) in enumerate(result.bodies.items()):
         if body.shapes is not None and set(tips(result)) == {"z"}:
-            anchor, caption = "-".join(filter(None, (prefix, "basis", name))), shapes.basis_caption(body.shapes)
+            anchor, caption = f"{prefix}-basis{f'-{number}' if name else ''}", shapes.basis_caption(body.shapes)
             rows.append((drawing(anchor, shapes.basis, named(name, caption), result, body.shapes),))
     row, grids, of = [], tuple(_published_frequency(result)), result.body.shapes
     if is_alone(result) and of is not None and result.scene.reduction.uses_pod:  # others have singular values of 1, all
@@ -195,30 +195,24 @@ def _published_frequency(result: RunResult) -> Iterator[Grid]:
 
 def response(result: RunResult, prefix: str) -> Block | None:
     """Gain of the tip by frequency, where the scene has it computed."""
-    frequency_response = result.frequency_response
-    if frequency_response is None:
+    response = result.frequency_response
+    if response is None:
         return None
     drawings, grids = [], []
-    for k, name in enumerate(frequency_response.inputs):
-        if not np.any(frequency_response.gain[:, :, k]):
+    rest = "everything at rest, each curve at one reach in m"
+    if is_alone(result):
+        rest = "the sliders at rest, each curve at one s in m"
+    for number, (load, output) in enumerate(zip(response.inputs, response.outputs, strict=True)):
+        if not np.any(response.gain[:, :, number]):
             continue
-        condition = "with the sliders at rest, each curve at one s in m"
-        if not is_alone(result):
-            condition = "with everything at rest, each curve at one reach in m"
-        caption = f"Response of {frequency_response.outputs[k]} to {name} {condition}."
-        drawings.append(drawing(f"{prefix}-response-{k}", shapes.gain, caption, frequency_response, k))
-        gains = result.summary["frequency_response"]["gain"][name]
-        rows = [
-            (
-                f"{plain(round(float(s), 3))}{SPACE}m",
-                significant(gains["static"][j]),
-                significant(gains["largest"][j]) if frequency_response.damped else "no damping",
-                significant(gains["at"][j]),
-            )
-            for j, s in enumerate(frequency_response.s)
-        ]
+        caption = f"Response of {output} to {load} with {rest}."
+        drawings.append(drawing(f"{prefix}-response-{number}", shapes.gain, caption, response, number))
+        gains = result.summary["frequency_response"]["gain"][load]
+        places = (f"{plain(round(float(s), 3))}{SPACE}m" for s in response.s)
+        static, at = map(significant, gains["static"]), map(significant, gains["at"])
+        largest = [significant(gain) if response.damped else "no damping" for gain in gains["largest"]]
         head = (result.coordinate, f"static, {gains['unit']}", f"largest, {gains['unit']}", "at, Hz")
-        grids.append(Grid(f"{frequency_response.outputs[k]} under {name}", head, tuple(rows)))
+        grids.append(Grid(f"{output} under {load}", head, tuple(zip(places, static, largest, at, strict=False))))
     pairs = tuple(tuple(drawings[k : k + 2]) for k in range(0, len(drawings), 2))
     return Block(heading="Response in frequency", rows=pairs, grids=tuple(grids))
 

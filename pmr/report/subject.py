@@ -117,7 +117,7 @@ def structural_model(result: RunResult) -> Model:
 
 
 def is_alone(result: RunResult) -> bool:
-    """Is it a body alone, not a boom of sections?"""
+    """Whether the run is of one body alone, not of a boom of sections."""
     return ALONE in result.scene.bodies
 
 
@@ -157,26 +157,30 @@ def length(result: RunResult) -> float:
 
 
 def loads(result: RunResult) -> list[Acting]:
-    """Loads in the order of the model's inputs; the weight, which may follow them, is none of these."""
+    """Loads in the order of the model's inputs, forces along an axis of the ground part by part; without the weight."""
     acting, names = list[Acting](), result.loads.names
-    for member, (body, of) in zip(members(result.scene), result.scene.bodies.items(), strict=True):
-        end = length(result) if body == ALONE else of.length
-        inputs = [(load, *component) for load in of.loads for component in parts_of(member, load).items()]
-        for number, (part, called, direction) in enumerate(inputs):
-            kind = {"x": "along", "y": "aside", "z": "up"}.get(direction, "turn")
-            where = f"on {part.on}" if isinstance(part.on, str) else f"at {plain(part.on)}{SPACE}m"
-            at = end if isinstance(part.on, str) else part.on
-            if (name := input_of(body, called)) in names:
-                values = result.loads.values[:, names.index(name)]
+    for member, (body, section) in zip(members(result.scene), result.scene.bodies.items(), strict=True):
+        end = length(result) if body == ALONE else section.length
+        inputs = [(load, *part) for load in section.loads for part in parts_of(member, load).items()]
+        for number, (load, name, direction) in enumerate(inputs):
+            if (input_name := input_of(body, name)) in names:
+                values = result.loads.values[:, names.index(input_name)]
             elif body == ALONE and not names:  # of earlier results
                 values = result.loads.values[:, number]
             else:
                 continue
-            where = f"{where} along {direction}"
-            if part.axes == "ground":
-                where = f"{where}{GROUND} along {part.direction} of the ground"
-            acting.append(Acting(called, body, kind, at, where, part.signal, values, part.name))
+            where = f"{place_words(load.on)} along {direction}"
+            if load.axes == "ground":
+                where = f"{where}{GROUND} along {load.direction} of the ground"
+            kind = {"x": "along", "y": "aside", "z": "up"}.get(direction, "turn")
+            at = end if isinstance(load.on, str) else load.on
+            acting.append(Acting(name, body, kind, at, where, load.signal, values, load.name))
     return acting
+
+
+def place_words(on: str | float) -> str:
+    """Where something acts: on a named place, or at one along the axis in m."""
+    return f"on {on}" if isinstance(on, str) else f"at {plain(on)}{SPACE}m"
 
 
 def loads_as_asked(result: RunResult) -> list[Acting]:

@@ -90,6 +90,15 @@ def test_what_lies_within_the_error_of_the_step_has_no_panel_and_is_said(boom: R
         assert ("on the right" in parts.caption) == (step == 0.0)
 
 
+def test_a_figure_has_a_name_without_spaces_whatever_a_section_is_called(make_space) -> None:
+    """In the page it begins identifiers, which a reference in an SVG can't quote: curves ran out of their axes."""
+    planar = make_space(body={"model": "beam2d", "box": BOX})
+    names = ("base", "fly jib (2)")
+    block = sections.basis(replace(planar, bodies=dict.fromkeys(names, planar.body)), "case-1")
+    drawn = [drawing.name for drawing in block.drawings if "basis" in drawing.name]
+    assert len(set(drawn)) == 2 and all(re.fullmatch(r"[\w-]+", name) for name in drawn)
+
+
 def test_parts_of_the_energy_have_one_unit(boom: RunResult) -> None:
     small = {
         name: replace(one, energy=replace(one.energy, kinetic=1e-3 * one.energy.kinetic))

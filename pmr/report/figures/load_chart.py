@@ -63,7 +63,7 @@ def load_chart(chart: Chart) -> Figure:
 
 
 def pointer_cells(chart: Chart, texts: Sequence[str]) -> str:
-    """Cells that show nothing but what is ``said`` of them, an entry each, at the pointer: for the end of the SVG."""
+    """Transparent cells for the end of the SVG, each of which shows its text where a pointer is on it."""
     if not 0 < len(texts) <= MOST_CELLS:
         return ""
     figure, corners = _draw(chart)
