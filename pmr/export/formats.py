@@ -45,7 +45,7 @@ def _writer(module: str, name: str) -> Callable[..., Path]:
 
 def _exudyn(model: Path, target: Path, options: Options) -> Path:
     environment.needed("exudyn")  # the script's parts are tested code, which is loaded to be written
-    return _writer("exudyn.script", "write_exudyn_script")(model, target)
+    return _writer("exudyn_script", "write_exudyn_script")(model, target)
 
 
 def _fmu(model: Path, target: Path, options: Options) -> Path:
@@ -67,8 +67,8 @@ FORMATS = {
     "frequency-response": Format(
         "a table and a picture over s", "frequency_response.csv", _AT, _writer("control", "write_frequency_response")
     ),
-    "dmig": Format("matrices of Nastran at places of s", "sliding_body.bdf", _AT, _writer("nastran", "write_dmig")),
-    "op4": Format("the same matrices as OUTPUT4", "sliding_body.op4", _AT, _writer("nastran", "write_output4")),
+    "dmig": Format("matrices of Nastran at places of s", "sliding_body.bdf", _AT, _writer("state_space", "write_dmig")),
+    "op4": Format("the same matrices as OUTPUT4", "sliding_body.op4", _AT, _writer("state_space", "write_output4")),
 }
 
 

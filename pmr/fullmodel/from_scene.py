@@ -12,7 +12,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.constraints.straight import Straight
+from pmr.constraints.rows import Straight
 from pmr.errors import InputError, environment, on_first
 from pmr.fem.compat import MPI, check_fenicsx
 from pmr.fullmodel.pads import Pad, Pads, Slider, Support

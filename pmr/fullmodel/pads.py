@@ -36,8 +36,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import bump, refine_table, value_or_zero
-from pmr.constraints.rows import Row, fixed_row, row_on_coordinates
-from pmr.constraints.straight import Straight
+from pmr.constraints.rows import Row, Straight, fixed_row, row_on_coordinates
 from pmr.errors import InputError
 from pmr.fullmodel.walls import Walls
 from pmr.mesh.trace import Extent, Window

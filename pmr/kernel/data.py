@@ -24,7 +24,7 @@ from pmr.kernel.further import (
 )
 from pmr.kernel.rows import LANES, Arrangement, Part, arrange, round_up
 from pmr.scene.mechanism import CYLINDER
-from pmr.system.rings import Combined, combine_rings
+from pmr.system.from_scene import Combined, combine_rings
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -1,6 +1,6 @@
 r"""Further outputs of a system: reactions of rigid supports, the tip in space, the force of the luffing cylinder.
 
-With the motions of `pmr.reduced.reactions` and :math:`P = \Phi^T M X X^T` a body presses on its rigid supports with
+With the motions of `pmr.reduced.matrices` and :math:`P = \Phi^T M X X^T` a body presses on its rigid supports with
 
 .. math::
     \lambda_f = (\Phi^T - P) B f - (\Phi^T D - P D) X \dot z - (\Phi^T K - P K) X z - (C \Phi - C P^T)^T \lambda

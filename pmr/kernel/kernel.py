@@ -17,7 +17,7 @@ from pmr.kernel.block_file import LINE, pack, seal
 from pmr.kernel.data import Modal, system_data
 from pmr.kernel.frame import Frame
 from pmr.kernel.signals import Signals
-from pmr.system.rings import Combined
+from pmr.system.from_scene import Combined
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

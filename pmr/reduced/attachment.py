@@ -44,8 +44,8 @@ from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import stack_tables
 from pmr.reduced.carriers import Answers, CarrierFlexibility, EnrichmentModes
+from pmr.reduced.matrices import Reactions
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.reactions import Reactions
 from pmr.reduced.soundness import symmetric
 from pmr.reduced.truncation import extend, with_tables
 

@@ -153,7 +153,7 @@ class Answers:
     outputs: Array  # O x (o, n)
     stiffness: Array  # x^T K x (n, n)
     inertia: Array  # x^T M x (n, n)
-    supports: Array  # Phi^T M x (h, n) with the motions of `pmr.reduced.reactions`, of none but the largest basis
+    supports: Array  # Phi^T M x (h, n) with the motions of `pmr.reduced.matrices`, of none but the largest basis
     # (k, a): combinations of the first k that are the model's last a coordinates; none where no such are
     turned: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
@@ -188,7 +188,7 @@ class CarriedRows:
     coefficients: Mapping[str, Array]
     enrichment: Array  # U phi (K, c) of the model's enrichment modes
     flexibility: CarrierFlexibility | None = None  # what the coordinates leave out between the carriers
-    # the same of R M R, in s^2 m/N: what the inertia of that part moves (`pmr.compare.estimate`)
+    # R M R between the carriers, in s^2 m/N: what the inertia of that part moves (`pmr.compare.estimate`)
     inertia: CarrierFlexibility | None = None
     # what answers the cylinder of a boom's section (`pmr.reduced.attachment`)
     answers: Answers | None = None
@@ -197,7 +197,7 @@ class CarriedRows:
     matrices: Mapping[str, Array] = field(default_factory=dict)
     ports: Mapping[str, Array] = field(default_factory=dict)  # its `ports` on all these, (R + p + n,)
     spanned: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (p, K + i): these answers by the p vectors
-    # work (h, .) of `matrices` on the motions of rigid supports (`pmr.reduced.reactions`)
+    # work (h, .) of `matrices` on the motions of rigid supports (`pmr.reduced.matrices`)
     supports: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod

@@ -37,8 +37,7 @@ from pmr.errors.text import no_file
 from pmr.files import npz
 from pmr.reduced import stored
 from pmr.reduced.carriers import CarriedRows, EnrichmentModes, Flexibility
-from pmr.reduced.matrices import CONSTANT, LINEAR, Rayleigh
-from pmr.reduced.reactions import Reactions
+from pmr.reduced.matrices import CONSTANT, LINEAR, Rayleigh, Reactions
 from pmr.reduced.soundness import asymmetry, describe_names, misfit, misshapen
 
 Array = NDArray[np.float64]

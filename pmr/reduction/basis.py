@@ -33,7 +33,6 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.dependence import of_rows
 from pmr.constraints.polynomials import stack_tables
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
@@ -43,6 +42,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.reduced.model import ReducedModel, satisfied_rows
 from pmr.reduced.soundness import symmetric
 from pmr.reduction.snapshots import Snapshots
+from pmr.system.definite import dependence_of_rows
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
@@ -301,7 +301,7 @@ def _check_rank(model: ReducedModel) -> None:
     if not names:
         return
     places = low + (high - low) * (np.arange(RANK_CHECKS) + 0.5) / RANK_CHECKS
-    dependences = [of_rows(model.C(s)[rigid], names) for s in places]
+    dependences = [dependence_of_rows(model.C(s)[rigid], names) for s in places]
     worst = int(np.argmin([dependence.measure for dependence in dependences]))
     measure, involved = dependences[worst].measure, ", ".join(dependences[worst].names)
     if measure < INDEPENDENT:

@@ -41,8 +41,8 @@ from pmr.fem.distributed import inner, local_csr, subtract, times
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import BLOCK, Pairs, largest
 from pmr.fullmodel.moving import StaticSolver, static_solver
+from pmr.reduced.matrices import Reactions
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.reactions import Reactions
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,6 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.dependence import of_flexibility
 from pmr.constraints.polynomials import product, total
 from pmr.constraints.rows import Rows, SharedCarriers
 from pmr.errors import InputError
@@ -34,6 +33,7 @@ from pmr.reduction.residual_tables import (
     terms,
 )
 from pmr.scene.members import TAIL
+from pmr.system.definite import dependence_of_flexibility
 
 Array = NDArray[np.float64]
 
@@ -319,7 +319,7 @@ def check_independence(model: ReducedModel, numbers: list[int] | None = None) ->
     names = [model.row_names[k] for k in numbers]
     for s in _spread(model) if numbers else ():
         F = model.flexibility.rows(s) + np.diag(model.row_compliance)
-        dependence = of_flexibility(F[np.ix_(numbers, numbers)], names)
+        dependence = dependence_of_flexibility(F[np.ix_(numbers, numbers)], names)
         if dependence.measure < INDEPENDENT:
             dependent = ", ".join(dependence.names)
             allowed = (

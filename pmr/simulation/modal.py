@@ -30,9 +30,8 @@ from scipy.sparse.linalg import spsolve
 
 from pmr.constraints.polynomials import apply_table, total, transpose
 from pmr.errors import InputError
-from pmr.reduced.matrices import Rayleigh
+from pmr.reduced.matrices import Rayleigh, Reactions
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.reactions import Reactions
 from pmr.reduced.soundness import symmetric
 from pmr.simulation.start import InitialState, dense
 from pmr.system.body import SlidingBody, Trajectory, projected
@@ -140,7 +139,7 @@ def modal_form(body: SlidingBody) -> ModalForm:
 def support_forces(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
     r"""Forces of a body on its rigid supports, (T, h) in N or N m, under loads (T, i).
 
-    Of `pmr.reduced.reactions`, with the accelerations that follow from the equations of motion:
+    Of `pmr.reduced.matrices`, with the accelerations that follow from the equations of motion:
 
     .. math::
         \lambda_f = (\Phi^T - P V^T) B f - (\Phi^T D V - P D_r) \dot p - (\Phi^T K V - P K_r) p

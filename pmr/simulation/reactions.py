@@ -1,6 +1,6 @@
 r"""Forces on the supports of a boom and on its machine, as columns of a response.
 
-Forces on the rigid supports of a system's bodies, from their motion (`pmr.reduced.reactions` has the equations).
+Forces on the rigid supports of a system's bodies, from their motion (`pmr.reduced.matrices` has the equations).
 
 What a boom presses on its machine with: three forces and three moments about the pivot, in the boom's own axes.
 

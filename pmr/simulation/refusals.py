@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.constraints.dependence import of_rows
 from pmr.scene.choice import Needs
 from pmr.system.body import Body
 from pmr.system.contacts import Contact, Friction, joints_of
+from pmr.system.definite import dependence_of_rows
 from pmr.system.system import Joined
 from pmr.system.terms import first_few
 
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 def describe_dependence(C: Array, names: Sequence[str]) -> str:
     """Which of the rows C (m, n) depend on each other; `names` begin with theirs."""
-    involved = of_rows(C, names[: len(C)]).names
+    involved = dependence_of_rows(C, names[: len(C)]).names
     if len(involved) == 1:
         return f"the row {involved[0]} vanishes"
     return f"the rows {', '.join(involved)} depend on each other"

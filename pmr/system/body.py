@@ -23,9 +23,8 @@ from scipy.interpolate import PPoly
 from pmr.constraints.polynomials import stack_tables, transpose
 from pmr.constraints.rows import Row, Rows
 from pmr.reduced.carriers import CarriedRows
-from pmr.reduced.matrices import Rayleigh
+from pmr.reduced.matrices import Rayleigh, Reactions
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.reactions import Reactions
 from pmr.reduced.soundness import symmetric
 from pmr.results.response import FORCES
 
@@ -158,7 +157,7 @@ class WithRows:
         """None: a full model is simulated by itself or in a system, never taken for another."""
 
     def ensure_whole(self, source: str) -> None:
-        """It is."""
+        """Do nothing: a full model has all of its joints."""
 
     @property
     def row_compliance(self) -> Array:

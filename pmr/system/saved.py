@@ -120,7 +120,7 @@ def read(path: Path) -> Saved | ReducedModel:
             {field.name: header[field.name] for field in fields(_Header) if field.name in header}
         )
         data = npz.read(path, *ROOM)
-        data = {key: data[alias] for key, alias in file_header.same.items()} | data
+        data = {key: data[place] for key, place in file_header.same.items()} | data
         models, on_modes = (
             [
                 npz.record(ReducedModel, stored.unpack(data, f"{kind}.{number}."), f"{kind}.{number}.")
@@ -128,7 +128,7 @@ def read(path: Path) -> Saved | ReducedModel:
             ]
             for kind, names in {"bodies": file_header.bodies, "on_modes": file_header.on_modes}.items()
         )
-        terms = tuple(_term(alias, data, f"terms.{number}.") for number, alias in enumerate(file_header.terms))
+        terms = tuple(_term(term, data, f"terms.{number}.") for number, term in enumerate(file_header.terms))
         wrong = _contradiction(file_header, models, on_modes)
     except InputError:
         raise

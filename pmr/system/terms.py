@@ -45,7 +45,7 @@ class Term:
     stiffness: Any = None
     damping: Any = None
     # Phi^T G, or of a damping Phi^T V, (h, n): by the name of a body, the work on motions of its rigid supports
-    # (`pmr.reduced.reactions`)
+    # (`pmr.reduced.matrices`)
     supports: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

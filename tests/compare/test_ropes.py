@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 import pmr
 from pmr.compare import forces as ropes
 from pmr.errors import InputError
-from pmr.export.exudyn.script import write_exudyn_script
+from pmr.export.exudyn_script import write_exudyn_script
 from pmr.export.fmi.fmu import contents
 from pmr.fullmodel.build import build_bodies, models_of
 from pmr.pipeline.full_order import FullOrder

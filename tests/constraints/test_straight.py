@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmr.constraints.straight import Straight
+from pmr.constraints.rows import Straight
 from pmr.fullmodel.pads import slider_row
 from pmr.models.beam2d import Beam2D
 from pmr.scene.structures import Profile

@@ -19,7 +19,7 @@ import scipy.io
 from fuzz.names import fit, hostile
 from oracle import flexible, rich_body
 
-from pmr.export.exudyn.script import script_data
+from pmr.export.exudyn_script import script_data
 from pmr.export.fmi.fmu import contents
 from pmr.export.formats import Options, write
 from pmr.kernel.kernel import Kernel

@@ -10,8 +10,7 @@ import pytest
 from oracle import flexible, rich_body
 from processes import called
 
-from pmr.export.nastran import FIELD, _field
-from pmr.export.state_space import state_space
+from pmr.export.state_space import FIELD, _field, state_space
 from pmr.reduced.model import ReducedModel
 from pmr.system.system import System
 

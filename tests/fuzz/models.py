@@ -28,7 +28,7 @@ def case(number: int, rng: Random, folder: Path) -> str:
     """Read a mutation of a model file and use it if it is accepted."""
     from pmr.cli.info import described_model
     from pmr.errors.text import visible
-    from pmr.export.exudyn.script import script_data
+    from pmr.export.exudyn_script import script_data
     from pmr.reduced.model import ReducedModel
     from pmr.system.system import System
 

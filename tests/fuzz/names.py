@@ -35,7 +35,7 @@ prepare = warm
 
 def case(number: int, rng: Random, folder: Path) -> str:
     """Run a scene full of a name, draw its report, export its model."""
-    from pmr.export.exudyn.script import write_exudyn_script
+    from pmr.export.exudyn_script import write_exudyn_script
     from pmr.fem.compat import MPI
     from pmr.pipeline import run
     from pmr.report.document import page as render

@@ -211,7 +211,7 @@ def test_the_right_world_lives_without_fenicsx() -> None:
     """Nothing that a reduced model needs imports dolfinx, PETSc, SLEPc or MPI."""
     code = (
         "import pmr.reduced.model, pmr.results, pmr.compare.errors, pmr.compare.frequencies, pmr.cli.app\n"
-        "import pmr.simulation.exudyn.simulator, pmr.simulation.exudyn.ancf, pmr.export.exudyn.script\n"
+        "import pmr.simulation.exudyn.simulator, pmr.simulation.exudyn.ancf, pmr.export.exudyn_script\n"
         "import pmr.report.document\n"
     )
     done = without((*FENICSX, *PETSC), code=code)

@@ -14,7 +14,7 @@ from pmr.compare.simulated import excitation_in
 from pmr.kernel import data
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems
-from pmr.system.rings import Combined, combine_rings
+from pmr.system.from_scene import Combined, combine_rings
 from pmr.system.system import System
 
 CRANE = Path(__file__).parents[2] / "workflows" / "crane.toml"

@@ -100,7 +100,7 @@ class Equations:
     def start(
         self, s: Mapping[str, float], rates: Mapping[str, float], initial: Mapping[str, InitialState]
     ) -> dict[str, InitialState]:
-        """A consistent one of each body, on what supports leave free; errors as for `consistent_start`."""
+        """Consistent initial state of each body, on what supports leave free; errors as for `consistent_start`."""
         free = self.assembly.free
         states = consistent_start(self.assembly, self.at(s)[0], self.system.rates(rates), initial)
         return {name: InitialState(start.q[free[name]], start.v[free[name]]) for name, start in states.items()}

@@ -17,7 +17,7 @@ from pmr.kernel.rows import round_up
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.moving import MovingFrame
 from pmr.system.contacts import ALONE, Friction
-from pmr.system.rings import Combined
+from pmr.system.from_scene import Combined
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -336,7 +336,7 @@ class Loaded:
 
     @cached_property
     def _first_order(self) -> Loaded:
-        """The same without geometric stiffness, and with a little of its mass as stiffness: always one equilibrium."""
+        """Equilibria without geometric stiffness and with a little of the mass as stiffness: there is always one."""
         e, every = self.equations, self._form(np.ones_like(self._last))
         floor = ALMOST_FREE * (2.0 * np.pi * every.frequency(0.0)) ** 2
         return Loaded(replace(e, K=e.K + floor * e.M, G=(0.0 * e.K, 0.0 * e.K)))

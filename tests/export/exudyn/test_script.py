@@ -17,7 +17,7 @@ from one_body import displacement
 from oracle import flexible, project
 
 from pmr.errors import InputError
-from pmr.export.exudyn.script import script_data, write_exudyn_script
+from pmr.export.exudyn_script import script_data, write_exudyn_script
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase, Sine, SmoothRamp, Step, Sum, Table
 from pmr.simulation import TimeStepping

@@ -14,7 +14,7 @@ from oracle import project
 
 from pmr.errors import InputError
 from pmr.errors.text import is_name, visible
-from pmr.export.exudyn.script import script_data, write_exudyn_script
+from pmr.export.exudyn_script import script_data, write_exudyn_script
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import SignalBase, Sine, SmoothRamp, Step, Table
 from pmr.system.body import FullBody

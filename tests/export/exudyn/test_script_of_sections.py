@@ -15,7 +15,7 @@ from processes import called
 
 import pmr
 from pmr.errors import InputError
-from pmr.export.exudyn.script import script_data, write_exudyn_script
+from pmr.export.exudyn_script import script_data, write_exudyn_script
 from pmr.pipeline.scenes import Outcome
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.exudyn.simulator import simulate_system

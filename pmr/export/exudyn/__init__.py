@@ -1,1 +1,0 @@
-"""A reduced system as a standalone Python script for Exudyn."""
