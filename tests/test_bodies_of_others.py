@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from bricks import bricks
+from bricks import bricks, lumped
 from frames3d import frame, lattice
 from scipy.spatial.transform import Rotation
 
@@ -192,3 +192,18 @@ def test_a_body_is_right_or_refused_with_the_reason(number: int, tmp_path: Path)
     with pytest.raises(InputError) as caught:
         from_matrices(**change(one, rng))
     assert re.search(says, str(caught.value)), str(caught.value)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("held_along", [("x", "y", "z"), ("z",)])
+def test_lumped_masses_beside_a_clamp_are_those_of_the_scene(held_along: tuple[str, ...], tmp_path: Path) -> None:
+    """Nodes that are clamped in the matrices have no mass there, so that the whole is lighter by their share."""
+    given = lumped(bricks((10, 2, 2), (5.0, 0.3, 0.4)))
+    free, axes = raw(given), [("x", "y", "z").index(axis) for axis in held_along]
+    gone = np.isin(given.node, given.groups["tail"]) & np.isin(given.direction, axes)
+    inside, support = without(free, gone), {"on": "tail", "points": "all", "directions": list(held_along)}
+    assert from_matrices(**inside).mass < 0.99 * given.mass
+    ours = responses(inside, tmp_path, [], "x" in held_along)
+    theirs = responses(free, tmp_path, [support], "x" in held_along)
+    for name in ("full", "reduced"):
+        assert np.abs(ours[name] - theirs[name]).max() <= SAME * np.abs(theirs[name]).max()

@@ -157,6 +157,7 @@ def matrices(
 
         pmr matrices boom.sti
     """
+    from pmr.files.fit import UNCHECKED
     from pmr.files.foreign import foreign_files, read_foreign
 
     if not stiffness.name:
@@ -169,7 +170,11 @@ def matrices(
     body = read_foreign(files)
     say(out, f"{body.size} coordinates of {len(body.points)} nodes; groups: {', '.join(body.groups) or 'none'}")
     x, y, z = (round(float(c), 9) + 0.0 for c in body.centre)
-    say(out, f"{body.mass:.4g} kg, centre of mass at ({x:.4g}, {y:.4g}, {z:.4g}) m; {_held_text(len(body.held))}")
+    whole = " of what supports inside the matrices leave free" if body.lacks else ""
+    centre = f"centre of mass at ({x:.4g}, {y:.4g}, {z:.4g}) m"
+    say(out, f"{body.mass:.4g} kg{whole}, {centre}; {_held_text(len(body.held))}")
+    if body.unchecked:
+        say(err, f"warning: {UNCHECKED}")
     say(out, str(body.save(target)))
 
 

@@ -55,7 +55,7 @@ def described_system(system: System) -> dict[str, str]:
         rows[f"body {name}"] = f"{body.size} coordinates; outputs: {_describe_outputs(body)}"
     pushing = {True: "holds both ways", False: "only pushes"}
     contacts = [f"{contact.name} ({pushing[contact.clearance is None]})" for contact in system.contacts]
-    ranges = [f"{path} from {low:.4g} to {high:.4g} m" for path, (low, high) in system.ranges.items()]
+    ranges = [f"{path} from {low:.4g} to {high:.4g} {_unit(path)}" for path, (low, high) in system.ranges.items()]
     return rows | {
         **_inputs(system.input_names, system.input_units),
         "contacts": f"{len(contacts)}: {_list_names(contacts)}",
@@ -75,7 +75,7 @@ def _frequencies(system: System) -> dict[str, str]:
     rows, ranges = dict[str, str](), path_ranges(system)
     for end in (0, 1):
         s = {path: ends[end] for path, ends in ranges.items()}
-        where = ", ".join(f"{path} at {at:.4g} m" for path, at in s.items()) or "at rest"
+        where = ", ".join(f"{path} at {at:.4g} {_unit(path)}" for path, at in s.items()) or "at rest"
         try:
             hertz = Assembly(system).frequencies(system.coordinates(s), FREQUENCIES)
         except (InputError, SimulationError, np.linalg.LinAlgError):
@@ -83,6 +83,13 @@ def _frequencies(system: System) -> dict[str, str]:
         without = ", without second order" if system.terms else ""
         rows[f"frequencies, {where}{without}"] = f"{', '.join(f'{f:.4g}' for f in hertz if np.isfinite(f))} Hz"
     return rows
+
+
+def _unit(path: str) -> str:
+    """Unit of a path's coordinate."""
+    from pmr.scene.keys import LUFFING
+
+    return "rad" if path == LUFFING else "m"
 
 
 def _list_names(names: list[str]) -> str:

@@ -20,13 +20,16 @@ from pmr.scene.built import PadRing, force_of, friction_of, reaction_of
 from pmr.scene.choice import is_axial
 from pmr.scene.frame import INERTIA
 from pmr.scene.keys import cylinder_of, named
-from pmr.scene.mechanism import CYLINDER, drive_rows, longest, rope_shares
+from pmr.scene.mechanism import CYLINDER, drive_rows, longest, rope_shares, supports_at_lug
 from pmr.scene.members import EXTENSION, members
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact, Friction
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
+
+#: How many times the largest stiffness about the pivot may be the least, before it is said that a support has one.
+TURNED = 1.1
 
 #: Share of a pad's largest push, and of a tenth of the largest force of any pad, from which a pull is reported.
 PULLED = 0.01
@@ -325,5 +328,23 @@ def luffing_part(scene: Scene, response: Response) -> Part:
     speed = arm * angle.rate(t)
     histories = {"force": force, "length": length, "speed": speed, "power": force * speed}
     return Part(
-        {"luffing_cylinder": {key: Extremes.of(history, t, along).summary() for key, history in histories.items()}}
+        {"luffing_cylinder": {key: Extremes.of(history, t, along).summary() for key, history in histories.items()}},
+        warnings=turning_warnings(scene, angle.value(t)),
     )
+
+
+def turning_warnings(scene: Scene, angles: Array) -> list[str]:
+    """A line where a support that gives way stands for a cylinder whose arm changes over luffing angles (T,) in rad."""
+    names = [support.name for support in scene.sections[0].supports if support.stiffness != "rigid"]
+    across = [name for name in supports_at_lug(scene) if name in names]
+    if not across or scene.frame is None or scene.frame.cylinder is None:
+        return []
+    arm = np.abs(scene.frame.cylinder.length(angles)[1])
+    factor = float(arm.max() / arm.min()) ** 2
+    if not factor > TURNED:
+        return []
+    return [
+        f"the support {across[0]!r} is as stiff at all angles, where a cylinder's stiffness about the pivot changes by "
+        f"a factor of {factor:.2g}: deflections and frequencies are right at one angle alone; "
+        "frame.cylinder.stiffness, in place of the support, turns with the boom"
+    ]

@@ -24,11 +24,11 @@ from scipy.optimize import brentq
 from pmr.compare.outputs import tip_names
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
-from pmr.results import Frequencies, FrequencyMap, FrequencyResponse
+from pmr.results import Frequencies, FrequencyMap, FrequencyResponse, Paths
 from pmr.results.run import Part
 from pmr.scene import Scene
 from pmr.scene.choice import is_pinned_beam
-from pmr.scene.keys import ALONE, SLIDER
+from pmr.scene.keys import ALONE, LUFFING, SLIDER
 from pmr.scene.members import member_at
 from pmr.simulation import Excitation
 from pmr.simulation.at_rest import amplitudes_at_rest, steepest
@@ -186,6 +186,12 @@ class Visited:
         return system.coordinates(dict(zip(system.paths, self.s.T, strict=True)))
 
 
+def shown_paths(scene: Scene, excitation: Excitation) -> Paths:
+    """Paths of a result: those of sections or of a body alone, without the angle that a luffing cylinder turns with."""
+    count = len(scene.paths)
+    return Paths(tuple(scene.paths), excitation.s[:, :count], excitation.rates[:, :count])
+
+
 def places_on_way(scene: Scene, excitation: Excitation, size: int) -> Visited:
     """From one end of the way to the other; fewer places where frequencies of a large full model are found.
 
@@ -193,11 +199,12 @@ def places_on_way(scene: Scene, excitation: Excitation, size: int) -> Visited:
     """
     alone = ALONE in scene.bodies
     count = PLACES_OF_BOOM if size <= LARGE_SYSTEM else FEWER_PLACES_OF_BOOM
-    if excitation.terms and not np.ptp(excitation.s, axis=0).any():
+    stays = not np.ptp(excitation.s[:, : len(scene.paths)], axis=0).any()
+    if stays and (excitation.terms or scene.holding_cylinder is not None):
         t = np.linspace(0.0, scene.time.end, count)
-        if not np.ptp(excitation.amplitudes(list(excitation.terms), t), axis=0).any():
-            t, count = t[:1], 1
-        s = np.broadcast_to(excitation.s[0], (count, excitation.s.shape[1]))
+        s = np.column_stack([path.value(t) for path in excitation.paths.values()])
+        if not np.ptp(np.hstack([s, excitation.amplitudes(list(excitation.terms), t)]), axis=0).any():
+            t, s = t[:1], s[:1]
         return Visited(s[:, 0] if alone else scene.reach(t), s, CURVES if alone else CURVES_OF_BOOM, t)
     if alone:
         along = visited_positions(scene, size)
@@ -279,7 +286,8 @@ def frequency_map(boom: Scene, system: System) -> FrequencyMap | None:
             joint = boom.sections[boom.names.index(name)].joint
             if joint is not None and joint.follows in extensions:
                 extensions[name] = joint.offset + joint.ratio * extensions[joint.follows]
-    x, c = system.coordinates(extensions), np.zeros((MAPPED**2, 0))
+    turned = {LUFFING: np.full((MAPPED, MAPPED), steepest(boom))} if LUFFING in system.paths else {}
+    x, c = system.coordinates(extensions | turned), np.zeros((MAPPED**2, 0))
     if system.terms:
         placed = {name: np.broadcast_to(at, (MAPPED, MAPPED)).ravel() for name, at in extensions.items()}
         c = amplitudes_at_rest(boom, placed, steepest(boom))

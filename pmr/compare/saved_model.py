@@ -7,7 +7,13 @@ from typing import Any
 import numpy as np
 
 from pmr.compare.estimated import ReductionError, SimulatedSystem, reduction_error, step_part
-from pmr.compare.frequencies import frequencies_on_way, frequency_part, places_on_way, response_on_way
+from pmr.compare.frequencies import (
+    frequencies_on_way,
+    frequency_part,
+    places_on_way,
+    response_on_way,
+    shown_paths,
+)
 from pmr.compare.moving_frame import as_made
 from pmr.compare.responses import check_installed, simulate
 from pmr.compare.simulated import excitation_in, with_models_of
@@ -21,7 +27,7 @@ from pmr.compare.summary import (
 )
 from pmr.compare.trust import reduction_warnings
 from pmr.errors.environment import Clock
-from pmr.results import BodyResult, Loads, Paths, RunResult, Shapes
+from pmr.results import BodyResult, Loads, RunResult, Shapes
 from pmr.results.run import Part, combine_parts
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
@@ -80,7 +86,7 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
         scene,
         combine_parts(parts),
         responses,
-        Paths(tuple(excitation.paths), excitation.s, excitation.rates),
+        shown_paths(scene, excitation),
         Loads(system.input_names, system.input_units, excitation.forces(system.input_names)),
         natural,
         {name: BodyResult(shapes) for name in models},

@@ -30,7 +30,7 @@ from pmr.files.whole import replacement
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.soundness import symmetric
 from pmr.scene.built import force_of
-from pmr.scene.keys import ALONE, SLIDER
+from pmr.scene.keys import ALONE, LUFFING_CYLINDER, SLIDER
 from pmr.simulation.modal import diagonalise, modal_damping
 from pmr.simulation.moving import path_ranges
 from pmr.system.assembly import Assembly
@@ -220,6 +220,9 @@ def section_alone(npz_path: Path, name: str) -> System:
         allowed = f"{', '.join(map(repr, sections))} is allowed, of which {npz_path.name} has the model"
         if not sections:
             allowed = "none is allowed: this is the model of a whole body"
+        raise InputError("command line", "--section", name, allowed)
+    if LUFFING_CYLINDER in bodies[name].row_names:
+        allowed = "a section that no luffing cylinder holds is allowed: its direction follows the angle of the boom"
         raise InputError("command line", "--section", name, allowed)
     alone = System.of(bodies[name].without_joints())
     held = tuple(replace(contact, inner=replace(contact.inner, body=name)) for contact in alone.contacts)

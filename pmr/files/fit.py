@@ -45,6 +45,11 @@ DENSE_ALWAYS = 1000
 SLOWEST, FASTEST = 250.0, 5e4
 #: kg/m^3: what a body weighs at least, by its convex hull as air, and by what stiffness fills of that, as foam.
 LIGHTEST, LIGHTEST_SOLID = 1.0, 10.0
+#: What is said of matrices of which nothing tells whether they belong to their nodes.
+UNCHECKED = (
+    "all nodes of the body are beside supports inside its matrices, so order and axes of directions, units and places "
+    "could not be held against its stiffness; supports of the scene, in their place, let them be"
+)
 #: Edges of a tetrahedron.
 _EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 
@@ -66,6 +71,12 @@ def misfit(M: sp.csr_matrix, body: Resistance) -> tuple[str, str] | None:
         _weight,
     )
     return next((reason for check in checks for reason in check(M, body)), None)
+
+
+def tells_nothing(body: Resistance) -> bool:
+    """Whether all nodes are beside supports inside the matrices, so that K says nothing of places and axes."""
+    used = np.unique(body.node)
+    return bool(_near_nodes(body, body.lacking.any(axis=1))[used].all())
 
 
 def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.errors import InputError
 from pmr.errors.text import NAMED, is_name, no_file
 from pmr.files import npz
-from pmr.files.fit import centre_of_mass, misfit
+from pmr.files.fit import centre_of_mass, misfit, tells_nothing
 from pmr.files.rigid import DIRECTIONS, Resistance, rigid_motions
 
 Array = NDArray[np.float64]
@@ -45,6 +45,8 @@ class GivenMatrices:
     source: str = "matrices"  #: File, for messages
     #: (h, 6): rows that vanish for the rigid motions about the origin that supports and springs inside K leave free
     held: Array = field(init=False, repr=False, compare=False)
+    #: whether all nodes are beside supports inside the matrices, so that K says nothing of places and axes
+    unchecked: bool = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         n = self.K.shape[0]
@@ -74,6 +76,7 @@ class GivenMatrices:
         if reason := misfit(self.M, body):
             raise self._refusal(reason[0], None, reason[1])
         object.__setattr__(self, "held", body.held())
+        object.__setattr__(self, "unchecked", tells_nothing(body))
 
     @property
     def size(self) -> int:
@@ -85,6 +88,11 @@ class GivenMatrices:
         """R^T M R (6, 6) of the rigid motions about the origin."""
         R = rigid_motions(self.points[self.node], self.direction)
         return np.asarray(R.T @ (self.M @ R))
+
+    @property
+    def lacks(self) -> bool:
+        """Whether some nodes lack displacements: supports inside the matrices hold them, or no element has them."""
+        return int(np.sum(self.direction < 3)) < 3 * len(self.points)
 
     @property
     def mass(self) -> float:

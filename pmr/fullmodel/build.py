@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError, NotHeldError
 from pmr.fem.compat import MPI
+from pmr.files.fit import UNCHECKED
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.fullmodel.structural import structural_model
@@ -285,7 +286,9 @@ def log_warnings(built: Iterable[Built], comm: MPI.Comm) -> None:
 
 
 def warnings(structure: Structure) -> list[str]:
-    """A line where elements are so short that round-off in the stiffness can be seen in the frequencies."""
+    """Lines where round-off of short elements can be seen in frequencies, or given matrices can't be held to nodes."""
+    if getattr(structure.model, "unchecked", False):
+        return [UNCHECKED]
     round_off = getattr(structure.model, "round_off", 0.0)
     if round_off <= NOTICED_ROUND_OFF:
         return []
@@ -348,8 +351,9 @@ def _way(scene: Scene) -> Way:
     if ALONE in scene.bodies:
         along = np.linspace(*scene.travel, PLACES)
         return Way({SLIDER: along}, {ALONE: np.zeros(PLACES)}, [f"with s at {at:.4g} m" for at in along])
-    end, breaks = scene.time.end, [t for path in scene.paths.values() for t in path.breaks]
+    end, breaks = scene.time.end, [t for path in scene.driven_paths.values() for t in path.breaks]
     t = np.unique(np.clip([*np.linspace(0.0, end, PLACES), *breaks], 0.0, end))
     s = {name: path.value(t) for name, path in scene.paths.items()}
     tails = accumulate(s.values(), np.add, initial=np.zeros(len(t)))
-    return Way(s, dict(zip(scene.names, tails, strict=True)), [f"at t = {at:.4g} s" for at in t])
+    s_of_all = {name: path.value(t) for name, path in scene.driven_paths.items()}
+    return Way(s_of_all, dict(zip(scene.names, tails, strict=True)), [f"at t = {at:.4g} s" for at in t])

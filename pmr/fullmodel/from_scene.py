@@ -123,7 +123,11 @@ def _pads(member: Member) -> Pads:
         low, high = member.travel
         reach = 0.0 if high > low else 1e-3 * member.part.length
         pads = Pads(fixed, moving, travel=(low, high + reach), straight=straight)
-    return replace(pads, ends=(Support(TAIL, "tail", "x"),), travel=_common(pads)) if has_tail(member) else pads
+    if has_tail(member):
+        pads = replace(pads, ends=(Support(TAIL, "tail", "x"),), travel=_common(pads))
+    if member.cylinder is not None and member.frame is not None:
+        pads = replace(pads, luffing=member.cylinder, tail=member.frame.place)
+    return pads
 
 
 def _common(pads: Pads) -> tuple[float, float]:

@@ -38,9 +38,11 @@ from numpy.typing import NDArray
 from pmr.constraints.polynomials import bump, refine_table, value_or_zero
 from pmr.constraints.rows import Row, Straight, fixed_row, row_on_coordinates
 from pmr.errors import InputError
+from pmr.fullmodel.luffing import cylinder_row
 from pmr.fullmodel.walls import Walls
 from pmr.mesh.trace import Extent, Window
 from pmr.models import StructuralModel
+from pmr.scene.frame import LuffingCylinder
 
 if TYPE_CHECKING:
     from pmr.models.beam2d import Beam2D
@@ -128,6 +130,8 @@ class Pads:
     ends: tuple[Support, ...] = ()
     straight: tuple[Straight, ...] = ()  # stretches of a planar beam that another body keeps from bending
     walls: Walls = Walls()  # of a beam, that give way under its pads
+    luffing: LuffingCylinder | None = None  # that holds a base whose tail is so far from the pivot, m
+    tail: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         low, high = self.travel
@@ -186,6 +190,7 @@ def restrain(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Restraints
         *(_point(slider, model, T) for slider in pads.sliders),
         *(pads.walls.pad_row(moving_pad(pad, model, T, pad.travel or pads.travel), pad.at) for pad in pads.moving),
         *(_end(end, model, T, pads) for end in pads.ends),
+        *([cylinder_row(pads.luffing, pads.tail, model, T, pads.travel)] if pads.luffing is not None else []),
         *(row for straight in pads.straight for row in straight.rows(_point(Slider(), model, T))),
     ]
     springs = [row.compliance > 0.0 and row.clearance is None for row in staying]

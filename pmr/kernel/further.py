@@ -171,8 +171,11 @@ class Cylinder:
 
 
 def luffing_cylinder(scene: Scene, paths: Sequence[str], numbers: Mapping[str, int], outputs: int) -> Cylinder | None:
-    """Luffing cylinder; None without hinges, or where a force between boom and ground has no number."""
-    if scene.frame is None or scene.frame.cylinder is None:
+    """Luffing cylinder; None without hinges, where it holds the base, or a force on the ground has no number.
+
+    The force of a cylinder that holds the base is that of a contact.
+    """
+    if scene.frame is None or scene.frame.cylinder is None or scene.holding_cylinder is not None:
         return None
     # without extensions, then with 1 m of each path by itself
     unit = {name: np.eye(len(paths) + 1)[1 + k] for k, name in enumerate(paths)}

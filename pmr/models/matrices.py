@@ -48,6 +48,11 @@ class Matrices(Traced):
         return self.given.size
 
     @property
+    def unchecked(self) -> bool:
+        """Whether the stiffness says nothing of places and axes of nodes."""
+        return self.given.unchecked
+
+    @property
     def axis(self) -> int:
         """The axis of the body: its longest extent."""
         return int(np.ptp(self.given.points, axis=0).argmax())

@@ -94,7 +94,7 @@ class FullOrder:
         if ALONE in self.whole.bodies and not c.size:
             solver = self.scene.reduction.solver
             return lowest_frequencies(self.whole.bodies[ALONE], s[:, 0], count, solver) / (2.0 * np.pi)
-        x = self.whole.coordinates(dict(zip(self.scene.paths, s.T, strict=True)))
+        x = self.whole.coordinates(dict(zip(self.scene.driven_paths, s.T, strict=True)))
         if self.simulator == "march":
             lowest = None if self.gathered is None else Assembly(self.gathered).frequencies(x, count, c)
         else:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pmr.compare.accuracy import mesh, order
-from pmr.compare.frequencies import frequency_part, response_on_way
+from pmr.compare.frequencies import frequency_part, response_on_way, shown_paths
 from pmr.compare.moving_frame import decide_second_order as with_order
 from pmr.compare.responses import check_installed, check_memory, memory_warnings
 from pmr.compare.summary import origin_part, reliability_part, simulation_part, theory_part
@@ -28,7 +28,7 @@ from pmr.reduction.bodies import Reduction, reduce_bodies
 from pmr.reduction.cache import cache_in
 from pmr.reduction.from_scene import Vectors, with_array_basis
 from pmr.reduction.recovery import Recovered
-from pmr.results import Frequencies, Loads, Paths, RunResult
+from pmr.results import Frequencies, Loads, RunResult
 from pmr.results.run import Part, combine_parts, grave
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
@@ -182,7 +182,7 @@ def _outcome(
         bodies.asked,
         summary,
         responses,
-        Paths(tuple(excitation.paths), excitation.s, excitation.rates),
+        shown_paths(scene, excitation),
         Loads(system.input_names, system.input_units, excitation.forces(system.input_names)),
         frequencies,
         bodies.results(recovered),

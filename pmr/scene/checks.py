@@ -18,7 +18,8 @@ from pmr.scene.built import Gravity
 from pmr.scene.choice import REFERENCE, Needs, fewest_rows, is_pinned_beam, model_of, parts_of, refuse
 from pmr.scene.frame import Frame, Machine
 from pmr.scene.joint_checks import check_joints
-from pmr.scene.keys import check_sizes
+from pmr.scene.keys import LUFFING, check_sizes
+from pmr.scene.mechanism import supports_at_lug
 from pmr.scene.members import member_at, members
 from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase
@@ -121,6 +122,8 @@ def _check_cylinder(scene: Scene, frame: Frame) -> None:
     """A cylinder in line with the pivot carries no moment."""
     if frame.cylinder is None:
         return
+    if frame.cylinder.stiffness is not None:
+        _check_holding(scene, frame)
     t = np.linspace(0.0, scene.time.end, SAMPLES)
     angle = frame.angles[0].value(t)
     length, arm = frame.cylinder.length(angle)
@@ -129,6 +132,24 @@ def _check_cylinder(scene: Scene, frame: Frame) -> None:
     if np.abs(arm[k]) < IN_LINE * reach or arm.min() < 0.0 < arm.max() or reach == 0.0:
         at = f"at {t[k]:.4g} s, {np.rad2deg(angle[k]):.3g} degrees, a cylinder of {length[k]:.3g} m has {arm[k]:.2g} m"
         raise refusal("frame.cylinder", None, f"hinges with an arm about the pivot are allowed: {at}")
+
+
+def _check_holding(scene: Scene, frame: Frame) -> None:
+    """What a cylinder that holds the base asks of it: a beam of several sections, and no support in its place."""
+    key, base = "frame.cylinder.stiffness", members(scene)[0]
+    assert frame.cylinder is not None
+    if not base.jointed or model_of(base) not in ("beam2d", "beam3d"):
+        raise refusal(key, None, "a boom of several sections whose base is a beam is allowed with it")
+    if frame.luffing is None:
+        raise refusal("frame.luffing", None, f"the angle that the boom is raised by is needed with {key}")
+    if LUFFING in scene.names:
+        raise refusal("sections.name", LUFFING, f"other names are allowed beside {key}: a path has this one")
+    at = frame.cylinder.lug[0] - frame.place[0]
+    if not 0.0 <= at <= base.part.length:
+        raise refusal("frame.cylinder.lug", frame.cylinder.lug[0], "a place on the base is allowed with a stiffness")
+    if twice := supports_at_lug(scene):
+        allowed = f"the cylinder's stiffness or the support {twice[0]!r} at its lug is allowed, one of both"
+        raise refusal(key, frame.cylinder.stiffness, allowed)
 
 
 def _check_smooth(scene: Scene, key: str, what: str, motion: SignalBase) -> None:

@@ -27,7 +27,7 @@ from pydantic import Field, model_validator
 
 from pmr.errors import InputError
 from pmr.scene.joints import Linear
-from pmr.scene.keys import Direction, Mass, Place, Point, Quantity, Section, Switch, Usual, of_key
+from pmr.scene.keys import Direction, Mass, Place, Point, Quantity, Section, Stiffness, Switch, Usual, of_key
 from pmr.scene.signals import Constant, Signal, SignalBase
 from pmr.scene.structures import ALLOWED_INERTIA, PrincipalMoments, is_inertia
 
@@ -225,6 +225,11 @@ class LuffingCylinder(Section):
     )
     lug: Annotated[tuple[Place, Place], Usual(0.0, 2.0, "reach")] = Field(
         description="Hinge on the boom, in the axes of the boom"
+    )
+    stiffness: Stiffness | None = Field(
+        default=None,
+        description="Stiffness along the cylinder, which then holds the base at the lug in its true direction; "
+        "without it supports of the base hold it",
     )
 
     def raised(self, angle: ArrayLike) -> NDArray[np.float64]:

@@ -334,6 +334,9 @@ def _quantities(part: Any, key: str, quantity: Quantity | None = None) -> Iterat
 
 #: What a body alone is called in a system, and the path on which its moving rows travel.
 ALONE, SLIDER = "", "slider"
+#: The path of the direction of a luffing cylinder, whose coordinate is the luffing angle in rad, and what its row and
+#: the forces along it are called.
+LUFFING, LUFFING_CYLINDER = "luffing", "luffing cylinder"
 
 
 def input_of(body: str, what: str) -> str:

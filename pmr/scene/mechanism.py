@@ -33,7 +33,8 @@ from numpy.typing import NDArray
 
 from pmr.scene.built import force_of, reaction_of
 from pmr.scene.choice import directions, has_tail, is_axial, loads_of, transverse
-from pmr.scene.keys import SLIDER, cylinder_of, named
+from pmr.scene.frame import LuffingCylinder
+from pmr.scene.keys import LUFFING, LUFFING_CYLINDER, SLIDER, cylinder_of, named
 from pmr.scene.members import Member, member_at, members
 from pmr.scene.scene import Scene
 
@@ -81,6 +82,11 @@ def supports_at_lug(scene: Scene) -> tuple[str, ...]:
     return tuple(name for name, x in places.items() if x is not None and abs(x - lug) <= NEAR)
 
 
+def forces_of_cylinder(scene: Scene) -> tuple[str, ...]:
+    """Names that the force of a luffing cylinder that holds the base may have."""
+    return _names(scene.names[0], LUFFING_CYLINDER)
+
+
 def pin_and_cylinder(scene: Scene) -> PinAndCylinder | None:
     """Rigid pin and single luffing cylinder that alone hold a base; None for any other base."""
     at_lug, base = supports_at_lug(scene), members(scene)[0]
@@ -109,6 +115,8 @@ def _ground_contacts(scene: Scene, member: Member, along: Mapping[str, Array]) -
     tail = np.array(scene.frame.place if scene.frame else (0.0, 0.0, 0.0)) + np.zeros((count, 3))
     for name in scene.names[1 : member.number + 1]:
         tail[:, 0] += along[name]
+    if member.cylinder is not None:
+        yield _along_cylinder(body, member.cylinder, along[LUFFING])
     for support in member.part.supports:
         at = member.part.place(support.on)
         for held in support.held:
@@ -139,6 +147,14 @@ def _ground_contacts(scene: Scene, member: Member, along: Mapping[str, Array]) -
     for name, ahead in zip(member.point_names, member.points, strict=True) if not member.jointed else ():
         place = tail + np.outer(travelled + ahead, [1.0, 0.0, 0.0])
         yield Pressed(_names(body, name), _wrench(place, "z"))
+
+
+def _along_cylinder(body: str, cylinder: LuffingCylinder, angle: Array) -> Pressed:
+    """A luffing cylinder at luffing angles (T,) rad: where it presses the boom up, the boom presses it down."""
+    wrench = np.zeros((len(angle), 6))
+    wrench[:, [0, 2]] = -cylinder.direction(angle)
+    wrench[:, 3:] = np.cross(np.array([cylinder.lug[0], 0.0, cylinder.lug[1]]), wrench[:, :3])
+    return Pressed(_names(body, LUFFING_CYLINDER), wrench)
 
 
 def _names(body: str, what: str) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pmr.scene.asked import Damping, Recovery
 from pmr.scene.built import WEIGHT, Gravity, PadRing
-from pmr.scene.frame import Frame
+from pmr.scene.frame import Frame, LuffingCylinder
 from pmr.scene.joints import JointPads, Part
 from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase
@@ -68,6 +68,7 @@ class Member:
     ways: Mapping[str, tuple[int, float, float]] = field(default_factory=dict)
     # names of rows that keep it straight in its rigid overlaps, and the end of each overlap that stays, m
     straight: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    cylinder: LuffingCylinder | None = None  # that holds it, along itself
     others: tuple[Member, ...] = ()  # the other sections, which know no others: where its model is still to be chosen
 
     @property
@@ -86,7 +87,7 @@ class Member:
         part = self.part.model_dump_json(exclude={"name": True, "joint": True, "loads": {"__all__": {"signal"}}})
         extended = self.jointed and self.number > 0  # which accelerates it
         moving = sorted(self.stretches.items()), sorted(self.ways.items())
-        rows = self.pads, self.points, self.bounds, self.travel, *moving, self.straight
+        rows = self.pads, self.points, self.bounds, self.travel, *moving, self.straight, self.cylinder
         of_frame = self.frame and (self.frame.leaves_plane is None, self.frame.turns, self.frame.second_order)
         return repr(
             (part, extended, self.jointed, rows, self.gravity and self.gravity.direction, of_frame, self.damping)
@@ -167,6 +168,7 @@ def _section(scene: Scene, number: int) -> Member:
         stretches=stretches,
         ways=ways,
         straight=_straight_rows(scene, number),
+        cylinder=None if number else scene.holding_cylinder,
     )
 
 

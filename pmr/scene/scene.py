@@ -21,9 +21,9 @@ from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_ser
 from pmr.errors import InputError
 from pmr.scene import asked
 from pmr.scene.built import WEIGHT, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
-from pmr.scene.frame import Frame
+from pmr.scene.frame import Frame, LuffingCylinder
 from pmr.scene.joints import Joint, Linear, OneBody, Part
-from pmr.scene.keys import ALONE, SLIDER, Section, Text, of_key
+from pmr.scene.keys import ALONE, LUFFING, SLIDER, Section, Text, of_key
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.signals.base import Array
 from pmr.scene.structures import PointMass
@@ -305,6 +305,19 @@ class Scene(Listed):
         if len(self.sections) == 1:
             return {SLIDER: self.slider.path}
         return {self.names[k]: self.extension(k) for k in range(1, len(self.sections))}
+
+    @property
+    def holding_cylinder(self) -> LuffingCylinder | None:
+        """Luffing cylinder that holds the base along itself; None where supports hold it."""
+        cylinder = None if self.frame is None else self.frame.cylinder
+        return cylinder if cylinder is not None and cylinder.stiffness is not None else None
+
+    @property
+    def driven_paths(self) -> dict[str, SignalBase]:
+        """Signals of all paths of its system: those of `paths`, and the angle in rad that a cylinder turns with."""
+        if self.frame is None or self.holding_cylinder is None:
+            return self.paths
+        return self.paths | {LUFFING: self.frame.angles[0]}
 
     def joint(self, number: int) -> Joint:
         """In which a section, 1 or more, slides."""

@@ -60,7 +60,7 @@ class Excitation:
             loads |= {input_of(name, load): signal for load, signal in signals.items()}
         loads |= found_inputs(scene)
         terms = term_signals(scene)
-        return cls(paths, loads, stepping, scene.simulation, scene.start, terms=terms)
+        return cls(scene.driven_paths, loads, stepping, scene.simulation, scene.start, terms=terms)
 
     @property
     def path(self) -> SignalBase:

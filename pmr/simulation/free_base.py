@@ -43,7 +43,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.choice import directions
 from pmr.scene.frame import INERTIA
-from pmr.scene.keys import input_of
+from pmr.scene.keys import LUFFING, input_of
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.members import member_at
 from pmr.simulation.floating import CROSS, Boom, Carried, Extended, Moments, Motion, Pressed, Shortened, State
@@ -102,7 +102,7 @@ class FreeBase:
         self.size, self._count = n, len(sections)
         B = self.moments(assembly.B.toarray())
         #: names of paths that move no section: a slider's
-        self.aside = tuple(name for name in system.paths if name not in scene.names)
+        self.aside = tuple(name for name in system.paths if name not in (*scene.names, LUFFING))
         moments = Moments(B, np.zeros((*B.shape, len(sections) + len(self.aside))), 0.0 * B)
         self.boom = Boom(np.array(scene.frame.place), sections, moments, shortened, rotating, carried)
 

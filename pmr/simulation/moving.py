@@ -95,7 +95,7 @@ def _of_body(scene: Any, system: System) -> Recorded:
 def _of_sections(scene: Any, system: System) -> Recorded:
     boom = stored_scene(scene, "provenance.scene", RECORDED)
     _check_steps(TimeStepping(boom.time.end, boom.time.step))
-    if set(system.bodies) != set(boom.bodies) or not set(system.paths) <= set(boom.paths):
+    if set(system.bodies) != set(boom.bodies) or not set(system.paths) <= set(boom.driven_paths):
         raise ValueError(f"sections {', '.join(system.bodies)} and paths {', '.join(system.paths)} are needed")
     return of_boom(boom, system)
 

@@ -25,7 +25,7 @@ from pmr.scene import Scene
 from pmr.scene.built import reaction_of
 from pmr.scene.choice import directions
 from pmr.scene.keys import ALONE
-from pmr.scene.mechanism import AT_PIVOT, CYLINDER, MOMENT, pin_and_cylinder, pressed_on_ground
+from pmr.scene.mechanism import AT_PIVOT, CYLINDER, MOMENT, forces_of_cylinder, pin_and_cylinder, pressed_on_ground
 from pmr.scene.members import members
 from pmr.simulation.modal import forces_without_rows, inertia_share, support_forces
 from pmr.system.body import (
@@ -133,7 +133,9 @@ def at_pivot(scene: Scene, response: Response) -> Response:
         return response
     total, parts = np.zeros((len(response.t), 6)), dict(zip(response.force_names, response.slider_force.T, strict=True))
     parts |= {} if response.others is None else dict(zip(response.other_names, response.others.T, strict=True))
-    for reaction in pressed_on_ground(scene, {name: path.value(response.t) for name, path in scene.paths.items()}):
+    for reaction in pressed_on_ground(
+        scene, {name: path.value(response.t) for name, path in scene.driven_paths.items()}
+    ):
         name = next((name for name in reaction.names if name in parts), None)
         if name is None:
             return response
@@ -155,8 +157,11 @@ def with_luffing_cylinder(scene: Scene, response: Response) -> Response:
     if scene.frame is None or scene.frame.cylinder is None or MOMENT not in response.other_names:
         return response
     assert response.others is not None  # where there are names
-    _, arm = scene.frame.cylinder.length(scene.frame.angles[0].value(response.t))
-    force = response.other(MOMENT) / arm
+    if scene.holding_cylinder is not None:
+        force = _force(response, forces_of_cylinder(scene))
+    else:
+        _, arm = scene.frame.cylinder.length(scene.frame.angles[0].value(response.t))
+        force = response.other(MOMENT) / arm
     return replace(
         response,
         others=np.hstack([response.others, force[:, None]]),

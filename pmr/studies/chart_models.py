@@ -60,6 +60,7 @@ def postures(arguments: Arguments, needs: Needs) -> TaskResult:
     """
     from pmr.compare.accuracy import mesh
     from pmr.compare.accuracy.mesh import FINER, ORDER
+    from pmr.compare.forces import turning_warnings
     from pmr.fullmodel.build import warnings
 
     at = Stands.of(arguments["at"])
@@ -84,7 +85,7 @@ def postures(arguments: Arguments, needs: Needs) -> TaskResult:
         full = shared.full_system(scene)
         arrays["too_stiff"] = np.array(too_stiff(scene, better, full, at, arguments["up_to"]))
     of_structures = [line for body in shared.bodies_of(scene).values() for line in warnings(body.structure)]
-    lines = dict.fromkeys((*of_structures, *mesh.warnings(scene)))
+    lines = dict.fromkeys((*of_structures, *mesh.warnings(scene), *turning_warnings(scene, at.luffing)))
     return TaskResult(arrays=arrays, warnings=tuple(lines))
 
 

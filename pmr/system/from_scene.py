@@ -33,7 +33,7 @@ from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.scene.choice import directions, felt_faces, has_tail
 from pmr.scene.joints import JointPads, Part
-from pmr.scene.keys import ALONE, cylinder_of, named
+from pmr.scene.keys import ALONE, LUFFING, LUFFING_CYLINDER, cylinder_of, named
 from pmr.scene.mechanism import Drive, rope_shares
 from pmr.scene.members import AROUND, POINT, TAIL, WITHIN, as_pads, footprint, member_at, members
 from pmr.system.body import SlidingBody
@@ -92,6 +92,8 @@ def force_names(scene: Scene) -> Mapping[str, Sequence[str]]:
             names["support"] += [f"{prefix}{row}" for row in rows_of]
             if support.stiffness != "rigid":
                 names["support"] += [named(name, force_of(row)) for row in rows_of]
+        if member.cylinder is not None:
+            names["support"].append(f"{prefix}{LUFFING_CYLINDER}")
     return names
 
 
@@ -168,8 +170,18 @@ def _on_ground(name: str, body: Body, joined: set[tuple[str, str]], part: Part) 
         if (name, row) not in joined and number not in body.held and row not in (TAIL, POINT):
             compliance, clearance = float(body.row_compliance[number]), float(body.row_clearance[number])
             place, kind = Place(name, row, _somewhere(body, row)), "pad" if row in pads else "support"
-            gap = None if np.isnan(clearance) else clearance
-            yield Contact(f"{name} {row}", place, compliance=compliance, clearance=gap, kind=kind)
+            gap, direction = None if np.isnan(clearance) else clearance, 1.0
+            if row == LUFFING_CYLINDER:
+                place, direction = _turning(name, body), -1.0
+            yield Contact(f"{name} {row}", place, None, direction, compliance, gap, kind=kind)
+
+
+def _turning(name: str, body: Body) -> Place:
+    """Place of a luffing cylinder's row, on which a turn of the angle is stretched (`pmr.fullmodel.luffing`)."""
+    assert body.carriers is not None
+    breaks = body.carriers.row(body.row_names.index(LUFFING_CYLINDER), LUFFING_CYLINDER).breaks
+    low, high = float(breaks[0]), float(breaks[-1])
+    return Place(name, LUFFING_CYLINDER, (low + high) / 2.0, LUFFING, (high - low) / (2.0 * np.pi))
 
 
 def _somewhere(body: Body, row: str) -> float:

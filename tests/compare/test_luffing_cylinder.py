@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from turning_cylinder import Rigid, boom
 
 import pmr
+from pmr.compare.forces import turning_warnings
 from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.checks import check
@@ -77,6 +79,19 @@ def test_its_arm_is_what_the_length_grows_by() -> None:
     one, angle, h = LuffingCylinder(foot=(0.5, -1.0), lug=(1.5, -0.2)), np.linspace(-0.5, 1.4, 7), 1e-4
     grown = (one.length(angle + h)[0] - one.length(angle - h)[0]) / (2.0 * h)
     assert one.length(angle)[1] == pytest.approx(grown, rel=1e-7)
+
+
+def test_a_support_in_its_place_has_a_warning_where_the_arm_changes() -> None:
+    """Arms of the triangle of pivot, foot and lug at both angles; none where the cylinder itself gives way."""
+    plain = boom(30.0, "beam2d", 1e7).model_dump(mode="json")
+    turning = Scene.model_validate(plain)
+    plain["frame"]["cylinder"]["stiffness"] = None
+    plain["sections"][0]["supports"] += [{"name": "luff", "on": 1.5, "directions": ["z"], "stiffness": 1e7}]
+    angles = np.deg2rad([10.0, 60.0])
+    low, high = sorted(Rigid(angle).arm for angle in angles.tolist())
+    (line,) = turning_warnings(Scene.model_validate(plain), angles)
+    assert "'luff'" in line and f"by a factor of {(high / low) ** 2:.2g}:" in line
+    assert turning_warnings(turning, angles) == [] == turning_warnings(Scene.model_validate(plain), angles[:1])
 
 
 @pytest.mark.parametrize(("foot", "lug"), [([-1.0, 0.0], [1.0, 0.0]), ([0.5, -1.0], [0.0, 0.0])])

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from bricks import bricks
+from bricks import bricks, lumped
 from frames3d import AREA, YOUNG, frame, lattice
 from scipy.spatial.transform import Rotation
 
@@ -18,6 +18,7 @@ from pmr.files.matrices import GivenMatrices, from_matrices
 
 BODIES: dict[str, GivenMatrices] = {
     "bricks": bricks((6, 2, 2), (3.0, 0.3, 0.4)),
+    "lumped bricks": lumped(bricks((6, 2, 2), (3.0, 0.3, 0.4))),
     "lattice": lattice(),
     "frame": frame(),
 }
@@ -200,6 +201,15 @@ def test_a_mass_that_couples_axes_tells_axes_of_a_node_beside_a_support() -> Non
     middle = np.flatnonzero(np.abs(given.points[:, 2]) < 1e-9)
     with pytest.raises(InputError, match="M couples displacements of the node at .* it has axes of its own"):
         turned(held, middle[[7]], HALF)
+
+
+@pytest.mark.parametrize("body", ["lattice", "frame"])
+def test_a_body_of_which_nothing_can_be_told_says_so(body: str) -> None:
+    """All nodes that are left are beside the bottom's, which the matrices lack; with the tail clamped most are not."""
+    given = BODIES[body]
+    assert not (given.unchecked or given.lacks or clamped(given).unchecked)
+    held = clamped(given, np.isin(given.node, given.groups["bottom"]))
+    assert held.unchecked and held.lacks and reordered(held, (2, 1, 0)).unchecked
 
 
 def test_parts_that_nothing_joins_are_refused() -> None:

@@ -289,7 +289,7 @@ def test_the_command_says_what_mass_it_has_read_and_what_holds_it(tmp_path: Path
     missing = sum(2.0 / 3.0 * length for (i, _), length in lengths.items() if i == 0)
     mass = (3.0 * sum(lengths.values()) - missing) / 3.0
     line = done.stdout.splitlines()[1]
-    assert line.startswith(f"{mass:.4g} kg, centre of mass at (")
+    assert line.startswith(f"{mass:.4g} kg of what supports inside the matrices leave free, centre of mass at (")
     assert line.endswith("; supports and springs in its stiffness hold 1 of 6 rigid motions")
 
 

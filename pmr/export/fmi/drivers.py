@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.kernel.data import SystemData, system_data
 from pmr.kernel.frame import AXES
+from pmr.scene.keys import LUFFING
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.moving import GRAVITY, MovingFrame
 from pmr.system.contacts import ALONE
@@ -41,7 +42,7 @@ class Drivers:
         frame = MovingFrame.of(system)
         if frame is None:
             system.ensure_without_terms("system")
-        elif frame.paths != system.paths:
+        elif frame.paths != tuple(path for path in system.paths if path != LUFFING):
             of_scene, of_pads = (", ".join(paths) or "none" for paths in (frame.paths, system.paths))
             raise InputError(
                 "system", "paths", of_scene, f"paths that pads travel on are allowed in the pads' order: {of_pads}"
@@ -51,8 +52,8 @@ class Drivers:
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """Names of paths."""
-        return self.data.rows.paths
+        """Names of paths that are inputs of their own: the angle that a luffing cylinder turns with is the frame's."""
+        return self.data.rows.paths if self.frame is None else self.frame.paths
 
     @property
     def shown_paths(self) -> tuple[str, ...]:

@@ -139,7 +139,9 @@ static void follow_motions(const pmr_state *st, const pmr_signals *signals, doub
     int k;
     pmr_signals_at(signals, t, now, now + y->motions);
     for (k = 0; k < y->paths; k++)
-        now[2 * y->motions + y->frame_paths[k]] = pmr_signals_spread(signals, y->frame_paths[k], t, st->settings.step);
+        if (y->frame_paths[k] != y->frame_angles[0]) /* the angle that a luffing cylinder turns with has no kinks */
+            now[2 * y->motions + y->frame_paths[k]] =
+                pmr_signals_spread(signals, y->frame_paths[k], t, st->settings.step);
 }
 
 /* Drivers of a system whose frame moves, at a part of a step. */

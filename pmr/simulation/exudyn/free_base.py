@@ -50,7 +50,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
-from pmr.scene.keys import input_of
+from pmr.scene.keys import LUFFING, input_of
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.signals import Constant
 from pmr.simulation.exudyn.contacts import Contacts
@@ -173,6 +173,9 @@ class Base:
     def __init__(
         self, mbs: Any, equations: Equations, inputs: Inputs, paths: Mapping[str, Driving], on: OnBody
     ) -> None:
+        if LUFFING in equations.system.paths:
+            allowed = "a support of the base in its place is allowed where a body of Exudyn carries the boom"
+            raise InputError("scene", "frame.cylinder.stiffness", None, allowed)
         self.boom, self._on, self._size = FreeBase(on.scene, equations.system, equations.assembly), on, equations.size
         carrier = mbs.GetObject(on.body)
         if carrier["objectType"] != "RigidBody":

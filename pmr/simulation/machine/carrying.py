@@ -10,6 +10,7 @@ from pmr.kernel.carried import Machine
 from pmr.kernel.frame import AXES
 from pmr.scene import Scene
 from pmr.scene.frame import DIRECTIONS, INERTIA
+from pmr.scene.keys import LUFFING
 from pmr.scene.signals import Constant
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.free_base import FreeBase
@@ -29,7 +30,8 @@ def machine_of(scene: Scene, system: System, frame: MovingFrame, excitation: Exc
     """
     assembly = Assembly(system)
     free_base = FreeBase(scene, system, assembly)
-    ChangingRows(assembly, (*scene.names, *free_base.aside))  # refuses rows that are not on carriers
+    paths = dict.fromkeys((*scene.names, *system.paths))
+    ChangingRows(assembly, tuple(paths))  # refuses rows that are not on carriers
     boom, t = free_base.boom, excitation.times
     assert scene.frame is not None and scene.frame.machine is not None  # of those who ask
     machine, count = scene.frame.machine, len(boom.sections)
@@ -87,6 +89,8 @@ def _path_rates(scene: Scene, frame: MovingFrame, t: Array) -> Array:
     before = np.maximum(np.nextafter(t, -np.inf), 0.0)
     for k, name in enumerate(frame.paths):
         rates[:, k] = (scene.paths[name].rate(t) + scene.paths[name].rate(before)) / 2.0
+    if scene.holding_cylinder is not None:
+        rates[:, frame.drivers.index(LUFFING)] = scene.driven_paths[LUFFING].rate(t)
     return rates
 
 

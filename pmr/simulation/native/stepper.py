@@ -28,7 +28,7 @@ from pmr.kernel.bound import BoundStep
 from pmr.kernel.kernel import Kernel, Settings, State, StepError
 from pmr.scene.built import force_of
 from pmr.scene.choice import refuse
-from pmr.scene.keys import SLIDER
+from pmr.scene.keys import LUFFING, SLIDER
 from pmr.scene.signals import Constant, Ramp
 from pmr.simulation.contact_step import MOST_PARTS, contact_frequency, levels
 from pmr.simulation.excitation import Excitation
@@ -129,7 +129,7 @@ class Stepper:
         scene = read_scene(system, "stepper") if "scene" in system.provenance else None
         if moving is None:
             system.ensure_without_terms("stepper")
-        elif set(moving.paths) != set(self._ranges):
+        elif set(moving.paths) != set(self._ranges) - {LUFFING}:
             allowed = f"{', '.join(moving.paths)} are allowed"
             raise InputError("stepper", "paths", ", ".join(self._ranges), allowed)
         kernel = form.kernel if moving is None else Kernel.of(system, form.forms, moving)
@@ -141,6 +141,7 @@ class Stepper:
         if moving is not None:
             bound.motions[:] = moving.start
             paths, loads, of_frame = moving.paths, moving.loads, (*moving.angles, *moving.axes)
+            self._ranges = {path: self._ranges[path] for path in paths}
         undivided = settings.parts == (1,)
         driven = paths, loads, of_frame
         self._drivers = Drivers(bound.motions, bound.rows, driven, self._ranges, step, not undivided)
@@ -279,7 +280,7 @@ class Stepper:
         """Bring the state to t = 0."""
         kernel, motions = self._state.kernel, self._bound.motions
         u = kernel.frame_drivers(motions)[0] if kernel.motions else motions[0].copy()
-        modal, paths = self._form.modal, self._drivers.places
+        modal, paths = self._form.modal, self._places
         x = modal.coordinates(paths)
         refuse("march", needs_of(modal, Assembly(modal).at(x).rigid, x[None], self._rho_inf))
         if initial is None and static:
@@ -313,6 +314,15 @@ class Stepper:
         still = {path: Constant(amount=s) for path, s in paths.items()}
         return Excitation(still, loads, TimeStepping(self._step, self._step, self._rho_inf), terms=terms)
 
+    @property
+    def _places(self) -> dict[str, float]:
+        """Coordinates of all paths of the system, by their names."""
+        kernel = self._state.kernel
+        if not kernel.motions:
+            return self._drivers.places
+        paths = kernel.names("drivers")[: kernel.paths]
+        return dict(zip(paths, kernel.frame_drivers(self._bound.motions)[0][: kernel.paths].tolist(), strict=True))
+
     def _levels(self, parts: int, scene: Recorded | None) -> tuple[tuple[int, ...], float]:
         """Numbers of parts that a step may be made in, and frequency in rad/s of contacts that only push."""
         modal = self._form.modal
@@ -336,7 +346,7 @@ class Stepper:
 
     def _failure(self, where: str, error: StepError) -> SimulationError:
         """Why a step or the start failed, in words."""
-        paths = self._drivers.places
+        paths = self._places
         where = f"{where}{places_of(tuple(paths), np.array(list(paths.values())))}"
         return failed_at(where, self._form, error, self._form.modal.coordinates(paths))
 

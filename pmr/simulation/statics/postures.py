@@ -19,7 +19,7 @@ from pmr.scene import Scene
 from pmr.scene.built import Load
 from pmr.scene.choice import directions
 from pmr.scene.frame import rotation
-from pmr.scene.keys import named
+from pmr.scene.keys import LUFFING, named
 from pmr.scene.mechanism import drive_rows, rope_shares
 from pmr.scene.members import members
 from pmr.scene.signals import Constant
@@ -239,6 +239,7 @@ class Postures:
 def places_of(system: System, at: Stands) -> Array:
     """Places of the sides of all contacts, (P, sides) m."""
     paths = {name: at.extensions.get(name, np.zeros(at.count)) for name in system.paths}
+    paths |= {LUFFING: at.luffing} if LUFFING in system.paths else {}
     x = system.coordinates(paths) if paths else system.coordinates({})
     return np.ascontiguousarray(np.broadcast_to(x, (at.count, len(system.sides))))
 

@@ -56,8 +56,10 @@ static int is_sound(Unit *unit)
     for (k = 0; k < unit->modes; k++)
         if (unit->where[k] < 0 || unit->where[k] >= unit->sizes.modes) return 0;
     for (k = 0; k < unit->drivers; k++)
-        if (unit->kinds[k] < OTHER || unit->kinds[k] > SLEWING || (unit->kinds[k] == PATH) != (k < unit->sizes.paths))
+        if (unit->kinds[k] < OTHER || unit->kinds[k] > SLEWING || (unit->kinds[k] == PATH && k != unit->paths++))
             return 0;
+    /* beside them the luffing angle is the path of a cylinder that gives way */
+    if (unit->paths != unit->sizes.paths && !(unit->sizes.motions && unit->paths == unit->sizes.paths - 1)) return 0;
     kind = unit->first[counts[0] - 1];
     return kind == 0.0 || kind == 1.0 || kind == 2.0;
 }
@@ -211,7 +213,7 @@ int unit_failed(Unit *unit, int failed)
     char where[160] = "", row[80] = "";
     size_t used = 0;
     int p;
-    for (p = 0; p < unit->sizes.paths && used < sizeof where; p++) {
+    for (p = 0; p < unit->paths && used < sizeof where; p++) {
         char name[40];
         line_of(unit, "paths", p, name, sizeof name);
         used += (size_t)snprintf(where + used, sizeof where - used, "%s%s = %g m", p ? ", " : "", name,
@@ -242,7 +244,7 @@ static int check_paths(Unit *unit, const double *drivers)
 {
     const double *ends = unit->ends, share = unit->limits[BEYOND_ENDS];
     int p;
-    for (p = 0; p < unit->sizes.paths; p++) {
+    for (p = 0; p < unit->paths; p++) {
         const double low = ends[2 * p], high = ends[2 * p + 1], beyond = share * (high - low);
         char name[80];
         if (drivers[p] >= low - beyond && drivers[p] <= high + beyond) continue;

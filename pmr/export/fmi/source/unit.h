@@ -52,6 +52,7 @@ typedef struct {
     Numbers at;
     int32_t parts[16];           /* of steps, ascending */
     int drivers, modes, outputs; /* N, r, and outputs with further ones */
+    int paths;                   /* how many of the drivers are paths, the first ones */
     int started;                 /* initialisation is over */
     int stands;                  /* states and inputs are those that the last step or start has led to */
     int known_outputs, known_further, known_rates, known_derivatives;
