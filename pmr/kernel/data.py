@@ -159,7 +159,7 @@ def _is_diagonal(A: Array) -> bool:
 
 
 def _fill_rows(array: Array, width: int) -> Array:
-    """Rows round_up up with zeros to whole registers of `width` entries."""
+    """Rows filled up with zeros to whole registers of `width` entries."""
     missing = round_up(width) - array.shape[-1]
     return np.pad(np.asarray(array, float), [(0, 0)] * (array.ndim - 1) + [(0, missing)])
 

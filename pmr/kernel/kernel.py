@@ -63,8 +63,6 @@ class Kernel:
     ----------
     modes, contacts, forces, inputs, outputs, paths, terms, pads, drivers, motions, pushing, further : int
         Sizes as in `pmr_sizes`.
-    used_modes : (r,) array, or None of a system from a file
-        Where modes stand among all of them, without what fills bodies up to whole registers.
     """
 
     modes: int
@@ -80,9 +78,9 @@ class Kernel:
     pushing: int
     further: int
 
-    def __init__(self, block: bytes | bytearray, used_modes: NDArray[np.int64] | None = None) -> None:
+    def __init__(self, block: bytes | bytearray) -> None:
         """Open a block; an InputError is raised where it is none, or is damaged."""
-        self._block, self.used_modes = _aligned_bytes(block), used_modes
+        self._block = _aligned_bytes(block)
         out, why = ffi.new("pmr_system **"), ffi.new(f"char[{lib.PMR_MESSAGE}]")
         if lib.pmr_system_open(ffi.from_buffer(self._block), len(self._block), out, why):
             raise InputError("system", "block", None, ffi.string(why).decode(errors="replace"))
@@ -108,7 +106,7 @@ class Kernel:
         data = system_data(system, forms, frame, reduced)
         block = pack(data.arrays)
         seal(block, checksum(block[LINE:]))
-        return cls(block, data.used_modes)
+        return cls(block)
 
     @classmethod
     def read(cls, path: Path) -> Kernel:
@@ -265,25 +263,7 @@ class State:
         )
         moving = None if rates is None else self._check_array("rates", rates, self.kernel.paths)
         pointers = [_pointer(array) for array in (drivers, moving, z, v)]
-        self._raise_unless_done(lib.pmr_start_moving(self._state, _STARTS[kind], *pointers), "the start")
-
-    def start_from(
-        self, u: ArrayLike, z: ArrayLike, v: ArrayLike, a: ArrayLike, multipliers: ArrayLike, closed: ArrayLike
-    ) -> None:
-        """Begin as another simulation left off, with accelerations a (modes,) and closed contacts (m,)."""
-        r, m = self.kernel.modes, self.kernel.contacts
-        of_modes = [self._check_array(name, x, r) for name, x in (("z", z), ("v", v), ("a", a))]
-        drivers, forces = (
-            self._check_array("u", u, self.kernel.drivers),
-            self._check_array("multipliers", multipliers, m),
-        )
-        which = np.ascontiguousarray(closed, np.int32)
-        if which.shape != (m,):
-            raise InputError("state", "closed", which.shape, f"{(m,)} is allowed")
-        arrays = [_pointer(x) for x in (drivers, *of_modes, forces)]
-        self._raise_unless_done(
-            lib.pmr_start_from(self._state, *arrays, ffi.cast("int32_t *", which.ctypes.data)), "the start"
-        )
+        self.raise_unless_done(lib.pmr_start_moving(self._state, _STARTS[kind], *pointers), "the start")
 
     def step(self, u: ArrayLike, rates: ArrayLike | None = None) -> None:
         """Take one step to drivers u (N,), with their rates (2, N) at its beginning and end where they are known."""
@@ -294,7 +274,7 @@ class State:
             else _pointer(self._check_array("rates", np.ravel(rates), 2 * self.kernel.drivers))
         )
         if failed := lib.pmr_step(self._state, self._u_pointer, led):
-            self._raise_unless_done(failed, f"step {self.step_number + 1}")
+            self.raise_unless_done(failed, f"step {self.step_number + 1}")
 
     def start_in_frame(
         self,
@@ -311,14 +291,14 @@ class State:
             self._check_array(n, x, self.kernel.modes) if is_given else np.zeros(1) for n, x in (("z", z), ("v", v))
         )
         pointers = _pointer(at), _rows(rows, count), _pointer(z), _pointer(v)
-        self._raise_unless_done(lib.pmr_start_in_frame(self._state, _STARTS[kind], *pointers), "the start")
+        self.raise_unless_done(lib.pmr_start_in_frame(self._state, _STARTS[kind], *pointers), "the start")
 
     def step_in_frame(self, motions: ArrayLike, rows: Integers | None = None) -> None:
         """Take one step to motions (3, n) of the frame at its end, likewise."""
         self._fill(self._motions, "motions", motions)
         counted = ffi.NULL if rows is None else _rows(rows, self.kernel.motions)
         if failed := lib.pmr_step_in_frame(self._state, self._motions_pointer, counted):
-            self._raise_unless_done(failed, f"step {self.step_number + 1}")
+            self.raise_unless_done(failed, f"step {self.step_number + 1}")
 
     def advance(
         self,
@@ -336,7 +316,7 @@ class State:
         _check_room(record, first, steps // every)
         taken, schedule = ffi.new("int64_t *"), _schedule(parts, steps)
         failed = lib.pmr_advance(self._state, signals.pointer, steps, every, schedule, record.at(first), taken)
-        self._raise_unless_done(failed, f"step {self.step_number + 1}")
+        self.raise_unless_done(failed, f"step {self.step_number + 1}")
 
     def advance_sampled(
         self, u: Array, per: int, record: Record, first: int = 0, every: int = 1, parts: Integers | None = None
@@ -355,7 +335,7 @@ class State:
         failed = lib.pmr_advance_sampled(
             self._state, _pointer(u), per, steps, every, schedule, record.at(first), taken, needed
         )
-        self._raise_unless_done(failed, f"step {self.step_number + 1}")
+        self.raise_unless_done(failed, f"step {self.step_number + 1}")
         return int(taken[0]), int(needed[0])
 
     def outputs(self) -> tuple[Array, Array]:
@@ -390,7 +370,7 @@ class State:
             sizes_of_seed = (width, kernel.modes, kernel.modes)
             along = [self._check_array("seed", np.ravel(x), n) for x, n in zip(seed, sizes_of_seed, strict=True)]
             failed = lib.pmr_evaluate_along(self._state, _pointer(drivers), *map(_pointer, along), 0, out)
-        self._raise_unless_done(failed, "an evaluation")
+        self.raise_unless_done(failed, "an evaluation")
         return values
 
     def linearize(self, u: ArrayLike) -> Jacobian:
@@ -400,7 +380,7 @@ class State:
         arrays = {name: np.zeros(shape) for name, shape in shapes.items()}
         out = ffi.new("pmr_jacobian *", {name: _pointer(array) for name, array in arrays.items()})
         failed = lib.pmr_linearize(self._state, _pointer(self._check_array("u", u, N)), out)
-        self._raise_unless_done(failed, f"step {self.step_number + 1}")
+        self.raise_unless_done(failed, f"step {self.step_number + 1}")
         return Jacobian(**arrays)
 
     def save(self) -> bytes:
@@ -415,16 +395,12 @@ class State:
         failed = lib.pmr_state_restore(self._state, content, len(content), why)
         if failed == lib.PMR_REFUSED:
             raise InputError("state", "bytes", None, ffi.string(why).decode(errors="replace"))
-        self._raise_unless_done(failed, "a restored state")
+        self.raise_unless_done(failed, "a restored state")
 
     @property
     def pointer(self) -> Any:
         """Address of the state, for calls of the kernel's functions."""
         return self._state
-
-    def raise_unless_done(self, failed: int, where: str) -> None:
-        """Raise a StepError for what stopped the kernel, if anything did."""
-        self._raise_unless_done(failed, where)
 
     def _fill(self, room: Array, name: str, values: ArrayLike) -> None:
         """Fill an array in place; the kernel refuses what is not finite."""
@@ -441,7 +417,8 @@ class State:
             raise InputError("state", name, None, "finite numbers are allowed")
         return array
 
-    def _raise_unless_done(self, failed: int, where: str) -> None:
+    def raise_unless_done(self, failed: int, where: str) -> None:
+        """Raise a StepError for what stopped the kernel, if anything did."""
         if failed == lib.PMR_DONE:
             return
         trouble = lib.pmr_state_trouble(self._state)

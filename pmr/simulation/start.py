@@ -78,7 +78,7 @@ def consistent_start(
     C, names = rows.C[rigid], tuple(name for name, firm in zip(system.contact_names, rigid, strict=True) if firm)
     q, v = (np.concatenate([getattr(starts[name], part)[assembly.free[name]] for name in bodies]) for part in "qv")
     check_position(C, q, names)
-    drift = row_drift(C, assembly.rates(x, x_rate)[rigid], 1.0, InitialState(q, v))
+    drift = row_drift(C, assembly.rates(x, x_rate)[rigid], InitialState(q, v))
     if drift is None:
         return starts
     sparse = any(sp.issparse(body.M) for body in bodies.values())
@@ -104,10 +104,10 @@ def check_state(initial: InitialState, size: int) -> InitialState:
     return InitialState(*(_vector(name, getattr(initial, name), size) for name in ("q", "v")))
 
 
-def row_drift(C: Array, C_s: Array, s_rate: float, start: InitialState) -> Array | None:
-    """C v + s' C' q, (m,) in m/s, for rows C and their derivatives C_s (m, n); None where it is round-off."""
-    drift = C @ start.v + s_rate * (C_s @ start.q)
-    scale = _magnitude(C, start.v) + abs(s_rate) * _magnitude(C_s, start.q)
+def row_drift(C: Array, C_t: Array, start: InitialState) -> Array | None:
+    """C v + C_t q, (m,) in m/s, for rows C and their rates C_t (m, n); None where it is round-off."""
+    drift = C @ start.v + C_t @ start.q
+    scale = _magnitude(C, start.v) + _magnitude(C_t, start.q)
     return None if np.all(np.abs(drift) <= ROW_TOLERANCE * scale) else np.asarray(drift)
 
 

@@ -176,12 +176,10 @@ def _distance_rows(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBo
     return np.array(distance_rows)
 
 
-def carried_inertia(body: SlidingBody, field: str, axis: str = "x") -> float:
+def carried_inertia(body: SlidingBody, field: str) -> float:
     """Mass in kg of a section and what is attached to it, or its first moment about its tail in kg m.
 
-    It is what accelerates it along the `axis`, all of which is free to move.
+    It is what accelerates it along the boom, where all of it is free to move.
     """
-    along, over = (
-        np.asarray(body.B)[:, body.input_names.index(INERTIA + inertia_axis)] for inertia_axis in (axis, field)
-    )
+    along, over = (np.asarray(body.B)[:, body.input_names.index(INERTIA + name)] for name in ("x", field))
     return float(along @ spla.spsolve(sp.csc_matrix(body.M), over))

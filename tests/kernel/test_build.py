@@ -60,7 +60,8 @@ def test_no_step_allocates() -> None:
     taking = {name for name, source in text.items() if re.search(r"\b(malloc|calloc|realloc|alloca)\(", source)}
     assert taking == {"block.c", "system.c"}
     assert {name for name, source in text.items() if "pmr_aligned(" in source} == {"block.c", "state.c", "machine.c"}
-    assert text["state.c"].count("pmr_aligned(") == 1 and "pmr_aligned(r.at)" in text["state.c"]
+    for name in ("state.c", "machine.c"):  # of a size that is known then
+        assert text[name].count("pmr_aligned(") == 1 and "pmr_aligned(r.at)" in text[name]
 
 
 @pytest.mark.slow

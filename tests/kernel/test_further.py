@@ -13,6 +13,7 @@ from pmr.kernel.kernel import Kernel, Settings, State
 from pmr.scene.mechanism import CYLINDER
 from pmr.simulation.modal import modal_form
 from pmr.simulation.moving import MovingFrame
+from pmr.simulation.native.form import SystemForm
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
@@ -51,9 +52,8 @@ class Moved:
 
     def coordinates(self, modal: Array) -> dict[str, Array]:
         """Coordinates of the bodies from modal ones (modes,)."""
-        assert self.kernel.used_modes is not None
         ends = np.cumsum([form.body.size for form in self.forms.values()])[:-1]
-        parts = np.split(modal[self.kernel.used_modes], ends)
+        parts = np.split(modal[SystemForm(self.system, self.forms).used], ends)
         return {name: form.X @ z for (name, form), z in zip(self.forms.items(), parts, strict=True)}
 
 

@@ -13,6 +13,7 @@ from nested import Nested, full, reduced, with_round_off
 from pmr.errors import SimulationError
 from pmr.kernel._native import ffi, lib
 from pmr.kernel.kernel import Settings, State
+from pmr.simulation.native.form import SystemForm
 from pmr.simulation.start import InitialState, consistent_start
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
@@ -47,9 +48,9 @@ def test_multipliers_of_a_given_start_follow_from_the_position(count: int) -> No
     kernel, forms = kernel_of(system)
     rng, state = np.random.default_rng(4), State(kernel, Settings(1e-3))
     z, v, f = np.zeros(kernel.modes), np.zeros(kernel.modes), rng.normal(size=kernel.inputs)
-    assert kernel.used_modes is not None
-    z[kernel.used_modes] = 1e-3 * rng.normal(size=len(kernel.used_modes))
-    v[kernel.used_modes] = rng.normal(size=len(kernel.used_modes))
+    used = SystemForm(system, forms).used
+    z[used] = 1e-3 * rng.normal(size=len(used))
+    v[used] = rng.normal(size=len(used))
     state.start("given", [2.5, *f], z, v)
     rows = Assembly(system).at(system.coordinates({"1": 2.5}))
     expected = np.linalg.solve(rows.F, rows.C @ motions_of(system, forms, kernel) @ z + rows.H @ f)
@@ -111,11 +112,11 @@ def test_a_contact_that_gives_way_by_round_off_is_rigid_at_any_step(noise: float
     """Its force follows from the accelerations, and its rate is corrected, as those of one that is rigid."""
     states = list[State]()
     for system in (with_round_off(noise), with_round_off(0.0)):
-        kernel, _ = kernel_of(system)
+        kernel, forms = kernel_of(system)
         state = State(kernel, Settings(step))
         z, v = (np.zeros(kernel.modes) for _ in range(2))
-        assert kernel.used_modes is not None
-        v[kernel.used_modes] = 1e-3 * np.random.default_rng(2).normal(size=len(kernel.used_modes))
+        used = SystemForm(system, forms).used
+        v[used] = 1e-3 * np.random.default_rng(2).normal(size=len(used))
         state.start("given", [2.5, *np.full(kernel.inputs, 9.81)], z, v, rates=[0.0])
         assert np.abs(state.v - v).max() > 1e-5
         states.append(state)

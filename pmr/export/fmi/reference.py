@@ -72,7 +72,7 @@ def reference(drivers: Drivers, scene: Recorded) -> Reference:
     first[drivers.first_load : drivers.first_load + len(drivers.loads)] = first_loads(drivers, scene)
     return Reference(
         stepping=reached.stepping,
-        omega=contact_frequency(SystemForm.of(system).modal, reached),
+        omega=contact_frequency(SystemForm(system, drivers.forms).modal, reached),
         inputs=np.hstack([t[:, None], *inputs]),
         first=first,
         static=scene.static,

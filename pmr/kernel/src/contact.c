@@ -59,9 +59,8 @@ typedef struct {
     double *factor; /* of the closed rows */
     double *entries;
     int32_t *numbers, *wrong;
-    int factored,
-        trouble; /* closed rows in `factor`, less than 0: it is that of others; row that depends on those before it */
-    int64_t solves;
+    int factored; /* closed rows in `factor`, less than 0: it is that of others */
+    int trouble;  /* row that depends on those before it */
 } problem;
 
 static int solve_closed(problem *c)
@@ -85,7 +84,6 @@ static int solve_closed(problem *c)
     solve(c->factor, count, c->stride, c->entries);
     for (k = 0; k < c->rows; k++) c->lambda[k] = 0.0;
     for (l = 0; l < count; l++) c->lambda[c->numbers[l]] = c->entries[l];
-    c->solves++;
     return PMR_DONE;
 }
 
@@ -168,7 +166,6 @@ static int settle_state(pmr_state *st)
     for (k = 0; k < y->contacts; k++) st->excess[k] = st->motion[k] - y->clearance[k];
     failed = settle(&c);
     st->factored = c.factored;
-    st->solves += c.solves;
     if (failed) st->trouble = c.trouble;
     return failed;
 }
@@ -227,6 +224,7 @@ static int contact_alone(int m, const double *A, const double *b, const int32_t 
                  .numbers = (int32_t *)(work + 2 * m + (size_t)m * m),
                  .factored = -1};
     int failed, k;
+    if (m < 0) return PMR_REFUSED;
     c.wrong = c.numbers + m;
     for (k = 0; k < m; k++) c.closed[k] = !pushes[k] || closed[k] ? 1.0 : 0.0;
     failed = settle(&c);

@@ -187,11 +187,6 @@ static int evaluate_along(pmr_state *st, const double *at, const double *seed_at
     return return_to(st, &progress, failed);
 }
 
-static int evaluate_at(pmr_state *st, const double *at, int hold, const pmr_values *to)
-{
-    return evaluate_along(st, at, NULL, NULL, NULL, hold, to);
-}
-
 static int check_start(pmr_state *st, const double *at, const double *rates, const double *z, const double *v,
                        char *why)
 {

@@ -7,9 +7,8 @@
    with means over the step and changes d.  F comes back out of A: x F x = x A x - z_gain p S^-1 p with p = C^T x. */
 
 /* p S^-1 q. */
-INLINE vec over_S_product(const pmr_system *y, const pmr_scheme *c, const double *p, const double *q, int n)
+INLINE vec over_S_product(const pmr_scheme *c, const double *p, const double *q, int n)
 {
-    (void)y;
     return CV(p + n) * CV(q + n) * CV(c->unit + n);
 }
 
@@ -138,7 +137,7 @@ static void account(pmr_state *st, const pmr_scheme *c)
     for (n = 0; n < y->modes; n += VL) {
         vec z = CV(st->z + n), v = CV(st->v + n);
         held += v * v + CV(y->omega2 + n) * z * z;
-        if (!y->coupled) held -= over_S_product(y, c, st->pulled, st->pulled, n) * c->z_gain;
+        if (!y->coupled) held -= over_S_product(c, st->pulled, st->pulled, n) * c->z_gain;
         moved += (CV(st->push + n) + CV(st->old_push + n)) * (z - CV(st->old_z + n));
     }
     if (y->coupled) stored -= c->z_gain * coupled_product(st, c, st->pulled);

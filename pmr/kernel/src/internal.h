@@ -43,7 +43,7 @@ struct pmr_system {
     int32_t whole;   /* all rows are those of one block, so that its tables are the rows */
     int32_t coupled; /* damping couples modes */
     int32_t ropes;   /* paths by which ropes get longer */
-    int32_t mp, ip, op, pushing, quasi_static, registers, entries, largest_table, largest_block, pair_room;
+    int32_t mp, ip, op, pushing, quasi_static, registers, entries, largest_table;
     const double *omega2;          /* (r') */
     const double *damping;         /* (r'), or (r', r') where it couples */
     const double *inertia;         /* (r'): 1, or 0 of modes without */
@@ -180,45 +180,82 @@ struct pmr_state {
     pmr_scheme *scheme, *still;       /* (levels), and without a step, for which A is F */
     int32_t opened;                   /* levels that there is room for */
     int32_t placed, factored, moved, trouble;
-    int64_t solves;
 };
 
-/* Processor-dependent functions. */
+/* Functions of the interface that each kind of code has for its processor: what F returns, or P, which returns nothing;
+   its name behind pmr_, its name in that code, parameters, arguments. */
+#define PMR_OF_VARIANTS(F, P)                                                                                          \
+    F(int, state_open, state_open,                                                                                     \
+      (const pmr_system *system, const pmr_settings *settings, pmr_state **state, char *why),                          \
+      (system, settings, state, why))                                                                                  \
+    F(int, state_adjust, state_adjust, (pmr_state *state, const pmr_settings *settings, char *why),                    \
+      (state, settings, why))                                                                                          \
+    F(size_t, state_bytes, state_bytes, (const pmr_state *state), (state))                                             \
+    P(state_save, state_save, (const pmr_state *state, void *bytes), (state, bytes))                                   \
+    F(int, state_restore, state_restore, (pmr_state *state, const void *bytes, size_t count, char *why),               \
+      (state, bytes, count, why))                                                                                      \
+    F(int, start_moving, start,                                                                                        \
+      (pmr_state *state, int kind, const double *u, const double *rates, const double *z, const double *v),            \
+      (state, kind, u, rates, z, v))                                                                                   \
+    F(int, start_in_frame, start_in_frame,                                                                             \
+      (pmr_state *state, int kind, const double *motions, const int32_t *rows, const double *z, const double *v),      \
+      (state, kind, motions, rows, z, v))                                                                              \
+    F(int, step, step_to, (pmr_state *state, const double *u, const double *rates), (state, u, rates))                 \
+    F(int, step_in_frame, step_in_frame, (pmr_state *state, const double *motions, const int32_t *rows),               \
+      (state, motions, rows))                                                                                          \
+    F(int, step_led, step_led, (pmr_state *state, const double *led, double since), (state, led, since))               \
+    F(int, advance, advance_signals,                                                                                   \
+      (pmr_state *state, const pmr_signals *signals, int64_t count, int64_t every, const int32_t *parts,               \
+       const pmr_record *record, int64_t *taken),                                                                      \
+      (state, signals, count, every, parts, record, taken))                                                            \
+    F(int, advance_sampled, advance_sampled,                                                                           \
+      (pmr_state *state, const double *u, int per, int64_t count, int64_t every, const int32_t *parts,                 \
+       const pmr_record *record, int64_t *taken, int *needed),                                                         \
+      (state, u, per, count, every, parts, record, taken, needed))                                                     \
+    F(int, carried_open, carried_open, (pmr_state *state, const pmr_machine *machine, pmr_carried **carried),          \
+      (state, machine, carried))                                                                                       \
+    F(int, carried_needed, carried_needed,                                                                             \
+      (pmr_carried *carried, const double *b, const double *z, const double *v, const double *a, double *needed),      \
+      (carried, b, z, v, a, needed))                                                                                   \
+    F(int, carried_start, carried_start,                                                                               \
+      (pmr_carried *carried, const double *b, const double *z, const double *v, const pmr_carried_record *record),     \
+      (carried, b, z, v, record))                                                                                      \
+    F(int, carried_advance, carried_advance,                                                                           \
+      (pmr_carried *carried, int64_t first, int64_t count, const pmr_carried_record *record, int64_t *taken),          \
+      (carried, first, count, record, taken))                                                                          \
+    P(outputs, outputs, (pmr_state *state, double *y, double *forces), (state, y, forces))                             \
+    P(observe, observe, (pmr_state *state, int count, const int32_t *numbers, double *values),                         \
+      (state, count, numbers, values))                                                                                 \
+    P(further, further_outputs, (pmr_state *state, double *further), (state, further))                                 \
+    F(int, evaluate_along, evaluate_along,                                                                             \
+      (pmr_state *state, const double *at, const double *seed, const double *z, const double *v, int hold,             \
+       const pmr_values *values),                                                                                      \
+      (state, at, seed, z, v, hold, values))                                                                           \
+    F(int, check_start, check_start,                                                                                   \
+      (pmr_state *state, const double *at, const double *rates, const double *z, const double *v, char *why),          \
+      (state, at, rates, z, v, why))                                                                                   \
+    F(int, linearize, linearize, (pmr_state *state, const double *u, const pmr_jacobian *jacobian),                    \
+      (state, u, jacobian))                                                                                            \
+    F(int, contact, contact_alone,                                                                                     \
+      (int m, const double *A, const double *b, const int32_t *pushes, double *lambda, int32_t *closed, double *work,  \
+       int *trouble),                                                                                                  \
+      (m, A, b, pushes, lambda, closed, work, trouble))                                                                \
+    F(int, choose_changes, choose_changes, (int m, int32_t *wrong, pmr_search *search), (m, wrong, search))            \
+    F(double, friction, friction_alone,                                                                                \
+      (int n, const double *kappa, const double *laws, const double *forces, const double *old, double moved,          \
+       double speed, const pmr_cylinder *cylinder, double *limits, double *f),                                         \
+      (n, kappa, laws, forces, old, moved, speed, cylinder, limits, f))                                                \
+    P(extrapolate, extrapolate, (pmr_iteration *iteration), (iteration))                                               \
+    P(scheme_factors, factors_alone, (double h, double rho_inf, pmr_factors *factors), (h, rho_inf, factors))
+
+/* One kind of code. */
 typedef struct {
     const char *name;
-    int (*state_open)(const pmr_system *, const pmr_settings *, pmr_state **, char *);
-    int (*state_restore)(pmr_state *, const void *, size_t, char *);
-    int (*start)(pmr_state *, int, const double *, const double *, const double *, const double *);
-    int (*start_from)(pmr_state *, const double *, const double *, const double *, const double *, const double *,
-                      const int32_t *);
-    int (*step)(pmr_state *, const double *, const double *);
-    int (*start_in_frame)(pmr_state *, int, const double *, const int32_t *, const double *, const double *);
-    int (*step_in_frame)(pmr_state *, const double *, const int32_t *);
-    int (*step_led)(pmr_state *, const double *, double);
-    int (*advance)(pmr_state *, const pmr_signals *, int64_t, int64_t, const int32_t *, const pmr_record *, int64_t *);
-    int (*advance_sampled)(pmr_state *, const double *, int, int64_t, int64_t, const int32_t *, const pmr_record *,
-                           int64_t *, int *);
-    int (*carried_open)(pmr_state *, const pmr_machine *, pmr_carried **);
-    int (*carried_needed)(pmr_carried *, const double *, const double *, const double *, const double *, double *);
-    int (*carried_start)(pmr_carried *, const double *, const double *, const double *, const pmr_carried_record *);
-    int (*carried_advance)(pmr_carried *, int64_t, int64_t, const pmr_carried_record *, int64_t *);
-    void (*outputs)(pmr_state *, double *, double *);
-    void (*observe)(pmr_state *, int, const int32_t *, double *);
-    int (*linearize)(pmr_state *, const double *, const pmr_jacobian *);
-    void (*further)(pmr_state *, double *);
-    int (*evaluate)(pmr_state *, const double *, int, const pmr_values *);
-    int (*evaluate_along)(pmr_state *, const double *, const double *, const double *, const double *, int,
-                          const pmr_values *);
-    int (*check_start)(pmr_state *, const double *, const double *, const double *, const double *, char *);
-    int (*state_adjust)(pmr_state *, const pmr_settings *, char *);
-    int (*contact)(int, const double *, const double *, const int32_t *, double *, int32_t *, double *, int *);
-    int (*choose_changes)(int, int32_t *, pmr_search *);
-    void (*extrapolate)(pmr_iteration *);
-    void (*factors)(double, double, pmr_factors *);
-    double (*friction)(int, const double *, const double *, const double *, const double *, double, double,
-                       const pmr_cylinder *, double *, double *);
-    size_t (*state_bytes)(const pmr_state *);
-    void (*state_save)(const pmr_state *, void *);
+#define POINTER(result, name, code, parameters, arguments) result(*name) parameters;
+#define VOID_POINTER(name, code, parameters, arguments) void(*name) parameters;
+    PMR_OF_VARIANTS(POINTER, VOID_POINTER)
+#undef POINTER
+#undef VOID_POINTER
 } pmr_functions;
 
 /* u (N,) from motions (3, n), how it changes along a seed of them, and all its derivatives (N, 3 n); with

@@ -28,19 +28,6 @@ enum { MOST_TRIALS = 30, PATIENCE = 6 };
 
 /* ---- generalized-alpha where rates are known and accelerations follow ---- */
 
-typedef struct {
-    double h, am, af, gamma, beta;
-} weights;
-
-static weights weights_of(const pmr_state *st)
-{
-    const double rho = st->settings.rho_inf;
-    weights w = {st->settings.step, (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0), 0.0, 0.0};
-    w.gamma = 0.5 + w.af - w.am;
-    w.beta = (w.gamma + 0.5) * (w.gamma + 0.5) / 4.0;
-    return w;
-}
-
 static double smoothed(const weights *w, double now, double old, double before)
 {
     return ((1.0 - w->af) * now + w->af * old - w->am * before) / (1.0 - w->am);
@@ -76,7 +63,7 @@ static int try_rates(pmr_carried *ms, int64_t k, const double *rates)
     const pmr_machine *m = ms->machine;
     const pmr_system *y = ms->state->system;
     const machine_past *old = &ms->past;
-    const weights w = weights_of(ms->state);
+    const weights w = weights_of(ms->state->settings.step, ms->state->settings.rho_inf);
     trial *now = &ms->now;
     const double *z[3], *loads = ms->u + y->paths, *old_loads = ms->u_old + y->paths;
     double second[6], left[6], middle[3];
@@ -238,7 +225,7 @@ static int end_machine_step(pmr_carried *ms, int64_t k)
     const pmr_system *y = ms->state->system;
     machine_past *past = &ms->past;
     const trial *now = &ms->now;
-    const weights w = weights_of(ms->state);
+    const weights w = weights_of(ms->state->settings.step, ms->state->settings.rho_inf);
     const double *z[3] = {ms->state->z, ms->state->v, ms->accelerations};
     double axes[9], turned[3], left[6], middle[3], momenta[6], needed[6];
     int held = 0, n;

@@ -147,10 +147,6 @@ int pmr_start(pmr_state *state, int kind, const double *u, const double *z, cons
    least kinetic energy, those of bodies at rest and in equilibrium too. */
 int pmr_start_moving(pmr_state *state, int kind, const double *u, const double *rates, const double *z,
                      const double *v);
-/* As `pmr_start` with accelerations a (r',), multipliers (m,) and which contacts are closed (m,) as they are: how a
-   simulation that another program began goes on. */
-int pmr_start_from(pmr_state *state, const double *u, const double *z, const double *v, const double *a,
-                   const double *multipliers, const int32_t *closed);
 
 /* ---- a frame that moves ---- */
 
@@ -294,8 +290,6 @@ void pmr_observe(pmr_state *state, int count, const int32_t *numbers, double *va
    the place of the tip from the pivot along axes of the ground in m, and the force of the luffing cylinder in N.  In a
    frame the motions are those of the last start or step that was told them. */
 void pmr_further(pmr_state *state, double *further);
-/* Energy stored and work done since the start, both in J. */
-void pmr_energy(const pmr_state *state, double *energy);
 
 /* ---- derivatives ---- */
 

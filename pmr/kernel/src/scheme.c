@@ -12,10 +12,23 @@
 /* Whether this is no mode, but fills a body up. */
 INLINE int is_fill(const pmr_system *y, int n) { return y->inertia[n] == 0.0 && y->omega2[n] == 0.0; }
 
+/* Weights of a step of h s, by the spectral radius at infinite frequency. */
+typedef struct {
+    double h, am, af, gamma, beta;
+} weights;
+
+static weights weights_of(double h, double rho)
+{
+    weights w = {h, (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0), 0.0, 0.0};
+    w.gamma = 0.5 + w.af - w.am;
+    w.beta = (w.gamma + 0.5) * (w.gamma + 0.5) / 4.0;
+    return w;
+}
+
 static void set_factors(pmr_scheme *c, double h, double rho)
 {
-    const double am = (2.0 * rho - 1.0) / (rho + 1.0), af = rho / (rho + 1.0), gamma = 0.5 + af - am;
-    const double beta = (gamma + 0.5) * (gamma + 0.5) / 4.0, gain = (1.0 - af) / (1.0 - am);
+    const weights w = weights_of(h, rho);
+    const double am = w.am, af = w.af, gamma = w.gamma, beta = w.beta, gain = (1.0 - af) / (1.0 - am);
     const double a_from_a = -am / (1.0 - am), a_from_acceleration = (af - am * gain) / (1.0 - am);
     c->h = h;
     c->gain = gain;

@@ -148,28 +148,20 @@ static int mark_unbalanced(pmr_state *st, const double *x)
     return count;
 }
 
-/* Equilibrium x of a stiffness K + floor under forces, of which those that push are found from the closed ones on: all
-   that are wrong change sides as long as that leaves fewer, or has failed to three times at most, then the first one.
+/* Equilibrium x of a stiffness K + floor under forces, of which those that push are found from the closed ones on.
    After `limit` solves some may still be wrong: PMR_UNSETTLED. */
 static int close_contacts(pmr_state *st, double floor, const double *forces, int limit, double *x)
 {
-    const pmr_system *y = st->system;
-    int fewest = y->contacts + 1, chances = CHANCES, tries, k;
+    const int m = st->system->contacts;
+    pmr_search search = {0, 0};
+    int tries, k;
     for (tries = 0;; tries++) {
-        int count, changes;
         if (solve_held(st, floor, forces, 1, x)) return PMR_DEPENDENT;
-        count = mark_unbalanced(st, x);
-        if (!count) return PMR_DONE;
+        if (!mark_unbalanced(st, x)) return PMR_DONE;
         if (tries == limit - 1) return PMR_UNSETTLED;
-        if (count < fewest) {
-            fewest = count;
-            chances = CHANCES;
-        } else {
-            chances--;
-        }
-        changes = chances >= 0 ? count : 1;
-        for (k = 0; k < y->contacts; k++)
-            if (st->wrong[k] && changes-- > 0) st->closed[k] = 1.0 - st->closed[k];
+        choose_changes(m, st->wrong, &search);
+        for (k = 0; k < m; k++)
+            if (st->wrong[k]) st->closed[k] = 1.0 - st->closed[k];
     }
 }
 
@@ -388,24 +380,6 @@ static int begin(pmr_state *st)
     account(st, c);                    /* p enters by its square */
     st->energy[1] = st->energy[2] = 0.0;
     return PMR_DONE;
-}
-
-static int start_from(pmr_state *st, const double *u, const double *z, const double *v, const double *a,
-                      const double *multipliers, const int32_t *closed)
-{
-    const pmr_system *y = st->system;
-    int k;
-    memset(st->mark, 0, st->saved * sizeof(double));
-    copy(st->u, u, y->drivers);
-    copy(st->z, z, y->modes);
-    copy(st->v, v, y->modes);
-    copy(st->accelerated, a, y->modes);
-    for (k = 0; k < y->contacts; k++) {
-        st->lambda[k] = multipliers[k];
-        st->closed[k] = closed ? closed[k] != 0 : 1.0;
-    }
-    begin_terms(st, u + y->paths + y->inputs);
-    return begin(st);
 }
 
 /* Correct rates that violate rigid contacts which move with their paths by `rates` (P,) m/s, by the change of least

@@ -200,10 +200,9 @@ static void forget_tables(const pmr_system *y, pmr_scheme *c)
     for (k = 0; k < 2 * y->pairs; k++) c->in_pairs[k] = -1;
 }
 
-static int check_settings(const pmr_system *y, const pmr_settings *given, char *why)
+static int check_settings(const pmr_settings *given, char *why)
 {
     int k;
-    (void)y;
     if (!(given->step > 0.0 && isfinite(given->step)))
         return pmr_say(why, "step = %g: more than 0 s is allowed", given->step), 1;
     if (!(given->rho_inf >= 0.0 && given->rho_inf <= 1.0))
@@ -242,7 +241,7 @@ static int take_settings(pmr_state *st, const pmr_settings *given, char *why)
 
 static int state_adjust(pmr_state *st, const pmr_settings *given, char *why)
 {
-    if (check_settings(st->system, given, why)) return PMR_REFUSED;
+    if (check_settings(given, why)) return PMR_REFUSED;
     if (given->levels > st->opened)
         return pmr_say(why, "levels = %d: there is room for %d", given->levels, st->opened), PMR_REFUSED;
     st->placed = 0;
@@ -255,7 +254,7 @@ static int state_open(const pmr_system *y, const pmr_settings *given, pmr_state 
     room r = {NULL, 0};
     int k;
     *state = NULL;
-    if (check_settings(y, given, why)) return PMR_REFUSED;
+    if (check_settings(given, why)) return PMR_REFUSED;
     lay_out(y, &counted, given->levels, &r);
     r.memory = pmr_aligned(r.at);
     if (!r.memory) return pmr_say(why, "no memory for a state of %zu bytes", r.at), PMR_NO_MEMORY;

@@ -72,7 +72,6 @@ static int check_block(pmr_system *y, const pmr_block *b, char *why)
     }
     size = (int64_t)m * (b->powers_G * PMR_UP(m) + b->powers_S * PMR_UP(b->stays));
     if (size > INT32_MAX / 2) return pmr_say(why, "damaged: a block is too large"), 1;
-    y->largest_block += (int32_t)size;
     size = (int64_t)m * (b->powers_C + b->powers_X) *
            (b->modes + PMR_UP(m) + PMR_UP(b->stays) + PMR_UP(b->inputs) + PMR_LANES);
     if (size > y->largest_table) y->largest_table = (int32_t)size;
@@ -104,7 +103,6 @@ static int check_pair(pmr_system *y, const pmr_pair *pair, char *why)
         two->width < 1 || pair->at_between < 0 ||
         pair->at_between + (int64_t)one->carriers * two->carriers > pmr_block_count(y, "between"))
         return pmr_say(why, "damaged: carriers of a pair of blocks"), 1;
-    y->pair_room += one->rows * two->rows * one->powers_C * two->powers_C;
     return 0;
 }
 

@@ -18,10 +18,9 @@ from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.machine.carrying import base_motions, machine_of, modes_in_bodies, units
 from pmr.simulation.moving import OF_BASE, MovingFrame
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.states import failed_at, places_of, start_modes
+from pmr.simulation.native.states import failed_at, places_of, rest_states, start_modes
 from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState
-from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
@@ -118,15 +117,10 @@ class MachineRun:
 
     def _rest_states(self, place: Array) -> dict[str, InitialState]:
         """States of the bodies in equilibrium with the loads at t = 0 on a machine at rest there (6,)."""
-        motions, states = self._first.copy(), dict[str, InitialState]()
+        motions = self._first.copy()
         motions[0, self._angles] = place[3:]
         f, c = np.split(self._kernel.frame_drivers(motions)[0][self._kernel.paths :], [self._kernel.inputs])
-        coordinates = equilibrium(self._assembly, self._x[0], f, c).q
-        for name, body in self._system.bodies.items():
-            q = np.zeros(body.size)
-            q[self._assembly.free[name]] = coordinates[self._assembly.coordinates[name]]
-            states[name] = InitialState(q, np.zeros(body.size))
-        return states
+        return rest_states(self._assembly, self._x[0], f, c)
 
     def _balanced(self, motion: Array) -> Array:
         """The motion with directions that springs carry where these are in equilibrium with weight and loads."""

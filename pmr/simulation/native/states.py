@@ -56,10 +56,14 @@ def start_modes(form: SystemForm, x: Array, x_rate: Array, initial: Mapping[str,
 
 def static_start(system: System, excitation: Excitation) -> dict[str, InitialState]:
     """Every body at rest in equilibrium with the loads at t = 0; errors as for `equilibrium`."""
-    assembly, states = Assembly(system), {}
     f, c = excitation.forces(system.input_names)[0], excitation.amplitudes(system.term_names)[0]
-    coordinates = equilibrium(assembly, places(system, excitation)[0], f, c).q
-    for name, body in system.bodies.items():
+    return rest_states(Assembly(system), places(system, excitation)[0], f, c)
+
+
+def rest_states(assembly: Assembly, x: Array, f: Array, c: Array) -> dict[str, InitialState]:
+    """Every body at rest in equilibrium, with sides at x (sides,) m, loads f (i,) and amplitudes of terms c (k,)."""
+    states, coordinates = dict[str, InitialState](), equilibrium(assembly, x, f, c).q
+    for name, body in assembly.system.bodies.items():
         q = np.zeros(body.size)
         q[assembly.free[name]] = coordinates[assembly.coordinates[name]]
         states[name] = InitialState(q, np.zeros(body.size))

@@ -300,7 +300,7 @@ class _Held:
     def impulse(self, start: InitialState) -> Array:
         """This rank's rows of what a velocity has too much, of least kinetic energy."""
         check_position(self._C, start.q, self._names)
-        drift = row_drift(self._C, self._turning, 1.0, start)
+        drift = row_drift(self._C, self._turning, start)
         if drift is None:
             return np.zeros(len(self._answers))
         impulse = np.linalg.lstsq(self._G, drift, rcond=None)[0]
