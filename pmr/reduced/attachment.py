@@ -38,7 +38,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
@@ -46,7 +45,7 @@ from pmr.constraints.polynomials import stack_tables
 from pmr.reduced.carriers import Answers, CarrierFlexibility, EnrichmentModes
 from pmr.reduced.matrices import Reactions
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.soundness import symmetric
+from pmr.reduced.soundness import pivoted_root, symmetric
 from pmr.reduced.truncation import extend, with_tables
 
 Array = NDArray[np.float64]
@@ -242,18 +241,10 @@ def _on_loads(part: CarrierFlexibility) -> Array:
     return np.block([[part.rows, part.inputs], [part.inputs.T, part.energy]])
 
 
-def _root(S: Array) -> Array:
-    """H (n, k) with S = H H^T but for round-off, by pivoted Cholesky: on a coarse mesh S has a low rank k."""
-    factor, pivots, k, _ = scipy.linalg.lapack.dpstrf(S, lower=1)
-    half = np.empty((len(S), k))
-    half[pivots - 1] = np.tril(factor)[:, :k]
-    return half
-
-
 def _principal(S: Array, loads: sp.csr_matrix, left_out: float) -> Array:
     """Combinations G (K + i, k) of the loads with G^T S G = I, those whose answers have the most inertia first."""
     mass = np.trace(S)
-    half = _root(S)
+    half = pivoted_root(S)  # on a coarse mesh S has a low rank
     gathered = loads.T @ (loads @ half)  # not by squares of the loads, which would lose what cancels
     energy, V = np.linalg.eigh(half.T @ gathered)
     energy, V = energy[::-1], V[:, ::-1]

@@ -7,6 +7,7 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
@@ -64,6 +65,14 @@ def describe_names(field: str, names: Any) -> str | None:
 def symmetric(A: NDArray[np.float64]) -> NDArray[np.float64]:
     """Matrices (..., n, n) without what round-off leaves of an asymmetry."""
     return (A + A.swapaxes(-2, -1)) / 2.0
+
+
+def pivoted_root(A: NDArray[np.float64]) -> NDArray[np.float64]:
+    """L (n, r) with A = L L^T but for round-off, of a positive semidefinite A of rank r, by Cholesky with pivots."""
+    factor, pivots, rank, _ = scipy.linalg.lapack.dpstrf(A, lower=1)
+    L = np.zeros((len(A), rank))
+    L[pivots - 1] = np.tril(factor)[:, :rank]
+    return L
 
 
 def asymmetry(matrices: Mapping[str, NDArray[np.float64]]) -> str | None:

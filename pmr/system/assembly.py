@@ -142,16 +142,8 @@ class Assembly:
         return ContactRows(C, F, H, X)
 
     def slopes(self, x: Array) -> Array:
-        """dC/dx (m, n) of the contacts with their places at x (sides,) m, of bodies on carriers."""
-        rows_by_x = np.zeros((len(self.system.contacts), self.size))
-        for side, at in zip(self.system.sides, x, strict=True):
-            name, carriers = side.place.body, self.system.bodies[side.place.body].carriers
-            assert carriers is not None
-            touched, b = self._weights(side.place, at, 1)
-            rows_by_x[side.contact, self.coordinates[name]] += (
-                side.sign * (b @ carriers.values[touched])[self.free[name]]
-            )
-        return rows_by_x
+        """dC/dx (m, n) of the contacts with their places at x (sides,) m."""
+        return self.rates(x, np.ones(len(x)))
 
     def turned_rows(self, x: Array) -> Array:
         """Motions of all contacts by a unit moment on the sides of each, (m, m) 1/N, likewise."""

@@ -9,6 +9,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from pmr.reduced.soundness import pivoted_root
+
 Array = NDArray[np.float64]
 
 #: What is missing from a matrix L L^T as a share of it that is round-off.
@@ -24,9 +26,7 @@ def root(A: Array) -> Array | None:
 
     For any L, :math:`|A - L L^T|_F` is at least as large as the least eigenvalue is negative.
     """
-    factor, pivots, rank, _ = scipy.linalg.lapack.dpstrf(A, lower=1)
-    L = np.zeros((len(A), rank))
-    L[pivots - 1] = np.tril(factor)[:, :rank]
+    L = pivoted_root(A)
     return L if np.linalg.norm(A - L @ L.T) <= ROUND_OFF * np.linalg.norm(A) else None
 
 

@@ -212,28 +212,36 @@ def value_of(driving: Driving, mbs: Any, t: float) -> float:
     return float(driving.value(t) if hasattr(driving, "value") else driving(mbs, t))
 
 
+#: Number of the places, which stays as long as they do, loads in N (or N m) and amplitudes of terms.
+State = tuple[int, tuple[float, ...], tuple[float, ...]]
+
+
 class Inputs(ABC):
     """Places and loads at a time, and what depends on the places, a block of them ahead as far as they are known."""
+
+    @abstractmethod
+    def state(self, t: float) -> State:
+        """Number of the places, loads and amplitudes at t s."""
 
     @abstractmethod
     def begin(self, t: float) -> None:
         """The step that ends at t s begins."""
 
     @abstractmethod
-    def number(self, t: float) -> int:
-        """Number of the places at t s; it stays as long as they do."""
-
-    @abstractmethod
     def places(self, first: int, count: int) -> Array:
         """X (T, sides) m from a number on, `count` of them or as many as are known."""
 
-    @abstractmethod
+    def number(self, t: float) -> int:
+        """Number of the places at t s; it stays as long as they do."""
+        return self.state(t)[0]
+
     def loads(self, t: float) -> tuple[float, ...]:
         """One value an input, in N (or N m)."""
+        return self.state(t)[1]
 
-    @abstractmethod
     def amplitudes(self, t: float) -> tuple[float, ...]:
         """One value a term."""
+        return self.state(t)[2]
 
     def at(self, t: float) -> Array:
         """X (1, sides) m at t s."""
@@ -296,21 +304,13 @@ class SignalInputs(Inputs):
         self._f = tuple(value_of(load, self._mbs, t) for load in self._loads)
         self._c = tuple(value_of(term, self._mbs, t) for term in self._terms)
 
-    def number(self, t: float) -> int:
+    def state(self, t: float) -> State:
         if t != self._t:
             self.begin(t)
-        return self._k
+        return self._k, self._f, self._c
 
     def places(self, first: int, count: int) -> Array:
         return self._x
-
-    def loads(self, t: float) -> tuple[float, ...]:
-        self.number(t)
-        return self._f
-
-    def amplitudes(self, t: float) -> tuple[float, ...]:
-        self.number(t)
-        return self._c
 
     def paths(self, t: float) -> dict[str, float]:
         """Coordinate of each path at t s, in m."""
@@ -338,14 +338,8 @@ class TabulatedInputs(Inputs):
     def begin(self, t: float) -> None:
         """All is known."""
 
-    def number(self, t: float) -> int:
-        return self._known[round(t / self._step)][0]
+    def state(self, t: float) -> State:
+        return self._known[round(t / self._step)]
 
     def places(self, first: int, count: int) -> Array:
         return self._places[first : first + count]
-
-    def loads(self, t: float) -> tuple[float, ...]:
-        return self._known[round(t / self._step)][1]
-
-    def amplitudes(self, t: float) -> tuple[float, ...]:
-        return self._known[round(t / self._step)][2]

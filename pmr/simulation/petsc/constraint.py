@@ -42,6 +42,15 @@ class Prediction:
     v: Array
     a: Array
 
+    @classmethod
+    def of(cls, factors: SchemeFactors, share: Array, force: Array) -> Prediction:
+        """What accelerations, and their share in the acceleration-like variable, leave for the next step."""
+        return cls(
+            q=factors.z_from_share * share + factors.z_from_force * force,
+            v=factors.v_from_share * share + factors.v_from_force * force,
+            a=factors.a_from_share * share + factors.a_from_force * force,
+        )
+
 
 class Pushing:
     """Contacts of a system, closed or open; `mass` is a factor of M, needed where some only push."""
@@ -80,15 +89,11 @@ class Pushing:
         right = [rows.apply_transposed(np.where(opened, forces, 0.0)) for forces in (self._force, self.share)]
         self._force, self.share = (np.where(opened, 0.0, forces) for forces in (self._force, self.share))
         force, share = self.mass.solve_columns(np.stack(right, axis=1)).T
-        return Prediction(
-            q=factors.z_from_force * force + factors.z_from_share * share,
-            v=factors.v_from_force * force + factors.v_from_share * share,
-            a=factors.a_from_force * force + factors.a_from_share * share,
-        )
+        return Prediction.of(factors, share, force)
 
     def end_step(self, multipliers: Array, factors: SchemeFactors) -> None:
         """Store what forces (m,) of a step leave for the next one."""
-        share = factors.gain * multipliers + factors.a_from_force * self._force + factors.a_from_share * self.share
+        share = factors.gain * multipliers + Prediction.of(factors, self.share, self._force).a
         self.share = np.where(self.pushes, share, 0.0)
         self._force = np.where(self.pushes, multipliers, 0.0)
 

@@ -134,12 +134,8 @@ class Integrator:
 
     def _predict(self, state: State) -> Prediction:
         """Prediction of the next state without the new acceleration."""
-        c, a, acceleration = self._factors, state.a, state.acceleration
-        return Prediction(
-            q=state.q + c.h * state.v + c.z_from_share * a + c.z_from_force * acceleration,
-            v=state.v + c.v_from_share * a + c.v_from_force * acceleration,
-            a=c.a_from_share * a + c.a_from_force * acceleration,
-        )
+        added = Prediction.of(self._factors, state.a, state.acceleration)
+        return Prediction(state.q + self._factors.h * state.v + added.q, state.v + added.v, added.a)
 
     def _free(self, scaled: Array, v: Array, f: Array) -> Array:
         """Free of the rows' forces: b_free; this rank's rows, overwritten by the next call."""
