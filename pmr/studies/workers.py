@@ -257,6 +257,6 @@ def _run(order: Order, notes: logging.handlers.BufferingHandler) -> Failure | No
     return None
 
 
-@lru_cache(16)  # the next tasks may need the same
+@lru_cache(8)  # the next tasks may need the same
 def _result(store: str, digest: str) -> TaskResult:
     return Store(Path(store)).read(digest)

@@ -11,11 +11,10 @@ from pmr import scene as scenes
 from pmr.files.whole import users_folder
 from pmr.pipeline import run
 from pmr.results import Energy, Response
-from pmr.studies.figures import figures_of
-from pmr.studies.kinds.scenes import run_case
+from pmr.studies.kinds.scenes import figures_of, run_case
 from pmr.studies.shared import scene_arguments
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
+WORKFLOWS = Path(__file__).parents[3] / "workflows"
 
 
 def test_rows_hold_forces_frequencies_and_probes_with_times_and_places() -> None:
