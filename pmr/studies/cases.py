@@ -66,7 +66,7 @@ class LoadCase(Section):
     wind: Wind | None = Field(default=None, description="Forces by speed, areas and shape factors, beside `loads`")
 
     @model_validator(mode="after")
-    def _hoisted_at_a_speed(self) -> Self:
+    def _check_keys(self) -> Self:
         if (self.hoisting_class is None) != (self.hoisting_speed is None):
             raise ValueError("hoisting_class and hoisting_speed go together")
         twice = set(self.loads) & set(self.wind.forces if self.wind else ())

@@ -227,10 +227,10 @@ class StudyResults:
             for name, text in (tables or {}).items():
                 if text:
                     _write(new / name, text)
-            _write(new / "runs.csv", _csv(names, rows))
+            _write(new / "runs.csv", _csv(rows))
             npz.write(new / "runs.npz", {name: self.column(name) for name in names})
             times: list[dict[str, Scalar]] = [{"run": run.key} | dict(run.seconds) for run in self.runs]
-            _write(new / "seconds.csv", _csv(_names(times), times))
+            _write(new / "seconds.csv", _csv(times))
             _write(new / "summary.json", self._text(summary))
 
     def save_summary(self, summary: Mapping[str, Any]) -> None:
@@ -251,12 +251,16 @@ def _names(rows: Iterable[Mapping[str, Scalar]]) -> list[str]:
     return sorted(names, key=lambda name: name == "warnings")
 
 
-def _csv(names: Sequence[str], rows: Iterable[Mapping[str, Scalar]]) -> str:
+def csv_text(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Text of a CSV file with these heads and rows of cells."""
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(names)
-    writer.writerows([_cell(row.get(name)) for name in names] for row in rows)
+    csv.writer(text, lineterminator="\n").writerows([heads, *rows])
     return text.getvalue()
+
+
+def _csv(rows: Sequence[Mapping[str, Scalar]]) -> str:
+    names = _names(rows)
+    return csv_text(names, [[_cell(row.get(name)) for name in names] for row in rows])
 
 
 def _cell(value: Scalar) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -26,7 +24,7 @@ from pmr.studies.chart_models import postures, richer_model
 from pmr.studies.charting import allow_row, governing_limit, in_doubt, lowest
 from pmr.studies.governing import Stop
 from pmr.studies.limits import STABILITY, Limit
-from pmr.studies.results import StudyResults
+from pmr.studies.results import StudyResults, csv_text
 from pmr.studies.study import Count, StudyBase
 from pmr.studies.tasks import Plan, Scalar, Task
 
@@ -119,7 +117,7 @@ class Study(StudyBase):
     error_bars: bool = Field(default=True, description="Whether the error of the reduction is estimated at each point")
 
     @model_validator(mode="after")
-    def _named_apart(self) -> Self:
+    def _check_names(self) -> Self:
         for what, names in (
             ("limits", [entry.name for entry in self.limits]),
             ("cases", [case.name for case in self.cases]),
@@ -245,11 +243,8 @@ class Study(StudyBase):
         points = [point for point, is_done in zip(self._points, np.repeat(done, self._size), strict=True) if is_done]
         table = self.table(results)
         rows = [self._cells(table, k, *point) for k, point in enumerate(points)]
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow([head for head, _ in rows[0]])
-        writer.writerows([[_cell(value) for _, value in row] for row in rows])
-        return {"chart.csv": text.getvalue()}
+        cells = [[_cell(value) for _, value in row] for row in rows]
+        return {"chart.csv": csv_text([head for head, _ in rows[0]], cells)}
 
     def _cells(
         self, table: Mapping[str, Any], k: int, row: Mapping[str, float], luffing: float, slewing: float
