@@ -12,7 +12,7 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache, lru_cache
+from functools import lru_cache
 from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
@@ -173,30 +173,22 @@ def open_nodes(plans: Sequence[Plan], code: str, is_done: Callable[[str], bool])
 
     These are the runs that are not done and, of what is shared, only what they still need.
     """
-    tasks: dict[str, Task] = {}
-    needs: dict[str, dict[str, str]] = {}
-    digests_to_check: list[str] = []
+    tasks, needs, wanted = dict[str, Task](), dict[str, dict[str, str]](), set[str]()
     for plan in plans:
         digest = digests(plan, code)
         for task in plan:
             tasks.setdefault(digest[task.key], task)
             needs[digest[task.key]] = {name: digest[key] for name, key in task.needs.items()}
-        digests_to_check += [digest[run.key] for run in plan.runs]
-    is_done, missing = cache(is_done), set[str]()
-    while digests_to_check:
-        digest_ = digests_to_check.pop()
-        if digest_ not in missing and not is_done(digest_):
-            missing.add(digest_)
-            digests_to_check += needs[digest_].values()
-    open_needs = {d: [need for need in needs[d].values() if need in missing] for d in tasks if d in missing}
-    order = _in_order(open_needs)
-    urgency: dict[str, float] = {}
-    for digest_ in reversed(order):
-        cost_of_chain = tasks[digest_].cost + urgency.get(digest_, 0.0)
-        urgency[digest_] = cost_of_chain
-        for need in open_needs[digest_]:
-            urgency[need] = max(urgency.get(need, 0.0), cost_of_chain)
-    return {d: Node(d, tasks[d], needs[d], urgency[d]) for d in order}
+        wanted |= {digest[run.key] for run in plan.runs}
+    order = _in_order({digest: of_task.values() for digest, of_task in needs.items()})
+    urgency, of_dependents = dict[str, float](), dict[str, float]()
+    for key in reversed(order):  # each before what it needs
+        if key in wanted and not is_done(key):
+            urgency[key] = tasks[key].cost + of_dependents.get(key, 0.0)
+            wanted.update(needs[key].values())
+            for need in needs[key].values():
+                of_dependents[need] = max(of_dependents.get(need, 0.0), urgency[key])
+    return {key: Node(key, tasks[key], needs[key], urgency[key]) for key in order if key in urgency}
 
 
 class Ready:
