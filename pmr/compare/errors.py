@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import next_fast_len
 
 from pmr.errors import SimulationError
 from pmr.results import Response
@@ -335,6 +334,8 @@ def force_errors(
 
 def band(y: Array, step: float) -> float:
     """Frequency in Hz above which 1 % of signals (T, o) lies, by its RMS, at steps of so many s; 0 if all are zero."""
+    from scipy.fft import next_fast_len  # slow to import, and few need it
+
     window, count = np.hanning(len(y))[:, None], next_fast_len(len(y), real=True)
     power = np.sum(np.abs(np.fft.rfft((y - y.mean(axis=0)) * window, n=count, axis=0)) ** 2, axis=1)
     above = np.cumsum(power[::-1])[::-1]  # from each frequency on

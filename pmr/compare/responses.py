@@ -26,7 +26,6 @@ from pmr.scene.keys import ALONE, named
 from pmr.scene.members import member_at
 from pmr.simulation import Excitation, Progress, TimeStepping, contact_step, exudyn
 from pmr.simulation.balance import blocks, potential
-from pmr.simulation.exudyn.ancf import Cable
 from pmr.simulation.frame_motion import Found, Samples
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
@@ -493,11 +492,14 @@ def check_memory(scene: Scene, size: int, outputs: int, free: int | None, tell: 
             _log.warning("%s", message)
 
 
-def cable_of(scene: Scene) -> Cable:
-    """The scene's beam as an ANCF cable."""
+def cable_of(scene: Scene) -> ancf.Cable:
+    """The scene's beam as an ANCF cable; raises InputError if Exudyn is not installed."""
+    needed("exudyn")
+    from pmr.simulation.exudyn import ancf
+
     profile = scene.body.profile
     assert profile is not None and profile.axial_stiffness is not None  # the scene's check
-    return Cable(
+    return ancf.Cable(
         length=profile.length,
         axial_stiffness=profile.axial_stiffness,
         bending_stiffness=profile.bending_stiffness,
@@ -514,10 +516,10 @@ def simulate_cable(
     Raises InputError if Exudyn is not installed, and as for `pmr.simulation.exudyn.ancf.simulate`; SimulationError if a
     step fails or a result is not finite.
     """
-    needed("exudyn")
+    cable = cable_of(scene)
     from pmr.simulation.exudyn import ancf
 
-    return ancf.simulate(cable_of(scene), scene.alone.load_places, excitation, np.asarray(x, dtype=float), done)
+    return ancf.simulate(cable, scene.alone.load_places, excitation, np.asarray(x, dtype=float), done)
 
 
 def cable_response(scene: Scene, x: ArrayLike, done: Progress | None = None) -> Response:
