@@ -56,9 +56,10 @@ def nrms(signal: Array, reference: Array) -> float:
 
 
 def relative_error(signal: Array, reference: Array) -> float:
-    """Error relative to the reference, of which e_NRMS is the smaller one beside 1: it tells growth from size.
+    """RMS of the difference over the RMS of the reference, the mean over all components that move.
 
-    Of any size: where squares would leave the range of numbers, the reference's largest value is the unit of both.
+    It is e_NRMS without the limit of 1, so that growth can be told.  Where squares would leave the range of numbers,
+    the reference's largest value is the unit of both.
     Where the reference is zero throughout: 0 if the signal is too, 1 otherwise.  Raises ValueError if the shapes
     differ; SimulationError if a value is not finite.
     """

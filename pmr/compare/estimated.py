@@ -72,7 +72,7 @@ class ReductionError:
 
 
 def asks_for_other(scene: Scene, reduced: ReducedModel) -> bool:
-    """Does it take another model of the same body to tell the error (`pmr.compare.estimate.by_other`)?"""
+    """Whether another model of the same body has to tell the error (`pmr.compare.estimate.by_other`)."""
     return scene.reduction.estimate and no_estimate({ALONE: reduced}) is not None
 
 

@@ -121,25 +121,28 @@ def reactions(scene: Scene, response: Response, path: Array) -> dict[str, object
 
 def missing_reactions(scene: Scene) -> list[str]:
     """Reactions that the models can't tell, a line each: along x of beams that don't move so, and of all points."""
-    pulled = scene.gravity is not None and scene.gravity.direction[0] != 0.0
+    weight_along = scene.gravity is not None and scene.gravity.direction[0] != 0.0
     # what slides in others is accelerated along them, and has cylinders
-    still = [
+    bodies_without_axial = [
         member.part.name or "the body"
         for member in members(scene)
-        if not is_axial(member) and (pulled or member.jointed)
+        if not is_axial(member) and (weight_along or member.jointed)
     ]
-    points = [
+    supports_of_all_points = [
         named(body, str(member.on))
         for body, part in zip(scene.names, scene.sections, strict=True)
         for member in part.supports
         if member.points == "all"
     ]
-    along = (
-        f"{', '.join(still)}: planar beams without coordinates along x (body.profile.axial is false), so that "
-        "reactions and cylinder forces along it are not computed"
+    of_bodies = (
+        f"{', '.join(bodies_without_axial)}: planar beams without coordinates along x (body.profile.axial is false), "
+        "so that reactions and cylinder forces along it are not computed"
     )
-    of_points = f"forces of supports with points = 'all' ({', '.join(points)}) are not computed, with 'mean' they are"
-    return [along] * bool(still) + [of_points] * bool(points)
+    of_supports = (
+        f"forces of supports with points = 'all' ({', '.join(supports_of_all_points)}) are not computed, with 'mean' "
+        "they are"
+    )
+    return [of_bodies] * bool(bodies_without_axial) + [of_supports] * bool(supports_of_all_points)
 
 
 def _force(response: Response, name: str) -> Array | None:
@@ -199,16 +202,15 @@ def _of_ring(ring: PadRing, pulling: Mapping[str, Extremes], response: Response)
 
 
 def _of_joints(held: Sequence[Contact], pulling: Mapping[str, Extremes], response: Response) -> str:
-    most = min((one.name for one in held), key=lambda pad: pulling[pad].least)
-    names = list(dict.fromkeys(contact.inner.body for contact in held))
+    pad = min((contact.name for contact in held), key=lambda name: pulling[name].least)
+    sections = list(dict.fromkeys(contact.inner.body for contact in held))
     more = f", and {len(held) - 1} more" if len(held) > 1 else ""
-    travelling = {contact.inner.path is None for contact in held}  # with the inner section's tail
-    ends = [end for end, at_tail in (("tail", True), ("mouth", False)) if at_tail in travelling]
-    keys = " and ".join(f"joint.{end}" for end in ends)
-    joints, these = ("joints", "these sections") if len(names) > 1 else ("joint", "this section")
+    at_tail = {contact.inner.path is None for contact in held}  # pads at the tail travel with the inner section
+    keys = " and ".join(f"joint.{end}" for end, is_tail in (("tail", True), ("mouth", False)) if is_tail in at_tail)
+    joints, these = ("joints", "these sections") if len(sections) > 1 else ("joint", "this section")
     return (
-        f"pads in the {joints} of {', '.join(names)} hold both ways and pull: {most} with up to "
-        f"{with_unit(-pulling[most].least, 'N')} {response.when(pulling[most].t_least)}{more}; if they can only push, "
+        f"pads in the {joints} of {', '.join(sections)} hold both ways and pull: {pad} with up to "
+        f"{with_unit(-pulling[pad].least, 'N')} {response.when(pulling[pad].t_least)}{more}; if they can only push, "
         f"set unilateral = true in {keys} of {these}"
     )
 

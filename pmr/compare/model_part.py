@@ -81,7 +81,7 @@ class Motion:
         return cls(np.array(frequencies), np.array(motions), response)
 
     def lowest(self, directions: Array) -> Array:
-        """The lowest frequencies (P, 2) Hz of modes that move most in `known` directions, (3,) of True or False."""
+        """The lowest frequencies (P, 2) Hz of modes that move most in `directions`, (3,) of True or False."""
         every, share = self.moved.sum(axis=1), self.moved[:, directions].sum(axis=1)
         mine = (share >= KNOWN * every) & (share > NOTHING * share.max(axis=1, keepdims=True))
         if not self.moved[:, ~directions].any():

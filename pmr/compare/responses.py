@@ -19,6 +19,7 @@ from pmr.errors import GrowthError, InputError, environment
 from pmr.errors.environment import Clock, needed
 from pmr.reduced.model import ReducedModel
 from pmr.results import Energy, Response
+from pmr.results.response import Output
 from pmr.scene import Scene
 from pmr.scene.built import force_of, friction_of, reaction_of
 from pmr.scene.choice import SIMULATORS, transverse
@@ -348,14 +349,8 @@ def with_friction(response: Response, system: Joined[Any], friction: Array | Non
     joint_friction = Friction.of(system.contacts)
     if joint_friction is None or friction is None:
         return response
-    return replace(
-        response,
-        others=np.hstack([*([] if response.others is None else [response.others]), joint_friction.totals(friction)]),
-        other_names=(*response.other_names, *map(friction_of, joint_friction.joints)),
-        other_units=(*response.other_units, *("N" for _ in joint_friction.joints)),
-        kinds=(*response.kinds, *("friction" for _ in joint_friction.joints)),
-        bodies=(*response.bodies, *joint_friction.joints),
-    )
+    added = [Output(friction_of(joint), "friction", joint, unit="N") for joint in joint_friction.joints]
+    return response.with_others(joint_friction.totals(friction), added)
 
 
 def response_of(system: Joined[Any], t: Array, motion: MotionOutputs) -> Response:
@@ -418,23 +413,16 @@ def with_machine(scene: Scene, response: Response) -> Response:
     }
     if not free_motions:
         return response
-    places, rates = (np.stack([motion.values[order] for motion in free_motions.values()], axis=1) for order in (0, 1))
-    pressing = {key: motion.force for key, motion in free_motions.items() if motion.force.any()}
-    forces = np.stack(list(pressing.values()), axis=1) if pressing else places[:, :0]
-    names = [f"{MACHINE} {key}" for key in free_motions]
-    units = ["rad" if key.startswith("r") else "m" for key in free_motions]
-    held = [reaction_of(f"{MACHINE} {key}") for key in pressing]
-    turned = ["N m" if key.startswith("r") else "N" for key in pressing]
-    count = 2 * len(names) + len(held)
-    before = places[:, :0] if response.others is None else response.others
-    return replace(
-        response,
-        others=np.hstack([before, places, rates, forces]),
-        other_names=(*response.other_names, *names, *(f"rate of {motion}" for motion in names), *held),
-        other_units=(*response.other_units, *units, *(f"{motion}/s" for motion in units), *turned),
-        kinds=(*response.kinds, *[MACHINE] * (2 * len(names)), *["reaction"] * len(held)),
-        bodies=(*response.bodies, *[scene.names[0]] * count),
-    )
+    base, columns = scene.names[0], dict[Output, Array]()
+    for order, prefix, per_second in ((0, "", ""), (1, "rate of ", "/s")):
+        for key, motion in free_motions.items():
+            unit = ("rad" if key.startswith("r") else "m") + per_second
+            columns[Output(f"{prefix}{MACHINE} {key}", MACHINE, base, unit=unit)] = motion.values[order]
+    for key, motion in free_motions.items():
+        if motion.force.any():
+            unit = "N m" if key.startswith("r") else "N"
+            columns[Output(reaction_of(f"{MACHINE} {key}"), "reaction", base, unit=unit)] = motion.force
+    return response.with_others(np.stack(list(columns.values()), axis=1), columns)
 
 
 _log = logging.getLogger(__name__)

@@ -165,9 +165,9 @@ class Made(Protocol):
 
 
 def with_models_of(scene: Scene, models: Made | Mapping[str, Made]) -> Scene:
-    """The scene with the models that measurements chose for what was `made` of it, wherever it names none itself.
+    """The scene with the structural models that measurements chose for reduced `models`, where it names none itself.
 
-    That is a system, a model of a body alone, or a model of each section by its name.
+    `models` are a system, a model of a body alone, or a model of each section by its name.
     """
     parts = []
     for number, (name, part) in enumerate(scene.bodies.items()):

@@ -395,49 +395,49 @@ def step_error(
     begin, kinds = time.perf_counter(), [kind for kind in kinds if kind not in ("beam", "tip")]
     stepped = Stepped(system, excitation, run, complete)
     runs = Runs(stepped, "velocity" in kinds)
-    first = runs.next()
+    first_sample = runs.next()
     if not runs.affordable:
         raise SimulationError("a run with half the step is too long to be made only to estimate this error")
-    of_run = runs.given(first)
-    y, displacement_of_run = first.outputs.displacement, of_run.outputs.displacement
-    moving, mean = (
-        Ladder(relative_error, y, displacement_of_run),
-        Ladder(relative_error, _rms(y), _rms(displacement_of_run)),
-    )
-    floors = Floors.of(system, excitation, of_run.outputs.force)
-    ladders = {kind: Ladder(partial(_difference, kind, floors), first, of_run) for kind in kinds}
-    samples = [first]
+    given_sample = runs.given(first_sample)
+    displacement, given_displacement = first_sample.outputs.displacement, given_sample.outputs.displacement
+    of_motion = Ladder(relative_error, displacement, given_displacement)
+    of_mean = Ladder(relative_error, _rms(displacement), _rms(given_displacement))
+    floors = Floors.of(system, excitation, given_sample.outputs.force)
+    output_ladders = {kind: Ladder(partial(_difference, kind, floors), first_sample, given_sample) for kind in kinds}
+    samples = [first_sample]
     while runs.affordable and not (
-        moving.halvings(STEP_LIMIT) is not None and runs.resolved and all(steps.settled for steps in ladders.values())
+        of_motion.halvings(STEP_LIMIT) is not None
+        and runs.resolved
+        and all(steps.settled for steps in output_ladders.values())
     ):
         try:
             samples.append(runs.next())
         except SimulationError:
-            if not moving.differences:
+            if not of_motion.differences:
                 raise
             break
-        moving.add(samples[-1].outputs.displacement)
-        mean.add(_rms(samples[-1].outputs.displacement))
-        for force_ladder in ladders.values():
-            force_ladder.add(samples[-1])
-    ladder = mean if stepped.pushing and not moving.settled else moving
+        of_motion.add(samples[-1].outputs.displacement)
+        of_mean.add(_rms(samples[-1].outputs.displacement))
+        for output_ladder in output_ladders.values():
+            output_ladder.add(samples[-1])
+    ladder = of_mean if stepped.pushing and not of_motion.settled else of_motion
     halvings = ladder.halvings(STEP_LIMIT) if runs.resolved else None
-    of_forces = _force_ladders(of_run, samples, in_the_mean=ladder is mean)
+    force_ladders = _force_ladders(given_sample, samples, in_the_mean=ladder is of_mean)
     return StepError(
         beam=ladder.error(),
         tip=ladder.error(relative_error(ladder.first[:, stepped.tips], ladder.last[:, stepped.tips])),
-        largest=float(np.abs(ladder.first - ladder.last).max()) if ladder is moving else None,
+        largest=float(np.abs(ladder.first - ladder.last).max()) if ladder is of_motion else None,
         finest=runs.stepping.step,
         settled=ladder.settled and runs.resolved,
-        by="motion" if ladder is moving else "mean",
+        by="motion" if ladder is of_motion else "mean",
         enough=None if halvings is None else stepped.given.step / 2**halvings,
         band=runs.band() if band else None,
         seconds=time.perf_counter() - begin,
-        others={kind: MARGIN_OF_FORCES * steps.most for kind, steps in of_forces.items()}
-        | {kind: steps.error() for kind, steps in ladders.items()},
+        others={kind: MARGIN_OF_FORCES * steps.most for kind, steps in force_ladders.items()}
+        | {kind: steps.error() for kind, steps in output_ladders.items()},
         unsettled=(
-            *(kind for kind, steps in of_forces.items() if not steps.is_decreasing),
-            *(kind for kind, steps in ladders.items() if not steps.settled),
+            *(kind for kind, steps in force_ladders.items() if not steps.is_decreasing),
+            *(kind for kind, steps in output_ladders.items() if not steps.settled),
         ),
     )
 

@@ -197,22 +197,20 @@ def masses_part(masses_of_bodies: Mapping[str, Any]) -> Part:
 
 def _utilisations(part: Body, peak: Mapping[str, Any], regions: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Utilisation of the whole body, and of each region that is of a material of its own."""
-    body, of = part.body, {name: area.material for name, area in part.body.regions.items() if area.material is not None}
-    without_material = [area for name, area in regions.items() if name not in of]
-    most = (
-        peak
-        if peak.get("region") not in of
-        else max(without_material, key=lambda material: float(material["value"]), default=None)
-    )
-    pairs = [(most, body.material), *((regions[name], material) for name, material in of.items() if name in regions)]
-    for region, material in pairs:
-        if region is not None and material.yield_stress is not None:
+    materials = {name: region.material for name, region in part.body.regions.items() if region.material is not None}
+    if peak.get("region") in materials:  # elsewhere the largest stress is that of a region of the body's material
+        others = [of_region for name, of_region in regions.items() if name not in materials]
+        peak = max(others, key=lambda of_region: float(of_region["value"]), default={})
+    peaks = [(peak, part.body.material)] if peak else []
+    peaks += [(regions[name], material) for name, material in materials.items() if name in regions]
+    for largest, material in peaks:
+        if material.yield_stress is not None:
             yield {
-                "value": region["value"] / material.yield_stress,
-                "stress": region["value"],
+                "value": largest["value"] / material.yield_stress,
+                "stress": largest["value"],
                 "yield": material.yield_stress,
                 "section": part.name,
-                **{key: region[key] for key in ("t", "position", "face", "region")},
+                **{key: largest[key] for key in ("t", "position", "face", "region")},
             }
 
 

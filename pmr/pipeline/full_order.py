@@ -110,8 +110,8 @@ class FullOrder:
     ) -> References:
         """All that the scene asks for, and the states of the full bodies at some of the `steps`.
 
-        Steps are `made` as the reduced system's were, where contacts only push.  With a `checkpoint` a simulation that
-        was cut off goes on.
+        A `stepping` has the parts that the reduced system made its steps in, where contacts only push.  With a
+        `checkpoint` a simulation that was cut off goes on.
         """
         responses, missing, states = dict[str, Response](), dict[str, str](), dict[str, BodyStates]()
         for name in [name for name in ("full", "ancf") if name in self.scene.compare.against]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,7 +37,7 @@ class Output:
 
     @property
     def is_force(self) -> bool:
-        """Is it the force of a contact or spring?"""
+        """Whether it is the force of a contact or spring."""
         return self.kind in FORCES
 
     @classmethod
@@ -164,6 +164,18 @@ class Response:
             force_names=tuple(self.force_names[k] for k in chosen),
             kinds=tuple(self.kinds[k] for k in columns),
             bodies=tuple(self.bodies[k] for k in columns),
+        )
+
+    def with_others(self, values: Array, outputs: Iterable[Output]) -> Response:
+        """Return this response with further outputs (T, k) that are neither displacements nor forces of contacts."""
+        added = list(outputs)
+        return replace(
+            self,
+            others=values if self.others is None else np.hstack([self.others, values]),
+            other_names=(*self.other_names, *(output.name for output in added)),
+            other_units=(*self.other_units, *(output.unit for output in added)),
+            kinds=(*self.kinds, *(output.kind for output in added)),
+            bodies=(*self.bodies, *(output.body for output in added)),
         )
 
     def when(self, t: float, s: float | None = None) -> str:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
+from pmr.results.response import Output
 from pmr.scene import Scene
 from pmr.scene.built import reaction_of
 from pmr.scene.choice import directions
@@ -116,15 +117,12 @@ def with_reactions(response: Response, of_bodies: Mapping[str, Supports], forces
     """Add the forces (T, h) of rigid supports, by body, after all other outputs."""
     if not forces:
         return response
-    supports = [(body, name, unit) for body, of in of_bodies.items() for name, unit in of]
-    return replace(
-        response,
-        others=np.hstack([*([] if response.others is None else [response.others]), *forces.values()]),
-        other_names=(*response.other_names, *(reaction_of(named(body, name)) for body, name, _ in supports)),
-        other_units=(*response.other_units, *(unit for *_, unit in supports)),
-        kinds=(*response.kinds, *("reaction" for _ in supports)),
-        bodies=(*response.bodies, *(body for body, *_ in supports)),
-    )
+    supports = [
+        Output(reaction_of(named(body, name)), "reaction", body, unit=unit)
+        for body, of in of_bodies.items()
+        for name, unit in of
+    ]
+    return response.with_others(np.hstack(list(forces.values())), supports)
 
 
 def at_pivot(scene: Scene, response: Response) -> Response:
@@ -142,34 +140,23 @@ def at_pivot(scene: Scene, response: Response) -> Response:
         total += parts[name][:, None] * reaction.wrench
     axes = directions(members(scene)[0])
     numbers = ["xyz".index(axis) if len(axis) == 1 else 3 + "xyz".index(axis[1]) for axis in axes]
-    return replace(
-        response,
-        others=np.hstack([total[:, :0] if response.others is None else response.others, total[:, numbers]]),
-        other_names=(*response.other_names, *(reaction_of(f"{AT_PIVOT} {axis}") for axis in axes)),
-        other_units=(*response.other_units, *("N" if len(axis) == 1 else "N m" for axis in axes)),
-        kinds=(*response.kinds, *("reaction" for _ in axes)),
-        bodies=(*response.bodies, *(scene.names[0] for _ in axes)),
-    )
+    forces = [
+        Output(reaction_of(f"{AT_PIVOT} {axis}"), "reaction", scene.names[0], unit="N" if len(axis) == 1 else "N m")
+        for axis in axes
+    ]
+    return response.with_others(total[:, numbers], forces)
 
 
 def with_luffing_cylinder(scene: Scene, response: Response) -> Response:
     """Add the luffing cylinder's force in N, positive where it presses, if hinges and moment are known."""
     if scene.frame is None or scene.frame.cylinder is None or MOMENT not in response.other_names:
         return response
-    assert response.others is not None  # where there are names
     if scene.holding_cylinder is not None:
         force = _force(response, forces_of_cylinder(scene))
     else:
         _, arm = scene.frame.cylinder.length(scene.frame.angles[0].value(response.t))
         force = response.other(MOMENT) / arm
-    return replace(
-        response,
-        others=np.hstack([response.others, force[:, None]]),
-        other_names=(*response.other_names, CYLINDER),
-        other_units=(*response.other_units, "N"),
-        kinds=(*response.kinds, "reaction"),
-        bodies=(*response.bodies, scene.names[0]),
-    )
+    return response.with_others(force[:, None], [Output(CYLINDER, "reaction", scene.names[0], unit="N")])
 
 
 def with_force_of_pin(scene: Scene, response: Response) -> Response:

@@ -151,7 +151,7 @@ def once(scene: Scene) -> Scene:
 
 
 def part_of(of_scene: Trials, other: Trials, sizes: Sizes, steps: int, share: float) -> dict[str, float]:
-    """Part of the mesh by kind, fractions of `own`: a `share` of what the same model on the other mesh is apart.
+    """Part of the mesh by kind, fractions of the scene's motion: a `share` of its difference to that on the other mesh.
 
     Both are hardly damped by the scheme, as what runs are compared with (`pmr.compare.step_error`).  Raises
     InputError or SimulationError as for `pmr.simulation.Simulator`.
