@@ -9,6 +9,7 @@ which takes a fraction of the room of all frames.
 from __future__ import annotations
 
 import base64
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,7 @@ from pmr.report.figures.canvas import PENS, RAMP, of_sections
 from pmr.report.figures.histories import in_order
 from pmr.report.figures.space import slews
 from pmr.report.numbers import percent, plain, quantity, round_number
-from pmr.report.subject import Acting, fixtures, is_alone, length, loads, offsets
+from pmr.report.subject import fixtures, is_alone, length, loads, offsets
 from pmr.results import RunResult
 from pmr.scene.signals import SignalBase
 
@@ -44,107 +45,69 @@ REACH = 0.1  # largest deflection as drawn, over the length of the beam
 
 
 def axis_motion(result: RunResult) -> dict[str, Any]:
-    """Data of the player, ready for JSON.
+    """Data of the player of bodies' axes, ready for JSON.
 
     Series are little-endian 16-bit integers in base64, with the value of one count beside them.  Each of `lanes` is
     what a model says of all bodies: of each its places in m, displacements (frames, points) and, of a boom's section,
     its tail (frames,); `pads` above or below a body are where they are along x, with their force over the largest of
-    all; slider position and loads (frames,).
+    all; `loads` are forces (frames, 3) or moments (frames,) over the largest of each.
+
+    Without a frame all models are there, with the slider's position (frames,), supports, and the least and largest
+    displacement.  In a frame that moves it is the reduced model, with displacements aside, angles in rad, the pivot,
+    and what is reached from the side and from above, least and largest across, then up, in m.
     """
-    t, response = result.responses["reduced"].t, result.responses["reduced"]
-    frames, axis = spread(len(t), FRAMES), lines(result, response)
-    motions = {
-        name: [of.moved(model_response) for of in lines(result, model_response)]
-        for name, model_response in in_order(result).items()
-    }
-    every = [deflection for of in motions.values() for deflection in of]
-    largest, end = max(float(np.abs(deflection).max()) for deflection in every), length(result)
-    low, high = min(float(deflection.min()) for deflection in every), max(float(w.max()) for w in every)
-    return {
-        "length": end,
-        "label": "x in m" if is_alone(result) else "along the boom in m",
+    response, frame = result.responses["reduced"], result.scene.frame
+    t, axis, aside = response.t, lines(result, response), dict[str, NDArray[np.float64]]()
+    frames, models = spread(len(t), FRAMES), in_order(result)
+    if frame is not None:
+        aside, models = {of.body: of.moved(response) for of in lines(result, response, "y")}, {"reduced": response}
+    every = [of.moved(response) for response in models.values() for of in lines(result, response)]
+    largest = max(float(np.abs(deflection).max()) for deflection in (*every, *aside.values()))
+    end, reach = length(result), REACH if is_alone(result) and frame is None else shapes.REACH
+    data: dict[str, Any] = {
         "largest": largest,
-        "reach": [low, high],
-        "scale": round_number((REACH if is_alone(result) else shapes.REACH) * end / largest) if largest > 0.0 else 1.0,
+        "scale": round_number(reach * end / largest) if largest > 0.0 else 1.0,
         "times": [float(t[0]), float(t[-1])],
         "frames": len(frames),
-        "lanes": [_lane(result, name, frames) for name in motions],
+        "lanes": [_lane(result, name, frames, aside) for name in models],
         "pads": _pads(result, axis, frames),
-        "s": pack(result.along[frames]),
-        "offsets": offsets(result),
-        "supports": [{"at": fixture.at, "kind": fixture.kind} for fixture in fixtures(result)],
-        "loads": [
-            {
-                "name": load.name,
-                "section": [of.body for of in axis].index(load.body),
-                "at": load.at,
-                "direction": load.direction,
-                "values": pack(load.values[frames]),
-            }
-            for load in loads(result)
-            if load.direction != "aside"
-        ],
+        "loads": _loads(result, axis, frames),
         "speeds": speeds(float(t[-1] - t[0])),
     }
-
-
-def space_motion(result: RunResult) -> dict[str, Any]:
-    """Data of the player of a boom in a frame that moves, ready for JSON: the reduced model alone.
-
-    Of each body its places along the axis in m, deflections in the plane of luffing and aside (frames, points) and its
-    tail (frames,); angles in rad and pivot; `side` and `plan` are what is reached in either view, least and largest
-    across, then up, in m.
-    """
-    t, response, frame = result.responses["reduced"].t, result.responses["reduced"], result.scene.frame
-    assert frame is not None  # of who is shown so
-    frames, axis = spread(len(t), FRAMES), lines(result, response)
-    aside = {of.body: of.moved(response) for of in lines(result, response, "y")}
-    largest = max(
-        float(np.abs(deflection).max()) for deflection in (*(of.moved(response) for of in axis), *aside.values())
-    )
-    scale = round_number(shapes.REACH * length(result) / largest) if largest > 0.0 else 1.0
-    drawn_axes = body_axes(result, spread(len(t), 300), scale)
-    beams = _lane(result, "reduced", frames)["beams"]
-    for beam, of in zip(beams, axis, strict=True):
-        points = spread(len(of.x), POINTS)
-        beam["v"] = pack(
-            aside[of.body][:, points][frames] if of.body in aside else np.zeros((len(frames), len(points)))
-        )
-    luffing, slewing = (pack(angle.value(t[frames])) for angle in frame.angles)
-    return {
-        "largest": largest,
-        "scale": scale,
-        "times": [float(t[0]), float(t[-1])],
-        "frames": len(frames),
+    if frame is None:
+        return data | {
+            "length": end,
+            "label": "x in m" if is_alone(result) else "along the boom in m",
+            "reach": [min(float(of.min()) for of in every), max(float(of.max()) for of in every)],
+            "s": pack(result.along[frames]),
+            "offsets": offsets(result),
+            "supports": [{"at": fixture.at, "kind": fixture.kind} for fixture in fixtures(result)],
+        }
+    drawn_axes = body_axes(result, spread(len(t), 300), data["scale"])
+    return data | {
         "pivot": list(frame.place),
-        "luffing": luffing,
-        "slewing": slewing,
-        "beams": beams,
+        "angles": [pack(angle.value(t[frames])) for angle in frame.angles],
         "side": _extent([drawn_axis.side for drawn_axis in drawn_axes]),
         "plan": _extent([drawn_axis.plan for drawn_axis in drawn_axes]) if slews(result) else None,
-        "pads": _pads(result, axis, frames),
-        "loads": _forces(result, axis, frames),
-        "speeds": speeds(float(t[-1] - t[0])),
     }
 
 
-def _forces(result: RunResult, axis: list[Line], frames: NDArray[np.int64]) -> list[dict[str, Any]]:
-    """Forces (frames, 3) along the axes of the boom over the largest of each; those of one load together."""
-    by_load: dict[tuple[str, str], list[Acting]] = {}
+def _loads(result: RunResult, axis: list[Line], frames: NDArray[np.int64]) -> list[dict[str, Any]]:
+    """Loads by the bodies that they act on; the parts of a force along an axis of the ground together."""
+    by_load, sections = dict[tuple[str, str], dict[str, Any]](), [of.body for of in axis]
+    forces = dict[tuple[str, str], NDArray[np.float64]]()
     for load in loads(result):
-        if load.direction != "turn":
-            by_load.setdefault((load.body, load.of), []).append(load)
-    drawn_forces = []
-    for (body, name), parts in by_load.items():
-        vectors = np.zeros((len(frames), 3))
-        for part in parts:
-            vectors[:, ("along", "aside", "up").index(part.direction)] = part.values[frames]
-        largest = float(np.linalg.norm(vectors, axis=1).max()) or 1.0
-        section = [of.body for of in axis].index(body)
-        drawn_forces.append(
-            {"name": name, "section": section, "at": parts[0].at, "force": pack(vectors.ravel() / largest)}
-        )
-    return drawn_forces
+        turns = load.direction == "turn"
+        key, values = (load.body, load.name if turns else load.of), load.values[frames]
+        by_load.setdefault(key, {"name": key[1], "section": sections.index(load.body), "at": load.at})
+        if turns:
+            by_load[key]["moment"] = pack(values / (np.abs(values).max() or 1.0))
+        else:
+            axes = forces.setdefault(key, np.zeros((len(frames), 3)))
+            axes[:, ("along", "aside", "up").index(load.direction)] = values
+    for key, force in forces.items():
+        by_load[key]["force"] = pack(force.ravel() / (float(np.linalg.norm(force, axis=1).max()) or 1.0))
+    return list(by_load.values())
 
 
 def _extent(views: list[NDArray[np.float64]]) -> list[float]:
@@ -153,7 +116,9 @@ def _extent(views: list[NDArray[np.float64]]) -> list[float]:
     return [float(end) for k in (0, 1) for end in (every[:, k].min(), every[:, k].max())]
 
 
-def _lane(result: RunResult, name: str, frames: NDArray[np.int64]) -> dict[str, Any]:
+def _lane(
+    result: RunResult, name: str, frames: NDArray[np.int64], aside: Mapping[str, NDArray[np.float64]]
+) -> dict[str, Any]:
     """Lane of one model with all bodies: in its own pen, a boom's sections in their colours, outer ones thicker."""
     response, t, pen = result.responses[name], result.responses["reduced"].t, PENS[name]
     lines_of_model = lines(result, response)
@@ -168,7 +133,11 @@ def _lane(result: RunResult, name: str, frames: NDArray[np.int64]) -> dict[str, 
             "x": of.x[points].round(6).tolist(),
             "w": pack(onto(t, response.t, of.moved(response)[:, points])[frames]),
         }
-        beams.append(beam | ({"tail": pack(onto(t, response.t, of.tail)[frames])} if of.body else {}))
+        if of.body:
+            beam["tail"] = pack(onto(t, response.t, of.tail)[frames])
+        if of.body in aside:
+            beam["v"] = pack(aside[of.body][:, points][frames])
+        beams.append(beam)
     return {"label": pen.label, "beams": beams}
 
 

@@ -102,10 +102,10 @@ def motion(result: RunResult, prefix: str, pictures: Callable[[], Album]) -> Blo
     if not fields:
         if not lines(result, result.responses["reduced"]):
             return None
-        if result.scene.frame is not None:
-            data, rows = player.space_motion(result), space.drawings(result, prefix)
-            return Block(heading="Motion", player=Player("space", data, player.scale_words(data)), rows=rows)
         data = player.axis_motion(result)
+        if result.scene.frame is not None:
+            shown = Player("space", data, player.scale_words(data))
+            return Block(heading="Motion", player=shown, rows=space.drawings(result, prefix))
         strip = drawing(f"{prefix}-snapshots", shapes.snapshots, shapes.snapshots_caption(result), result)
         return Block(heading="Motion", player=Player("line", data, player.scale_words(data)), without_scripts=(strip,))
     data, picture_album = player.body_motion(result), pictures()
@@ -114,8 +114,8 @@ def motion(result: RunResult, prefix: str, pictures: Callable[[], Album]) -> Blo
     if fields[0].von_mises and (data or picture_album.pictures):
         caption = "Colours of the pictures: the largest von Mises stress of each cell."
         scale = ((drawing(f"{prefix}-ramp", ramp, caption, top(result) / 1e6),),)
-    shown = Player("body", data, player.drawing_sentence(data)) if data else None
-    return Block(heading="Motion", text=absent, player=shown, pictures=picture_album.pictures, rows=scale)
+    turned = Player("body", data, player.drawing_sentence(data)) if data else None
+    return Block(heading="Motion", text=absent, player=turned, pictures=picture_album.pictures, rows=scale)
 
 
 def tip(result: RunResult, prefix: str) -> Block:

@@ -37,8 +37,9 @@ def test_motion_is_that_of_the_beam(whole: RunResult, data: dict[str, Any]) -> N
 def test_slider_and_load_go_with_it(whole: RunResult, data: dict[str, Any]) -> None:
     frames = spread(len(whole.along), FRAMES)
     assert unpacked(data["s"]) == pytest.approx(whole.along[frames], abs=1e-3)
-    assert unpacked(data["loads"][0]["values"]) == pytest.approx(whole.loads.values[frames, 0], rel=1e-3)
-    assert (data["loads"][0]["at"], data["loads"][0]["direction"]) == (5.0, "up")
+    force, values = unpacked(data["loads"][0]["force"]).reshape(-1, 3), whole.loads.values[frames, 0]
+    assert force[:, 2] == pytest.approx(values / np.abs(values).max(), rel=1e-3)
+    assert data["loads"][0]["at"] == 5.0 and not force[:, :2].any()
 
 
 def test_long_motion_is_thinned(make_result) -> None:
@@ -69,7 +70,7 @@ def test_playback_speed_is_one_of_the_choices(data: dict[str, Any]) -> None:
 def test_player_reads_what_is_there(data: dict[str, Any]) -> None:
     player = resources.files("pmr.report").joinpath("templates", "line_player.js").read_text(encoding="utf-8")
     assert set(re.findall(r"this\.data\.(\w+)", player)) <= set(data)
-    assert set(re.findall(r"\bload\.(\w+)", player)) - {"values", "largest"} <= set(data["loads"][0])
+    assert set(re.findall(r"\bload\.(\w+)", player)) - {"moment"} <= set(data["loads"][0])
     assert {"x", "w", "label", "colour", "width", "dash"} <= set(data["lanes"][0]["beams"][0])
 
 

@@ -124,8 +124,8 @@ def test_axes_stand_where_the_frame_has_turned_them(turned: RunResult) -> None:
 
 
 def test_the_player_has_what_puts_the_tip_where_it_is(turned: RunResult) -> None:
-    data = player.space_motion(turned)
-    luffing, (beam,) = unpacked(data["luffing"]), data["beams"]
+    data = player.axis_motion(turned)
+    luffing, (beam,) = unpacked(data["angles"][0]), data["lanes"][0]["beams"]
     w = unpacked(beam["w"]).reshape(data["frames"], -1)[:, -1]
     x, z = data["pivot"][0] + beam["x"][-1], data["pivot"][2] + data["scale"] * w
     found = np.stack([x * np.cos(luffing) - z * np.sin(luffing), x * np.sin(luffing) + z * np.cos(luffing)], axis=1)

@@ -12,10 +12,8 @@ class LinePlayer extends Playback {
     this.sections = this.models[0].beams.length > 1;
     this.pads = this.data.pads.map((pad) => ({ ...pad, at: unpack(pad.at), force: unpack(pad.force) }));
     this.s = unpack(this.data.s);
-    this.loads = this.data.loads.map((load) => {
-      const values = unpack(load.values);
-      return { ...load, values, largest: values.reduce((a, v) => Math.max(a, Math.abs(v)), 0) };
-    });
+    this.loads = this.data.loads.map(({ force, moment, ...load }) =>
+      ({ ...load, force: force && unpack(force), moment: moment && unpack(moment) }));
     this.overlay?.addEventListener("change", () => this.resize());
     new ResizeObserver(() => this.resize()).observe(this.canvas);
   }
@@ -121,15 +119,14 @@ class LinePlayer extends Playback {
   forces(pen, y, beams, frame) {
     for (const load of this.loads) {
       const beam = beams[load.section];
-      const part = load.largest ? load.values[frame] / load.largest : 0;
-      if (Math.abs(part) < 0.02) continue;
+      const [along, up] = load.force ? [load.force[3 * frame], load.force[3 * frame + 2]] : [0, load.moment[frame]];
+      if (Math.hypot(along, up) < 0.02) continue;
       const x = this.x(this.tail(beam, frame) + load.at), foot = y + this.at(beam, load.at, frame);
-      if (load.direction === "turn") this.moment(pen, x, foot, part);
-      else if (load.direction === "along") this.arrow(pen, x, foot, part, 0);
-      else this.arrow(pen, x, foot, 0, -part);
+      if (load.moment) this.moment(pen, x, foot, up);
+      else this.arrow(pen, x, foot, along, -up);
       pen.fillStyle = LOAD;
       pen.textAlign = "right";
-      pen.fillText(load.name, x - 6, foot + (load.direction === "up" && part < 0 ? 18 : -10));
+      pen.fillText(load.name, x - 6, foot + (load.force && up < 0 ? 18 : -10));
     }
   }
 

@@ -2,12 +2,12 @@
 class SpacePlayer extends Playback {
   constructor(figure) {
     super(figure);
-    const { beams, pads, loads, luffing, slewing } = this.data;
+    const { lanes: [{ beams }], pads, loads, angles } = this.data;
     this.beams = beams.map((beam) =>
-      ({ ...beam, w: unpack(beam.w), v: unpack(beam.v), tail: beam.tail && unpack(beam.tail) }));
+      ({ ...beam, w: unpack(beam.w), v: beam.v && unpack(beam.v), tail: beam.tail && unpack(beam.tail) }));
     this.pads = pads.map((pad) => ({ ...pad, at: unpack(pad.at), force: unpack(pad.force) }));
-    this.loads = loads.map((load) => ({ ...load, force: unpack(load.force) }));
-    this.angles = [unpack(luffing), unpack(slewing)];
+    this.loads = loads.filter((load) => load.force).map((load) => ({ ...load, force: unpack(load.force) }));
+    this.angles = angles.map(unpack);
     const tip = this.beams[this.beams.length - 1];
     this.way = Array.from({ length: this.data.frames }, (_, k) => this.place(tip, tip.x.length - 1, k));
     new ResizeObserver(() => this.resize()).observe(this.canvas);
@@ -22,7 +22,7 @@ class SpacePlayer extends Playback {
 
   own(beam, i, frame) {
     const k = frame * beam.x.length + i, [px, py, pz] = this.data.pivot, { scale } = this.data;
-    return [px + (beam.tail ? beam.tail[frame] : 0) + beam.x[i], py + scale * beam.v[k], pz + scale * beam.w[k]];
+    return [px + (beam.tail ? beam.tail[frame] : 0) + beam.x[i], py + scale * (beam.v ? beam.v[k] : 0), pz + scale * beam.w[k]];
   }
 
   place(beam, i, frame) { return this.turned(this.own(beam, i, frame), frame); }
