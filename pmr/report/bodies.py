@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.report.columns import onto
-from pmr.report.numbers import round_number
+from pmr.report.numbers import enlargement
 from pmr.report.subject import is_alone, length
 from pmr.results import Fields, RunResult
 from pmr.results.pads import THICK, pad_corners
@@ -293,8 +293,7 @@ def stress_of(fields: Fields) -> NDArray[np.float32]:
 
 def scale(result: RunResult) -> float:
     """How many times its size a displacement is drawn: a round number."""
-    largest = float(_size(result).max())
-    return round_number(DISPLACED * length(result) / largest) if largest > 0.0 else 1.0
+    return enlargement(float(_size(result).max()), DISPLACED * length(result))
 
 
 def top(result: RunResult) -> float:

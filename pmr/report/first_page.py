@@ -12,7 +12,7 @@ from pmr.report.blocks import Table
 from pmr.report.columns import is_round_off, tips
 from pmr.report.machine import extent
 from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
-from pmr.report.subject import direction_words, drive_of, is_alone, moving_part, rings_of
+from pmr.report.subject import direction_words, drive_of, has_pushing_pads, is_alone, moving_part
 from pmr.report.subject import length as reach_of
 from pmr.results import RunResult
 from pmr.results.quantities import QUANTITIES
@@ -213,8 +213,7 @@ def _lowest(result: RunResult) -> Rows:
     k = int(np.nanargmin(frequencies[:, 0]))
     lowest, where = float(frequencies[k, 0]), f"at {_position_text(result, float(result.frequencies.along[k]))}"
     if lowest > ROUND_OFF * np.nanmax(frequencies):
-        push = any(ring.unilateral for part in result.scene.bodies.values() for ring in rings_of(part))
-        closed = ", every pad closed" if push else ""
+        closed = ", every pad closed" if has_pushing_pads(result) else ""
         yield QUANTITIES["frequency"].reported, f"{significant(lowest)}{SPACE}Hz, {where}{closed}"
     else:
         yield QUANTITIES["frequency"].reported, f"0, {where}"

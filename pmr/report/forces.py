@@ -12,7 +12,7 @@ from pmr.report.columns import Force, forces
 from pmr.report.figures import loads as figures
 from pmr.report.figures.canvas import drawing
 from pmr.report.numbers import NOTHING, SPACE, Unit, plain, quantity, significant, unit_for
-from pmr.report.subject import drive_of, forces_called, is_alone, rings_of
+from pmr.report.subject import drive_of, forces_called, has_pushing_pads, is_alone
 from pmr.results import RunResult
 from pmr.results.response import Extremes
 from pmr.results.tables import FORCE_OF, REACTION_OF, reaction_extremes
@@ -142,8 +142,8 @@ def place_called(result: RunResult) -> str:
 
 def _caption(result: RunResult, kind: str, group: str, unit: str) -> str:
     in_parts = result.responses["reduced"].force_peaks is not None  # a step was made in parts, for pads that only push
-    push = any(ring.unilateral for part in result.scene.bodies.values() for ring in rings_of(part))
-    within = " Of pads that only push, the largest force within each step." if in_parts and push else ""
+    peaks = in_parts and has_pushing_pads(result)
+    within = " Of pads that only push, the largest force within each step." if peaks else ""
     if kind == "cylinder":
         note = "What a cylinder or rope pushes its section out with, friction included; negative where it pulls."
         return f"Cylinder forces over time. {note}"

@@ -93,10 +93,26 @@ def length(value: float, digits: int = 3) -> str:
     return quantity(value, "m", digits)
 
 
+def in_unit(value: float, unit: str) -> str:
+    """A value with its unit in a table: shares (``%``) in per cent, Hz and kg without prefix, numbers (``–``) bare."""
+    if unit == "%":
+        return percent(value)
+    if unit == "m":
+        return length(value)
+    if unit in ("Hz", "kg"):
+        return f"{significant(value, 4)}{SPACE}{unit}"
+    return significant(value, 4).replace(SPACE, "") if unit == "–" else quantity(value, unit)
+
+
 def round_number(largest: float) -> float:
     """The largest of ... 0.1, 0.2, 0.5, 1, 2, 5, 10 ... that is not above `largest`."""
     decade = 10.0 ** floor(log10(largest))
     return next(step * decade for step in (5.0, 2.0, 1.0) if step * decade <= largest * (1.0 + 1e-12))
+
+
+def enlargement(largest: float, wanted: float) -> float:
+    """How many times its size a displacement is drawn whose `largest` value takes `wanted` at most: a round number."""
+    return round_number(wanted / largest) if largest > 0.0 else 1.0
 
 
 def share_captured(kappa: float, count: int) -> str:

@@ -34,7 +34,7 @@ from pmr.report.figures import shapes
 from pmr.report.figures.canvas import PENS, RAMP, of_sections
 from pmr.report.figures.histories import in_order
 from pmr.report.figures.space import slews
-from pmr.report.numbers import percent, plain, quantity, round_number
+from pmr.report.numbers import enlargement, percent, plain, quantity
 from pmr.report.subject import fixtures, is_alone, length, loads, offsets
 from pmr.results import RunResult
 from pmr.scene.signals import SignalBase
@@ -66,7 +66,7 @@ def axis_motion(result: RunResult) -> dict[str, Any]:
     end, reach = length(result), REACH if is_alone(result) and frame is None else shapes.REACH
     data: dict[str, Any] = {
         "largest": largest,
-        "scale": round_number(reach * end / largest) if largest > 0.0 else 1.0,
+        "scale": enlargement(largest, reach * end),
         "times": [float(t[0]), float(t[-1])],
         "frames": len(frames),
         "lanes": [_lane(result, name, frames, aside) for name in models],

@@ -217,6 +217,11 @@ def rings_of(part: Part) -> list[PadRing | JointPads]:
     return [*part.pads, *((*part.joint.tail, *part.joint.mouth) if part.joint is not None else ())]
 
 
+def has_pushing_pads(result: RunResult) -> bool:
+    """Whether any pad only pushes, and may lift off."""
+    return any(ring.unilateral for part in result.scene.bodies.values() for ring in rings_of(part))
+
+
 def fixtures(result: RunResult) -> list[Fixture]:
     """Supports of the body, or of a boom's base, across its axis that do not move along it."""
     body, of = next(iter(result.scene.bodies.items()))

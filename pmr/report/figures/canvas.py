@@ -21,7 +21,7 @@ import numpy as np
 from fontTools import subset
 from fontTools.ttLib import TTFont
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator, NullLocator
@@ -107,6 +107,11 @@ PENS: Mapping[str, Pen] = {
 def of_sections(names: Iterable[str]) -> dict[str, str]:
     """The colour of each section of a boom, named from the base out: the same one in all figures."""
     return {name: SECTIONS[k % len(SECTIONS)] for k, name in enumerate(names)}
+
+
+def pale(colour: str, share: float) -> Any:
+    """So much of a colour on white: as opaque as the colour, so that what is below it is not seen through it."""
+    return colour if share == 1.0 else tuple(1.0 - share * (1.0 - channel) for channel in to_rgb(colour))
 
 
 @contextmanager

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from html import escape
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
@@ -25,8 +26,10 @@ from pmr.report.figures.canvas import (
     key,
     key_rows,
     of_sections,
+    pale,
     sheet,
 )
+from pmr.report.numbers import enlargement
 
 Array = NDArray[np.float64]
 
@@ -84,11 +87,8 @@ def _draw(chart: Chart) -> tuple[Figure, Array]:
     low, high = np.minimum(corners.min(axis=(0, 1)), 0.0), np.maximum(corners.max(axis=(0, 1)), 0.0)
     names = [chart.names[k] for k in chart.governing_limits]
     rows = key_rows(names, WIDE) if names else 0
-    margins = {"left": 0.6, "right": 0.16, "top": 0.12 + ROW * rows, "bottom": 0.42}
-    tall = min((WIDE - 0.76) * float((high - low)[1] / (high - low)[0]), TALLEST * WIDE)
-    figure, axes = sheet(WIDE, tall + 0.54 + ROW * rows, margins=margins)
-    ax = axes[0, 0]
-    colours = {k: _pale(SECTIONS[(place + 1) % len(SECTIONS)]) for place, k in enumerate(chart.governing_limits)}
+    figure, ax = _side_view(low, high, TALLEST, rows)
+    colours = {k: pale(SECTIONS[(n + 1) % len(SECTIONS)], 1.0 - PALE) for n, k in enumerate(chart.governing_limits)}
     around = (corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:])
     cells = np.stack([*around, around[0]], axis=2)
     for number in np.unique(chart.which):  # one outline a colour: cells by themselves take seconds in a PDF
@@ -102,12 +102,9 @@ def _draw(chart: Chart) -> tuple[Figure, Array]:
         drawn = ax.contour(*chart.place.transpose(2, 0, 1), load, levels=levels, colors=INK, linewidths=0.7, zorder=2.0)
         ax.clabel(drawn, fmt=lambda value: f"{value:g}", fontsize=7.0, inline_spacing=2)
     ax.plot(0.0, 0.0, marker="o", color=MUTED, markersize=4.0, clip_on=False, zorder=3.0)
-    ax.set_xlim(low[0], high[0])
-    ax.set_ylim(low[1], high[1])
     equal_axes(ax)
-    ax.set_xlabel("Radius in m")
-    ax.set_ylabel("Height in m")
-    key(figure, [_entry(colours[k], chart.names[k]) for k in chart.governing_limits], max(rows, 1))
+    entries = zip(colours.values(), names, strict=True)
+    key(figure, [Line2D([], [], color=of, linewidth=6.0, label=name) for of, name in entries], max(rows, 1))
     return figure, corners
 
 
@@ -122,13 +119,16 @@ def _levels(load: Array) -> list[float]:
     return inside[-CURVES:] or np.linspace(finite.min(), finite.max(), 5)[1:-1].tolist()
 
 
-def _entry(colour: str, name: str) -> Line2D:
-    return Line2D([], [], color=colour, linewidth=6.0, label=name)
+def _side_view(low: Array, high: Array, tallest: float, rows: int = 1) -> tuple[Figure, Axes]:
+    """Axes of radius and height in m from `low` to `high` (2,), no higher than a share of the width.
 
-
-def _pale(colour: str) -> str:
-    mixed = [round(int(colour[k : k + 2], 16) * (1.0 - PALE) + 255.0 * PALE) for k in (1, 3, 5)]
-    return "#" + "".join(f"{channel:02x}" for channel in mixed)
+    Above them is room for so many rows of a legend.
+    """
+    top, tall = 0.12 + ROW * rows, min((WIDE - 0.76) * float(np.divide(*(high - low)[::-1])), tallest * WIDE)
+    figure, axes = sheet(WIDE, tall + top + 0.42, margins={"left": 0.6, "right": 0.16, "top": top, "bottom": 0.42})
+    ax: Axes = axes[0, 0]
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="Radius in m", ylabel="Height in m")
+    return figure, ax
 
 
 def _corners(place: Array) -> Array:
@@ -177,12 +177,7 @@ class AtRest:
     @property
     def scale(self) -> float:
         """How many times as large displacements are drawn, a round number."""
-        largest = float(np.abs(self.across).max(initial=0.0))
-        if largest <= 0.0:
-            return 1.0
-        enlargement = BENT * float(self.along.max()) / largest
-        decade = 10.0 ** np.floor(np.log10(enlargement))
-        return float(max(step * decade for step in (1.0, 2.0, 5.0) if step * decade <= enlargement))
+        return enlargement(float(np.abs(self.across).max(initial=0.0)), BENT * float(self.along.max()))
 
 
 def at_rest(boom: AtRest) -> Figure:
@@ -195,9 +190,7 @@ def at_rest(boom: AtRest) -> Figure:
     high = np.array([max(x.max(), reach * c, 0.1 * reach), max(z.max(), reach * s, 0.1 * reach)])
     edge = 0.04 * float(np.max(high - low))
     low, high = low - edge, high + edge
-    tall = min((WIDE - 0.76) * float((high - low)[1] / (high - low)[0]), SIDE_TALLEST * WIDE)
-    figure, axes = sheet(WIDE, tall + 0.54, margins={"left": 0.6, "right": 0.16, "top": 0.26, "bottom": 0.42})
-    ax = axes[0, 0]
+    figure, ax = _side_view(low, high, SIDE_TALLEST)
     ax.plot([0.0, reach * c], [0.0, reach * s], color=MUTED, linewidth=0.6, zorder=1.0)
     colours = of_sections(boom.names)
     for k, colour in enumerate(colours.values()):
@@ -208,10 +201,7 @@ def at_rest(boom: AtRest) -> Figure:
         )
     ax.plot(0.0, 0.0, marker="o", color=MUTED, markersize=4.0, zorder=3.0)
     ax.annotate("", (x[-1], z[-1] - 0.12 * reach), (x[-1], z[-1]), arrowprops={"arrowstyle": "->", "color": INK})
-    ax.set_xlim(low[0], high[0])
     ax.set_ylim(min(low[1], z[-1] - 0.14 * reach), high[1])
     equal_axes(ax)
-    ax.set_xlabel("Radius in m")
-    ax.set_ylabel("Height in m")
     key(figure, [Line2D([], [], color=colour, linewidth=2.0, label=name) for name, colour in colours.items()])
     return figure

@@ -20,7 +20,7 @@ from pmr.report.columns import lines, onto, spread, tips
 from pmr.report.errors import error_name
 from pmr.report.figures.canvas import HALF, INK, MUTED, PENS, RAMP, WIDE, key, log_axis, octave_axis, sheet
 from pmr.report.figures.histories import in_order
-from pmr.report.numbers import round_number, share_captured, unit_for
+from pmr.report.numbers import enlargement, share_captured, unit_for
 from pmr.report.subject import fixtures, length, moving_part, offsets
 from pmr.results import FrequencyResponse, RunResult, Shapes
 
@@ -120,7 +120,7 @@ def exaggeration(result: RunResult) -> float:
     """How many times its size a boom's deflection is drawn: a round number."""
     response = result.responses["reduced"]
     largest = max(float(np.abs(line.moved(response)).max(initial=0.0)) for line in lines(result, response))
-    return round_number(REACH * length(result) / largest) if largest > 0.0 else 1.0
+    return enlargement(largest, REACH * length(result))
 
 
 CLOSED_FORM_POINTS = 11

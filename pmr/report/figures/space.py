@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
@@ -28,6 +27,7 @@ from pmr.report.figures.canvas import (
     key_rows,
     octave_axis,
     of_sections,
+    pale,
     sheet,
 )
 from pmr.report.figures.histories import Timeline
@@ -124,10 +124,10 @@ def _boom(result: RunResult, view: str, across: str, up: str, ground: bool = Fal
         width = 1.0 + 1.1 * (len(bodies) - 1 - k)
         for places, share in zip(getattr(body, view), faint, strict=True):
             over = 2.0 + share / 10.0 - k / 1e3  # a section hides what is in it
-            colour = _pale(colours[body.body], share)
+            colour = pale(colours[body.body], share)
             ax.plot(*places.T, color=colour, linewidth=width, solid_capstyle="butt", zorder=over)
     for places, share in zip(raising, faint, strict=False):
-        ax.plot(*places.T, **{**RAISING, "color": _pale(MUTED, share)}, zorder=1.8)
+        ax.plot(*places.T, **{**RAISING, "color": pale(MUTED, share)}, zorder=1.8)
     if ground:
         ax.plot(ax.get_xlim(), [0.0, 0.0], color=GROUND, linewidth=1.2, zorder=1.0)
     labels = _labels(ax, getattr(bodies[-1], view), t[steps], moment)
@@ -135,11 +135,6 @@ def _boom(result: RunResult, view: str, across: str, up: str, ground: bool = Fal
         _ring(ax, worst, next(item for item in bodies if item.body == worst.body), view, moment, labels)
     ax.plot([0.0], [0.0], marker="^" if ground else "o", markersize=6.0, color=INK, zorder=4.0)
     return figure
-
-
-def _pale(colour: str, share: float) -> Any:
-    """So much of a colour on white: as opaque as the colour, so that what is below it is not seen through it."""
-    return colour if share == 1.0 else tuple(1.0 - share * (1.0 - channel) for channel in to_rgb(colour))
 
 
 def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:

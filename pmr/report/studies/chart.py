@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pmr.errors.text import rounded
 from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNumber, Table
+from pmr.report.columns import spread
 from pmr.report.figures.canvas import drawing
 from pmr.report.figures.load_chart import AtRest, Chart, at_rest, load_chart, pointer_cells
 from pmr.report.numbers import SPACE, plain, quantity
@@ -251,8 +252,7 @@ def _amount(limit: Mapping[str, Any], amount: float | None) -> str:
 def _loads(chart: Chart, error: Array, luffing: Any) -> Grid:
     """Loads over reach and angle."""
     E, A = chart.load.shape
-    rows = np.unique(np.linspace(0, E - 1, min(E, ROWS)).round().astype(int))
-    columns = np.unique(np.linspace(0, A - 1, min(A, COLUMNS)).round().astype(int))
+    rows, columns = spread(E, ROWS), spread(A, COLUMNS)
 
     def cell(i: int, k: int) -> str:
         if chart.which[i, k] < 0:

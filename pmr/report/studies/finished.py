@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from pmr.report.blocks import DIFFERENT, SAME, ErrorTable, Mark, Row, mark_for, signed_deviation
-from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
+from pmr.report.numbers import SPACE, in_unit, plain, significant
 from pmr.studies.results import RunRecord, StudyResults
 from pmr.studies.study import Statement
 from pmr.studies.tasks import Scalar, number
@@ -117,14 +117,10 @@ def format_figure(value: Scalar, kind: str) -> str:
     """A figure as its quantity is printed."""
     if isinstance(value, str):
         return combination(value)
-    return {
-        "share": lambda x: percent(x),
-        "length": lambda x: length(x),
-        "energy": lambda x: quantity(x, "J"),
-        "seconds": lambda x: quantity(x, "s"),
-        "ratio": lambda x: f"{significant(x, 2)}{SPACE}×",
-        "number": lambda x: plain(round(x, 9)),
-    }[kind](number(value))
+    if kind == "ratio":
+        return f"{significant(number(value), 2)}{SPACE}×"
+    units = {"share": "%", "length": "m", "energy": "J", "seconds": "s"}
+    return in_unit(number(value), units[kind]) if kind in units else plain(round(number(value), 9))
 
 
 def combination(key: str) -> str:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, get_args
 
 from pydantic import BaseModel
 
 from pmr.report.blocks import Block, Grid
-from pmr.report.numbers import SPACE, Unit, length, percent, plain, quantity, significant, unit_for
+from pmr.report.numbers import SPACE, Unit, in_unit, plain, significant, unit_for
 from pmr.report.subject import MODELS
 from pmr.scene.joints import Part
 from pmr.scene.keys import quantity_of as quantity_in
@@ -32,12 +31,16 @@ _AGAINST = {"full": "", "ancf": " against ANCF"}
 
 @dataclass(frozen=True)
 class Quantity:
-    """Label of a figure of a run, and how its value is printed; `unit` and `size` are those of an axis."""
+    """Label and unit of a figure of a run; ``%`` is the unit of a share, ``–`` that of a plain number."""
 
     label: str
-    printed: Callable[[float], str] = lambda value: significant(value, 4).replace(SPACE, "")
     unit: str = "–"
-    size: float = 1.0
+    missing: bool = False  # whether what a share lacks to be 1 is printed
+
+    @property
+    def size(self) -> float:
+        """Value of one unit on an axis."""
+        return 0.01 if self.unit == "%" else 1.0
 
     def cell(self, value: Scalar) -> str:
         """A value in a table."""
@@ -45,7 +48,9 @@ class Quantity:
             return "–"
         if isinstance(value, bool | str):
             return value_words(value)
-        return plain(value) if isinstance(value, int) else self.printed(number(value))
+        if self.missing:
+            return significant(max(1.0 - number(value), 0.0), 2)
+        return plain(value) if isinstance(value, int) else in_unit(number(value), self.unit)
 
 
 def key_words(key: str) -> str:
@@ -114,30 +119,26 @@ def quantity_of(name: str) -> Quantity:
     if parts[0] == "errors" and len(parts) == 3:
         model, _, other = parts[1].partition("_vs_")
         of = "" if model == "reduced" else f", {model}"
-        return Quantity(
-            f"error {_PLACES.get(parts[2], f'of {parts[2]}')}{of}{_AGAINST.get(other, other)}", percent, "%", 0.01
-        )
+        return Quantity(f"error {_PLACES.get(parts[2], f'of {parts[2]}')}{of}{_AGAINST.get(other, other)}", "%")
     if parts[0] == "frequency_error":
-        return Quantity(f"error of frequency {parts[1]}", percent, "%", 0.01)
+        return Quantity(f"error of frequency {parts[1]}", "%")
     if parts[0] == "frequencies" and len(parts) == 3:
-        return Quantity(f"frequency {parts[2]}, {PLACES[parts[1]]}", lambda f: f"{significant(f, 4)}{SPACE}Hz", "Hz")
+        return Quantity(f"frequency {parts[2]}, {PLACES[parts[1]]}", "Hz")
     if parts[0] == "mass":
-        return Quantity(", ".join(parts), lambda mass: f"{significant(mass, 4)}{SPACE}kg", "kg")
+        return Quantity(", ".join(parts), "kg")
     if parts[0] == "probes" and parts[-1] == "range":
-        stress = " stress " in name
-        printed = (lambda size: quantity(size, "Pa")) if stress else (lambda size: significant(size, 3))
-        return Quantity(f"range of {name[7:-6]}", printed, "Pa" if stress else "–")
+        return Quantity(f"range of {name[7:-6]}", "Pa" if " stress " in name else "–")
     return {
-        "utilisation": Quantity("largest stress over yield stress", percent, "%", 0.01),
-        "largest_force": Quantity("largest force", lambda force: quantity(force, "N"), "N"),
-        "max_displacement": Quantity("largest displacement", length, "m"),
-        "max_error": Quantity("largest difference", length, "m"),
+        "utilisation": Quantity("largest stress over yield stress", "%"),
+        "largest_force": Quantity("largest force", "N"),
+        "max_displacement": Quantity("largest displacement", "m"),
+        "max_error": Quantity("largest difference", "m"),
         "coordinates.full": Quantity("coordinates, full"),
         "coordinates.reduced": Quantity("coordinates, reduced"),
-        "basis.kappa": Quantity("left out by the basis, 1 − κ", lambda kappa: significant(max(1.0 - kappa, 0.0), 2)),
-        "simulate.reduced": Quantity("time, reduced", lambda value: quantity(value, "s"), "s"),
-        "simulate.full": Quantity("time, full", lambda value: quantity(value, "s"), "s"),
-        "simulate.ancf": Quantity("time, ANCF", lambda value: quantity(value, "s"), "s"),
+        "basis.kappa": Quantity("left out by the basis, 1 − κ", missing=True),
+        "simulate.reduced": Quantity("time, reduced", "s"),
+        "simulate.full": Quantity("time, full", "s"),
+        "simulate.ancf": Quantity("time, ANCF", "s"),
     }.get(name, Quantity(name.replace("_", " ").replace(".", ", ")))
 
 
@@ -167,17 +168,17 @@ def list_words(words: Iterable[str]) -> str:
     return f"{', '.join(most)} and {last}" if most else last
 
 
-#: A word for each row; the names of the figures that it is the largest of, in either direction; how it is printed.
-ROWS: dict[str, tuple[str, Callable[[float], str]]] = {
-    "mass": (r"mass", lambda mass: f"{significant(mass, 4)}{SPACE}kg"),
-    "largest displacement": (r"max_displacement", length),
-    "lowest frequency": (r"frequencies\..*", lambda f: f"{significant(f, 4)}{SPACE}Hz"),
-    "largest force of a pad, slider or support": (r"forces\..*\.(min|max)", partial(quantity, base="N")),
-    "largest force on a rigid support": (r"reactions\..*\.(min|max)", partial(quantity, base="N")),
-    "largest moment on a rigid support": (r"moments\..*\.(min|max)", partial(quantity, base="N m")),
-    "largest bending moment": (r"beam_moments\..*bending moment .\.(min|max)", partial(quantity, base="N m")),
-    "largest von Mises stress": (r"stress\..*\.max", partial(quantity, base="Pa")),
-    "largest stress over yield stress": (r"utilisation", percent),
+#: Rows at a glance: the names of the figures that each is the largest of, in either direction, and its unit.
+ROWS = {
+    "mass": (r"mass", "kg"),
+    "largest displacement": (r"max_displacement", "m"),
+    "lowest frequency": (r"frequencies\..*", "Hz"),
+    "largest force of a pad, slider or support": (r"forces\..*\.(min|max)", "N"),
+    "largest force on a rigid support": (r"reactions\..*\.(min|max)", "N"),
+    "largest moment on a rigid support": (r"moments\..*\.(min|max)", "N m"),
+    "largest bending moment": (r"beam_moments\..*bending moment .\.(min|max)", "N m"),
+    "largest von Mises stress": (r"stress\..*\.max", "Pa"),
+    "largest stress over yield stress": (r"utilisation", "%"),
 }
 
 
@@ -193,10 +194,10 @@ def at_a_glance(runs: Sequence[RunRecord]) -> Block | None:
 def largest_values(runs: Sequence[RunRecord]) -> dict[str, list[str]]:
     """For each quantity that any of the runs has the value of every run."""
     cells = {}
-    for word, (names, printed) in ROWS.items():
+    for word, (names, unit) in ROWS.items():
         values = [_extreme(run, names, min if word.startswith("lowest") else max) for run in runs]
         if any(value is not None for value in values):
-            cells[word] = ["–" if value is None else printed(value) for value in values]
+            cells[word] = ["–" if value is None else in_unit(value, unit) for value in values]
     return cells
 
 
