@@ -16,7 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from pmr.kernel.kernel import Record
+from pmr.kernel.state import Record
 from pmr.pipeline import reduce
 from pmr.scene import load_any
 from pmr.simulation.excitation import Excitation

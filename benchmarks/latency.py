@@ -80,7 +80,7 @@ for name in ("boom_three", "crane"):
 _STEPS = """
 import json, sys, time, warnings
 import pmr
-from pmr.simulation.machine.motion import machine_motion
+from pmr.simulation.machine import machine_motion
 from pmr.simulation.moving import MovingFrame
 from pmr.simulation.moving import read_scene
 from pmr.system.system import System

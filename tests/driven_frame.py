@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.kernel.frame import ANGLES, AXES
+from pmr.kernel.further import ANGLES, AXES
 from pmr.simulation.frame_motion import Turning
 from pmr.simulation.moving import GRAVITY, OF_BASE, MovingFrame
 

@@ -26,7 +26,7 @@ from pmr.scene.keys import ALONE, Section
 from pmr.scene.members import EXTENSION, Member, member_at, members
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import on_path
-from pmr.simulation.machine.motion import with_machine_moved
+from pmr.simulation.machine import with_machine_moved
 from pmr.system.from_scene import system_of
 from pmr.system.system import System
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError, SimulationError
 from pmr.kernel._native import ffi, lib
-from pmr.kernel.kernel import State
+from pmr.kernel.kernel import pointer
+from pmr.kernel.state import State
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int32]
@@ -91,7 +92,7 @@ class Carried:
 
     def _record(self, first: int) -> Any:
         names = ("motion", "held", "springs", "momenta", "inertia")
-        return ffi.new("pmr_carried_record *", {name: _pointer(getattr(self, name)[first:]) for name in names})
+        return ffi.new("pmr_carried_record *", {name: pointer(getattr(self, name)[first:]) for name in names})
 
     def needed(self, motion: Array, z: Array, v: Array, a: Array) -> Array:
         """Forces (6,) that hold the machine at t = 0 where it moves as (3, 6) and the boom's modes as z, v, a.
@@ -99,7 +100,7 @@ class Carried:
         A StepError is raised where contacts that give way depend on each other.
         """
         forces, arrays = np.zeros(6), [np.ascontiguousarray(array, float) for array in (motion, z, v, a)]
-        failed = lib.pmr_carried_needed(self._carried, *map(_pointer, arrays), _pointer(forces))
+        failed = lib.pmr_carried_needed(self._carried, *map(pointer, arrays), pointer(forces))
         self._raise_unless_done(failed, 0)
         return forces
 
@@ -110,7 +111,7 @@ class Carried:
         """
         self.number = 0
         arrays = [np.ascontiguousarray(array, float) for array in (motion, z, v)]
-        failed = lib.pmr_carried_start(self._carried, *map(_pointer, arrays), self._record(0))
+        failed = lib.pmr_carried_start(self._carried, *map(pointer, arrays), self._record(0))
         self._raise_unless_done(failed, 0)
 
     def advance(self, count: int) -> None:
@@ -131,7 +132,3 @@ class Carried:
         if failed in REASONS:
             raise SimulationError(REASONS[failed].format(k=k, t=k * self.state.settings.step))
         self.state.raise_unless_done(failed, f"step {k}")
-
-
-def _pointer(array: Array) -> Any:
-    return ffi.cast("double *", array.ctypes.data)

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from pmr.constraints.rows import Row
 from pmr.kernel.block_file import lines
-from pmr.kernel.frame import Frame, frame_arrays
 from pmr.kernel.further import (
     NEGLIGIBLE,
+    Frame,
     Modal,
     Supports,
+    frame_arrays,
     frame_output_arrays,
     support_arrays,
     supports_of,

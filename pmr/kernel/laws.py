@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pmr.errors import SimulationError
 from pmr.kernel._native import ffi, lib
 from pmr.kernel.block_file import LINE
+from pmr.kernel.kernel import integer_pointer, pointer
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -50,7 +51,13 @@ def solve_contact(A: Array, b: Array, pushes: Mask, closed: Mask) -> tuple[Array
     only_push, state = np.ascontiguousarray(pushes, np.int32), np.array(closed, np.int32)
     trouble = ffi.new("int *")
     failed = lib.pmr_contact(
-        m, *map(_doubles, (A, b)), _integers(only_push), _doubles(forces), _integers(state), _doubles(work), trouble
+        m,
+        *map(pointer, (A, b)),
+        integer_pointer(only_push),
+        pointer(forces),
+        integer_pointer(state),
+        pointer(work),
+        trouble,
     )
     if failed == lib.PMR_DEPENDENT:
         error = ContactError(f"contact {trouble[0]} depends on those before it")
@@ -70,7 +77,7 @@ class ContactSearch:
     def change(self, closed: Mask, wrong: Mask) -> Mask:
         """Closed contacts (m,) of the next solve, where some are on the wrong side: they pull, or overlap."""
         changes = np.array(wrong, np.int32)
-        lib.pmr_choose_changes(len(changes), _integers(changes), self._state)
+        lib.pmr_choose_changes(len(changes), integer_pointer(changes), self._state)
         return np.asarray(closed ^ changes.astype(bool))
 
 
@@ -89,7 +96,7 @@ class FixedPoint:
         self._state = ffi.new("pmr_iteration *", {"count": count, "measured": count, "most": most})
         names = ("x", "f", "least_x", "least_f", "directions")
         for name, row in zip((*names, "changes"), (0, 1, 2, 3, 4, 4 + most), strict=True):
-            setattr(self._state, name, _doubles(self._rows[row:]))
+            setattr(self._state, name, pointer(self._rows[row:]))
         self._raised: BaseException | None = None  # by `add_up`: C can't pass it on
         if add_up is not None:
 
@@ -177,13 +184,5 @@ def slide_pads(
     arrays = [np.ascontiguousarray(array, float) for array in (stiffness, laws, forces, old)]
     limits, new = np.zeros((2, len(old)))
     joint = ffi.new("pmr_cylinder *", cylinder._asdict())
-    lib.pmr_friction(len(old), *map(_doubles, arrays), displacement, speed, joint, *map(_doubles, (limits, new)))
+    lib.pmr_friction(len(old), *map(pointer, arrays), displacement, speed, joint, *map(pointer, (limits, new)))
     return new, limits
-
-
-def _doubles(array: Array) -> Any:
-    return ffi.cast("double *", array.ctypes.data)
-
-
-def _integers(array: NDArray[np.int32]) -> Any:
-    return ffi.cast("int32_t *", array.ctypes.data)

@@ -44,7 +44,7 @@ from pmr.results.run import Part
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
-from pmr.simulation.machine.motion import with_machine_moved
+from pmr.simulation.machine import with_machine_moved
 from pmr.simulation.petsc import Checkpoint
 
 Array = NDArray[np.float64]

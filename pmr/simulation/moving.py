@@ -20,7 +20,7 @@ from pydantic import TypeAdapter
 
 from pmr.errors import InputError
 from pmr.errors.text import visible
-from pmr.kernel.frame import ANGLES, AXES
+from pmr.kernel.further import ANGLES, AXES
 from pmr.scene import Scene
 from pmr.scene.built import Gravity
 from pmr.scene.checks import MOST_STEPS

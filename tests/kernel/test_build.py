@@ -22,7 +22,8 @@ import sys
 import numpy as np
 from kernels import kernel_of
 from nested import Nested, reduced
-from pmr.kernel.kernel import Settings, State, variant
+from pmr.kernel.kernel import variant
+from pmr.kernel.state import Settings, State
 system = reduced(Nested(3, elements=8, clearance=2e-4, compliance=1e-7), 3)
 kernel, _ = kernel_of(system)
 state = State(kernel, Settings(1e-3, 0.8, parts=(1, 2, 4), contact_omega=1e3))

@@ -10,7 +10,8 @@ from nested import Nested, reduced
 
 import pmr
 from pmr.errors import InputError
-from pmr.kernel.kernel import Kernel, Record, Settings, State
+from pmr.kernel.kernel import Kernel
+from pmr.kernel.state import Record, Settings, State
 from pmr.simulation import TimeStepping
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.modal import modal_form

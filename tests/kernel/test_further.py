@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import pmr
-from pmr.kernel.kernel import Kernel, Settings, State
+from pmr.kernel.kernel import Kernel
+from pmr.kernel.state import Settings, State
 from pmr.scene.mechanism import CYLINDER
 from pmr.simulation.modal import modal_form
 from pmr.simulation.moving import MovingFrame

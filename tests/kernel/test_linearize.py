@@ -10,7 +10,7 @@ from kernels import coupled, kernel_of, rubbing, varying
 from nested import Nested, reduced
 from numpy.typing import NDArray
 
-from pmr.kernel.kernel import Settings, State
+from pmr.kernel.state import Settings, State
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError, SimulationError
 from pmr.kernel.carried import Carried
-from pmr.kernel.kernel import Settings, State
+from pmr.kernel.state import Settings, State
 from pmr.scene.frame import DIRECTIONS
 from pmr.simulation.floating import Extended, Motion
 from pmr.simulation.floating import State as Moment
 from pmr.simulation.frame_motion import Turning
 from pmr.simulation.free_base import Answering, FreeBase
-from pmr.simulation.machine.carrying import modes_in_bodies
-from pmr.simulation.machine.motion import MachineRun
+from pmr.simulation.machine import MachineRun, modes_in_bodies
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows
 

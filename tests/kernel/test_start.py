@@ -12,7 +12,7 @@ from nested import Nested, full, reduced, with_round_off
 
 from pmr.errors import SimulationError
 from pmr.kernel._native import ffi, lib
-from pmr.kernel.kernel import Settings, State
+from pmr.kernel.state import Settings, State
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.start import InitialState, consistent_start
 from pmr.simulation.statics.equilibrium import equilibrium

@@ -13,7 +13,7 @@ from nested import Nested, reduced
 from numpy.typing import NDArray
 from plain_step import Plain
 
-from pmr.kernel.kernel import Record, Settings, State
+from pmr.kernel.state import Record, Settings, State
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ from pmr.simulation import Excitation
 from pmr.simulation.floating import Extended, Motion
 from pmr.simulation.frame_motion import MachineMotion, Turning, in_motion
 from pmr.simulation.free_base import Answering, FreeBase
-from pmr.simulation.machine.motion import machine_motion
+from pmr.simulation.machine import machine_motion
 from pmr.simulation.native import systems
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows

@@ -6,6 +6,7 @@ package.  All that tells one model from others is resources/system.pmr.
 
 from __future__ import annotations
 
+import hashlib
 import platform as this
 import re
 import subprocess
@@ -15,15 +16,20 @@ import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 import pmr.kernel
-from pmr.errors import InputError, environment
+from pmr.errors import BEYOND_ENDS, InputError, environment
 from pmr.export.fmi.description import Described, build_description, description_2, description_3
-from pmr.export.fmi.drivers import Drivers
 from pmr.export.fmi.reference import inputs_csv, outputs_csv, reference
-from pmr.export.fmi.resources import system_file
-from pmr.export.fmi.variables import variables
+from pmr.export.fmi.variables import Drivers, variables
 from pmr.files.whole import replacement
+from pmr.kernel.block_file import LINE, lines, pack, seal
+from pmr.kernel.kernel import checksum
+from pmr.simulation import contact_step
 from pmr.simulation.moving import Recorded, read_scene
 from pmr.system.system import System
 
@@ -203,3 +209,41 @@ def binary(platform: Platform) -> bytes:
 def _place(platform: Platform, version: str) -> str:
     """The platform's folder in a version of the interface, empty where that knows none."""
     return platform.folder_2 if version == "2" else platform.folder_3
+
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SystemFile:
+    """Bytes of resources/system.pmr, and the token that tells the model from others."""
+
+    content: bytes
+    token: str
+
+
+def system_file(
+    drivers: Drivers, path_names: Sequence[str], start_values: Array, nominal: Array, omega: float
+) -> SystemFile:
+    """Write a system with all that its unit asks for.
+
+    `start_values` (4 + 4 N,) are those of the variables up to the kind of start: t, the drivers, their rates of order
+    one to three, step, rho_inf, start.  `nominal` (2 r,) are sizes of the modal coordinates and of their rates.
+    `omega` in rad/s is that of contacts that only push (`pmr.simulation.contact_step`), 0 without any.
+    """
+    settings = [omega, contact_step.TOLERANCE, contact_step.RESOLVED, contact_step.MOST_PARTS, BEYOND_ENDS]
+    arrays: dict[str, NDArray[Any] | str] = {
+        **drivers.data.arrays,
+        "unit_start": start_values,
+        "unit_nominal": nominal,
+        "unit_modes": drivers.data.used_modes,
+        "unit_kinds": np.array(drivers.kinds()),
+        "unit_settings": np.array(settings, float),
+        "unit_exchange": np.array([drivers.is_differential]),
+        "names_paths": lines(path_names),
+    }
+    digest = hashlib.sha256(pack(arrays)).hexdigest()
+    token = "-".join(digest[a:b] for a, b in ((0, 8), (8, 12), (12, 16), (16, 20), (20, 32)))
+    block = pack(arrays | {"names_token": f"{{{token}}}"})
+    seal(block, checksum(block[LINE:]))
+    return SystemFile(bytes(block), f"{{{token}}}")

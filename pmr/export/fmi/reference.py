@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pmr.export.fmi.drivers import Drivers
-from pmr.export.fmi.variables import STARTS, Variable
+from pmr.export.fmi.variables import STARTS, Drivers, Variable
 from pmr.scene.built import force_of
 from pmr.scene.signals import SignalBase
 from pmr.scene.signals.base import Strand

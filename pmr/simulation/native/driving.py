@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.errors.text import hint
-from pmr.kernel.frame import AXES
+from pmr.kernel.further import AXES
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)

@@ -1,8 +1,8 @@
-"""A system with each of its bodies in its own modes, all of them one after the other, and its kernel."""
+"""A system with each of its bodies in its own modes, its kernel, where states begin, and why one failed."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,12 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from pmr.errors import InputError
+from pmr.errors import InputError, SimulationError
 from pmr.kernel.data import in_modes
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.rows import round_up
+from pmr.kernel.state import Failure, StepError
+from pmr.scene.signals import Constant, SignalBase
+from pmr.simulation.excitation import Excitation, in_order, places
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.moving import MovingFrame
+from pmr.simulation.refusals import describe_dependence, describe_divergence, describe_unsettled
+from pmr.simulation.start import InitialState, consistent_start
+from pmr.simulation.statics.equilibrium import equilibrium
+from pmr.system.assembly import Assembly
 from pmr.system.contacts import ALONE, Friction
 from pmr.system.from_scene import Combined
 from pmr.system.system import System
@@ -85,3 +92,85 @@ class SystemForm:
         """Forces (..., m) in N of all contacts: what reaches the bodies, and in cylinders friction of their pads."""
         forces, pads = self.combined.forces(multipliers), Friction.of(self.system.contacts)
         return forces if pads is None or friction is None else forces + pads.along(friction)
+
+
+#: Iterations of forces of terms and friction within a step.
+ITERATIONS = 100
+
+
+def driver_signals(form: SystemForm, excitation: Excitation) -> list[SignalBase]:
+    """Signals (N,) of the kernel's drivers in their order: paths, loads, amplitudes of terms.
+
+    A body alone that nothing moves stands at the beginning of its path.  An InputError is raised where a path, a load
+    or a term has no signal.
+    """
+    system, kernel = form.system, form.kernel
+    paths: Sequence[SignalBase]
+    if system.on_one_path:
+        (body,) = system.bodies.values()
+        standing = Constant(amount=float(body.domain[0]))
+        paths = [next(iter(excitation.paths.values()), standing)][: kernel.paths]
+    else:
+        paths = [excitation.paths[name] for name in kernel.names("drivers")[: kernel.paths]]
+    loads, terms = in_order(excitation.loads, system.input_names), in_order(excitation.terms, system.term_names, "term")
+    return [*paths, *loads, *terms]
+
+
+def start_modes(form: SystemForm, x: Array, x_rate: Array, initial: Mapping[str, InitialState]) -> tuple[Array, Array]:
+    """Modal coordinates and rates (modes,) of initial states, with the contacts' sides at x (sides,) m.
+
+    A velocity that violates rigid contacts is corrected (`pmr.simulation.start`); errors as there.
+    """
+    z, v = np.zeros((2, form.kernel.modes))
+    states = consistent_start(Assembly(form.system), x, x_rate, initial)
+    for name, columns in form.columns.items():
+        start = form.forms[name].start(states[name])
+        z[columns], v[columns] = start.q, start.v
+    return z, v
+
+
+def static_start(system: System, excitation: Excitation) -> dict[str, InitialState]:
+    """Every body at rest in equilibrium with the loads at t = 0; errors as for `equilibrium`."""
+    f, c = excitation.forces(system.input_names)[0], excitation.amplitudes(system.term_names)[0]
+    return rest_states(Assembly(system), places(system, excitation)[0], f, c)
+
+
+def rest_states(assembly: Assembly, x: Array, f: Array, c: Array) -> dict[str, InitialState]:
+    """Every body at rest in equilibrium, with sides at x (sides,) m, loads f (i,) and amplitudes of terms c (k,)."""
+    states, coordinates = dict[str, InitialState](), equilibrium(assembly, x, f, c).q
+    for name, body in assembly.system.bodies.items():
+        q = np.zeros(body.size)
+        q[assembly.free[name]] = coordinates[assembly.coordinates[name]]
+        states[name] = InitialState(q, np.zeros(body.size))
+    return states
+
+
+def start_of(
+    system: System, excitation: Excitation, initial: Mapping[str, InitialState] | None = None
+) -> Mapping[str, InitialState]:
+    """State of each body at t = 0: the given one, else at rest or in equilibrium, as the excitation says."""
+    if initial is not None or excitation.start == "rest":
+        return initial or {}
+    return static_start(system, excitation)
+
+
+def failed_at(where: str, form: SystemForm, error: StepError, x: Array) -> SimulationError:
+    """A step's failure in words of the system; its contacts' sides are at x (sides,) m."""
+    return SimulationError(f"march failed at {where}: {reason(form.modal, error, x)}")
+
+
+def reason(system: System, error: StepError, x: Array) -> str:
+    """Why a step failed, in words of a system in modal form."""
+    if error.failure == Failure.UNSETTLED:
+        return describe_unsettled(system.contact_names, ~np.isnan(system.clearance))
+    if error.failure == Failure.UNCONVERGED:
+        return describe_divergence(system.term_names, system.contacts, ITERATIONS)
+    if error.failure == Failure.DEPENDENT:  # at the start the kernel does not say which
+        C = Assembly(system).at(x).C
+        return describe_dependence(C[: error.contact + 1] if error.contact >= 0 else C, system.contact_names)
+    return "not finite" if error.failure == Failure.NOT_FINITE else str(error)
+
+
+def places_of(paths: Sequence[str], s: Array) -> str:
+    """Text that says where the paths are, s (P,) m."""
+    return "".join(f", {path} at {at:g} m" for path, at in zip(paths, s, strict=False))

@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
-from pmr.kernel.kernel import Failure, Record, Settings, State, StepError
 from pmr.kernel.signals import Signals
+from pmr.kernel.state import Failure, Record, Settings, State, StepError
 from pmr.scene.choice import refuse
 from pmr.simulation import balance, contact_step
 from pmr.simulation.excitation import Excitation, places, rates_of_places
-from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.states import driver_signals, failed_at, places_of, start_modes, static_start
+from pmr.simulation.native.form import SystemForm, driver_signals, failed_at, places_of, start_modes, static_start
 from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Ended, Progress, in_blocks

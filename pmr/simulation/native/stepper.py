@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError, SimulationError
-from pmr.kernel.bound import BoundStep
-from pmr.kernel.kernel import Kernel, Settings, State, StepError
+from pmr.kernel.kernel import Kernel
+from pmr.kernel.state import BoundStep, Settings, State, StepError
 from pmr.scene.built import force_of
 from pmr.scene.choice import refuse
 from pmr.scene.keys import LUFFING, SLIDER
@@ -34,9 +34,8 @@ from pmr.simulation.contact_step import MOST_PARTS, contact_frequency, levels
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.moving import MovingFrame, Recorded, read_scene
 from pmr.simulation.native.driving import JUMP, Drivers, Motion, Values, number_of
-from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.form import SystemForm, failed_at, places_of, start_modes, static_start
 from pmr.simulation.native.march import DENSE
-from pmr.simulation.native.states import failed_at, places_of, start_modes, static_start
 from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from pmr.constraints.polynomials import apply_table, columns, select_rows
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.form import start_of as start_of
+from pmr.simulation.native.form import static_start as static_start
 from pmr.simulation.native.march import March, Steps
-from pmr.simulation.native.states import start_of as start_of
-from pmr.simulation.native.states import static_start as static_start
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Block, Ended, Progress, Recorder, Take
 from pmr.system.body import Trajectory

@@ -19,9 +19,9 @@ from oracle import flexible, project, rich_body
 from springs import CompliantRows
 
 from pmr.errors import BEYOND_ENDS
-from pmr.export.fmi.drivers import Drivers
 from pmr.export.fmi.fmu import Contents, contents
 from pmr.export.fmi.reference import reference
+from pmr.export.fmi.variables import Drivers
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Chirp, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation.excitation import SLIDER, Excitation

@@ -17,9 +17,8 @@ from scipy.spatial.transform import Rotation
 
 import pmr
 from pmr.errors import InputError
-from pmr.export.fmi.drivers import Drivers
 from pmr.export.fmi.fmu import contents
-from pmr.export.fmi.variables import path_names
+from pmr.export.fmi.variables import Drivers, path_names
 from pmr.scene import Scene, load_any
 from pmr.scene.mechanism import CYLINDER
 from pmr.simulation.excitation import Excitation

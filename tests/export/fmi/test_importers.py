@@ -21,9 +21,9 @@ from processes import called
 from benchmarks.fmu import Timed
 from pmr import scene
 from pmr.export.fmi import fmu
-from pmr.export.fmi.drivers import Drivers
 from pmr.export.fmi.fmu import PLATFORMS
 from pmr.export.fmi.reference import reference
+from pmr.export.fmi.variables import Drivers
 from pmr.pipeline import reduce
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Ramp, SignalBase

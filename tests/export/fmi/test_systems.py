@@ -15,9 +15,9 @@ from export.fmi.libraries import CallError, Instance, Library, loaded
 from numpy.typing import NDArray
 
 from pmr.errors import BEYOND_ENDS, InputError
-from pmr.export.fmi.drivers import Drivers
 from pmr.export.fmi.fmu import contents
 from pmr.export.fmi.reference import reference
+from pmr.export.fmi.variables import Drivers
 from pmr.pipeline import reduce
 from pmr.reduction.bodies import Reduction
 from pmr.scene import Scene, load_any

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from oracle import flexible, rich_body
 
 from pmr.export.fmi.fmu import Contents, contents
-from pmr.kernel.kernel import Kernel, Settings, State
+from pmr.kernel.kernel import Kernel
+from pmr.kernel.state import Settings, State
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import SmoothRamp
 from pmr.simulation.modal import modal_form

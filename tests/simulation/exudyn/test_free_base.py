@@ -18,7 +18,7 @@ from pmr.scene.signals import Table
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import NodeCoordinate, add_hook, add_sensors, simulate_system
 from pmr.simulation.frame_motion import Turning
-from pmr.simulation.machine.motion import machine_motion
+from pmr.simulation.machine import machine_motion
 from pmr.simulation.native import systems
 
 Array = NDArray[np.float64]

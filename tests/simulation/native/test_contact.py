@@ -17,14 +17,14 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
-from pmr.kernel.kernel import Failure, StepError
 from pmr.kernel.laws import solve_contact
+from pmr.kernel.state import Failure, StepError
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.modal import modal_form
+from pmr.simulation.native.form import reason
 from pmr.simulation.native.march import without_pull
-from pmr.simulation.native.states import reason
 from pmr.simulation.native.stepper import Stepper
 from pmr.system.body import Trajectory, pushing_rows
 from pmr.system.system import System

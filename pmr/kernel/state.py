@@ -1,0 +1,392 @@
+"""States of the compiled kernel: how systems are started and stepped, and what is recorded of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pmr.errors import InputError, SimulationError
+from pmr.kernel._native import ffi, lib
+from pmr.kernel.kernel import Kernel, integer_pointer, pointer
+from pmr.kernel.signals import Signals
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int32]
+_STARTS = {"rest": lib.PMR_AT_REST, "given": lib.PMR_GIVEN, "equilibrium": lib.PMR_IN_EQUILIBRIUM}
+
+
+class Failure(IntEnum):
+    """Error codes of the kernel's functions."""
+
+    REFUSED = lib.PMR_REFUSED
+    DEPENDENT = lib.PMR_DEPENDENT
+    UNSETTLED = lib.PMR_UNSETTLED
+    UNCONVERGED = lib.PMR_UNCONVERGED
+    NOT_FINITE = lib.PMR_NOT_FINITE
+    NO_MEMORY = lib.PMR_NO_MEMORY
+    LOST = lib.PMR_LOST
+    UPRIGHT = lib.PMR_UPRIGHT
+
+
+class StepError(SimulationError):
+    """A step or a start that failed: why, and the number of the contact that it is about, or -1."""
+
+    def __init__(self, message: str, failure: Failure, contact: int) -> None:
+        super().__init__(message)
+        self.failure, self.contact = failure, contact
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a system is stepped; with several `parts` a step is made in as many as forces of contacts ask for."""
+
+    step: float  # s
+    rho_inf: float = 0.9
+    parts: tuple[int, ...] = (1,)  # ascending
+    contact_omega: float = 0.0  # rad/s, of contacts that only push
+    tolerance: float = 1e-5  # of their forces, over the largest so far
+    energy: bool = True
+
+
+class Record:
+    """Room for what is recorded of T steps, one row each; what is not asked for is None."""
+
+    FIELDS = ("z", "v", "multipliers", "impulses", "peaks", "energy", "friction", "outputs", "drivers")
+
+    def __init__(self, kernel: Kernel, steps: int, names: Sequence[str] = (*FIELDS, "parts")) -> None:
+        sizes = (kernel.modes, kernel.modes, kernel.contacts, kernel.contacts, kernel.contacts, 2, kernel.pads)
+        columns = dict(zip(self.FIELDS, (*sizes, kernel.outputs, kernel.drivers), strict=True))
+        self.arrays = {name: np.zeros((steps, columns[name])) for name in names if name != "parts"}
+        self.parts: Integers = np.zeros(steps if "parts" in names else 0, np.int32)
+        self.steps = steps
+
+    def __getitem__(self, name: str) -> Array:
+        """Recorded array (T, .) of that name."""
+        return self.arrays[name]
+
+    def at(self, first: int) -> Any:
+        """Pointers for the kernel, from a row on."""
+        record = ffi.new("pmr_record *")
+        for name, array in self.arrays.items():
+            if array.size:
+                setattr(record, name, pointer(array[first:]))
+        if self.parts.size:
+            record.parts = integer_pointer(self.parts[first:])
+        return record
+
+
+class State:
+    """One simulation of a system; it belongs to one thread at a time.
+
+    An InputError is raised for settings that are not allowed.
+    """
+
+    def __init__(self, kernel: Kernel, settings: Settings) -> None:
+        self.kernel, self.settings = kernel, settings
+        out, why = ffi.new("pmr_state **"), ffi.new(f"char[{lib.PMR_MESSAGE}]")
+        parts = ffi.new("int32_t[]", settings.parts)
+        chosen = ffi.new(
+            "pmr_settings *",
+            {
+                "step": settings.step,
+                "rho_inf": settings.rho_inf,
+                "contact_omega": settings.contact_omega,
+                "tolerance": settings.tolerance,
+                "levels": len(settings.parts),
+                "energy": int(settings.energy),
+                "parts": parts,
+            },
+        )
+        if lib.pmr_state_open(kernel._system, chosen, out, why):
+            raise InputError("simulation", "settings", None, ffi.string(why).decode())
+        self._state = ffi.gc(out[0], lib.pmr_state_close, lib.pmr_state_memory(out[0]))
+        view = ffi.new("pmr_view *")
+        lib.pmr_state_view(self._state, view)
+        self._view = view
+        r, m = kernel.modes, kernel.contacts
+        self.z, self.v = (self._array(part, r) for part in (view.z, view.v))
+        self.multipliers, self.impulses = (self._array(part, m) for part in (view.multipliers, view.impulses))
+        self.energy, self.friction = self._array(view.energy, 2), self._array(view.friction, kernel.pads)
+        self.drivers = self._array(view.drivers, kernel.drivers)
+        # what a step is led to: filled in place, as finding an array's address takes longer than a step
+        self._u, self._motions = np.zeros(kernel.drivers), np.zeros((3, kernel.motions))
+        self._u_pointer, self._motions_pointer = pointer(self._u), pointer(self._motions)
+
+    def _array(self, pointer: Any, count: int) -> Array:
+        """Numbers of the state, as an array that is read only and follows it."""
+        if not count:
+            return np.zeros(0)
+        array = np.frombuffer(ffi.buffer(pointer, 8 * count), np.float64)
+        array.flags.writeable = False
+        return array
+
+    @property
+    def step_number(self) -> int:
+        """Number of the last step."""
+        return int(self._view.step[0])
+
+    @property
+    def parts(self) -> int:
+        """In how many parts the last step was made."""
+        return int(self._view.parts[0])
+
+    @property
+    def memory(self) -> int:
+        """Bytes that it takes."""
+        return int(lib.pmr_state_memory(self._state))
+
+    def start(
+        self,
+        kind: Literal["rest", "given", "equilibrium"],
+        u: ArrayLike,
+        z: ArrayLike = (),
+        v: ArrayLike = (),
+        rates: ArrayLike | None = None,
+    ) -> None:
+        """Begin at t = 0 under drivers u (N,): at rest, at z and v (modes,), or in equilibrium.
+
+        With `rates` (P,) of the paths in m/s, v is corrected where it violates rigid contacts that move, by the change
+        of least kinetic energy.
+        A SimulationError is raised where nothing holds the bodies, or contacts depend on each other.
+        """
+        drivers = self._check_array("u", u, self.kernel.drivers)
+        is_given = kind == "given"
+        z, v = (
+            self._check_array(n, x, self.kernel.modes) if is_given else np.zeros(1) for n, x in (("z", z), ("v", v))
+        )
+        moving = None if rates is None else self._check_array("rates", rates, self.kernel.paths)
+        pointers = [pointer(array) for array in (drivers, moving, z, v)]
+        self.raise_unless_done(lib.pmr_start_moving(self._state, _STARTS[kind], *pointers), "the start")
+
+    def step(self, u: ArrayLike, rates: ArrayLike | None = None) -> None:
+        """Take one step to drivers u (N,), with their rates (2, N) at its beginning and end where they are known."""
+        self._fill(self._u, "u", u)
+        led = (
+            ffi.NULL if rates is None else pointer(self._check_array("rates", np.ravel(rates), 2 * self.kernel.drivers))
+        )
+        if failed := lib.pmr_step(self._state, self._u_pointer, led):
+            self.raise_unless_done(failed, f"step {self.step_number + 1}")
+
+    def start_in_frame(
+        self,
+        kind: Literal["rest", "given", "equilibrium"],
+        motions: ArrayLike,
+        rows: Integers | None = None,
+        z: ArrayLike = (),
+        v: ArrayLike = (),
+    ) -> None:
+        """Begin at t = 0 with motions (3, n) of the frame, of each of which 1, 2 or all 3 `rows` (n,) count."""
+        is_given, count = kind == "given", self.kernel.motions
+        at = self._check_array("motions", np.ravel(motions), 3 * count)
+        z, v = (
+            self._check_array(n, x, self.kernel.modes) if is_given else np.zeros(1) for n, x in (("z", z), ("v", v))
+        )
+        pointers = pointer(at), _rows(rows, count), pointer(z), pointer(v)
+        self.raise_unless_done(lib.pmr_start_in_frame(self._state, _STARTS[kind], *pointers), "the start")
+
+    def step_in_frame(self, motions: ArrayLike, rows: Integers | None = None) -> None:
+        """Take one step to motions (3, n) of the frame at its end, likewise."""
+        self._fill(self._motions, "motions", motions)
+        counted = ffi.NULL if rows is None else _rows(rows, self.kernel.motions)
+        if failed := lib.pmr_step_in_frame(self._state, self._motions_pointer, counted):
+            self.raise_unless_done(failed, f"step {self.step_number + 1}")
+
+    def advance(
+        self,
+        signals: Signals,
+        steps: int,
+        record: Record,
+        first: int = 0,
+        every: int = 1,
+        parts: Integers | None = None,
+    ) -> None:
+        """Take steps with drivers from signals; each `every`-th one is recorded, from row `first` on.
+
+        A SimulationError is raised where one fails; the state is where it began.
+        """
+        _check_room(record, first, steps // every)
+        taken, schedule = ffi.new("int64_t *"), _schedule(parts, steps)
+        failed = lib.pmr_advance(self._state, signals.pointer, steps, every, schedule, record.at(first), taken)
+        self.raise_unless_done(failed, f"step {self.step_number + 1}")
+
+    def advance_sampled(
+        self, u: Array, per: int, record: Record, first: int = 0, every: int = 1, parts: Integers | None = None
+    ) -> tuple[int, int]:
+        """Take steps with samples u (steps per + 1, N) of the drivers; how many were taken, and `needed`.
+
+        It stops before a step that needs more parts than `per`, and tells how many these are; else 0.
+        """
+        u = np.ascontiguousarray(u, float)
+        steps = (len(u) - 1) // per
+        if u.shape != (steps * per + 1, self.kernel.drivers):
+            allowed = f"(steps {per} + 1, {self.kernel.drivers}) is allowed"
+            raise InputError("state", "u", u.shape, allowed)
+        _check_room(record, first, steps // every)
+        taken, needed, schedule = ffi.new("int64_t *"), ffi.new("int *"), _schedule(parts, steps)
+        failed = lib.pmr_advance_sampled(
+            self._state, pointer(u), per, steps, every, schedule, record.at(first), taken, needed
+        )
+        self.raise_unless_done(failed, f"step {self.step_number + 1}")
+        return int(taken[0]), int(needed[0])
+
+    def outputs(self) -> tuple[Array, Array]:
+        """Outputs (o,) and forces of all contacts (forces,) where it stands."""
+        y, forces = np.zeros(self.kernel.outputs), np.zeros(self.kernel.forces)
+        lib.pmr_outputs(self._state, pointer(y), pointer(forces))
+        return y, forces
+
+    def further(self) -> Array:
+        """Further outputs (further,) where it stands: reactions of rigid supports, in a frame the tip and cylinder."""
+        further = np.zeros(self.kernel.further)
+        lib.pmr_further(self._state, pointer(further))
+        return further
+
+    def evaluate(self, at: ArrayLike, seed: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None) -> dict[str, Array]:
+        """Values in continuous time at drivers (N,), or at motions (3, n) of a frame, the state staying where it is.
+
+        Accelerations (modes,), outputs (o,), further outputs (further,) and forces (forces,) by these names.  With a
+        `seed` of drivers or motions, z and v (modes,): how they change along it.
+        """
+        kernel = self.kernel
+        sizes = {"accelerations": kernel.modes, "outputs": kernel.outputs}
+        values = {
+            n: np.zeros(size) for n, size in (sizes | {"further": kernel.further, "forces": kernel.forces}).items()
+        }
+        out = ffi.new("pmr_values *", {name: pointer(array) for name, array in values.items()})
+        width = 3 * kernel.motions or kernel.drivers
+        drivers = self._check_array("drivers", np.ravel(at), width)
+        if seed is None:
+            failed = lib.pmr_evaluate(self._state, pointer(drivers), 0, out)
+        else:
+            sizes_of_seed = (width, kernel.modes, kernel.modes)
+            along = [self._check_array("seed", np.ravel(x), n) for x, n in zip(seed, sizes_of_seed, strict=True)]
+            failed = lib.pmr_evaluate_along(self._state, pointer(drivers), *map(pointer, along), 0, out)
+        self.raise_unless_done(failed, "an evaluation")
+        return values
+
+    def linearize(self, u: ArrayLike) -> Jacobian:
+        """Differentiate the next step to drivers u (N,), with contacts and pads staying closed, stuck or sliding."""
+        r, N, o, m = self.kernel.modes, self.kernel.drivers, self.kernel.outputs, self.kernel.contacts
+        shapes = {"A": (3 * r, 3 * r), "B": (3 * r, N), "C": (o, 3 * r), "D": (o, N), "L": (m, 3 * r), "K": (m, N)}
+        arrays = {name: np.zeros(shape) for name, shape in shapes.items()}
+        out = ffi.new("pmr_jacobian *", {name: pointer(array) for name, array in arrays.items()})
+        failed = lib.pmr_linearize(self._state, pointer(self._check_array("u", u, N)), out)
+        self.raise_unless_done(failed, f"step {self.step_number + 1}")
+        return Jacobian(**arrays)
+
+    def save(self) -> bytes:
+        """Bytes of the state."""
+        content = ffi.new("char[]", lib.pmr_state_bytes(self._state))
+        lib.pmr_state_save(self._state, content)
+        return bytes(ffi.buffer(content))
+
+    def restore(self, content: bytes) -> None:
+        """Go on from saved bytes; an InputError is raised where they are none of such a state, or are damaged."""
+        why = ffi.new(f"char[{lib.PMR_MESSAGE}]")
+        failed = lib.pmr_state_restore(self._state, content, len(content), why)
+        if failed == lib.PMR_REFUSED:
+            raise InputError("state", "bytes", None, ffi.string(why).decode(errors="replace"))
+        self.raise_unless_done(failed, "a restored state")
+
+    @property
+    def pointer(self) -> Any:
+        """Address of the state, for calls of the kernel's functions."""
+        return self._state
+
+    def _fill(self, room: Array, name: str, values: ArrayLike) -> None:
+        """Fill an array in place; the kernel refuses what is not finite."""
+        array = np.asarray(values, float)
+        if array.shape != room.shape:
+            raise InputError("state", name, array.shape, f"{room.shape} is allowed")
+        room[:] = array
+
+    def _check_array(self, name: str, values: ArrayLike, count: int) -> Array:
+        array = np.ascontiguousarray(values, float)
+        if array.shape != (count,):
+            raise InputError("state", name, array.shape, f"{(count,)} is allowed")
+        if not np.isfinite(array).all():
+            raise InputError("state", name, None, "finite numbers are allowed")
+        return array
+
+    def raise_unless_done(self, failed: int, where: str) -> None:
+        """Raise a StepError for what stopped the kernel, if anything did."""
+        if failed == lib.PMR_DONE:
+            return
+        trouble = lib.pmr_state_trouble(self._state)
+        names = self.kernel.names("contacts")
+        contact = names[trouble] if 0 <= trouble < len(names) else "one of the contacts"
+        reasons = {
+            lib.PMR_REFUSED: "drivers that are not finite, of another system, or parts that the settings have not",
+            lib.PMR_DEPENDENT: f"{contact} depends on those before it, or nothing holds the bodies",
+            lib.PMR_UNSETTLED: "which contacts are closed was not settled in 1000 solves",
+            lib.PMR_UNCONVERGED: "forces of terms or friction do not converge",
+            lib.PMR_NOT_FINITE: "a coordinate is no finite number",
+        }
+        message = f"the kernel failed at {where}: {reasons.get(failed, f'error {failed}')}"
+        raise StepError(message, Failure(failed), trouble)
+
+
+@dataclass(frozen=True)
+class Jacobian:
+    """Derivatives of a step from its prediction x = (z*, v*, a*) (3 modes,) to drivers u (N,) at its end.
+
+    dx_next = A dx + B du, of outputs dy = C dx + D du, and of multipliers L dx + K du.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    L: Array
+    K: Array
+
+
+def _check_room(record: Record, first: int, rows: int) -> None:
+    if first < 0 or first + rows > record.steps:
+        raise InputError("state", "record", record.steps, f"{first + rows} rows or more are needed")
+
+
+def _schedule(parts: Integers | None, steps: int) -> Any:
+    if parts is None:
+        return ffi.NULL
+    if parts.dtype != np.int32 or parts.shape != (steps,) or not parts.flags.c_contiguous:
+        raise InputError("state", "parts", parts.shape, f"{(steps,)} integers of 32 bits are allowed")
+    return integer_pointer(parts)
+
+
+def _rows(rows: Integers | None, count: int) -> Any:
+    """How many rows of each motion count."""
+    if rows is None:
+        return ffi.NULL
+    if rows.dtype != np.int32 or rows.shape != (count,) or not rows.flags.c_contiguous:
+        raise InputError("state", "rows", rows.shape, f"{(count,)} integers of 32 bits are allowed")
+    return integer_pointer(rows)
+
+
+class BoundStep:
+    """Steps of a state with pointers that are found once, for loops in Python; a call returns what stopped it, or 0.
+
+    A step leads to `motions` (3, n) of the frame, of each of which `rows` (n,) count; without a frame to the drivers
+    u (N,) in the first row of `motions` (3, N).  `values` holds what `observe` found: outputs and forces, by their
+    `numbers` among all outputs and, behind these, all forces.
+    """
+
+    def __init__(self, state: State, numbers: Sequence[int]) -> None:
+        kernel, count = state.kernel, len(numbers)
+        self.motions = np.zeros((3, kernel.motions or kernel.drivers))
+        self.rows: Integers = np.ones(self.motions.shape[1], np.int32)
+        self.rates = np.zeros((2, kernel.drivers))  # at both ends of a step
+        self._numbers, self.values = np.array(numbers, np.int32), np.zeros(count)
+        handle, motions = state.pointer, pointer(self.motions)
+        if kernel.motions:
+            self.step = partial(lib.pmr_step_in_frame, handle, motions, integer_pointer(self.rows))
+        else:
+            self.step = partial(lib.pmr_step, handle, motions, ffi.NULL)
+        self.step_by_rates = partial(lib.pmr_step, handle, motions, pointer(self.rates))
+        self.observe = partial(lib.pmr_observe, handle, count, integer_pointer(self._numbers), pointer(self.values))
