@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import springs
 from numpy.typing import NDArray
 
 from pmr.compare import responses as evaluation
@@ -118,7 +119,9 @@ def respond(body: SlidingBody, found: Trajectory, path_rate: Array, loads: Array
 def displacement(body: SlidingBody, q: Array, s: Array, multipliers: Array, loads: Array) -> Array:
     """Outputs O q + W f - X(s) lambda, (T, o)."""
     result = np.asarray((body.outputs @ q.T).T)
-    return result if body.flexibility is None else result + body.flexibility.displacement(s, multipliers, loads)
+    return (
+        result if body.flexibility is None else result + springs.displacement(body.flexibility, s, multipliers, loads)
+    )
 
 
 def energy(body: SlidingBody, found: Trajectory, loads: Array) -> Energy:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import evaluate
+from pmr.constraints.polynomials import apply_table, evaluate
+from pmr.reduced.carriers import Flexibility
 from pmr.system import contact_rows
 from pmr.system.body import SlidingBody
 
@@ -43,3 +44,8 @@ class CompliantRows:
         """F^-1 (C q + H f), (T, m') in N, along a trajectory: s (T,) m, q (T, n), loads (T, i)."""
         motion = self._body.apply_rows(s, q)[:, self.numbers] + np.einsum("tmi,ti->tm", self.inputs(s), loads)
         return np.asarray(np.linalg.solve(self.flexibility(s), motion[:, :, None])[:, :, 0])
+
+
+def displacement(flexibility: Flexibility, s: Array, multipliers: Array, loads: Array) -> Array:
+    """W f - X(s) lambda, (T, o) in m: what the residual part adds to the outputs."""
+    return np.asarray(loads @ flexibility.direct.T - apply_table(flexibility.outputs, s, multipliers))

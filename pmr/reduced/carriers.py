@@ -60,10 +60,6 @@ class Flexibility:
         """H(s) f - G(s) lambda, (T, m) in m: what the residual part adds at the rows, along a trajectory."""
         return apply_table(self._at_rows, s, np.hstack([loads, -multipliers]))
 
-    def displacement(self, s: Array, multipliers: Array, loads: Array) -> Array:
-        """W f - X(s) lambda, (T, o) in m: what the residual part adds to the outputs."""
-        return np.asarray(loads @ self.direct.T - apply_table(self.outputs, s, multipliers))
-
     def input_motion(self, s: Array, multipliers: Array, loads: Array) -> Array:
         """B^T R g, (T, i) in m: what the residual part adds to the motion of the loads' points."""
         return np.asarray(loads @ self.energy - apply_table(self._of_rows, s, multipliers))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal, TypeVar
@@ -83,12 +83,13 @@ class Excitation:
     @cached_property
     def s(self) -> Array:
         """Path coordinates (T, P) in m at the steps, one column a path in the order of `paths`."""
-        return self._columns([path.value(self.times) for path in self.paths.values()])
+        return self._columns(self.paths.values())
 
     @cached_property
     def rates(self) -> Array:
         """S' (T, P) in m/s; at a kink that of what begins there."""
-        return self._columns([path.rate(self.times) for path in self.paths.values()])
+        rates = [path.rate(self.times) for path in self.paths.values()]
+        return np.column_stack([np.empty((len(self.times), 0)), *rates])
 
     @cached_property
     def path_rate(self) -> Array:
@@ -105,23 +106,22 @@ class Excitation:
     @cached_property
     def f(self) -> Array:
         """Loads (T, i) in N at the steps, one column a load in the order of `loads`."""
-        return self._columns([load.value(self.times) for load in self.loads.values()])
+        return self._columns(self.loads.values())
 
-    def forces(self, names: Sequence[str]) -> Array:
-        """Loads (T, i) in N at the steps, one column an input, by a body's `names`; errors as for `in_order`."""
-        chosen = in_order(self.loads, names)
-        return (
-            self.f if tuple(names) == tuple(self.loads) else self._columns([load.value(self.times) for load in chosen])
-        )
+    def forces(self, names: Sequence[str], t: Array | None = None) -> Array:
+        """Loads (T, i) in N at the steps or at other times t (T,) s, one column an input, by a body's `names`.
+
+        Errors as for `in_order`.
+        """
+        signals = in_order(self.loads, names)
+        return self.f if t is None and tuple(names) == tuple(self.loads) else self._columns(signals, t)
 
     def amplitudes(self, names: Sequence[str], t: Array | None = None) -> Array:
         """Amplitudes c (T, k) of terms at the steps or at other times t (T,) s, one column a term, by their `names`.
 
         An InputError is raised where a term has no signal, or a signal no term.
         """
-        at = self.times if t is None else t
-        values = [term.value(at) for term in in_order(self.terms, names, "term")]
-        return np.column_stack([np.empty((len(at), 0)), *values])
+        return self._columns(in_order(self.terms, names, "term"), t)
 
     @property
     def signals(self) -> list[tuple[str, SignalBase]]:
@@ -140,8 +140,10 @@ class Excitation:
         terms = {name: term.on_steps(stepping.step) for name, term in self.terms.items()}
         return replace(self, loads=loads, terms=terms, stepping=stepping)
 
-    def _columns(self, values: Sequence[Array]) -> Array:
-        return np.column_stack([np.empty((self.stepping.steps + 1, 0)), *values])
+    def _columns(self, signals: Iterable[SignalBase], t: Array | None = None) -> Array:
+        """Values (T, k) of signals at the steps, or at other times t (T,) s."""
+        at = self.times if t is None else t
+        return np.column_stack([np.empty((len(at), 0)), *(signal.value(at) for signal in signals)])
 
 
 def in_order(

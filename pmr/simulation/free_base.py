@@ -212,7 +212,7 @@ class Answering:
     def __init__(self, boom: FreeBase, assembly: Assembly, along: ChangingRows, gives: NDArray[np.bool_]) -> None:
         self._boom, self._along, self._gives = boom, along, gives
         self._B, self._E = assembly.B.toarray(), assembly.energy
-        self._known, self._moments = dict[bytes, Answers](), (b"", boom.boom.moments)
+        self._stored, self._moments = dict[bytes, Answers](), (b"", boom.boom.moments)
 
     def moments(self, at: Extended) -> Moments:
         """Moments of the sections, with the response to inertia of contacts that give way."""
@@ -232,7 +232,7 @@ class Answering:
     def at(self, s: Array) -> Answers:
         """Response to inputs with the paths at s (P,) m."""
         key = s.tobytes()
-        if key not in self._known:
+        if key not in self._stored:
             B, E = self._B, self._E
             B_slope, E_slope = np.zeros((len(s), *B.shape)), np.zeros((len(s), *E.shape))
             if self._gives.any():
@@ -242,8 +242,8 @@ class Answering:
                 turned = slopes.H - slopes.F @ answer
                 B, B_slope = B - rows.C.T @ answer, -slopes.C.transpose(0, 2, 1) @ answer - bent.T @ turned
                 E, E_slope = E - rows.H.T @ answer, -answer.T @ turned - slopes.H.transpose(0, 2, 1) @ answer
-            self._known = dict(list(self._known.items())[-4:]) | {key: Answers(B, E, B_slope, E_slope)}
-        return self._known[key]
+            self._stored = dict(list(self._stored.items())[-4:]) | {key: Answers(B, E, B_slope, E_slope)}
+        return self._stored[key]
 
 
 def _answers(rows: ContactRows) -> tuple[Array, Array]:

@@ -12,9 +12,10 @@ from pmr.system.body import Body
 from pmr.system.contacts import Contact, Friction, joints_of
 from pmr.system.definite import dependence_of_rows
 from pmr.system.system import Joined
-from pmr.system.terms import first_few
 
 Array = NDArray[np.float64]
+#: Names in a message at most; of the others it has their number.
+MOST_NAMES = 3
 
 
 def describe_dependence(C: Array, names: Sequence[str]) -> str:
@@ -33,7 +34,9 @@ def describe_unsettled(names: Sequence[str], pushes: NDArray[np.bool_]) -> str:
 
 def describe_divergence(term_names: Sequence[str], contacts: Sequence[Contact], iterations: int) -> str:
     """Forces of terms and friction that do not converge in so many iterations of a step."""
-    names = first_few([*term_names, *(f"friction of {joint}" for joint in joints_of(contacts))])
+    causes = [*term_names, *(f"friction of {joint}" for joint in joints_of(contacts))]
+    further = len(causes) - MOST_NAMES
+    names = ", ".join(causes[:MOST_NAMES]) + (f" and {further} more" if further > 0 else "")
     return (
         f"the forces of {names} do not converge in {iterations} iterations of a step; shorter steps help where terms "
         "change the stiffness of a step by some hundred times, or pads stick and slide, close and open again and again"

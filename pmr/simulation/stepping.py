@@ -191,26 +191,26 @@ class Recorder:
 
     def __init__(self, steps: Indices) -> None:
         self._steps = steps
-        self._found: SystemTrajectory | None = None
+        self._recorded: SystemTrajectory | None = None
 
     def __call__(self, block: Block) -> None:
         low, high = np.searchsorted(self._steps, [block.first, block.first + block.count])
-        if self._found is not None and low == high:
+        if self._recorded is not None and low == high:
             return
         # Numbers in a row are taken as they stand, in a fifth of the time.
         some = block.at(slice(None) if high - low == block.count else self._steps[low:high] - block.first)
         if high - low == len(self._steps):
-            self._found = some.map_arrays(_own)
+            self._recorded = some.map_arrays(_own)
             return
-        if self._found is None:
-            self._found = some.map_arrays(lambda array: np.empty((len(self._steps), *array.shape[1:]), array.dtype))
-        for stored, array in zip(self._found.arrays, some.arrays, strict=True):
+        if self._recorded is None:
+            self._recorded = some.map_arrays(lambda array: np.empty((len(self._steps), *array.shape[1:]), array.dtype))
+        for stored, array in zip(self._recorded.arrays, some.arrays, strict=True):
             stored[low:high] = array
 
     def trajectory(self, ended: Ended) -> SystemTrajectory:
         """The recorded steps."""
-        assert self._found is not None  # as every simulation has a block
-        return replace(self._found, seconds=ended.seconds, surplus=ended.surplus)
+        assert self._recorded is not None  # as every simulation has a block
+        return replace(self._recorded, seconds=ended.seconds, surplus=ended.surplus)
 
 
 def _own(array: NDArray[Any]) -> NDArray[Any]:

@@ -45,7 +45,7 @@ class ChangingRows:
         self._bodies = [_Body(assembly, name, names) for name in system.bodies if system.sides_of(name)]
         self._system, self._names, everywhere = system, names, (-np.inf, np.inf)
         self._ends = np.array([system.ranges.get(name, everywhere) for name in names]).T
-        self._key, self._known = b"", self._at(np.clip(np.zeros(len(names)), *self._ends))
+        self._key, self._changing = b"", self._at(np.clip(np.zeros(len(names)), *self._ends))
 
     def at(self, s: Array) -> Changing:
         """Rows where the paths are at s (P,) m; the last ones are stored, as several callers need them in turn.
@@ -55,8 +55,8 @@ class ChangingRows:
         if (key := s.tobytes()) != self._key:
             if np.any((s < self._ends[0]) | (s > self._ends[1])):
                 self._system.coordinates(dict(zip(self._names, s, strict=True)))
-            self._key, self._known = key, self._at(s)
-        return self._known
+            self._key, self._changing = key, self._at(s)
+        return self._changing
 
     def _at(self, s: Array) -> Changing:
         compliance, n, i, P = self._system.compliance, self._size, self._inputs, len(self._names)

@@ -152,6 +152,10 @@ class JointPad:
     stribeck_speed: float = STRIBECK_SPEED
 
 
+#: Properties that a contact has of its pad.
+OF_PAD = ("direction", "compliance", "clearance", "friction", "arm", "shear_stiffness")
+
+
 @dataclass(frozen=True)
 class Joint:
     r"""Pads between two neighbouring sections of a telescope.
@@ -192,16 +196,7 @@ class Joint:
             (pad, Place(self.inner, pad.row, x, self.path, -1.0), Place(self.outer, pad.row, x)) for pad, x in places
         ]
         return tuple(
-            Contact(
-                pad.name,
-                inner,
-                outer,
-                pad.direction,
-                pad.compliance,
-                pad.clearance,
-                arm=pad.arm,
-                **{name: getattr(pad, name) for name in FRICTION},
-            )
+            Contact(pad.name, inner, outer, **{key: getattr(pad, key) for key in OF_PAD})
             for pad, inner, outer in (*at_tail, *at_mouth)
         )
 

@@ -114,12 +114,6 @@ def term_refusal(term: str, key: str, value: object, allowed: str) -> InputError
     return InputError("system", f"terms.{term}.{key}", value, allowed)
 
 
-def first_few(names: Sequence[str], most: int = 3) -> str:
-    """Names for a message: the first of them, and how many more there are."""
-    further = len(names) - most
-    return ", ".join(names[:most]) + (f" and {further} more" if further > 0 else "")
-
-
 def terms_of(
     scene: Scene, bodies: Mapping[str, SlidingBody], which: Iterable[FrameTerm] | None = None
 ) -> tuple[Term, ...]:

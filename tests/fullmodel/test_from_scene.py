@@ -11,7 +11,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from booms import Boom, boom
 from boxes import box
-from springs import CompliantRows
+from springs import CompliantRows, displacement
 
 from pmr import scene as scenes
 from pmr.compare.errors import nrms
@@ -65,7 +65,7 @@ def at_rest(body: ReducedModel, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     q = np.linalg.solve(system[..., : body.size], (system[..., body.size :] @ LOADS)[..., None])[..., 0]
     multipliers = rows.multipliers(s, q, f)
     assert body.flexibility is not None
-    return q @ body.outputs.T + body.flexibility.displacement(s, multipliers, f), multipliers
+    return q @ body.outputs.T + displacement(body.flexibility, s, multipliers, f), multipliers
 
 
 @pytest.fixture(scope="module", params=[shell, beam])

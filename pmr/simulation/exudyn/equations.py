@@ -162,16 +162,16 @@ class Paths:
         self.reference = np.array([value for node in self.nodes for value in mbs.GetNode(node)["referenceCoordinates"]])
         for name, path in self.free.items():
             self.along[self.names.index(name), first[path.node] + path.number] = 1.0
-        self._known = np.zeros((3, len(self.names)))
+        self._signals_now = np.zeros((3, len(self.names)))
 
     def at(self, t: float, z: Array, z_t: Array) -> Extended:
         """At t s with the nodes' coordinates and rates (m,); second rates are those of signals and functions."""
         if t != self._t:
-            self._t, self._known = t, np.zeros_like(self._known)
+            self._t, self._signals_now = t, np.zeros_like(self._signals_now)
             for number, name in enumerate(self.names):
                 if name in self._given:
-                    self._known[:, number] = self._given[name].at(t)
-        s, v, a = self._known
+                    self._signals_now[:, number] = self._given[name].at(t)
+        s, v, a = self._signals_now
         return Extended(s + self.along @ (z + self.reference), v + self.along @ z_t, a)
 
 
@@ -333,13 +333,13 @@ class TabulatedInputs(Inputs):
         at = (np.cumsum(changes) - 1).tolist()
         loads, terms = map(tuple, self.f.tolist()), map(tuple, self.c.tolist())
         self._places, self._step = self.x[changes], stepping.step
-        self._known = dict(zip(numbers.tolist(), zip(at, loads, terms, strict=True), strict=True))
+        self._states = dict(zip(numbers.tolist(), zip(at, loads, terms, strict=True), strict=True))
 
     def begin(self, t: float) -> None:
         """All is known."""
 
     def state(self, t: float) -> State:
-        return self._known[round(t / self._step)]
+        return self._states[round(t / self._step)]
 
     def places(self, first: int, count: int) -> Array:
         return self._places[first : first + count]

@@ -66,15 +66,17 @@ from pmr.system.system import System
 
 def add_extended(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
     """Nodes and items of the bodies alone, each by itself: what joins them is the base's to add."""
-    steps, known = Steps(held=bool(Contacts(equations, inputs).rigid.any())), inputs.loads(0.0)
+    steps, loads_set = Steps(held=bool(Contacts(equations, inputs).rigid.any())), inputs.loads(0.0)
     jacobian = nothing_beyond_matrices(equations, steps)
-    items = add_bodies(mbs, equations, start, forceVector=equations.B @ np.array(known), jacobianUserFunction=jacobian)
+    items = add_bodies(
+        mbs, equations, start, forceVector=equations.B @ np.array(loads_set), jacobianUserFunction=jacobian
+    )
 
     def update(mbs: Any, t: float) -> bool:
-        nonlocal known
+        nonlocal loads_set
         inputs.begin(t)
-        if (loads := inputs.loads(t)) != known:
-            known = loads
+        if (loads := inputs.loads(t)) != loads_set:
+            loads_set = loads
             mbs.SetObjectParameter(items.oSystem, "forceVector", equations.B @ np.array(loads))
         return True
 
@@ -311,15 +313,15 @@ def with_base(mbs: Any, items: SystemItems, base: Base, inputs: Inputs) -> Syste
     """Add the object that couples the items of a boom with the body that carries it."""
     nodes = [base.node, *items.nBodies.values(), *base.paths.nodes]
     count = sum(len(mbs.GetNode(node)["referenceCoordinates"]) for node in nodes)
-    key, found = None, (np.empty(0),) * 3
+    evaluated_at, evaluated = None, (np.empty(0),) * 3
 
     def evaluate(t: float, q: Any, q_t: Any) -> tuple[Array, Array, Array]:
-        nonlocal key, found
+        nonlocal evaluated_at, evaluated
         x, rate = np.array(q), np.array(q_t)
         arguments = (t, x.tobytes(), rate.tobytes())
-        if arguments != key:  # mass and forces are asked for one after the other
-            key, found = arguments, base.at(t, x, rate, np.array(inputs.loads(t)))
-        return found
+        if arguments != evaluated_at:  # mass and forces are asked for one after the other
+            evaluated_at, evaluated = arguments, base.at(t, x, rate, np.array(inputs.loads(t)))
+        return evaluated
 
     name = items.called(mbs, "Base")
     oBase = mbs.AddObject(

@@ -71,7 +71,7 @@ class SystemItems:
     contacts: tuple[int, ...] = ()  # numbers of the system's contacts that oContacts holds, in its order
     # sets rows and loads to the time t in s; the mbs' pre-step function calls it
     update: PreStep = _do_nothing
-    equations: Any = None  # what `add_sensors` needs
+    equations: Any = None  # `Equations` and `Inputs`, which `add_sensors` needs
     inputs: Any = None
     base: Any = None  # what `add_hook` needs
     rubbing: Any = None  # `pmr.simulation.exudyn.contacts.Pads`; None where no pad rubs

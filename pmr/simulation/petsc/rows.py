@@ -35,11 +35,11 @@ class BlockFactor:
     """Factors of a matrix of each body; bodies that are the same model share theirs.  Collective."""
 
     def __init__(self, system: FullSystem, factorised: Callable[[FullModel], AnyFactor]) -> None:
-        self._local, self._found = system.local, dict[int, AnyFactor]()
+        self._local, self._factors = system.local, dict[int, AnyFactor]()
         for model in system.models:
-            if id(model) not in self._found:
-                self._found[id(model)] = factorised(model)
-        self.of_bodies = [self._found[id(model)] for model in system.models]
+            if id(model) not in self._factors:
+                self._factors[id(model)] = factorised(model)
+        self.of_bodies = [self._factors[id(model)] for model in system.models]
         self._vectors = [model.M.createVecs() for model in system.models]
 
     def solve(self, right: Array) -> Array:
@@ -58,7 +58,7 @@ class BlockFactor:
 
     def destroy(self) -> None:
         """Give the factors' memory back."""
-        for factor in self._found.values():
+        for factor in self._factors.values():
             factor.destroy()
 
 

@@ -91,9 +91,11 @@ class States:
     @classmethod
     def of(cls, states: Sequence[State]) -> States:
         """One after the other."""
-        load, stands = np.array([one.load for one in states]), np.array([one.stands for one in states], dtype=bool)
-        outputs, forces = np.array([one.outputs for one in states]), np.array([one.forces for one in states])
-        return cls(load, outputs, forces, stands, tuple(one.form for one in states))
+        load, outputs, forces = (
+            np.array([getattr(state, of) for state in states]) for of in ("load", "outputs", "forces")
+        )
+        stands = np.array([state.stands for state in states], dtype=bool)
+        return cls(load, outputs, forces, stands, tuple(state.form for state in states))
 
     @classmethod
     def beside(cls, state: State, outputs: Array, forces: Array) -> States:

@@ -24,7 +24,7 @@ from pmr.scene.mechanism import drive_rows, rope_shares
 from pmr.scene.members import members
 from pmr.scene.signals import Constant
 from pmr.simulation.at_rest import accelerate_angle, level_or_inclined, rest_rows, rest_scene
-from pmr.simulation.excitation import Excitation, in_order
+from pmr.simulation.excitation import Excitation
 from pmr.simulation.frame_motion import Turning
 from pmr.simulation.statics.loaded import Equations
 from pmr.system.assembly import Assembly
@@ -254,8 +254,7 @@ def unit_loads(scene: Scene, system: System, at: Stands) -> tuple[tuple[str, ...
         loads = {name: unit[name] if name == one_of else 0.0 for name in names}
         still = rest_scene(scene, at.extensions, at.luffing, at.slewing, loads)
         driven = Excitation.of(still)
-        signals = in_order(driven.loads, system.input_names)
-        f.append(np.column_stack([np.empty((at.count, 0)), *(signal.value(numbers) for signal in signals)]))
+        f.append(driven.forces(system.input_names, numbers))
         c.append(driven.amplitudes(system.term_names, numbers))
     weight = [np.zeros_like(f[0]), *[f[0]] * len(names)], [np.zeros_like(c[0]), *[c[0]] * len(names)]
     found_f, found_c = (np.array(signal) - np.array(zero) for signal, zero in zip((f, c), weight, strict=True))
@@ -268,11 +267,9 @@ def _load_names(scene: Scene) -> list[str]:
 
 def acceleration_loads(scene: Scene, system: System, at: Stands, angle: str) -> Array:
     """Loads (P, i) of a unit of the acceleration of an angle, in N s^2, on a scene that `with_hook` made."""
-    names = [load.name for part in scene.sections for load in part.loads]
-    still, f = rest_scene(scene, at.extensions, at.luffing, at.slewing, dict.fromkeys(names, 0.0)), list[Array]()
-    for scene_of_rate in (still, accelerate_angle(still, angle)):
-        signals = in_order(Excitation.of(scene_of_rate).loads, system.input_names)
-        f.append(np.column_stack([one_.value(np.arange(at.count, dtype=float)) for one_ in signals]))
+    still = rest_scene(scene, at.extensions, at.luffing, at.slewing, dict.fromkeys(_load_names(scene), 0.0))
+    numbers = np.arange(at.count, dtype=float)
+    f = [Excitation.of(each).forces(system.input_names, numbers) for each in (still, accelerate_angle(still, angle))]
     return np.asarray(f[1] - f[0])
 
 

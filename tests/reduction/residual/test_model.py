@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 import scipy.linalg
-from springs import CompliantRows
+from springs import CompliantRows, displacement
 from textbook import static_tip_deflection
 
 from pmr.constraints.rows import Rows
@@ -41,7 +41,7 @@ def tip(model: ReducedModel, s: float, load: float = -50.0) -> float:
     p = np.linalg.solve(system[:, : model.size], system[:, model.size :] @ [load])
     force = compliant.multipliers(at, p[None], np.array([[load]]))
     assert model.flexibility
-    return float(model.outputs[-1] @ p + model.flexibility.displacement(at, force, np.array([[load]]))[0, -1])
+    return float(model.outputs[-1] @ p + displacement(model.flexibility, at, force, np.array([[load]]))[0, -1])
 
 
 def frequencies(model: ReducedModel, s: float) -> np.ndarray:
