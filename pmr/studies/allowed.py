@@ -59,9 +59,9 @@ def _used_shares(share: Share, states: States) -> list[float]:
 
 
 def first_load(top: float, *, grows: bool = False, near: float = np.nan, at_once: bool = True) -> Search:
-    """The smallest load in (0, top] at which all of a limit is used, by a bracketed root; 0 where it is without a load.
+    """Search for the smallest load in (0, top] at which all of a limit is used; it returns 0 where no load is needed.
 
-    None where it is not.  Where what is used `grows` with the load, only its ends are looked at, else some loads
+    It returns None where `top` does not use all of it.  Where what is used `grows` with the load, only its ends are looked at, else some loads
     between, `at_once` or one after the other; where it is known to be `near` a load, loads beside that.
     """
     if 0.0 < near < top:
@@ -194,7 +194,7 @@ def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, near: Arr
 
 
 def _standing_loads(loaded: Loaded, loads: Array) -> Array:
-    """The loads in kg under a little less of which it stands, NaN for the others, where it has fallen over before."""
+    """Return loads (l,) in kg; NaN in place of those under which, less a little, the boom does not stand."""
     return np.where(loaded.states((loads * (1.0 - BELOW)).tolist()).stands, loads, np.nan)
 
 
@@ -238,7 +238,7 @@ def bent_further(limits: Sequence[Limit], place: Place, loads: Array, reach: flo
 
 
 def _stable(loaded: Loaded, up_to: float) -> float:
-    """The load in kg that nothing carries any more; NaN above `up_to`."""
+    """Load in kg from which on the boom has no stable equilibrium; NaN where that is above `up_to`."""
     if loaded.both_ways:
         critical = loaded.state(0.0).form.critical
         return critical if critical <= up_to else np.nan
@@ -249,5 +249,5 @@ def _stable(loaded: Loaded, up_to: float) -> float:
 
 
 def _buckling_share(states: States) -> Array:
-    """Share of the load that buckles it."""
+    """Loads of states as shares of the load that buckles the boom (p,)."""
     return states.load / np.array([form.critical for form in states.forms])

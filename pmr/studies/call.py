@@ -52,7 +52,7 @@ Watch = Callable[[Progress], None]
 
 @dataclass(frozen=True)
 class Outcome:
-    """Results of a call, and all that is there of its study.
+    """Results of a call of ``pmr study``.
 
     `results` are those of each part, by name; `computed` is the number of tasks that this call computed itself.
     """
@@ -158,7 +158,7 @@ def save(project: Project, outcome: Outcome, folder: Path) -> list[Path]:
 
 
 def _rename_runs(name: str, results: StudyResults) -> list[RunRecord]:
-    """Runs as seen from the folder above."""
+    """Runs of a part, with keys and files as they are called in the folder of the collection."""
     return [
         replace(run, key=f"{name}/{run.key}", file=run.file and os.path.normpath(os.path.join(name, run.file)))
         for run in results.runs
@@ -173,7 +173,7 @@ def _of_study(study: StudyBase, results: StudyResults) -> dict[str, Any]:
         "asked": keys,
         "figures": dict(study.figures(results)) if results.is_complete else {},
         "source": study.source,
-        "published": [statement.model_dump() for statement in study.statements()],
+        "published": [statement.model_dump() for statement in study.published],
         "remarks": list(study.remarks),
         "hints": study.hints(),
     }

@@ -33,12 +33,12 @@ class Wind(Section):
 
     @property
     def pressure(self) -> float:
-        """Q in Pa."""
+        """Dynamic pressure q in Pa."""
         return self.density * self.speed**2 / 2.0
 
     @property
     def forces(self) -> dict[str, float]:
-        """In N, by the scene's loads."""
+        """Forces of the wind in N, by the names of the scene's loads."""
         by_load = dict[str, float]()
         for exposed in self.on:
             by_load[exposed.load] = by_load.get(exposed.load, 0.0) + self.pressure * exposed.area * exposed.shape
@@ -76,7 +76,7 @@ class LoadCase(Section):
 
     @property
     def in_service(self) -> bool:
-        """Whether a load hangs."""
+        """Whether a load hangs at the tip in this case."""
         return self.load > 0.0
 
     def check_loads(self, key: str, load_names: set[str], classes: Mapping[str, tuple[float, float]]) -> None:

@@ -90,7 +90,7 @@ def postures(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def on_finer_mesh(scene: Scene) -> System | None:
-    """Reduced in the same way on elements half as long, of beams, whose reduction takes little time; else none."""
+    """Reduced system of beams on elements half as long; None for other bodies, whose reduction takes long."""
     from pmr.compare.accuracy.mesh import finer_beams, has_rigid_beams, once
 
     if not has_rigid_beams(scene) or any(part.mesh.file is not None for part in scene.sections):

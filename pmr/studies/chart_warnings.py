@@ -38,7 +38,7 @@ class AtRest:
 
     @property
     def state(self) -> State:
-        """Outputs and forces there."""
+        """Outputs and forces of the boom at this place under this load."""
         return self.place.loaded.state(self.load)
 
 
@@ -49,7 +49,7 @@ class RestingResponse(Response):
     words: tuple[str, ...] = ()
 
     def when(self, t: float, s: float | None = None) -> str:
-        """The place in words."""
+        """Say at which place of the boom a time stands for."""
         return self.words[int(t)]
 
 
@@ -125,7 +125,7 @@ def _response(rests: Sequence[AtRest]) -> RestingResponse:
 
 
 def _off(rests: Sequence[AtRest], other: Sequence[AtRest], share: float) -> dict[str, Any]:
-    """By kind, the share of what own figures are apart from those of another model, as fractions of the latter."""
+    """Error of each kind of figure at rest by those of another model, of whose difference it is a share; fractions."""
     pairs = [(at_rest.state, counterpart.state) for at_rest, counterpart in zip(rests, other, strict=True)]
     pairs = [(mine, theirs) for mine, theirs in pairs if theirs.stands]
     differences = dict[str, float]()

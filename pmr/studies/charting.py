@@ -45,7 +45,7 @@ class Chart:
     gravity: float  # m/s^2
 
     def places(self, at: Postures, k: int) -> list[Place]:
-        """The k-th place in all load cases."""
+        """Return the k-th place of a model, in each load case."""
         return [Place(at, k, amounts, self.gravity) for amounts in self.amounts]
 
     def loads(self, places: Sequence[Place], near: Array | None = None, more: Sequence[Limit] = ()) -> Array:
@@ -64,7 +64,7 @@ class Chart:
         return is_passed
 
     def least_loads(self, loads: Array) -> Array:
-        """The least of all cases (l,), the largest that is looked for where no limit is reached."""
+        """Least of the loads (c, l) in kg of all cases, (l,); the largest load that is looked for in place of NaN."""
         return np.asarray(np.nan_to_num(_least(loads)[1], nan=self.up_to))
 
     def of_reduction(self, models: Models, k: int, loads: Array) -> Array:

@@ -61,7 +61,7 @@ class Stopping:
         share, rate = place.share(limit), self.speed / self.within
 
         def most(outputs: Array, forces: Array) -> float:
-            """In both directions."""
+            """Return the largest share of the limit when the boom stops in either direction."""
             of, by = (state.outputs, state.forces), (rate * outputs, rate * forces)
             extremes = [np.vstack([values + more, values - more]) for values, more in zip(of, by, strict=True)]
             return float(share(States.beside(state, *extremes)).max())
@@ -122,12 +122,12 @@ def details(
 
 
 def _probes(at: Postures) -> dict[str, dict[str, int]]:
-    """Probes of the scene itself."""
+    """Components of stress by the probes that the scene itself has."""
     return {probe: components for probe, components in at.columns.stresses().items() if FIELD not in probe}
 
 
 def _row(limits: Sequence[Limit], place: Place, load: float, bent: Bent) -> dict[str, Array]:
-    """Just below the load, where the limit of stability would leave nothing standing."""
+    """Arrays of `details` at a place, just below the load: at the limit of stability nothing stands."""
     at, load = place.at, load * (1.0 - BELOW)
     state = place.loaded.state(load)
     shape = Place(bent.measured(at), place.k, place.amounts, place.gravity).loaded.state(load)

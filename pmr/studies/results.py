@@ -105,7 +105,7 @@ class Store:
 
 
 def _check_record(record: Mapping[str, Scalar]) -> dict[str, Scalar]:
-    """Plain Python scalars, all finite."""
+    """Return a record as plain Python scalars, all of which are finite."""
     plain: dict[str, Scalar] = {}
     for name, value in record.items():
         value = value.item() if isinstance(value, np.generic) else value
@@ -168,7 +168,7 @@ class StudyResults:
     def collect(
         cls, folder: Path, plan: Plan, code: str, store: Store, failures: Mapping[str, Failure]
     ) -> StudyResults:
-        """Records of a plan's runs, from the store and from what failed."""
+        """Collect the records of a plan's runs from the store and, by digest, from the failures."""
         digest = digests(plan, code)
         runs = []
         for task in plan.runs:
@@ -246,7 +246,7 @@ class StudyResults:
 
 
 def _names(rows: Iterable[Mapping[str, Scalar]]) -> list[str]:
-    """All columns, in the order in which they come up, warnings last."""
+    """Names of the columns of rows, in the order in which they come up, warnings last."""
     names = dict.fromkeys(name for row in rows for name in row)
     return sorted(names, key=lambda name: name == "warnings")
 

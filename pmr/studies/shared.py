@@ -106,7 +106,7 @@ def with_reduction(scene: Scene, reduction: Reduction) -> Scene:
 
 
 def modes_tasks(scene: Scene) -> dict[str, Task]:
-    """``modes0``, ``modes1``, ...: the scene's eigenmodes at each of its slider positions; free modes are one task."""
+    """Tasks ``modes0``, ``modes1``, ... for eigenmodes at each of the scene's slider positions, one for free modes."""
     choice = scene.reduction
     if choice.given:
         return {}
@@ -136,7 +136,7 @@ def modes_tasks(scene: Scene) -> dict[str, Task]:
 
 
 def reference_task(scene: Scene, name: str) -> Task:
-    """``"full"`` or ``"ancf"``: the response that a reduced model is compared with."""
+    """Task that simulates what a reduced model is compared with: ``"full"`` or ``"ancf"``."""
     is_ancf = name == "ancf"
     alone = scene.model_copy(
         update={
@@ -149,7 +149,7 @@ def reference_task(scene: Scene, name: str) -> Task:
 
 
 def frequencies_task(scene: Scene) -> Task:
-    """The full model's lowest frequencies over the path."""
+    """Task that computes the full model's lowest frequencies over the path."""
     return _task(frequencies, "frequencies", "frequencies", _without_loads(scene))
 
 

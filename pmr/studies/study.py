@@ -72,7 +72,3 @@ class StudyBase(Section):
     def summary_line(self, results: StudyResults) -> str:
         """The main result in one line for the terminal, once all runs are there; empty without one."""
         return ""
-
-    def statements(self) -> tuple[Statement, ...]:
-        """Published statements on the study's figures."""
-        return self.published

@@ -43,7 +43,7 @@ def number(value: Scalar) -> float:
 
 @dataclass(frozen=True)
 class TaskResult:
-    """Result of a task.
+    """Figures, arrays, times and warnings that a task returns.
 
     The figures of its `record`, one column of the table each, are the same on every machine that computes alike; so
     measured times, which differ from run to run, stand apart in `seconds`.  `warnings` are those of a run of the same
@@ -141,7 +141,7 @@ class Plan:
                 raise ValueError(f"task {task.key} needs {', '.join(sorted(missing))}, which the plan lacks")
 
     def __iter__(self) -> Iterator[Task]:
-        """Everything, what is shared first."""
+        """Iterate over all tasks, those that runs share first."""
         return iter((*self.shared, *self.runs))
 
 
@@ -222,7 +222,7 @@ class Ready:
 
 
 def _in_order(needs: Mapping[str, Iterable[str]]) -> list[str]:
-    """Keys such that each stands behind all it needs."""
+    """Return keys in an order in which each stands behind all that it needs; raises ValueError for a circle."""
     try:
         return list(TopologicalSorter(needs).static_order())
     except CycleError as error:

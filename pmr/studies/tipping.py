@@ -116,7 +116,7 @@ def _edges(polygon: tuple[tuple[float, float], ...], height: float) -> Array:
 
 
 def _cross_matrix(force: Array) -> Array:
-    """The matrix of u x F."""
+    """Matrix (3, 3) that makes u x F of u."""
     x, y, z = force.tolist()
     return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
 
@@ -138,6 +138,6 @@ def _at_pivot(at: Postures) -> Array:
 
 @lru_cache(64)
 def _tip(names: tuple[str, ...], kinds: tuple[str, ...]) -> Array:
-    """How outputs displace the tip along the boom's axes (3, o)."""
+    """Rows (3, o) that make of outputs the displacement of the tip along the boom's axes."""
     tips = [name if kind == "tip" else "" for name, kind in zip(names, kinds, strict=True)]
     return np.array([[name.endswith(axis) for name in tips] for axis in "xyz"], dtype=float)

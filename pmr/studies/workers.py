@@ -141,7 +141,7 @@ class Pool:
 
 @contextmanager
 def local_pool(jobs: int) -> Iterator[Pool]:
-    """Workers on this machine, each looked after by a thread, started as they are needed and gone in the end."""
+    """Pool of workers on this machine, each in a thread; their child processes end with the block."""
     thread, workers = threading.local(), [Worker(sys.path) for _ in range(jobs)]
     unused = iter(workers)
 
@@ -159,7 +159,7 @@ def local_pool(jobs: int) -> Iterator[Pool]:
 
 @contextmanager
 def rank_pool() -> Iterator[Pool | None]:
-    """On rank 0 a pool of the other ranks; there this yields None, once they are no longer needed."""
+    """Yield a pool of the other ranks on rank 0; on these it yields None once they are no longer needed."""
     from mpi4py import MPI
     from mpi4py.futures import MPICommExecutor
 

@@ -213,7 +213,7 @@ class Study(StudyBase):
 
     @property
     def _out_of_service(self) -> list[LoadCase]:
-        """Out of service."""
+        """Load cases without a load."""
         return [case for case in self.cases if not case.in_service]
 
     @property
@@ -314,7 +314,7 @@ class Study(StudyBase):
 
     @cached_property
     def _rows(self) -> list[dict[str, float]]:
-        """Extensions in m by section, one after the other."""
+        """Extensions in m by section, of each row of the chart."""
         scene = self._scene
         names = scene.names[1:] if len(scene.sections) > 1 else ()
         extensions = self.extensions

@@ -89,7 +89,7 @@ def _is_plain(value: Any) -> bool:
 
 
 def _word(value: Any, number: int) -> str:
-    """A value as part of a key; where it can't be, its place in the list."""
+    """Return a value as part of a key, or its number in the list where it has characters that keys can't have."""
     text = str(value).lower() if isinstance(value, bool) else str(value)
     return text if _is_plain(value) and KEY.fullmatch(f"0{text}") else f"no{number + 1}"
 
@@ -191,7 +191,7 @@ def figures_of(scene: Scene, response: Response, s: Array, frequencies: Array) -
 
 
 def _extreme_figures(name: str, extremes: Extremes) -> dict[str, Scalar]:
-    """``<name>.{min,t_min,s_min,max,t_max,s_max}``."""
+    """Figures ``<name>.{min,t_min,s_min,max,t_max,s_max}`` of the extremes of a history."""
     return {f"{name}.{key}": value for key, value in extremes.summary().items()}
 
 
@@ -270,7 +270,7 @@ def run_scene(scene: Scene, precomputed: Precomputed | None = None) -> TaskResul
 
 
 def _frequency_errors(frequencies: Frequencies) -> dict[str, Scalar]:
-    """The largest relative errors over the path; None of those that fewer coordinates do not have."""
+    """Figures ``frequency_error.<i>``, the largest over the path; None where the reduced model lacks the frequency."""
     if "full" not in frequencies.models:
         return {}
     off = np.abs(frequencies.models["reduced"] / frequencies.models["full"] - 1.0).max(axis=0)[:COMPARED_FREQUENCIES]
