@@ -61,8 +61,9 @@ def _used_shares(share: Share, states: States) -> list[float]:
 def first_load(top: float, *, grows: bool = False, near: float = np.nan, at_once: bool = True) -> Search:
     """Search for the smallest load in (0, top] at which all of a limit is used; it returns 0 where no load is needed.
 
-    It returns None where `top` does not use all of it.  Where what is used `grows` with the load, only its ends are looked at, else some loads
-    between, `at_once` or one after the other; where it is known to be `near` a load, loads beside that.
+    It returns None where `top` does not use all of it.  Where what is used `grows` with the load, only its ends are
+    looked at, else some loads between, `at_once` or one after the other; where it is known to be `near` a load, loads
+    beside that.
     """
     if 0.0 < near < top:
         points = yield from _look_at(tuple(dict.fromkeys(min(near * factor, top) for factor in BESIDE)))
