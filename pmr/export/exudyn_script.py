@@ -16,6 +16,7 @@ from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
 from pmr.errors.text import visible
+from pmr.files import npz
 from pmr.files.whole import replacement
 from pmr.scene.choice import Asked, refuse
 from pmr.scene.frame import INERTIA
@@ -48,8 +49,7 @@ def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
             "command line", "--out", str(target), f"a name is allowed whose data replaces no {data_file.name}"
         )
     target.parent.mkdir(parents=True, exist_ok=True)
-    with replacement(data_file) as part, part.open("wb") as file:
-        np.savez(file, **arrays)
+    npz.write(data_file, arrays)
     with replacement(target) as part:
         shutil.copyfile(Path(__file__).with_name("templates") / "sliding_body.py", part)
     return target
@@ -60,9 +60,8 @@ def _is_free(file: Path) -> bool:
     if not file.exists():
         return True
     try:
-        with np.load(file) as data:
-            return {"paths", "inputs", "contacts", "time"} <= set(data.files)
-    except (OSError, ValueError):
+        return {"paths", "inputs", "contacts", "time"} <= set(npz.read(file))
+    except (OSError, npz.DamagedError):
         return False
 
 

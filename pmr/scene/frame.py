@@ -335,6 +335,13 @@ class Frame(Section):
         luffing, slewing = (np.atleast_1d(angle.value(np.asarray(t))) for angle in self.angles)
         return rotation(luffing, slewing)
 
+    def on_ground(self, t: float) -> NDArray[np.float64]:
+        """From axes of the boom into those of the ground at a time in s, (3, 3): the base's rocking included."""
+        roll, pitch, yaw = ([angle.value(np.array([t])) for angle in self.rocking] or np.zeros((3, 1)))[:3]
+        s, c = float(np.sin(roll[0])), float(np.cos(roll[0]))
+        rolled = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+        return np.asarray(rotation(-pitch, yaw)[0] @ rolled @ self.rotation(t)[0])
+
     def refuse_without_unit(self, key: str, angles: ArrayLike, source: str = "scene") -> None:
         """Raise an `InputError` of a `key` where `angles` go beyond a turn and the frame does not say their unit."""
         largest = float(np.max(np.abs(angles), initial=0.0))

@@ -8,13 +8,14 @@ Whether a section fits into the next outer one, with its pads and their play.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.box import Box
 from pmr.scene.choice import Needs, has_tail, is_axial, is_planar, refuse
-from pmr.scene.joints import Linear
+from pmr.scene.joints import Linear, Part
 from pmr.scene.mechanism import Drive, longest, rope_length, rope_shares
 from pmr.scene.members import EXTENSION, Seat, footprint, member_at, members, seats
 from pmr.scene.profile import gaps
@@ -225,10 +226,7 @@ def _held_at_the_start(scene: Scene, number: int) -> None:
     """A run begins in equilibrium: play across the boom is taken up by a load, or some pads have none."""
     joint, beyond = scene.joint(number), scene.sections[number:]
     for axis, turn, faces in (("y", "rz", {"left", "right"}), ("z", "ry", {"bottom", "top"})):
-        gravity = scene.gravity
-        weight = gravity.direction["xyz".index(axis)] if gravity is not None and gravity.rise == 0.0 else 0.0
-        loads = [load.signal.value(0.0) for part in beyond for load in part.loads if load.direction in (axis, turn)]
-        if weight or np.any(loads) or (axis == "y" and is_planar(member_at(scene, number))):
+        if _pressed_at_the_start(scene, beyond, axis, turn) or (axis == "y" and is_planar(member_at(scene, number))):
             continue
         for end in ("tail", "mouth"):
             rings = {k: ring for k, ring in enumerate(getattr(joint, end)) if faces & set(ring.faces or ("top",))}
@@ -243,6 +241,23 @@ def _held_at_the_start(scene: Scene, number: int) -> None:
                     f"{scene.names[number]} at t = 0, where motions begin in equilibrium"
                 )
                 raise refusal(f"sections[{number}].joint.{end}[{k}].clearance", ring.clearance, allowed)
+
+
+def _pressed_at_the_start(scene: Scene, beyond: Sequence[Part], axis: str, turn: str) -> bool:
+    """Whether a weight or a load acts on some sections along or about an axis of the boom at t = 0."""
+    number, gravity, frame = "xyz".index(axis), scene.gravity, scene.frame
+    turned = np.eye(3) if frame is None else frame.on_ground(0.0)  # from axes of the boom into those of the ground
+    if gravity is not None and gravity.rise == 0.0:
+        along = gravity.direction if frame is None else turned[2]
+        if abs(along[number]) > SLACK:
+            return True
+    for load in (load for part in beyond for load in part.loads if load.signal.value(0.0)):
+        if load.axes == "ground" and load.direction in ("x", "y", "z"):
+            if abs(turned["xyz".index(load.direction), number]) > SLACK:
+                return True
+        elif load.direction in (axis, turn):
+            return True
+    return False
 
 
 def _held_while_sliding(scene: Scene, number: int) -> None:

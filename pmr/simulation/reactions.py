@@ -149,10 +149,12 @@ def at_pivot(scene: Scene, response: Response) -> Response:
 
 def with_luffing_cylinder(scene: Scene, response: Response) -> Response:
     """Add the luffing cylinder's force in N, positive where it presses, if hinges and moment are known."""
-    if scene.frame is None or scene.frame.cylinder is None or MOMENT not in response.other_names:
+    if scene.frame is None or scene.frame.cylinder is None:
         return response
     if scene.holding_cylinder is not None:
         force = _force(response, forces_of_cylinder(scene))
+    elif MOMENT not in response.other_names:
+        return response
     else:
         _, arm = scene.frame.cylinder.length(scene.frame.angles[0].value(response.t))
         force = response.other(MOMENT) / arm

@@ -25,6 +25,7 @@ from pmr.scene.keys import ALONE
 from pmr.scene.mechanism import frame_terms
 from pmr.simulation import Excitation
 from pmr.simulation.modal import modal_form
+from pmr.simulation.reactions import with_forces_on_machine
 from pmr.studies import shared
 from pmr.system.body import projected
 from pmr.system.from_scene import system_of
@@ -57,7 +58,7 @@ class Case:
         full = System.of(modal_form(shared.body_of(scene)).body) if is_alone else shared.full_system(scene)
         excitation = in_parts(full, Excitation.of(scene))
         run = run_from_start(full, excitation)
-        return cls(scene, full, excitation, run, respond(full, run))
+        return cls(scene, full, excitation, run, with_forces_on_machine(scene, respond(full, run)))
 
 
 def displacement(scene: Scene, system: System, factor: float, every: int, rho_inf: float | None = None) -> Array:

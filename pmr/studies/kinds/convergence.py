@@ -14,8 +14,7 @@ from pydantic import Field, field_validator
 
 from pmr import scene as scenes
 from pmr.compare.errors import absolute_error, relative_error
-from pmr.compare.outputs import in_parts, run_from_start
-from pmr.compare.responses import respond, simulate_cable
+from pmr.compare.responses import march_once, simulate_cable
 from pmr.compare.summary import warnings_of_response
 from pmr.errors import InputError
 from pmr.scene import Compare, Reduction, Scene, Simulation
@@ -109,7 +108,7 @@ def full_tip(arguments: Arguments, needs: Needs) -> TaskResult:
     """
     scene = shared.scene_of(arguments)
     system = shared.full_system(scene)
-    response = respond(system, run_from_start(system, in_parts(system, Excitation.of(scene))))
+    response = march_once(scene, system, Excitation.of(scene))
     tip = response.of("tip", body=scene.names[-1])
     result = _compare_tip(
         tip if len(scene.sections) > 1 else tip[:, -1], sum(body.size for body in system.bodies.values()), needs
