@@ -25,7 +25,7 @@ from pmr.pipeline.model_part import measure_model
 from pmr.pipeline.scenes import run
 from pmr.scene import Scene
 from pmr.scene.checks import check
-from pmr.scene.richer import comparable_scene
+from pmr.scene.model_ladder import comparable_scene
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -14,8 +14,8 @@ import numpy as np
 
 from pmr import scene as scenes
 from pmr.scene import Scene
-from pmr.scene.asked import Accuracy
 from pmr.scene.checks import check
+from pmr.scene.run_settings import Accuracy
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
 #: Kind of each scene by its seed: 26 beams, 7 booms on pads that rattle, 7 telescopic booms.

@@ -119,7 +119,7 @@ def ensure_file(file: Path, *read: Path) -> None:
 
 def scene_file(path: Path) -> Path:
     """A scene file: the file itself, `scene.toml` in a folder, or a workflow by its name; studies are refused."""
-    file = _find_scene(path, "scene.toml")
+    file = _find_file(path, "scene.toml")
     if "kind" in _keys(file):
         raise InputError("command line", "SCENE", str(path), f"that is a study: pmr study {path} computes it")
     return file
@@ -135,14 +135,14 @@ def study_file(path: Path) -> Path:
     script = experiments().get(str(path))
     if script and not path.is_file():
         return script
-    file = _find_scene(path, "study.toml")
+    file = _find_file(path, "study.toml")
     keys = _keys(file)
     if "kind" not in keys and {"body", "slider", "sections"} & set(keys):
         raise InputError("command line", "STUDY", str(path), f"that is a scene: pmr run {path} computes it")
     return file
 
 
-def _find_scene(path: Path, within: str) -> Path:
+def _find_file(path: Path, within: str) -> Path:
     from pmr.scene.tomlfiles import resolve_path  # what reads scenes takes longer to load than a help text to print
 
     return resolve_path(path, within)

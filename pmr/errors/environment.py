@@ -40,7 +40,7 @@ GROUPS = {
 
 @cache
 def plugin_objects(group: str, reserved: frozenset[str]) -> dict[str, Any]:
-    """Objects of a group by their names, of all installed distributions; `own` are the names that pmr has itself.
+    """Objects of a group by their names, of all installed distributions; `reserved` are the names that pmr has itself.
 
     Raises InputError where one can't be imported, or its name is taken.
     """

@@ -49,7 +49,7 @@ def no_file(path: Path, what: str = "file") -> str:
 
 
 def hint(name: object, names: Iterable[str]) -> str:
-    """A question after the one of the `known` names that `name` is like, with a space behind it, or nothing."""
+    """Ask whether the one of the `names` most like `name` was meant, with a space behind it; empty if none is."""
     close = get_close_matches(str(name), list(names), n=1)
     return f"did you mean {close[0]!r}? " if close else ""
 

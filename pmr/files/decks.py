@@ -11,14 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pmr.errors import InputError
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
 
 #: Linear elements by type: the kind of cell in meshio's words; and the corners of each kind.
 KINDS: Mapping[str, str] = {

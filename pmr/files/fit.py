@@ -30,7 +30,6 @@ from pmr.files.reasons import (
 from pmr.files.rigid import DIRECTIONS, ROUNDING_OF_POINTS, Resistance, elastic_energies, rigid_motions
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 #: Steps of Lanczos that look for a negative eigenvalue of a matrix with a diagonal of ones, and how far below zero

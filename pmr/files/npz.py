@@ -27,7 +27,6 @@ A field that a file lacks takes its default, so files of earlier versions stay r
 
 from __future__ import annotations
 
-import ast
 import json
 import math
 import os
@@ -36,10 +35,10 @@ import zipfile
 import zlib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
-from functools import cache, lru_cache
+from functools import cache
 from pathlib import Path
 from types import NoneType
-from typing import IO, Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -72,6 +71,11 @@ LONGEST_HEADER = 10_000  # bytes of that of one array
 WORTH, SAMPLE = 0.2, 8192
 #: Bytes of a model over those of its file, and bytes that a small one may claim.
 MOST_EXPANSION, ROOM = 100.0, 2**24
+#: Readers of an array's header by its version.
+_READ_HEADER: Mapping[tuple[int, int], Any] = {
+    (1, 0): np.lib.format.read_array_header_1_0,
+    (2, 0): np.lib.format.read_array_header_2_0,
+}
 _KINDS = "biufU"  # numbers and text; neither objects (pickles) nor records
 _DAMAGE = (
     *(OSError, EOFError, KeyError, TypeError, ValueError, OverflowError, RecursionError, MemoryError),
@@ -161,53 +165,22 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
     """The array of a member, whose header has to agree with the member's size."""
     if info.filename == OLD_HEADER:
         return np.array(archive.read(info).decode())
-    with archive.open(info) as stream:
-        shape, fortran, dtype = _header(stream)
+    member: Any = archive.open(info)
+    with member as stream:
+        version = np.lib.format.read_magic(stream)
+        if version not in _READ_HEADER:
+            raise DamagedError(f"arrays of version {version} are not known")
+        shape, fortran, dtype = _READ_HEADER[version](stream, max_header_size=LONGEST_HEADER)
         count = math.prod(shape)
         if dtype.kind not in _KINDS or dtype.itemsize == 0:
             raise DamagedError(f"{info.filename} holds {dtype}, numbers and text are allowed")
         if count * dtype.itemsize != info.file_size - stream.tell():
             raise DamagedError(f"{info.filename} claims the shape {shape}, which is not what it holds")
         flat = np.empty(count, dtype)
-        _fill(stream, memoryview(flat.view(np.uint8).data))
+        room = memoryview(flat.view(np.uint8).data)
+        if stream.readinto(room) < len(room) or stream.read(1):  # at its end the checksum is compared
+            raise DamagedError(f"{info.filename} is shorter or longer than it claims to be")
     return flat.reshape(shape, order="F" if fortran else "C")
-
-
-def _header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Shape, whether columns stand together, and type: as `numpy.lib.format` reads them, in a tenth of its time."""
-    version = np.lib.format.read_magic(stream)
-    if version not in (lengths := {(1, 0): "<H", (2, 0): "<I"}):
-        raise DamagedError(f"arrays of version {version} are not known")
-    size = struct.calcsize(lengths[version])
-    (length,) = struct.unpack(lengths[version], stream.read(size))
-    if length > LONGEST_HEADER:
-        raise DamagedError(f"a header of {length:,} bytes")
-    return _parse_header(stream.read(length))
-
-
-@lru_cache(maxsize=1024)  # many arrays are alike
-def _parse_header(header: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    values = ast.literal_eval(header.decode("latin1").strip())
-    if not isinstance(values, dict) or set(values) != {"descr", "fortran_order", "shape"}:
-        raise DamagedError(f"{values!r:.60} is no header of an array")
-    shape, fortran, kind = values["shape"], values["fortran_order"], values["descr"]
-    if not isinstance(shape, tuple) or not all(type(length) is int and length >= 0 for length in shape):
-        raise DamagedError(f"{shape!r:.60} is no shape")
-    if not isinstance(kind, str) or not isinstance(fortran, bool):
-        raise DamagedError(f"arrays of {kind!r:.60} are not known")
-    return shape, fortran, np.dtype(kind)
-
-
-def _fill(stream: Any, room: memoryview) -> None:
-    """Read until `room` is full; the end of the member, where its checksum is compared, has to be there."""
-    filled = 0
-    while filled < len(room):
-        got = stream.readinto(room[filled:])
-        if not got:
-            raise DamagedError("it ends too early")
-        filled += got
-    if stream.read(1):
-        raise DamagedError("it is longer than it claims to be")
 
 
 def arrays(record: Any, prefix: str = "") -> dict[str, NDArray[Any]]:

@@ -95,7 +95,7 @@ def wall_compliance(
     box = body.box
     line = Beam3DBody(length=box.length, profile=body.profile, material=body.material, shear=True, elements=ELEMENTS)
     sigma = (HELD * beam_of(line, body.profile).reference_frequency) ** 2
-    shell, beam = _Pressed(_shell(body), body, sigma), _Pressed(beam_of(line, body.profile), body, sigma)
+    shell, beam = _HeldModel(_shell(body), body, sigma), _HeldModel(beam_of(line, body.profile), body, sigma)
     fixed = [model.rows(standing, ends) for model in (shell, beam)]
     C = shell.answers(fixed[0], fixed[0]) - beam.answers(fixed[1], fixed[1])
     sliding = []
@@ -103,22 +103,22 @@ def wall_compliance(
         u, under_pads, at_standing = places_along(ring.span, box.layer), [], []
         for x in u:
             pads = [replace(pad, at=pad.at + float(x)) for pad in ring.pads]
-            parts = []
-            for pressed, held in zip((shell, beam), fixed, strict=True):
-                rows = pressed.rows(pads, ())
-                parts.append(pressed.answers(rows, sp.vstack([rows, held])))
+            compliances = []
+            for model, fixed_rows in zip((shell, beam), fixed, strict=True):
+                rows = model.rows(pads, ())
+                compliances.append(model.answers(rows, sp.vstack([rows, fixed_rows])))
             k = len(pads)
-            D = (parts[0] - parts[1]).T
+            D = (compliances[0] - compliances[1]).T
             under_pads.append((D[:, :k] + D[:, :k].T) / 2.0)
             at_standing.append(D[:, k:])
         sliding.append(SlidingCompliance(u, _smooth(np.array(under_pads)), _smooth(np.array(at_standing))))
-    for pressed in (shell, beam):
-        pressed.destroy()
+    for model in (shell, beam):
+        model.destroy()
     return (C + C.T) / 2.0, sliding
 
 
-class _Pressed:
-    """A model, held by what keeps its ends in shape or by its inertia, and its answers to forces."""
+class _HeldModel:
+    """A model that is held by what keeps its ends in shape or by its inertia, and its displacements under forces."""
 
     def __init__(self, model: StructuralModel, body: PlateBody, sigma: float) -> None:
         structure = Structure(model, clamps=body.clamps, masses=body.masses)
@@ -137,9 +137,9 @@ class _Pressed:
 
     def rows(self, pads: Sequence[Pad], ends: Sequence[tuple[str, str]]) -> sp.csr_matrix:
         """Measures of pads and ends, (k, n)."""
-        bare = tuple(replace(pad, name=str(k), stiffness=np.inf, unilateral=False, clearance=0.0, travel=None)
+        rigid_pads = tuple(replace(pad, name=str(k), stiffness=np.inf, unilateral=False, clearance=0.0, travel=None)
                      for k, pad in enumerate(pads))  # fmt: skip
-        rows = [row.at(row.breaks[0]) for row in restrain(Pads(fixed=bare), self._model, self._T).rows]
+        rows = [row.at(row.breaks[0]) for row in restrain(Pads(fixed=rigid_pads), self._model, self._T).rows]
         rows += [self._model.motion(end)[[DIRECTIONS.index(d)]] @ self._T for end, d in ends]
         return sp.csr_matrix(sp.vstack([sp.csr_matrix((0, self._T.shape[1])), *rows]))
 
@@ -199,7 +199,7 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
         box,
         body.material,
         body.shear_correction,
-        tuple(Clamp(str(mass.on), mass.held) for mass in part.supports if mass.points == "all"),
+        tuple(Clamp(str(support.on), support.held) for support in part.supports if support.points == "all"),
         masses,
         box.plate if box.frames else 0.0,
     )
@@ -217,12 +217,12 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
             Sliding(
                 pads=tuple(pad.name for pad in sliding_pads),
                 first=np.array([pad.at for pad in sliding_pads]),
-                u=mass.u,
-                compliance=mass.own,
-                beside=mass.beside[:, :, soft],
+                u=compliance.u,
+                compliance=compliance.own,
+                beside=compliance.beside[:, :, soft],
                 masses=np.array([rho * _patch(pad, box) for pad in sliding_pads]),
             )
-            for (_, sliding_pads), mass in zip(sliding, compliances, strict=True)
+            for (_, sliding_pads), compliance in zip(sliding, compliances, strict=True)
         ),
     )
 
@@ -261,4 +261,4 @@ def _loaded_ends(part: Part) -> set[str | float]:
     """Ends that carry something and whose points nothing rigid holds, which would keep them in shape."""
     clamped = {support.on for support in part.supports if support.points == "all"}
     held_in_shape = clamped | {mass.on for mass in part.masses if mass.coupling == "rigid"}
-    return {support.on for kind in (part.masses, part.loads, part.supports) for support in kind} - held_in_shape
+    return {attached.on for kind in (part.masses, part.loads, part.supports) for attached in kind} - held_in_shape

@@ -21,7 +21,7 @@ from pmr.scene import Scene
 from pmr.scene.checks import check
 from pmr.scene.choice import model_of
 from pmr.scene.members import members
-from pmr.scene.richer import candidates, comparable_scene, model_comparison
+from pmr.scene.model_ladder import candidates, comparable_scene, model_comparison
 from pmr.system.system import System
 
 SystemOf = Callable[[Scene], System]

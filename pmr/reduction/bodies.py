@@ -234,7 +234,7 @@ def reduce_with(
     clock: Clock | None = None,
     body: FreeBody | None = None,
 ) -> ReducedBody:
-    """Reduce a body on vectors that a caller gives."""
+    """Reduce a model on snapshots; a `body` whose factor these were made with is taken over and dropped."""
     with (clock or Clock()).stage("pod"):
         body = body or FreeBody(model, scene.reduction.solver)
         basis, motions = build_basis(scene, model, snapshots), support_motions(body)

@@ -129,9 +129,9 @@ class Cache:
     model: FullModel
     content: str  # digest of the model, see `content_of`
 
-    def reduced(self, content: Mapping[str, Any], make: Callable[[], ReducedBody]) -> ReducedBody:
-        """Return what is stored under this content, or what `make` returns, which is stored then; collective."""
-        file = self._file("reduction", content)
+    def reduced(self, request: Mapping[str, Any], make: Callable[[], ReducedBody]) -> ReducedBody:
+        """Return the body that is stored for this request, or that `make` returns, which is stored then; collective."""
+        file = self._file("reduction", request)
         arrays = self._read(file)
         if arrays is not None:
             stored_body = self._load_body(file, arrays)
@@ -162,9 +162,9 @@ class Cache:
             self._write(file, {}, model)
         return model
 
-    def arrays(self, kind: str, content: Mapping[str, Any], make: Callable[[], Array]) -> Array:
+    def arrays(self, kind: str, request: Mapping[str, Any], make: Callable[[], Array]) -> Array:
         """Return an array that all ranks have, stored or from `make`; collective."""
-        file = self._file(kind, content)
+        file = self._file(kind, request)
         stored = self._read(file)
         if stored is not None:
             return np.asarray(stored["array"], float)
@@ -177,8 +177,8 @@ class Cache:
 
         That supports and pads leave it free to move is kept, too: to find it takes the full models.
         """
-        content = self._of_system(scene)
-        file, unheld = self._file("system", content), self._file("unheld", content | {"end": scene.time.end})
+        request = self._of_system(scene)
+        file, unheld = self._file("system", request), self._file("unheld", request | {"end": scene.time.end})
         if (not_held := self._read(unheld)) is not None:
             raise NotHeldError("scene", "free_motions", scene.free_motions, *map(str, not_held["said"]))
         system = None if self._read(file) is None else self._loaded_by(System.load, file)
@@ -195,8 +195,8 @@ class Cache:
         path = scene.travel if ALONE in scene.bodies else None  # joints are part of the structure
         return {"scene": structure_in(scene), "path": path}
 
-    def _file(self, kind: str, content: Mapping[str, Any]) -> Path:
-        text = repr((self.content, sorted(content.items())))
+    def _file(self, kind: str, request: Mapping[str, Any]) -> Path:
+        text = repr((self.content, sorted(request.items())))
         return self.folder / f"{kind}-{hashlib.blake2b(text.encode(), digest_size=12).hexdigest()}.npz"
 
     def _load_body(self, file: Path, arrays: Mapping[str, NDArray[Any]]) -> ReducedBody | None:

@@ -27,9 +27,9 @@ from pmr.reduction.free_body import FreeBody, rigid_modes
 from pmr.reduction.residual import check_independence, flexible_model, released_rows, section_model
 from pmr.reduction.snapshots import Snapshots, eigenmode_snapshots, free_modes
 from pmr.scene import Reduction, Scene
-from pmr.scene.asked import OwnBasis
 from pmr.scene.keys import ALONE
 from pmr.scene.members import member_at
+from pmr.scene.run_settings import OwnBasis
 
 Array = NDArray[np.float64]
 #: Vectors (n, k) on the coordinates of a full model, or a function of the model that returns this rank's rows of them.

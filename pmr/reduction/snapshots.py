@@ -212,7 +212,7 @@ def _lowest(body: FreeBody, count: int) -> _Lowest:
 
 
 def _elastic(held: FullModel, body: FreeBody, pairs: int) -> Modes:
-    """The `asked` lowest modes but for the rigid-body modes among them."""
+    """The `pairs` lowest modes but for the rigid-body modes among them."""
     if is_dense(held, body.choice):
         return _remove_rigid_modes(held, body.Z, DenseEigenSolver(held).lowest(_anywhere(held), pairs))
     lowest = body.elastic(pairs - body.Z.shape[1])

@@ -4,10 +4,11 @@
 allowed raises `pmr.errors.InputError` with file, key, value and what is allowed.
 """
 
-from pmr.scene.asked import Compare, Damping, Published, Reduction, Simulation, TimeChoice
 from pmr.scene.built import Body, Load, MeshChoice, Support
 from pmr.scene.files import beam_scene, has_sections, load, load_any, vary
+from pmr.scene.run_settings import Compare, Published, Reduction, Simulation, TimeChoice
 from pmr.scene.scene import Scene
+from pmr.scene.structures import Damping
 
 __all__ = [
     "Body", "Compare", "Damping", "Load", "MeshChoice", "Published", "Reduction", "Scene", "Simulation",

@@ -13,7 +13,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from pmr.scene.asked import Damping
 from pmr.scene.built import Gravity
 from pmr.scene.choice import REFERENCE, Needs, fewest_rows, is_pinned_beam, model_of, parts_of, refuse
 from pmr.scene.frame import Frame, Machine
@@ -24,6 +23,7 @@ from pmr.scene.members import member_at, members
 from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase
 from pmr.scene.structure_checks import check_loads, check_proportions, check_structure, jump_of, refusal
+from pmr.scene.structures import Damping
 
 
 def check_machine(scene: Scene, frame: Frame, machine: Machine) -> None:

@@ -113,9 +113,6 @@ def _play(seat: Seat, key: str, inner: tuple[str, Box], outer: tuple[str, Box]) 
             raise refusal(f"{key}.clearance", clearance, allowed)
 
 
-#: Round-off of a user's arithmetic, m for each m of length.
-
-
 def check_joints(scene: Scene) -> None:
     """Refuse sections that contradict each other."""
     _names(scene)
@@ -385,8 +382,9 @@ def _frequency_response(scene: Scene) -> None:
         key = f"sections[{number}].observe.frequency_response"
         if number < len(scene.sections) - 1:
             raise refusal(key, True, f"false is allowed: the tip is that of {scene.names[-1]}")
-        joints = [ring.unilateral for k in range(1, len(scene.sections)) for ring in scene.joint(k).rings]
-        if any(joints) or any(ring.unilateral for other_part in scene.sections for ring in other_part.pads):
+        rings = [ring for k in range(1, len(scene.sections)) for ring in scene.joint(k).rings]
+        pads = [ring for section in scene.sections for ring in section.pads]
+        if any(ring.unilateral for ring in rings) or any(ring.unilateral for ring in pads):
             raise refusal(key, True, "true is allowed with pads that hold both ways: some only push")
 
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from pmr.errors.text import LONGEST_NAME
-from pmr.scene import asked
+from pmr.scene import run_settings
 from pmr.scene.built import ENDS, Body, Face, Load, MeshChoice, PadRing, Slider, Support, clearance_on
 from pmr.scene.keys import (
     AxialStiffness,
@@ -233,9 +233,11 @@ class OneBody(Section):
     slider: Slider | None = Field(default=None, description="Path along which a single body slides")
     masses: tuple[PointMass, ...] = Field(default=(), description="Rigid bodies attached to the section")
     loads: tuple[Load, ...] = Field(default=(), description="Forces and moments")
-    observe: asked.Observe = Field(default=asked.Observe(), description="Where motions are compared and drawn")
+    observe: run_settings.Observe = Field(
+        default=run_settings.Observe(), description="Where motions are compared and drawn"
+    )
     probes: tuple[Probe, ...] = Field(default=(), description="Points at which stress, strain or motion is recorded")
-    reduction: asked.Reduction = Field(default=asked.Reduction(), description="How the model is reduced")
+    reduction: run_settings.Reduction = Field(default=run_settings.Reduction(), description="How the model is reduced")
 
     @property
     def files(self) -> dict[str, Path]:

@@ -127,7 +127,9 @@ def _unknown(key: str, value: Any, schema: Schema, location: Location) -> str:
     paths = _paths(schema) | {name: name for name in allowed_keys}
     near = [*get_close_matches(key, allowed_keys, cutoff=0.8), *get_close_matches(key, paths, cutoff=0.8)]
     holds = isinstance(value, (Mapping, list))
-    below = {f"{name}.{key}" for name, of in _inner(tables, parts) if any(_tables(of["properties"].get(key), parts))}
+    below = {
+        f"{name}.{key}" for name, table in _inner(tables, parts) if any(_tables(table["properties"].get(key), parts))
+    }
     only = below if holds and len(below) == 1 else ()
     guesses = [*(paths[name] for name in near), *only, *get_close_matches(key, allowed_keys)]
     meant = f"did you mean {guesses[0]!r}? " if guesses else ""
@@ -141,7 +143,7 @@ def _inner(tables: Sequence[Schema], parts: Schema) -> Iterator[tuple[str, Schem
     """Tables that may stand in some tables, by their names there."""
     for table in tables:
         for name, node in table["properties"].items():
-            yield from ((name, of) for of in _tables(node, parts))
+            yield from ((name, inner) for inner in _tables(node, parts))
 
 
 def _paths(schema: Schema) -> dict[str, str]:

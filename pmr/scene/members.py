@@ -7,12 +7,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pmr.scene.asked import Damping, Recovery
 from pmr.scene.built import WEIGHT, Gravity, PadRing
 from pmr.scene.frame import Frame, LuffingCylinder
 from pmr.scene.joints import JointPads, Part
+from pmr.scene.run_settings import Recovery
 from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase
+from pmr.scene.structures import Damping
 
 #: What the row of points on a planar beam is called, and that of a section's tail along the boom.
 POINT, TAIL = "deflection", "tail x"

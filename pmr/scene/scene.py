@@ -19,14 +19,14 @@ from numpy.typing import ArrayLike
 from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from pmr.errors import InputError
-from pmr.scene import asked
+from pmr.scene import run_settings
 from pmr.scene.built import WEIGHT, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
 from pmr.scene.frame import Frame, LuffingCylinder
 from pmr.scene.joints import Joint, Linear, OneBody, Part
 from pmr.scene.keys import ALONE, LUFFING, SLIDER, Section, Text, of_key
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.signals.base import Array
-from pmr.scene.structures import PointMass
+from pmr.scene.structures import Damping, PointMass
 from pmr.scene.tomlfiles import laid_over
 
 
@@ -47,21 +47,27 @@ class Whole(Section):
         description="Initial state: undeformed and at rest, or in equilibrium under the loads at t = 0.  A single body "
         "begins at rest by default, several sections in equilibrium: loose in their pads they would begin with a fall",
     )
-    damping: asked.Damping = Field(default=asked.Damping(), description="Damping of the structure")
-    time: asked.TimeChoice = Field(description="Simulated time and its steps")
-    recovery: asked.Recovery | None = Field(
+    damping: Damping = Field(default=Damping(), description="Damping of the structure")
+    time: run_settings.TimeChoice = Field(description="Simulated time and its steps")
+    recovery: run_settings.Recovery | None = Field(
         default=None, description="Fields of displacement and stress on the whole mesh"
     )
-    fatigue: asked.Fatigue | None = Field(default=None, description="Fatigue damage at probes that measure stress")
-    simulation: asked.Simulation = Field(default=asked.Simulation(), description="Programs that simulate the models")
-    compare: asked.Compare = Field(default=asked.Compare(), description="What the reduced model is compared with")
-    accuracy: asked.Accuracy | None = Field(
+    fatigue: run_settings.Fatigue | None = Field(
+        default=None, description="Fatigue damage at probes that measure stress"
+    )
+    simulation: run_settings.Simulation = Field(
+        default=run_settings.Simulation(), description="Programs that simulate the models"
+    )
+    compare: run_settings.Compare = Field(
+        default=run_settings.Compare(), description="What the reduced model is compared with"
+    )
+    accuracy: run_settings.Accuracy | None = Field(
         default=None, description="Allowed error, in place of a number of coordinates and a step"
     )
-    budget: asked.Budget | None = Field(
+    budget: run_settings.Budget | None = Field(
         default=None, description="Allowed cost of the model, in place of an allowed error"
     )
-    published: asked.Published | None = Field(default=None, description="Figures from a publication")
+    published: run_settings.Published | None = Field(default=None, description="Figures from a publication")
     free_motions: Literal["refused", "allowed"] = Field(
         default="refused",
         description="Whether rigid-body motions are allowed that no support, pad or cylinder resists somewhere on the "
@@ -121,11 +127,11 @@ class Listed(Whole):
         return self.alone.loads
 
     @property
-    def observe(self) -> asked.Observe:
+    def observe(self) -> run_settings.Observe:
         return self.alone.observe
 
     @property
-    def reduction(self) -> asked.Reduction:
+    def reduction(self) -> run_settings.Reduction:
         return self.alone.reduction
 
     @property
@@ -295,7 +301,7 @@ class Scene(Listed):
         return dict(zip(self.names, self.sections, strict=True))
 
     @property
-    def goal(self) -> asked.Accuracy | asked.Budget | None:
+    def goal(self) -> run_settings.Accuracy | run_settings.Budget | None:
         """Accuracy or budget that decides coordinates and step in place of the scene; None without."""
         return self.accuracy or self.budget
 

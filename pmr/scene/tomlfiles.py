@@ -230,17 +230,17 @@ def tables(path: Path, what: str) -> dict[str, Any]:
 def _parse(text: str) -> dict[str, Any]:
     """Parse TOML; a ValueError is raised for other texts, and for what is too deep or too long."""
     with suppress(RecursionError):
-        if not _DEEP_KEY.search(text) and not _is_deep(data := tomllib.loads(text)):
+        if not _DEEP_KEY.search(text) and not _is_too_deep(data := tomllib.loads(text)):
             return data
     raise ValueError(f"at most {DEEPEST} tables or lists within each other are allowed")
 
 
-def _is_deep(data: Any, depth: int = DEEPEST) -> bool:
-    """Whether tables and lists stand deeper within each other than allowed; ValueError at integers of over 64 bits."""
+def _is_too_deep(data: Any, depth: int = DEEPEST) -> bool:
+    """Whether tables and lists stand too deep within each other; raises ValueError at integers of over 64 bits."""
     if isinstance(data, int) and not -LONGEST <= data < LONGEST:
         raise ValueError("integers of 64 bits are allowed")
     inner = data.values() if isinstance(data, dict) else data if isinstance(data, list) else None
-    return inner is not None and (depth < 0 or any(_is_deep(entry, depth - 1) for entry in inner))
+    return inner is not None and (depth < 0 or any(_is_too_deep(entry, depth - 1) for entry in inner))
 
 
 def _anchor(data: Any, folder: Path, references: tuple[str, ...]) -> None:

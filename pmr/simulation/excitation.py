@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene import Scene
-from pmr.scene.asked import Simulation
 from pmr.scene.choice import is_accelerated
 from pmr.scene.keys import SLIDER as SLIDER
 from pmr.scene.keys import input_of
 from pmr.scene.members import EXTENSION, members
+from pmr.scene.run_settings import Simulation
 from pmr.scene.signals import SignalBase
 from pmr.simulation.frame import inertia_loads, load_signals, term_signals
 from pmr.simulation.frame_motion import Acceleration, found_inputs

@@ -13,7 +13,7 @@ from pydantic import TypeAdapter
 from pmr.errors import ConvergenceError, InputError, SimulationError
 from pmr.files import npz
 from pmr.scene import Scene
-from pmr.scene.richer import model_comparison
+from pmr.scene.model_ladder import model_comparison
 from pmr.simulation.statics.equilibrium import buckling_factors
 from pmr.simulation.statics.loaded import Loaded
 from pmr.simulation.statics.postures import (
@@ -153,7 +153,8 @@ def _sample_places(at: Stands) -> NDArray[np.int64]:
 def richer_model(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: `Postures` of a richer structural model, ``model.``, and what it is ``called``; or the ``reason`` for none.
 
-    It is the model that runs are compared with (`pmr.scene.richer.model_comparison`), with 20 free modes a section.
+    It is the model that runs are compared with (`pmr.scene.model_ladder.model_comparison`), with 20 free modes a
+    section.
     """
     from pmr.system.from_scene import force_names
 

@@ -10,7 +10,7 @@ import pytest
 import pmr
 from pmr.compare.accuracy import mesh
 from pmr.pipeline import scenes as pipeline
-from pmr.scene.richer import model_comparison
+from pmr.scene.model_ladder import model_comparison
 
 pytest.importorskip("gmsh")
 WORKFLOWS = Path(__file__).parents[2] / "workflows"

@@ -10,7 +10,7 @@ import pytest
 from pmr.results import Energy, Response
 from pmr.results.quantities import LIMITED, QUANTITIES, label_of_error, with_unit
 from pmr.results.response import KINDS, Extreme, Extremes
-from pmr.scene.asked import OutputKind
+from pmr.scene.run_settings import OutputKind
 
 
 def response() -> Response:

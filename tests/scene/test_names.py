@@ -15,9 +15,9 @@ from pydantic import TypeAdapter, ValidationError
 from pmr.errors import InputError
 from pmr.errors.text import LONGEST_NAME, is_name, visible
 from pmr.files.matrices import from_matrices
-from pmr.scene.asked import Observe
 from pmr.scene.built import Load, PadRing, Support
 from pmr.scene.joints import FileName, JointPads
+from pmr.scene.run_settings import Observe
 from pmr.scene.structures import PointMass, Probe
 
 COUNT = 2000 if os.environ.get("PMR_SWEEP") == "full" else 200

@@ -8,8 +8,8 @@ import pytest
 
 from pmr import scene
 from pmr.errors import InputError
-from pmr.scene.asked import SimulatorName
 from pmr.scene.choice import REFERENCE, SIMULATORS, Needs, refuse
+from pmr.scene.run_settings import SimulatorName
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 NEEDS = {

@@ -16,7 +16,7 @@ from ways.kinds import RAISED, SPACE, boom, rings
 import pmr
 from pmr.report.studies.document import page
 from pmr.scene import load_any
-from pmr.scene.richer import model_comparison
+from pmr.scene.model_ladder import model_comparison
 from pmr.simulation.statics.postures import Postures, Stands, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads

@@ -20,9 +20,9 @@ from pmr.errors.text import rounded
 from pmr.reduced.attachment import as_simulated
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
-from pmr.scene.asked import Accuracy, Budget
 from pmr.scene.keys import ALONE
 from pmr.scene.mechanism import frame_terms
+from pmr.scene.run_settings import Accuracy, Budget
 from pmr.simulation import Excitation
 from pmr.system.from_scene import system_of
 from pmr.system.system import System

@@ -16,7 +16,7 @@ from pmr.compare.accuracy.trials import Sizes, Trial, Trials
 from pmr.compare.step_error import ROUGH
 from pmr.errors import InputError
 from pmr.errors.text import rounded
-from pmr.scene.asked import Budget
+from pmr.scene.run_settings import Budget
 
 Allowed = Mapping[str, float]  # error by kind of output, a fraction
 

@@ -22,7 +22,7 @@ from pmr.results.response import Extremes
 from pmr.results.tables import force_extremes, parts_of, probe_extremes, reaction_extremes, stress_by_part
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE, Section, named
-from pmr.scene.richer import candidates
+from pmr.scene.model_ladder import candidates
 from pmr.scene.tomlfiles import Change
 from pmr.studies import shared
 from pmr.studies.study import StudyBase

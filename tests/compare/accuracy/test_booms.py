@@ -17,7 +17,7 @@ from pmr.errors import InputError
 from pmr.pipeline import run
 from pmr.reduced.attachment import CYLINDER
 from pmr.results import Response
-from pmr.scene.asked import Accuracy
+from pmr.scene.run_settings import Accuracy
 
 WORKFLOWS = Path(__file__).parents[3] / "workflows"
 QUICK = (

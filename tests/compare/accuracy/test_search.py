@@ -15,7 +15,7 @@ from pmr.compare.accuracy.search import best_within, is_within, reach, reasons, 
 from pmr.compare.accuracy.trials import FINER, Sizes, Trial, Trials
 from pmr.compare.outputs import Floors, Outputs, differences
 from pmr.errors import GrowthError
-from pmr.scene.asked import Budget
+from pmr.scene.run_settings import Budget
 from pmr.scene.signals import Chirp, Constant, Sine, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping
 from pmr.system.system import System

@@ -18,7 +18,7 @@ from oracle import flexible, full_body, generalized_alpha, project, started
 from pmr.constraints.rows import Rows
 from pmr.errors import InputError, SimulationError
 from pmr.reduced.model import ReducedModel
-from pmr.scene.asked import Simulation
+from pmr.scene.run_settings import Simulation
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, Step
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.exudyn import Formulation, contacts, equations, simulator

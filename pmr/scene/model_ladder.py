@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pmr.errors import InputError
-from pmr.scene.asked import Observe, Reduction, Simulation
 from pmr.scene.checks import check
 from pmr.scene.choice import is_undecided, model_of
 from pmr.scene.joints import Part
 from pmr.scene.members import members
+from pmr.scene.run_settings import Observe, Reduction, Simulation
 from pmr.scene.scene import Scene
 
 #: From the poorest to the richest.

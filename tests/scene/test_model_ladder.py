@@ -10,7 +10,7 @@ from pmr.errors import InputError
 from pmr.scene import load_any
 from pmr.scene.choice import is_undecided, model_of
 from pmr.scene.members import members
-from pmr.scene.richer import COORDINATES, PLACES, candidates, model_comparison
+from pmr.scene.model_ladder import COORDINATES, PLACES, candidates, model_comparison
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 

@@ -1,13 +1,11 @@
-"""What is asked: time steps, what is observed, how the model is reduced, who simulates it, what it is compared with."""
+"""What a run does: time steps, what is observed, how a model is reduced, who simulates it, what it is compared with."""
 
 from __future__ import annotations
 
-import math
-from functools import cached_property
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field, ModelWrapValidatorHandler, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from pmr.scene.keys import (
     AS_WORD,
@@ -34,70 +32,6 @@ OutputKind = Literal["beam", "tip", "pad_force", "cylinder_force", "velocity", "
 OwnBasis = Literal["free_modes", "eigenmodes", "paper", "file"]
 BasisName = Annotated[OwnBasis, or_offered("pmr.bases"), AS_WORD]
 SimulatorName = Literal["march", "exudyn", "exudyn-multiplier", "exudyn-callback"]
-
-
-def _or_ratio(schema: dict[str, Any]) -> None:
-    """A ratio at two frequencies may stand in the place of mass and stiffness."""
-    hertz = {"type": "number", "exclusiveMinimum": 0.0, "unit": "Hz"}
-    about = "Damping ratio at the two frequencies"
-    ratio = {"type": "number", "minimum": 0.0, "unit": "1", "description": about, "default": None}
-    two = {"type": "array", "items": hertz, "minItems": 2, "maxItems": 2, "default": None}
-    schema["properties"] |= {
-        "ratio": ratio,
-        "frequencies": two | {"description": "The two frequencies at which the ratio holds, in ascending order"},
-    }
-    schema["dependencies"] = {"ratio": ["frequencies"], "frequencies": ["ratio"]}
-    schema["not"] = {"required": ["ratio"], "anyOf": [{"required": ["mass"]}, {"required": ["stiffness"]}]}
-
-
-class Damping(Section):
-    """Rayleigh damping D = a M + b K: `mass` is a and `stiffness` is b, or both follow from a damping `ratio`.
-
-    The ratio holds at two `frequencies` in Hz; in between it is lower, outside it is higher.  With zeta = (a / omega +
-    b omega) / 2 at both frequencies, a = 2 zeta omega_1 omega_2 / (omega_1 + omega_2) and b = 2 zeta / (omega_1 +
-    omega_2).  Bathe: Finite Element Procedures, 1996, section 9.3.3.  A scene that extends another one may use the
-    other pair of keys: those of the first pair are then dropped.
-    """
-
-    model_config = ConfigDict(json_schema_extra=_or_ratio)
-
-    mass: Annotated[float, Field(ge=0.0, strict=True), Quantity("1/s", 0.0, 1e9)] = Field(
-        default=0.0, description="Factor of the mass matrix M in D"
-    )
-    stiffness: Annotated[float, Field(ge=0.0, strict=True), Quantity("s", 0.0, 1e6)] = Field(
-        default=0.0, description="Factor of the stiffness matrix K in D"
-    )
-
-    @cached_property
-    def written_ratio(self) -> float:
-        """The damping ratio as a file says it; 0 where it says mass and stiffness."""
-        return 0.0
-
-    @property
-    def hint_numbers(self) -> dict[str, tuple[float, Usual]]:
-        return {"ratio": (self.written_ratio, Usual(0.0, 0.3, unit="1"))}
-
-    @model_validator(mode="wrap")
-    @classmethod
-    def _ratio(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        if not (isinstance(data, dict) and {"ratio", "frequencies"} & set(data)):
-            return handler(data)
-        try:
-            ratio, (first, second) = float(data["ratio"]), map(float, data["frequencies"])
-            fits = set(data) == {"ratio", "frequencies"} and ratio >= 0.0 and 0.0 < first < second < math.inf
-        except (KeyError, TypeError, ValueError):
-            fits = False
-        if not fits:
-            raise ValueError("ratio with two ascending frequencies in Hz, or mass and stiffness, are allowed")
-        first_omega, second_omega = 2.0 * math.pi * first, 2.0 * math.pi * second
-        damping = handler(
-            {
-                "mass": 2.0 * ratio * first_omega * second_omega / (first_omega + second_omega),
-                "stiffness": 2.0 * ratio / (first_omega + second_omega),
-            }
-        )
-        vars(damping)["written_ratio"] = ratio  # no field: equal dampings are equal
-        return damping
 
 
 class TimeChoice(Section):
