@@ -98,7 +98,7 @@ def test_a_crane_from_an_empty_folder(
     folder = tmp_path / "reports"
     first, second = (json.loads((folder / name / "summary.json").read_text()) for name in ("mine", "second_order"))
     errors = first["errors"]["reduced_vs_full"]
-    for what, kind in (("tip", "tip"), ("pads", "pad_force")):
+    for what, kind in (("tip", "tip"), ("pad forces", "pad_force")):
         shown = re.search(rf"^\| reduced against full \| {what} \| (\S+) %", page, re.M)
         assert shown and float(shown[1]) == pytest.approx(100.0 * errors[kind], rel=5e-3)
     assert f"{first['coordinates']['reduced']} coordinates stand for {first['coordinates']['full']}" in page

@@ -84,8 +84,8 @@ def error_name(result: RunResult, kind: str) -> str:
     return names.get(kind) or label_of_error(kind)
 
 
-def listed(result: RunResult, errors: Mapping[str, Any], kinds: Sequence[str] = KINDS) -> str:
-    """Errors in words, such as ``1 % at the tip, 2 % along the beam and 3 % in the pad forces``.
+def list_errors(result: RunResult, errors: Mapping[str, Any], kinds: Sequence[str] = KINDS) -> str:
+    """List errors in words, such as ``1 % at the tip, 2 % along the beam and 3 % in the pad forces``.
 
     Errors that are round-off are left out, but those of displacements.
     """
@@ -287,7 +287,7 @@ def estimate(result: RunResult) -> str:
         return ""
     if estimates["beam"] is None:
         return f"The error can't be estimated without the full model: {estimates['reason']}."
-    sentence = f"The estimate, which needs no full model, is {listed(result, estimates, PLACES[:4])}"
+    sentence = f"The estimate, which needs no full model, is {list_errors(result, estimates, PLACES[:4])}"
     if estimates.get("probe") is not None:
         sentence = f"{sentence}, and at most {percent(estimates['probe'])} of what a probe measures"
     by_model = estimates.get("by") == "other model"
@@ -305,7 +305,7 @@ def step(result: RunResult) -> str:
     size = "is" if step_error["settled"] else "is at least"
     of = ", of the mean motion," if step_error["by"] == "mean" else ""
     not_covered = _not_covered(step_error.get("not_covered"))
-    return f"The error of the time step itself{of} {size} {listed(result, step_error)}.{not_covered}"
+    return f"The error of the time step itself{of} {size} {list_errors(result, step_error)}.{not_covered}"
 
 
 def mesh(result: RunResult) -> str:
@@ -313,7 +313,7 @@ def mesh(result: RunResult) -> str:
     budget = result.summary.get("budget", {})
     if not isinstance(mesh_part := budget.get("mesh"), Mapping) or mesh_part.get("beam") is None:
         return ""
-    return f"The mesh is off by {listed(result, mesh_part)}.{_not_covered(budget.get('mesh_not_covered'))}"
+    return f"The mesh is off by {list_errors(result, mesh_part)}.{_not_covered(budget.get('mesh_not_covered'))}"
 
 
 def _not_covered(clauses: Sequence[str] | None) -> str:
@@ -332,7 +332,7 @@ def model(result: RunResult) -> str:
         return f"{unknown} not known{richest or ': compare.richer measures it'}."
     if part["beside"] is None:
         return f"{unknown} {_unknown(part)}."
-    off = listed(result, part, ("beam", "tip", *KINDS[2:-1]))
+    off = list_errors(result, part, ("beam", "tip", *KINDS[2:-1]))
     motion = f"the model is off by {off} over the run; " if off else ""
     vibrates = f"its two lowest frequencies are off by up to {percent(part['frequency'] or 0.0)} along the path"
     most = f" and its largest displacement by {percent(part['largest'])}" if part.get("largest") is not None else ""

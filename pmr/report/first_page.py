@@ -171,7 +171,7 @@ def _luffing_rows(result: RunResult) -> Rows:
 
 
 def _way(force: Extreme) -> str:
-    """What a cylinder does with a force."""
+    """Verb for the sign of a cylinder's force."""
     return "pushes" if force.value > 0.0 else "pulls"
 
 

@@ -199,13 +199,13 @@ def response(result: RunResult, prefix: str) -> Block | None:
     if response is None:
         return None
     drawings, grids = [], []
-    rest = "everything at rest, each curve at one reach in m"
+    condition = "everything at rest, each curve at one reach in m"
     if is_alone(result):
-        rest = "the sliders at rest, each curve at one s in m"
+        condition = "the sliders at rest, each curve at one s in m"
     for number, (load, output) in enumerate(zip(response.inputs, response.outputs, strict=True)):
         if not np.any(response.gain[:, :, number]):
             continue
-        caption = f"Response of {output} to {load} with {rest}."
+        caption = f"Response of {output} to {load} with {condition}."
         drawings.append(drawing(f"{prefix}-response-{number}", shapes.gain, caption, response, number))
         gains = result.summary["frequency_response"]["gain"][load]
         places = (f"{plain(round(float(s), 3))}{SPACE}m" for s in response.s)

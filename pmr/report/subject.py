@@ -179,7 +179,7 @@ def loads(result: RunResult) -> list[Acting]:
 
 
 def place_words(on: str | float) -> str:
-    """Where something acts: on a named place, or at one along the axis in m."""
+    """Words for a place on a body, named or in m along its axis."""
     return f"on {on}" if isinstance(on, str) else f"at {plain(on)}{SPACE}m"
 
 
