@@ -21,7 +21,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.scene.run_settings import Simulation
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, Step
 from pmr.simulation import InitialState, TimeStepping
-from pmr.simulation.exudyn import Formulation, contacts, equations, simulator
+from pmr.simulation.exudyn import Formulation, contacts, equations, items, simulator
 from pmr.simulation.exudyn.solver import read_sensor, slider_at
 from pmr.system.assembly import Assembly
 from pmr.system.body import FullBody, SlidingBody, Trajectory
@@ -232,7 +232,7 @@ def test_several_bodies_share_a_users_system(body: SlidingBody, formulation: For
     own.mbs.SetPreStepUserFunction(lambda mbs, t: not before.append(t))
     first = add(own.mbs, body, PATH, named(LOADS, body.input_names))
     second = add(own.mbs, other, other_path, {"F": other_load})
-    simulator.add_pre_step_function(own.mbs, lambda mbs, t: not after.append(t))
+    items.add_pre_step_function(own.mbs, lambda mbs, t: not after.append(t))
     q, q_other = own.solve(first, second)
     np.testing.assert_allclose(before, STEPPING.times[1:])
     assert after == before
