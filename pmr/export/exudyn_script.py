@@ -74,7 +74,8 @@ def script_data(system: System, source: str) -> Arrays:
     for body in system.bodies.values():
         if ALONE in system.bodies:
             body.ensure_whole(source)
-    scene, equations, assembly = read_scene(system, source), Equations(system), Assembly(system)
+    scene, equations = read_scene(system, source), Equations(system)
+    assembly = equations.assembly
     if any(name.startswith(INERTIA) for body in system.bodies.values() for name in body.input_names):
         allowed = "a scene without a frame is allowed in a script; `pmr run` and `pmr simulate` simulate one by Exudyn"
         raise InputError(source, "frame", None, allowed)

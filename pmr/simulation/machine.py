@@ -176,9 +176,7 @@ class MachineRun:
         self._kernel = Kernel.of(system, self.form.forms, moving)
         modes = modes_in_bodies(self.form, self._kernel.modes)
         state = State(self._kernel, Settings(stepping.step, stepping.rho_inf, energy=False))
-        self.machine = machine = machine_of(
-            resting.model_copy(update={"frame": frame}), system, moving, self._excitation, modes
-        )
+        self.machine = machine = machine_of(scene, system, moving, self._excitation, modes)
         self._given, self._first = base_motions(scene, np.zeros(1))[0], machine.motions[0].copy()
         self._angles = [moving.drivers.index(angle) for angle in OF_BASE]
         self._free, self._sprung = np.isin(DIRECTIONS, frame.machine.free), machine.stiffness > 0.0
