@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,7 +17,7 @@ from pmr.results.run import Part, grave
 from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.simulation.statics.loaded import State
-from pmr.simulation.statics.postures import Postures
+from pmr.simulation.statics.postures import HOOK, Postures
 from pmr.studies.allowed import BELOW, Place
 from pmr.studies.chart_models import Models
 from pmr.system.contacts import Contact
@@ -102,6 +102,16 @@ def warnings_of_row(
         budget[part] = _off(rests, of_compared[part], other.share) | beside
     hints = [*unknown_forces(scene, response), *missing_reactions(scene)]
     return (*grave(parts), *budget_warnings(scene, budget), *hints)
+
+
+def left_out_loads(scene: Scene, cases: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Lines about loads that act in runs of a scene and in none of a chart's cases, each with its ``loads`` by name."""
+    named = {HOOK} | {name for case in cases for name in case["loads"]}
+    times = np.linspace(0.0, scene.time.end, 201)
+    for part in scene.sections:
+        for load in part.loads:
+            if load.name not in named and np.any(load.signal.value(times)):
+                yield f"load {load.name!r} acts in runs of this scene, but the chart lacks it: no load case names it"
 
 
 def _response(rests: Sequence[AtRest]) -> RestingResponse:

@@ -21,7 +21,7 @@ from pmr.simulation.statics.swings import Rope, lift_off
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads, bent_further
 from pmr.studies.chart_models import CONTACTS, Models
-from pmr.studies.chart_warnings import warnings_of_row
+from pmr.studies.chart_warnings import left_out_loads, warnings_of_row
 from pmr.studies.governing import Stopping, chosen, details
 from pmr.studies.limits import Limit
 from pmr.studies.tasks import Arguments, Needs, TaskResult
@@ -147,7 +147,8 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     loads, cases_of_loads = np.nan_to_num(arrays["load"], nan=chart.up_to), arrays["case"]
     of_places = warnings_of_row(scene, contacts, chart.places, models, loads, cases_of_loads, first)
     arrays["place"] = np.column_stack([radius, tip[:, 2]])
-    return TaskResult(record, arrays, warnings=(*of_places, *needs["postures"].warnings))
+    left_out = left_out_loads(scene, [*cases, *arguments["left"]])
+    return TaskResult(record, arrays, warnings=(*of_places, *left_out, *needs["postures"].warnings))
 
 
 def _at_place(chart: Chart, models: Models, k: int, rope: Rope | None) -> dict[str, NDArray[Any]]:

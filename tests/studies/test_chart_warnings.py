@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -102,6 +103,20 @@ def test_a_chart_warns_as_a_run_of_the_boom_at_rest_does(chart: StudyResults, fo
     (run,) = json.loads((folder / "summary.json").read_text())["runs"]
     assert run["warnings"] == list(record.warnings)
     assert all(one[:1].upper() + one[1:].partition(" =")[0] in page(folder) for one in record.warnings)
+
+
+def test_a_chart_names_loads_of_runs_that_no_case_has(folder: Path) -> None:
+    described = tomllib.loads((folder / "scene.toml").read_text())
+    described["sections"][-1]["loads"][0]["signal"]["amount"] = 300.0
+    (folder / "windy.toml").write_text(toml.written(described))
+    name = load_any(folder / "windy.toml").sections[-1].loads[0].name
+    quick = STUDY | {"scene": "windy.toml", "error_bars": False}
+    for cases, warned in (
+        ([{"name": "rest"}], True),
+        ([{"name": "rest"}, {"name": "wind", "loads": {name: 0.0}}], False),
+    ):
+        (run,) = finished(folder, toml.written(quick | {"cases": cases})).runs
+        assert any(f"load {name!r} acts in runs" in line for line in run.warnings) is warned
 
 
 def test_without_a_richer_model_the_reason_is_said(folder: Path) -> None:
