@@ -14,7 +14,7 @@ OURS = ("a", "b", "c", "steps/*.vtu")
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from pmr.files import swap
+from pmr.files import whole
 left = int(sys.argv[2])
 def counted(function):
     def call(*arguments, **options):
@@ -25,8 +25,8 @@ def counted(function):
         return function(*arguments, **options)
     return call
 os.replace, Path.rename, Path.unlink = counted(os.replace), counted(Path.rename), counted(Path.unlink)
-swap.shutil.rmtree = counted(swap.shutil.rmtree)
-with swap.fresh(Path(sys.argv[1]), ("a", "b", "c", "steps/*.vtu")) as new:
+whole.shutil.rmtree = counted(whole.shutil.rmtree)
+with whole.fresh(Path(sys.argv[1]), ("a", "b", "c", "steps/*.vtu")) as new:
     for name in ("a", "c", "steps/1.vtu"):
         (new / name).parent.mkdir(exist_ok=True)
         (new / name).write_text("new")
