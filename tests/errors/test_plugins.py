@@ -80,10 +80,10 @@ for name, change in (("boom_shell", "body.model='thick'"), ("paper_simple", "red
 SCENE = """
 import pmr
 from pathlib import Path
-from pmr.errors.environment import versions
+from pmr.errors.environment import plugin_versions
 from pmr.export.formats import Options, write
 scene = pmr.load_scene("boom_beam", ["loads.0.signal={kind='decay', amount=3.0}"])
-print(float(scene.loads[0].signal.value(0.0)), versions())
+print(float(scene.loads[0].signal.value(0.0)), plugin_versions())
 print(write("size", Path("fading.py"), None, Options()).read_text() == str(Path("fading.py").stat().st_size))
 """
 REFUSED = """
