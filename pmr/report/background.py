@@ -6,7 +6,7 @@ import os
 import signal
 import threading
 from collections.abc import Sequence
-from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from multiprocessing import active_children, get_context, parent_process
@@ -22,21 +22,27 @@ _drawings = list[tuple[RunResult, Figures]]()
 
 
 class BackgroundReport:
-    """The report of a run: drawn by another process where there is a core for it, else by this one in the end."""
+    """The report of a run: drawn by another process where there is a core for it, else by this one in the end.
+
+    Results are handed over in turn, each when the process is idle and reads it at once: Python before 3.11.5 waits for
+    ever where a process ends in front of a result that is larger than a pipe holds.
+    """
 
     def __init__(self) -> None:
         self._drawn = list[Future[None]]()
         self._pool: ProcessPoolExecutor | None = None
+        self._turns = ThreadPoolExecutor(1)
 
     def __enter__(self) -> BackgroundReport:
         if has_free_core():
             pool = ProcessPoolExecutor(1, get_context("spawn"), _follow_parent)
             with suppress(OSError):  # no process can be started: this one draws
-                pool.submit(_load)
+                self._turns.submit(pool.submit(_load).result)
                 self._pool = pool
         return self
 
     def __exit__(self, *error: object) -> None:
+        self._turns.shutdown(wait=False, cancel_futures=True)
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)
             for process in active_children():  # a run that was refused does not wait for what it no longer needs
@@ -45,12 +51,12 @@ class BackgroundReport:
     def draw(self, result: RunResult) -> None:
         """Let the figures of a result be drawn, which do not show ``budget`` of its summary."""
         if self._pool is not None:
-            with suppress(BrokenExecutor):  # the process was killed: `write` draws
-                self._drawn.append(self._pool.submit(_draw, result))
+            pool = self._pool
+            self._drawn.append(self._turns.submit(lambda: pool.submit(_draw, result).result()))
 
     def write(self, results: Sequence[RunResult], folder: Path) -> ReportFiles:
         """Write the report of all results, in the order of `draw`: see `pmr.report.document.write_report`."""
-        with suppress(BrokenExecutor):
+        with suppress(BrokenExecutor):  # the process was killed
             if self._pool is not None:
                 for drawn in self._drawn:
                     drawn.result()

@@ -132,3 +132,22 @@ def test_the_other_process_ends_with_one_that_is_killed(tmp_path: Path) -> None:
         run.kill()
         run.wait(PATIENCE)
         wait_until(lambda: not Path("/proc", str(drawing)).exists())
+
+
+REFUSED = """
+import numpy, sys
+from pmr.errors import environment
+from pmr.report.background import BackgroundReport
+
+environment.cores = lambda: 2
+if __name__ == "__main__":
+    with BackgroundReport() as report:
+        report.draw(numpy.zeros(1_000_000))
+        sys.exit(3)
+"""
+
+
+def test_a_run_that_fails_while_the_process_is_being_loaded_ends(tmp_path: Path) -> None:
+    """Although what was to be drawn is larger than a pipe holds: the process ends in front of it."""
+    (script := tmp_path / "refused.py").write_text(REFUSED)
+    assert subprocess.run([sys.executable, str(script)], check=False, timeout=PATIENCE).returncode == 3
