@@ -39,9 +39,9 @@ FREQUENCIES, MODES, PLACES = 2, 12, 33
 #: Share of a mode's motion that a poorer model knows, for the mode to be one that it should have.
 KNOWN = 0.5
 #: Of the largest motion of any mode: less is round-off.
-NOTHING = 1e-9
+NO_MOTION = 1e-9
 #: Kinds of outputs that are compared, as a summary calls them; forces as `force_errors` compares them.
-KINDS = ("beam", "tip", "pad_force", "cylinder_force", "support_force", "reaction")
+MODEL_KINDS = ("beam", "tip", "pad_force", "cylinder_force", "support_force", "reaction")
 #: Share of the largest frequency below which one is that of a rigid-body motion.
 RIGID = 1e-3
 DIRECTIONS = ("x", "y", "z")
@@ -83,7 +83,7 @@ class Motion:
     def lowest(self, directions: Array) -> Array:
         """The lowest frequencies (P, 2) Hz of modes that move most in `directions`, (3,) of True or False."""
         every, share = self.moved.sum(axis=1), self.moved[:, directions].sum(axis=1)
-        mine = (share >= KNOWN * every) & (share > NOTHING * share.max(axis=1, keepdims=True))
+        mine = (share >= KNOWN * every) & (share > NO_MOTION * share.max(axis=1, keepdims=True))
         if not self.moved[:, ~directions].any():
             mine[:] = True  # torsion, too, which moves no output
         lowest_of_places = np.full((len(mine), FREQUENCIES), np.nan)
@@ -133,7 +133,7 @@ def steps_of(excitation: Excitation) -> list[int]:
     return list(dict.fromkeys(int(np.argmin(np.abs(reach - place))) for place in at))
 
 
-def model_part(scene: Scene, of_scene: Motion, richer: Motion, called: str) -> dict[str, Any]:
+def model_budget(scene: Scene, of_scene: Motion, richer: Motion, called: str) -> dict[str, Any]:
     """``budget.model`` of summary.json; what moves in neither model is off by None."""
     shares: dict[str, float | None] = {}
     for kind in ("beam", "tip"):
@@ -165,9 +165,9 @@ def frequency_error(f: Array, reference: Array) -> float | None:
     return float(np.nanmax(np.abs(f[vibrates] / reference[vibrates] - 1.0))) if vibrates.any() else None
 
 
-def error(part: Mapping[str, Any]) -> float:
+def largest_model_error(part: Mapping[str, Any]) -> float:
     """The largest one that a part states, a fraction."""
-    return float(max(part[kind] for kind in (*KINDS, "largest", "frequency") if part.get(kind) is not None))
+    return float(max(part[kind] for kind in (*MODEL_KINDS, "largest", "frequency") if part.get(kind) is not None))
 
 
 def _largest(motion: Motion) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare.errors import Pair, band_of, error_below, force_histories, relative_error
-from pmr.compare.model_part import error
+from pmr.compare.model_part import largest_model_error
 from pmr.errors.text import rounded
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
@@ -366,7 +366,7 @@ def budget_warnings(scene: Scene, budget: Mapping[str, Any]) -> Iterator[str]:
     allowed = scene.compare.model_tolerance
     model, mesh = budget.get("model") or {}, budget.get("mesh")
     beyond = f"more than compare.model_tolerance = {allowed:g}"
-    if model.get("beside") is not None and (most := error(model)) > allowed:
+    if model.get("beside") is not None and (most := largest_model_error(model)) > allowed:
         giving = model["beside"].endswith("shell") and any(map(has_walls_that_could_give, members(scene)))
         better = 'body.walls = "give" adds the compliance of walls under pads' if giving else "a richer model is closer"
         yield f"the model is off by up to {rounded(100.0 * most)} % beside a {model['beside']}, {beyond}; {better}"

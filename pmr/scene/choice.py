@@ -2,7 +2,7 @@
 
 The model of a body: the one that its scene names, or for ``auto`` the least that can carry what the scene asks for.
 
-Which model is accurate enough is measured beside a shell (`pmr.pipeline.model_part`), not decided here.
+Which model is accurate enough is measured beside a shell (`pmr.pipeline.scenes`), not decided here.
 
 What each simulator can do, by the names that scenes give them; what it can't is refused here, and nowhere else.
 """

@@ -11,7 +11,7 @@ import pytest
 
 import pmr
 from pmr.compare.errors import force_errors, force_histories
-from pmr.compare.model_part import Motion, model_part
+from pmr.compare.model_part import Motion, model_budget
 from pmr.compare.step_error import step_error
 from pmr.compare.trust import budget_warnings, figures_not_covered, reduction_warnings
 from pmr.scene import load_any
@@ -60,10 +60,10 @@ def test_a_mesh_is_measured_by_frequencies_and_reactions_too(boom) -> None:
     response = motion.response
     others = 1.1 * np.asarray(response.others)
     other = replace(motion, frequencies=1.2 * motion.frequencies, response=replace(response, others=others))
-    part = model_part(scene, other, motion, "coarser mesh")
+    part = model_budget(scene, other, motion, "coarser mesh")
     assert part["frequency"] == pytest.approx(0.2) and part["reaction"] <= 0.1 * (1.0 + 1e-9)
     still = replace(motion, frequencies=np.zeros_like(motion.frequencies))
-    assert model_part(scene, still, still, "coarser mesh")["frequency"] is None  # rigid-body motions
+    assert model_budget(scene, still, still, "coarser mesh")["frequency"] is None  # rigid-body motions
 
 
 def test_what_a_part_has_no_figure_for_is_named(boom) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pmr
-from pmr.compare.model_part import IMPACTS, PLACES, STRESS, Motion, error, model_part, steps_of
+from pmr.compare.model_part import IMPACTS, PLACES, STRESS, Motion, largest_model_error, model_budget, steps_of
 from pmr.scene import load_any
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import places
@@ -35,10 +35,10 @@ def scaled(motion: Motion, displacement: float = 1.0, force: float = 1.0) -> Mot
 def test_parts_are_differences_over_what_the_richer_model_does(boom) -> None:
     scene, motion = boom
     richer = replace(scaled(motion, 1.25, 2.0), frequencies=motion.frequencies / 1.1)
-    found = model_part(scene, motion, richer, "shell")
+    found = model_budget(scene, motion, richer, "shell")
     assert [found[kind] for kind in ("beam", "tip", "largest")] == pytest.approx([0.2, 0.2, 0.2])
     assert [found[kind] for kind in ("pad_force", "frequency")] == pytest.approx([0.5, 0.1])
-    assert error(found) == found["pad_force"]
+    assert largest_model_error(found) == found["pad_force"]
     assert "cylinder_force" not in found and found["not_covered"] == [STRESS]
 
 
@@ -53,17 +53,17 @@ def test_outputs_count_that_both_models_have(boom) -> None:
     moved = response.displacement.copy()
     moved[:, across] += 1.0
     other = replace(motion, response=replace(response, displacement=moved))
-    found = model_part(scene, planar, other, "shell")
+    found = model_budget(scene, planar, other, "shell")
     assert found["beam"] == 0.0 == found["tip"]
 
 
 def test_what_does_not_move_is_off_by_nothing_that_is_known(boom) -> None:
     scene, motion = boom
-    found = model_part(scene, motion, scaled(motion, 0.0), "shell")
+    found = model_budget(scene, motion, scaled(motion, 0.0), "shell")
     assert found["beam"] is None and found["tip"] is None and found["pad_force"] == 0.0
     pads = [ring.model_copy(update={"unilateral": True}) for ring in scene.pads]
     pushing = scene.model_copy(update={"pads": tuple(pads)})
-    assert model_part(pushing, motion, motion, "shell")["not_covered"] == [STRESS, IMPACTS]
+    assert model_budget(pushing, motion, motion, "shell")["not_covered"] == [STRESS, IMPACTS]
 
 
 def test_modes_count_that_move_where_the_poorer_model_can(boom) -> None:
@@ -73,7 +73,7 @@ def test_modes_count_that_move_where_the_poorer_model_can(boom) -> None:
     vertical = motion.moved[:, 2] > motion.moved[:, 1]
     lowest = np.array([f[mine][:2] for f, mine in zip(motion.frequencies, vertical, strict=True)])
     assert np.any(lowest != motion.frequencies[:, :2])
-    found = model_part(scene, replace(planar, frequencies=1.1 * motion.frequencies), motion, "beam3d")["frequencies"]
+    found = model_budget(scene, replace(planar, frequencies=1.1 * motion.frequencies), motion, "beam3d")["frequencies"]
     assert np.array(found["richer"]) == pytest.approx(lowest)
 
 

@@ -11,7 +11,7 @@ from pmr.errors import InputError
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies
-from pmr.pipeline.model_part import decide_models
+from pmr.pipeline.scenes import decide_models
 from pmr.scene import Scene
 from pmr.scene.choice import model_of
 from pmr.scene.members import members

@@ -9,9 +9,9 @@ import pytest
 
 import pmr
 from pmr.compare import forces as ropes
-from pmr.compare.model_part import Motion, model_part
+from pmr.compare.model_part import Motion, model_budget
 from pmr.fem.compat import MPI
-from pmr.pipeline.model_part import measure_model
+from pmr.pipeline.scenes import measure_model
 
 pytest.importorskip("gmsh")
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -32,7 +32,7 @@ def test_a_platform_of_four_octagons_is_as_far_from_shells_as_its_budget_says() 
     stated = measure_model(beam, MPI.COMM_SELF, None, lambda scene: pmr.reduce(scene).system)
     shell = scene("platform_shell", *COARSE, short)
     own, richer = (Motion.of(one, pmr.reduce(one).system) for one in (beam, shell))
-    true = model_part(beam, own, richer, "shell")
+    true = model_budget(beam, own, richer, "shell")
     for kind in ("beam", "tip", "pad_force", "frequency"):
         assert 0.5 < stated[kind] / true[kind] < 2.0
     assert true["tip"] < 0.05 and true["frequency"] < 0.05
