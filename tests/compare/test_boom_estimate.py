@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from pmr import scene as scenes
-from pmr.compare import estimate as attached
 from pmr.compare import estimate as estimates
 from pmr.compare.estimate import describe_scatter
 from pmr.fullmodel.build import build_bodies
@@ -147,7 +146,7 @@ def test_the_band_around_the_tip_holds_what_the_full_model_says() -> None:
 
 @pytest.mark.slow
 def test_richer_models_that_disagree_on_an_impact_are_no_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(attached, "SETTLED", 1e-9)
+    monkeypatch.setattr(estimates, "settled", lambda error, apart: apart <= 1e-9 * error)
     outcome = run(load("compare.against=[]", "time.end=0.1"))
     assert outcome is not None
     assert "depends on the exact time of impacts" in outcome.result.summary["estimate"]["reason"]

@@ -154,7 +154,7 @@ def test_a_run_says_it_in_report_and_summary(load_scene, load: list[str]) -> Non
     [
         ("evolved_residual", "estimate", SimulationError("march failed at step 7")),
         ("paper_evolved", "by_other", InputError("scene", "time", None, "march refuses")),
-        ("paper_evolved", "estimate.by_other", SimulationError("march failed at step 7")),
+        ("paper_evolved", "by_other", SimulationError("march failed at step 7")),
     ],
 )
 def test_an_estimate_that_fails_leaves_the_run_standing(load_scene, monkeypatch, name, function, error) -> None:
