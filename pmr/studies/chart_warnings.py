@@ -107,10 +107,9 @@ def warnings_of_row(
 def left_out_loads(scene: Scene, cases: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Lines about loads that act in runs of a scene and in none of a chart's cases, each with its ``loads`` by name."""
     named = {HOOK} | {name for case in cases for name in case["loads"]}
-    times = np.linspace(0.0, scene.time.end, 201)
     for part in scene.sections:
         for load in part.loads:
-            if load.name not in named and np.any(load.signal.value(times)):
+            if load.name not in named and any(load.signal.bounds(0.0, scene.time.end)):
                 yield f"load {load.name!r} acts in runs of this scene, but the chart lacks it: no load case names it"
 
 

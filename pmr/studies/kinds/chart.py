@@ -287,23 +287,7 @@ class Study(StudyBase):
         return len(self._angles) * len(self.slewing)
 
     def hints(self) -> list[str]:
-        return [*hints_of(self, self._scene), *self._idle_loads]
-
-    @property
-    def _idle_loads(self) -> list[str]:
-        """A line with the loads of the scene, but for those that are always zero, that act in no case."""
-        scene = self._scene
-        acting = {name for case in self.cases for name in case.acting_amounts(self.classes)["loads"]}
-        signals = {load.name: load.signal for part in scene.sections for load in part.loads if load.name != HOOK}
-        idle = [
-            name for name, signal in signals.items() if name not in acting and any(signal.bounds(0.0, scene.time.end))
-        ]
-        if not idle:
-            return []
-        return [
-            f"no case of the chart has {', '.join(map(repr, idle))} of the scene: loads act where cases[].loads or "
-            "cases[].wind names them, and nowhere else"
-        ]
+        return hints_of(self, self._scene)
 
     @property
     def _points(self) -> list[tuple[dict[str, float], float, float]]:

@@ -397,19 +397,3 @@ def test_names_that_limits_may_choose_are_those_of_the_models() -> None:
         system, names = shared.full_system(scene), force_names(scene)
         for kind in ("pad", "cylinder"):
             assert names[kind] == [one.name for one in system.contacts if one.kind == kind]
-
-
-def test_loads_of_the_scene_that_no_case_names_are_said(folder: Path) -> None:
-    """A gust that blows acts in none of a study without cases; where cases name it, or it is zero, nothing is said."""
-    gust = 'direction = "z", signal = { kind = "constant", amount = '
-    assert f"{gust}0.0" in SCENE
-    (folder / "blown.toml").write_text(SCENE.replace(f"{gust}0.0", f"{gust}300.0"))
-    without, said = STUDY[: STUDY.index("[[cases]]")], []
-    for study, scene in ((without, "blown.toml"), (without, "scene.toml"), (STUDY, "blown.toml")):
-        (folder / "idle.toml").write_text(study.replace("scene.toml", scene))
-        (part,) = files.load(folder / "idle.toml").parts
-        said.append([hint for hint in part.study.hints() if "no case" in hint])
-    (line,) = said[0]
-    assert line.startswith("no case of the chart has 'gust' of the scene: loads act where cases[].loads or") and not (
-        said[1] or said[2]
-    )
