@@ -153,7 +153,7 @@ class JointPad:
 
 
 #: Properties that a contact has of its pad.
-OF_PAD = ("direction", "compliance", "clearance", "friction", "arm", "shear_stiffness")
+OF_PAD = ("direction", "compliance", "clearance", "arm", *FRICTION)
 
 
 @dataclass(frozen=True)

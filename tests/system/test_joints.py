@@ -1,12 +1,12 @@
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 from pmr.errors import InputError
-from pmr.system.contacts import Joint, JointPad
+from pmr.system.contacts import Contact, Joint, JointPad
 
 TAIL, MOUTH = JointPad("t", "w", 0.2), JointPad("m", "w", 0.3, -1.0, 1e-8, 1e-3)
 JOINT = Joint("inner", "outer", 4.0, 5.0, "e", (TAIL,), (MOUTH,))
@@ -33,3 +33,12 @@ def test_places_that_pads_allow() -> None:
         InputError, match="0.7 m or more is allowed: else inner ends before a pad at the mouth of outer"
     ):
         JOINT.check(np.array([0.6, 4.0]))
+
+
+def test_a_contact_has_all_that_its_pad_has() -> None:
+    pad = JointPad("p", "w", 0.2, -1.0, 1e-8, 1e-3, 0.1, 0.15, 2e7, 0.3, 0.02)
+    for field in fields(JointPad):
+        assert getattr(pad, field.name) != field.default  # else nobody would see that it is left out
+    (contact,) = replace(JOINT, tail=(pad,), mouth=()).contacts
+    for name in {field.name for field in fields(JointPad)} & {field.name for field in fields(Contact)}:
+        assert getattr(contact, name) == getattr(pad, name), name
