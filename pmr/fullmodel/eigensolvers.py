@@ -275,7 +275,7 @@ class SlepcEigenSolver:
     def _solve(
         self, M: PETSc.Mat, K: PETSc.Mat, count: int, deflation: list[PETSc.Vec]
     ) -> tuple[Array, list[PETSc.Vec]]:
-        """Lowest modes of (K, M) that are M-orthogonal to the vectors in `deflation`, after their omega^2; collective."""
+        """The `count` lowest omega^2 and modes of (K, M), M-orthogonal to the vectors in `deflation`; collective."""
         eps = lowest_of(K, M, self._sigma, count)
         pc = eps.getST().getKSP().getPC()
         pc.setType("cholesky")

@@ -254,7 +254,7 @@ class FullSystem(Joined[FullModel]):
         return np.concatenate([np.concatenate(part, 1) for part in parts], 1) if self.comm.rank == 0 else local
 
     def with_supports(self) -> FullSystem:
-        """Return the system with every support of a single coordinate as a contact with the ground, after all others."""
+        """Return the system with each support of a single coordinate as a contact with the ground, after all others."""
         used = {(side.place.body, side.place.row) for side in self.sides}
         held = [
             Contact(input_of(name, row), Place(name, row, model.rows.rows[number].breaks[0]))

@@ -165,7 +165,10 @@ class Moving:
         return tensor, compiled_form(self._assembler.model.inertia(space, tensor))
 
     def field(self, name: str) -> Array:
-        """Load f_S (n,) of an input in `CONSTANT` or `LINEAR`, without point masses, complete on every rank; collective."""
+        """Load f_S (n,) of an input in `CONSTANT` or `LINEAR`, without point masses; every rank has all of it.
+
+        Collective.
+        """
         S, motion = field_of(name, self._model)
         A = self.inertia(S)
         forces = times(A, motion[slice(*A.getOwnershipRange()), None])
@@ -185,7 +188,10 @@ class Moving:
         return float(self._model.centroid(mass.on)[0] if mass.at is None else mass.at[0])
 
     def displacement(self, state: State) -> Any:
-        """Displacement under the loads of `state` with the tail clamped, a function on the model's space; collective."""
+        """Displacement under the loads of `state` with the tail clamped, as a function on the model's space.
+
+        Collective.
+        """
         model, comm, load = self._model, self._comm, np.zeros(self._model.size)
         fields = dict(zip(CONSTANT, state.acceleration, strict=True)) | {"inertia xx": state.stretch}
         for name, factor in fields.items():
