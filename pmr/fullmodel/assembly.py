@@ -58,7 +58,7 @@ def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
 
 
 def pad_pattern(A: sp.csr_matrix, other: sp.csr_matrix) -> sp.csr_matrix:
-    """A with additional explicit zeros where `other` has entries, so that M and K can be added with the pattern of K."""
+    """A with explicit zeros added where `other` has entries, so that the pattern of A contains that of `other`."""
     A, other = A.tocoo(), other.tocoo()
     entries = np.concatenate([A.data, np.zeros(other.nnz)])
     places = np.concatenate([A.row, other.row]), np.concatenate([A.col, other.col])

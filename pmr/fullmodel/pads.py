@@ -318,9 +318,7 @@ def _stations(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
 
 
 def _near(along: Array, places: Array, step: float) -> sp.csc_matrix:
-    """Which points `along` (q,) are less than `step` away from each of the lattice points `places` (K,).
-
-    Ones in (q, K).
+    """Sparse (q, K) ones where a point of `along` (q,) is less than `step` away from a lattice point `places` (K,).
 
     Row numbers ascend in each column.
     """
