@@ -149,7 +149,7 @@ class _HeldModel:
         return sp.csr_matrix(sp.vstack([sp.csr_matrix((0, self._T.shape[1])), *rows]))
 
     def answers(self, pressed: sp.csr_matrix, measured: sp.csr_matrix) -> Array:
-        """Displacements that the rows `measured` (r, n) measure under unit forces on the rows `pressed` (f, n), (r, f)."""
+        """Measures (r, f) of the rows `measured` (r, n) under unit forces on each of the rows `pressed` (f, n)."""
         f = pressed.T.toarray()
         x = self._factor.solve_columns(np.asfortranarray(f - self._MR @ self._moved(self._R.T @ f)))
         x -= self._R @ self._moved(self._MR.T @ x)

@@ -1,8 +1,6 @@
-"""What models on a mesh share: motions on named groups, materials by region, and rows that tabulate weak forms.
+"""What models on a mesh share: motions of named groups, materials by region, sides of walls, tabulated weak forms.
 
-What shells and solids share: displacements on named groups of a mesh, materials by region, outside and inside.
-
-Quantities of a model's weak form, such as strains, as rows on its coordinates.
+Quantities in a model's weak form, such as strains, are tabulated as rows on its coordinates.
 """
 
 from __future__ import annotations
@@ -43,7 +41,8 @@ class Traced(ABC):
     directions: tuple[str, ...] = DIRECTIONS
 
     @abstractmethod
-    def trace(self, place: str | float) -> Trace: ...
+    def trace(self, place: str | float) -> Trace:
+        """Displacements on a named group, or of the cross-section at a distance along the axis in m."""
 
     def displacement(self, *places: str | float) -> sp.csr_matrix:
         return sp.vstack([self.trace(place).mean for place in places], format="csr")
@@ -62,15 +61,16 @@ class MeshedModel(Traced):
     transformation: None = None  # the space's coordinates are the model's
 
     def cut(self, parts: int) -> None:
-        """None: it is no line."""
+        """None: a body that is no beam is not cut."""
 
     @property
     @abstractmethod
     def components(self) -> Mapping[int, tuple[int, ...]]:
-        """Which displacements (0, 1, 2) and rotations (3, 4, 5) vertices, edges, faces and cells carry."""
+        """Displacements (0, 1, 2) and rotations (3, 4, 5) of nodes, by the dimension of their vertex, edge, face, cell."""
 
     @cached_property
     def nodes(self) -> Nodes:
+        """Nodes of the model's function space, with the numbers of their coordinates."""
         return number_nodes(self.mesh.cell, self.mesh.points, self.mesh.cells, self.components)
 
     @property
@@ -84,7 +84,7 @@ class MeshedModel(Traced):
         return self.nodes.per_component(cells)
 
     def trace(self, place: str | float) -> Trace:
-        """Displacements on a named group, or of a cross-section; looked for once."""
+        """Displacements on a named group, or of the cross-section at a distance along the axis in m; cached."""
         if place not in self._traces:
             if isinstance(place, str):
                 self._traces[place] = trace(self.mesh, self.nodes, place, degree=2)
@@ -113,7 +113,7 @@ class MeshedModel(Traced):
 
     @property
     def grid(self) -> Grid:
-        """The mesh as it is; displacements within its cells are quadratic, a picture takes their vertices'."""
+        """Cells of the mesh; pictures take the displacements of their vertices, although they are quadratic within."""
         name, order = next((name, order) for name, (kind, _, order) in CELLS_OF_KIND.items() if kind == self.mesh.cell)
         return Grid(name, self.mesh.points, self.mesh.cells[:, order], self.mesh.regions)
 
@@ -126,18 +126,18 @@ class MeshedModel(Traced):
 
 @dataclass(frozen=True)
 class OfCells:
-    """Kinds of material or thickness, and which of them each cell of a mesh has."""
+    """Materials or thicknesses, and which of these kinds each cell of a mesh has."""
 
     kinds: tuple[object, ...]
     number: Indices  # (C,): which of the kinds
 
     def values(self, name: str) -> Array:
-        """An attribute of each cell's kind, (C,); ``material.young`` is that of an attribute."""
+        """Attribute `name` of each cell's kind, (C,); ``material.young`` is the attribute of an attribute."""
         return np.array([attrgetter(name)(kind) for kind in self.kinds])[self.number]
 
 
 def by_region(mesh: NamedMesh, default: object, regions: Mapping[str, object]) -> OfCells:
-    """Find the material or thickness of each cell by its region; cells of no region take the default.
+    """Material or thickness of each cell, by its region; cells of no region take the default.
 
     Raises an `InputError` if the mesh has no such group of cells, or two of them share cells.
     """
@@ -155,16 +155,19 @@ def by_region(mesh: NamedMesh, default: object, regions: Mapping[str, object]) -
 
 
 def frequency_scale(points: Array, material: Material, thickness: float = 0.0) -> float:
-    """sqrt(E / rho) r / L^2 in rad/s, with the largest extent L and half the smallest, r: that of a slender beam."""
+    """Scale sqrt(E / rho) r / L^2 in rad/s of the frequencies of a slender beam.
+
+    L is the largest extent of `points` (N, 3) m, r half the smallest, which is at least the thickness (m).
+    """
     extent = np.ptp(points, axis=0)
     depth = max(extent.min(), thickness) / 2.0
     return float(np.sqrt(material.young / material.density) * depth / extent.max() ** 2)
 
 
 def away(mesh: NamedMesh, places: Array, normals: Array) -> Array:
-    """1 where a unit normal (f, 3) at a place (f, 3) points away from the body's axis, -1 towards it, 0 neither.
+    """1 where a unit normal (f, 3) at a point (f, 3) m points away from the body's axis, -1 towards it, 0 neither.
 
-    The axis runs through the middle of the other extents.
+    The axis is along the mesh's longest extent, in the middle of the other extents.
     """
     arm = places - (mesh.points.min(axis=0) + mesh.points.max(axis=0)) / 2.0
     arm[:, mesh.axis] = 0.0
@@ -181,15 +184,15 @@ class CellValues:
 
 
 def cell_values(model: Any, quantity: Callable[[Any], Any], points: Array) -> CellValues:
-    """Tabulate a quantity in all cells, in the order of the model's mesh, on each rank for itself.
+    """Tabulate a quantity in all cells of a model's mesh, in their order; each rank does so alone.
 
     Parameters
     ----------
     model : FiniteElementModel
     quantity : callable
-        From a function space to a UFL vector, linear in a trial function of it.
+        Returns, for a function space, a UFL vector that is linear in a trial function of it.
     points : (q, d) array
-        On the reference cell.
+        Points on the reference cell.
     """
     space = tabulation_space(model.space(model.domain(MPI.COMM_SELF)))
     cells = original_cells(space.mesh)
@@ -202,7 +205,7 @@ def cell_values(model: Any, quantity: Callable[[Any], Any], points: Array) -> Ce
 
 
 def as_rows(entries: Array, coordinates: Indices, size: int) -> sp.csr_matrix:
-    """Rows (P v, size) from entries (P, v, d) on coordinates (P, d), point by point."""
+    """Rows (P v, size) from entries (P, v, d) on coordinates (P, d), the v rows of each point together."""
     columns = np.broadcast_to(coordinates[:, None], entries.shape)
     ends = np.arange(0, entries.size + 1, entries.shape[-1])
     return sp.csr_matrix((entries.ravel(), columns.ravel(), ends), (len(ends) - 1, size))

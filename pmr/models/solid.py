@@ -48,7 +48,7 @@ DEGREE = {"hexahedron": 3, "tetrahedron": 2}
 
 @dataclass(frozen=True)
 class Solid(MeshedModel):
-    """The model on a mesh of tetrahedra or hexahedra; it has no rotations, a place's rotation is that of its mean."""
+    """Solid on a mesh of tetrahedra or hexahedra, without rotations; a place's rotation is that of its mean motion."""
 
     body: SolidBody
     mesh: NamedMesh
@@ -60,6 +60,7 @@ class Solid(MeshedModel):
 
     @cached_property
     def materials(self) -> OfCells:
+        """Material of each cell."""
         return by_region(self.mesh, self.body.material, self.body.regions)
 
     @property
@@ -87,18 +88,21 @@ class Solid(MeshedModel):
         return ufl.inner(ufl.dot(ufl.grad(u), sigma), ufl.grad(du)) * _measure(space.mesh, 4)
 
     def _stress(self, mesh: Any, u: Any) -> Any:
-        """The stress tensor in Pa of a displacement."""
+        """Stress tensor in Pa of a displacement u, in UFL."""
         E, nu = (cellwise(mesh, self.materials.values(name)) for name in ("young", "poisson"))
         lame, mu, epsilon = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu)), ufl.sym(ufl.grad(u))
         return lame * ufl.tr(epsilon) * ufl.Identity(3) + 2 * mu * epsilon
 
     def stress_components(self, space: Any) -> Any:
-        """Stresses xx, yy, zz, yz, xz, xy in Pa of a trial function."""
+        """Stresses xx, yy, zz, yz, xz and xy in Pa of a trial function, as a UFL vector."""
         sigma = self._stress(space.mesh, ufl.TrialFunction(space))
         return ufl.as_vector([sigma[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))])
 
     def stresses(self) -> StressRows:
-        """Stresses on outer facets, in the middle of the cells, and on facets that look to the axis."""
+        """Stresses at the middle of surface facets, then in the middle of all cells.
+
+        Facets are on the face ``outer``, or ``inner`` if they look towards the body's axis; cells are on ``middle``.
+        """
         mesh, degree, surface = self.mesh, DEGREE[self.mesh.cell], skin(self.mesh)
         at_points = cell_values(self, self.stress_components, rule_points(mesh.cell, degree))
         continued = np.linalg.inv(lagrange_rule(mesh.cell, 1, degree)[1])  # from the points to the vertices
@@ -124,18 +128,19 @@ class Solid(MeshedModel):
 
 
 def _measure(mesh: Any, degree: int) -> Any:
+    """UFL measure for integrands of the given polynomial degree."""
     return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree})
 
 
 def of(body: Body, mesh: NamedMesh) -> Solid:
-    """The solid that a scene's body is."""
+    """The solid model of a scene's body on a mesh."""
     regions = {name: region.material or body.material for name, region in body.regions.items()}
     return Solid(SolidBody(material=body.material, regions=regions), mesh)
 
 
 @dataclass(frozen=True)
 class Skin:
-    """Facets (f,) of a solid's surface: their cells, vertices (f, k), and unit normals (f, 3)."""
+    """Facets (f,) of a solid's surface: the cell of each, its vertices (f, k), and outward unit normals (f, 3)."""
 
     cell: Indices
     vertices: Indices
@@ -143,7 +148,7 @@ class Skin:
 
 
 def skin(mesh: NamedMesh) -> Skin:
-    """The facets that belong to one cell only; normals point out of the material."""
+    """Facets of a solid's mesh that belong to one cell only."""
     facets = np.array(cell_topology(mesh.cell)[2])
     vertices = mesh.cells[:, facets]
     flat = vertices.reshape(-1, vertices.shape[2])
