@@ -1,6 +1,6 @@
-"""What pmr asks of PETSc and MPI, on one rank and by SciPy: for given matrices where petsc4py is not installed.
+"""Replacement of PETSc and MPI on one rank by SciPy: for given matrices where petsc4py is not installed.
 
-Names and meanings are PETSc's, so that no other module asks which of both it works with; `pmr.fem.compat` decides.
+Names and meanings are PETSc's, so that no other module needs to know which it works with; `pmr.fem.compat` decides.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 class Comm:
-    """A communicator of one rank."""
+    """A communicator of one rank; its methods return what they get, as MPI would."""
 
     rank, size = 0, 1
 
@@ -38,10 +38,10 @@ class Comm:
         return [value]
 
     def barrier(self) -> None:
-        """Nobody is waited for."""
+        """Do nothing, as there is no other rank to wait for."""
 
     def Bcast(self, *arrays: Any) -> None:
-        """In place: the arrays are what they become."""
+        """Do nothing: on one rank the arrays already have their result."""
 
     Allreduce = Bcast
 
@@ -67,7 +67,7 @@ class Vec:
         return int(self._values.argmax()), float(self._values.max())
 
     def destroy(self) -> None:
-        """Python does it."""
+        """Do nothing: Python frees the memory."""
 
 
 class IS:
@@ -78,7 +78,7 @@ class IS:
         return self
 
     def destroy(self) -> None:
-        """Python does it."""
+        """Do nothing: Python frees the memory."""
 
 
 class Mat:
@@ -100,7 +100,7 @@ class Mat:
         return self
 
     def setUp(self) -> None:
-        """Nothing is left to do, as in `assemble` and `destroy`."""
+        """Do nothing; also serves as `assemble` and `destroy`."""
 
     assemble = destroy = setUp
 
@@ -168,11 +168,13 @@ class Mat:
         self.values = sp.csr_matrix(self.values + factor * X.values)
 
     def zeroRowsColumns(self, numbers: NDArray[Any], diag: float) -> None:
+        """Set rows and columns with these numbers to zero, and their diagonal to `diag`."""
         remaining, diagonal = np.ones(self.getSize()[0]), np.zeros(self.getSize()[0])
         remaining[numbers], diagonal[numbers] = 0.0, diag
         self.values = sp.csr_matrix(sp.diags(remaining) @ self.values @ sp.diags(remaining) + sp.diags(diagonal))
 
     def norm(self, kind: Any) -> float:
+        """Largest absolute row sum, PETSc's infinity norm, whatever `kind`."""
         return float(np.abs(self.values).sum(axis=1).max())
 
 

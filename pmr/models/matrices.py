@@ -49,7 +49,10 @@ class Matrices(Traced):
 
     @property
     def unchecked(self) -> bool:
-        """Whether the stiffness has no rigid motions by which positions and directions of nodes could be checked."""
+        """Whether positions and directions of the nodes could not be checked against the stiffness.
+
+        That is so if all nodes are beside supports inside the matrices.
+        """
         return self.given.unchecked
 
     @property

@@ -66,7 +66,10 @@ class MeshedModel(Traced):
     @property
     @abstractmethod
     def components(self) -> Mapping[int, tuple[int, ...]]:
-        """Displacements (0, 1, 2) and rotations (3, 4, 5) of nodes, by the dimension of their vertex, edge, face, cell."""
+        """Displacements (0, 1, 2) and rotations (3, 4, 5) of a node, by the dimension of the entity that it sits on.
+
+        The dimensions 0 to 3 are those of vertices, edges, faces and cells.
+        """
 
     @cached_property
     def nodes(self) -> Nodes:
