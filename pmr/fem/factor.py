@@ -29,13 +29,13 @@ Indices = NDArray[np.int64]
 
 #: Right-hand sides solved at once: a column then costs a sixth of what it costs alone (18,000 coordinates).
 BLOCK = 64
-#: MUMPS' answers (its manual, "Error and warning diagnostics") where it was allowed less memory than it needs; where it
-#: could not have what it was allowed, in the analysis, for integers, numbers or messages; where files can't be written;
-#: and where the structure, a pivot or its sign says that the matrix is not positive definite.
+#: MUMPS' error codes (its manual, "Error and warning diagnostics"): the memory limit is too small; memory could not be
+#: had within the limit, in the analysis, for integers, numbers or messages; files can't be written; the structure, a
+#: pivot or its sign shows that the matrix is not positive definite.
 TOO_LITTLE, NO_MEMORY, NO_FILES, NOT_DEFINITE = -19, (-5, -7, -8, -9, -11, -13, -14, -17, -20), -90, (-6, -10, -40)
 #: Share of the free memory that a factor may take: solves and what follows need some too.
 SHARE = 0.8
-#: Entries of a factor over those of its matrix, and more than almost any has.
+#: Entries of a factor over those of its matrix: almost no factor has more.
 FILL = 20
 
 
@@ -56,11 +56,9 @@ class _PetscFactor:
         self._factor.solve(right, answer)
 
     def solve_columns(self, columns: Array) -> Array:
-        """This rank's rows (n_local, k) of the solutions, from its rows `columns` (n_local, k) of right-hand sides.
+        """Rows (n_local, k) of the solutions, from the rows `columns` (n_local, k) of right-hand sides; collective.
 
-        Collective.
-
-        Right-hand sides in Fortran's order are not copied; the result is in that order.
+        Both are this rank's.  Right-hand sides in Fortran's order are not copied; the result is in that order.
         """
         result = np.empty(columns.shape, order="F")
         for k in range(0, columns.shape[1], BLOCK):
@@ -189,9 +187,9 @@ def factor_of(A: PETSc.Mat, name: str) -> Factor | SparseFactor:
 
 
 def factor_for_steps(A: PETSc.Mat, name: str) -> AnyFactor:
-    """Factor for single right-hand sides, one after another.
+    """Factor for single right-hand sides, one after another: by CHOLMOD on one rank, else as `factor_of`.
 
-    On one rank by CHOLMOD, if PETSc has it, else as `factor_of`.
+    CHOLMOD is taken if PETSc was built with it.  Raises a `NotDefiniteError` as `factor_of`.
     """
     if HAS_PETSC and A.comm.size == 1:
         with suppress(PETSc.Error):
@@ -266,7 +264,7 @@ def free_memory(comm: MPI.Comm) -> int:
 #: Share of the memory that one factor could have which the factors of all ranks on a machine may take together.
 COPIES = 0.5
 
-#: Bytes in a message: MPI counts them in 32 bits.
+#: Most bytes in a message: MPI counts them in 32 bits.
 LARGEST = 2**31 - 1
 
 
@@ -348,7 +346,7 @@ class Exchange:
         self.most = max(1, LARGEST // (8 * int(self._ends[-1])))  # columns for each rank at a time
 
     def columns(self, local: Array) -> Array:
-        """This rank's columns (n, k_own) of a matrix, from its rows `local` (n_local, k) in Fortran's order.
+        """Columns (n, k_own) of a matrix, from the rows `local` (n_local, k) in Fortran's order, both this rank's.
 
         Collective.
         """
@@ -358,18 +356,20 @@ class Exchange:
         return full
 
     def rows(self, full: Array, local: Array) -> None:
-        """Write this rank's rows to `local` (n_local, k), in Fortran's order, from its columns `full` (n, k_own).
+        """Write rows to `local` (n_local, k) in Fortran's order, from the columns `full` (n, k_own), both this rank's.
 
-        Collective.
+        Collective; it is the reverse of `columns`.
         """
         with self._parts(local, full) as (of_rows, of_columns):
             self._comm.Alltoallw(of_columns, of_rows)
 
     @contextmanager
     def _parts(self, local: Array, full: Array) -> Iterator[tuple[Any, Any]]:
-        """Yield MPI's description of what this rank exchanges with all others, in place.
+        """Yield MPI's description of what this rank exchanges.
 
-        Of its rows, then of its columns.
+        Of the columns within its rows, of the rows within its columns.
+
+        Both refer to the arrays in place; their data types are freed on exit.
         """
         counts, number = len(local) * self._shares(local.shape[1]), MPI.DOUBLE
         begins = (np.cumsum(counts) - counts) * number.size

@@ -64,6 +64,7 @@ class Vec:
         return Vec(np.zeros_like(self._values))
 
     def max(self) -> tuple[int, float]:
+        """Number of the largest entry, and its value."""
         return int(self._values.argmax()), float(self._values.max())
 
     def destroy(self) -> None:
@@ -147,24 +148,30 @@ class Mat:
         return Vec(np.zeros(self.getSize()[0]))
 
     def mult(self, x: Vec, y: Vec) -> None:
+        """Write A x to y."""
         y.getArray()[:] = self.values @ x.getArray()
 
     def multAdd(self, x: Vec, y: Vec, z: Vec) -> None:
+        """Write y + A x to z."""
         z.getArray()[:] = y.getArray() + self.values @ x.getArray()
 
     def matMult(self, X: Mat, Y: Mat) -> None:
+        """Write A X to Y."""
         Y.values[:] = self.values @ X.values
 
     def PtAP(self, P: Mat) -> Mat:
+        """P^T A P as a new matrix."""
         return Mat(sp.csr_matrix(P.values.T @ self.values @ P.values))
 
     def createSubMatrix(self, rows: IS, columns: IS) -> Mat:
+        """Submatrix of the given rows and columns, as a new matrix."""
         return Mat(self.values[rows.numbers][:, columns.numbers])
 
     def scale(self, factor: float) -> None:
         self.values *= factor
 
     def axpy(self, factor: float, X: Mat, structure: Any = None) -> None:
+        """Add `factor` times X; `structure` is not used."""
         self.values = sp.csr_matrix(self.values + factor * X.values)
 
     def zeroRowsColumns(self, numbers: NDArray[Any], diag: float) -> None:

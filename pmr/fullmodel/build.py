@@ -41,9 +41,9 @@ Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 
 
-#: Motions that are held by less than this share of what holds the others are free; pads measure them to 1e-12.
+#: A motion is free if singular values of what holds it are below this share of the largest; pads are exact to 1e-12.
 FREE = 1e-7
-#: What is left of a row by less than this share of its terms is round-off: it measures no rigid motion.
+#: A row that measures less than this share of the sum of its terms' sizes is round-off.
 ROUND_OFF = 1e-9
 AXES = "xyz"
 
@@ -64,7 +64,7 @@ class Way:
     """The T positions at which a system is checked for free motions."""
 
     s: Mapping[str, Array]  # path coordinates (T,) m
-    ahead: Mapping[str, Array]  # (T,) m of each body: how far its tail is ahead of the base's
+    ahead: Mapping[str, Array]  # (T,) m: by body, the distance of its tail ahead of the base's
     said: Sequence[str]  # each position in words
 
 
@@ -72,10 +72,10 @@ class Way:
 class Body:
     """A body's six rigid motions as its rows measure them; columns of motions that its model lacks are zero."""
 
-    on_carriers: Array  # (K, 6)
-    terms: Array  # (K, 6): the same of the sizes of all numbers, which round-off is a share of
-    held: Array  # (h, 6): what always holds it, whatever slides
-    reach: float  # m: by how much a rotation of 1 moves it at most
+    on_carriers: Array  # (K, 6): measures of the K carriers of its rows
+    terms: Array  # (K, 6): the same with absolute values of all factors; round-off is a share of it
+    held: Array  # (h, 6): measures that always hold it: clamps, springs, missing directions
+    reach: float  # m: largest displacement of a coordinate under a unit rotation
 
     @classmethod
     def of(cls, model: FullModel, structural: StructuralModel) -> Body:
@@ -259,9 +259,9 @@ def wanted_matrices(scene: Scene) -> tuple[str, ...]:
     return tuple(dict.fromkeys(term.matrix for term in (*frame_terms(scene), *stress_terms(scene))))
 
 
-#: Relative error of the lowest frequency from which on a mesh is called too fine.
+#: Relative error of the lowest frequency above which a warning says that the mesh is too fine.
 NOTICED_ROUND_OFF = 1e-4
-#: Places on the way at which is looked for free motions.
+#: Number of positions at which free motions are looked for.
 PLACES = 33
 
 

@@ -317,6 +317,7 @@ class OneFactorEigenSolver:
         held = scipy.linalg.cho_factor((system + system.T) / 2.0) if len(system) else None
 
         def apply(g: Array) -> Array:
+            """Apply the inverse in the class's docstring to columns `g`."""
             x = factor.solve_columns(g)
             if held is not None:
                 subtract(x, answers, scipy.linalg.cho_solve(held, inner(Ct, x, model.comm)))

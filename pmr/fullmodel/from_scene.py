@@ -202,6 +202,7 @@ def _mesh_model(member: Member, comm: MPI.Comm) -> StructuralModel:
     kind = _kind(model_of(member))
 
     def write(boom: BoxBoom, file: Path) -> None:
+        """Mesh a box with cells that the model allows, and write the mesh to `file`."""
         if "triangle" in kind.KINDS:
             write_shell(boom, file)
         else:

@@ -47,7 +47,7 @@ class Masses:
 
     own: float  # kg
     attached: float  # kg
-    centre: Array  # (3,) m, of both, in the body's axes
+    centre: Array  # (3,) m: centre of gravity of both, in the body's axes
 
     def summary(self) -> dict[str, Any]:
         """``mass`` and ``attached`` in kg, ``centre`` in m, as summary.json has them."""
@@ -95,10 +95,10 @@ def _gram_matrix(R: Array, M: PETSc.Mat) -> Array:
 class RigidMotions:
     """Rigid motions of a body, computed from its geometry alone, and what clamps and springs measure of them."""
 
-    # (n_local, k): this rank's rows under each of k motions, translations first; clamped ones are missing
+    # (n_local, k): this rank's free coordinates under each of k unit motions, translations first
     coordinates: Array
-    held: Array  # (h, k) m or rad: what clamps and springs measure of each; it is free of them where all is zero
-    whole: bool = True  # whether no coordinate is clamped, whose mass and loads the model does not know
+    held: Array  # (h, k) m or rad: what clamps and springs measure of each; a motion is free if its column is zero
+    whole: bool = True  # False if coordinates are clamped, whose mass and loads the model lacks
 
 
 @dataclass(frozen=True)
@@ -110,11 +110,11 @@ class FullModel(WithRows):
     All coordinates are in the model's own order, so that serial and parallel runs number them alike.
     """
 
-    M: PETSc.Mat  # (n, n) as K, free of boundary conditions; each rank owns consecutive rows
-    damping: PETSc.Mat | Rayleigh  # D (n, n), or what it is made of when somebody asks for it
-    K: PETSc.Mat  # where M has an entry K has a place
-    inputs: PETSc.Mat  # (n, i): one column a load
-    outputs: PETSc.Mat  # O^T (n, o): one column an output
+    M: PETSc.Mat  # (n, n), without boundary conditions; each rank owns consecutive rows
+    damping: PETSc.Mat | Rayleigh  # D (n, n), or the factors from which `D` is made at first use
+    K: PETSc.Mat  # (n, n); its pattern contains that of M
+    inputs: PETSc.Mat  # B (n, i): one column for each load
+    outputs: PETSc.Mat  # O^T (n, o): one column for each output
     rows: Rows  # supports first, then the sliders; the same on every rank
     input_names: tuple[str, ...]
     output_positions: Array  # (o,) m along the axis
@@ -122,17 +122,17 @@ class FullModel(WithRows):
     output_names: tuple[str, ...] = ()
     output_units: tuple[str, ...] = ()
     output_kinds: tuple[str, ...] = ()
-    # in closed form; a model without can be simulated, but not be reduced to free modes
+    # None: unknown; such a model can be simulated, but not be reduced to free modes
     rigid: RigidMotions | None = None
-    node_stations: Array | None = None  # (N,) m: places of a beam's nodes along its axis
+    node_stations: Array | None = None  # (N,) m: coordinates of a beam's nodes along its axis; None: no beam
     # (n, n): planes of symmetry (`pmr.fullmodel.structural`), the same on every rank
     mirrors: tuple[sp.csr_matrix, ...] = ()
-    # rows (1, n) by place and direction, the same on every rank: what moves where something may be attached
+    # rows (1, n), the same on every rank, that measure motions where something may be attached, by place and direction
     ports: Mapping[str, sp.csr_matrix] = field(default_factory=dict)
-    # (n, n) as M, by the names of `pmr.reduced.matrices`: of a moving frame and of axial forces; those that vanish are
-    # left out
+    # (n, n): matrices of a moving frame and of axial forces, by the names of `pmr.reduced.matrices`; zero ones are left
+    # out
     matrices: Mapping[str, PETSc.Mat] = field(default_factory=dict)
-    masses: Masses | None = None  # None of matrices that were given
+    masses: Masses | None = None  # None for given matrices
 
     @property
     def rayleigh(self) -> Rayleigh | None:

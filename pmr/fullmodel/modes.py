@@ -38,7 +38,7 @@ BLOCK = 8
 RESIDUAL_TOLERANCE = 1e-15
 #: Directions of a block that are shorter than this share of its longest one are left out: round-off decides them.
 SPANNED = 1e-8
-#: Blocks at most.
+#: Largest number of blocks.
 STEPS = 100
 
 
@@ -70,7 +70,7 @@ def largest(apply: Callable[[Array], Array], M: PETSc.Mat, start: Array, count: 
         If fewer than `count` converge within `STEPS` blocks.
     """
     comm = M.comm.tompi4py()
-    room = np.empty((len(start), 16 * (count + start.shape[1])), order="F")  # memory is taken as it fills
+    room = np.empty((len(start), 16 * (count + start.shape[1])), order="F")  # memory is provided as columns are filled
     T, filled = np.empty((0, 0)), 0
     rough = _orthonormal(start, times(M, start), comm, dimension)
     block = _orthonormal(rough.vectors, times(M, rough.vectors), comm, dimension)
@@ -140,7 +140,7 @@ def _grown(T: Array, columns: Array) -> Array:
     return result
 
 
-#: Of the Krylov sequences.
+#: Tolerance, and largest number of iterations, of Krylov-Schur.
 TOLERANCE, ITERATIONS = 1e-13, 500
 #: Relative distance of omega^2 below which two modes count as one cluster.
 CLUSTER = 1e-7

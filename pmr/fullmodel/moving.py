@@ -99,12 +99,14 @@ class _Dense:
             raise SingularError()
 
     def solve(self, g: Array) -> Array:
+        """This rank's rows (n_local, k) of x, for its rows `g` (n_local, k); collective."""
         shares, x = self._comm.gather(g), None
         if shares is not None:
             x = self._T @ scipy.linalg.cho_solve(self._factor, self._T.T @ np.concatenate(shares))
         return np.ascontiguousarray(self._comm.bcast(x)[self._share])
 
     def destroy(self) -> None:
+        """Free the factor's memory."""
         self.__dict__.pop("_factor", None)
 
 
@@ -122,12 +124,14 @@ class _Mumps:
             free_objects(K)
 
     def solve(self, g: Array) -> Array:
+        """This rank's rows (n_local, k) of x, for its rows `g` (n_local, k), which are overwritten; collective."""
         self._condensed.restrict(g)
         x = self._factor.solve_columns(g)
         self._condensed.extended(x)
         return x
 
     def destroy(self) -> None:
+        """Free the factor's memory; collective."""
         self._factor.destroy()
 
 

@@ -64,13 +64,13 @@ def slider_row(beam: Beam2D, offset: float = 0.0, name: str = "slider") -> Row:
 
 #: Stations for each knot of the weight along the pad: its length is (4 STATIONS + 2) Delta.
 STATIONS = 2
-#: Along the path: each costs a static solve and an interval of all tables.
+#: Largest number of stations along the path: each costs a static solve and an interval of all tables.
 MOST_STATIONS = 10_000
 #: Points of quadrature are this share of Delta, or of the knots across, apart.
 SPACING = 0.5
-#: What quadrature may miss of a station's weight, and of its place in Delta, before the pad is said to leave its face.
+#: Largest error of a station's weight, relative, and of its centroid, in Delta; beyond, the pad leaves its face.
 MISSING = 0.02
-#: So much of a face's length or breadth a pad may reach beyond it: the path of one that stands still has some length.
+#: Share of a face's length or breadth by which a pad may reach beyond it: the path of one that stays has some length.
 SLACK = 2e-3
 
 
@@ -82,12 +82,12 @@ class Pad:
     on: str  # a flat face of a mesh; on beams ``bottom``, ``top``, ``left`` (+y) or ``right``
     at: float = 0.0  # m: its centre along the body's axis; of a moving pad the distance ahead of s
     across: float = 0.0  # m: its centre across, y on bottom and top, z on the sides
-    length: float = 0.3  # m, as its width
-    width: float = 0.08
+    length: float = 0.3  # m, along the body's axis
+    width: float = 0.08  # m, across the face
     stiffness: float = 3e8  # N/m; infinite for a rigid one
     unilateral: bool = False  # whether it only pushes
-    clearance: float = 0.0  # m: how far the body at rest is from a unilateral one
-    travel: tuple[float, float] | None = None  # m: smallest and largest s of this moving pad, where not those of all
+    clearance: float = 0.0  # m: gap between a unilateral pad and the undeformed body
+    travel: tuple[float, float] | None = None  # m: smallest and largest s of this moving pad; None: of `Pads`
 
     def __post_init__(self) -> None:
         for key in ("length", "width", "stiffness"):
@@ -135,12 +135,12 @@ class Pads:
     supports: tuple[Support, ...] = ()
     sliders: tuple[Slider, ...] = ()
     travel: tuple[float, float] = (0.0, 1.0)  # m: smallest and largest s
-    # places that another body holds, not the ground: rows whose stiffness is that body's matter
+    # places that another body holds, not the ground
     ends: tuple[Support, ...] = ()
-    straight: tuple[Straight, ...] = ()  # stretches of a planar beam that another body keeps from bending
-    walls: Walls = Walls()  # of a beam, that give way under its pads
-    luffing: LuffingCylinder | None = None  # that holds a base whose tail is so far from the pivot, m
-    tail: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    straight: tuple[Straight, ...] = ()  # stretches of a planar beam that another body keeps straight
+    walls: Walls = Walls()  # walls of a beam that give way under its pads
+    luffing: LuffingCylinder | None = None  # cylinder that holds a base; None: there is none
+    tail: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: position of a base's tail relative to the luffing pivot
 
     def __post_init__(self) -> None:
         low, high = self.travel
@@ -157,8 +157,8 @@ class Pads:
 class Restraints:
     """Constraint rows and springs by which pads and supports act on a structure with n coordinates."""
 
-    rows: tuple[Row, ...]  # of what moves, is rigid or only pushes
-    springs: tuple[Row, ...]  # of all the others, on the coordinates they belong to: k c^T c is part of K
+    rows: tuple[Row, ...]  # of pads and supports that move, are rigid or only push
+    springs: tuple[Row, ...]  # of all others; k c^T c is part of K
 
     def stiffness(self, size: int) -> sp.csr_matrix:
         """Sum of k c^T c over the springs' rows c (1, n), (n, n) in N/m; `size` is n."""

@@ -27,7 +27,7 @@ from pmr.scene.structures import Material, Probe
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Units of what is measured.  Displacements are in mm: outputs in m are those that errors and estimates are of.
+#: Units of measures.  Displacements are in mm, as errors and estimates are computed for all outputs in m.
 UNITS = {"stress": "Pa", "strain": "1", "displacement": "mm"}
 
 

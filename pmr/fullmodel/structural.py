@@ -111,7 +111,7 @@ class Image:
     """A mirror image or a product of several: the matrix P, and which carrier is the image of which."""
 
     P: sp.csr_matrix  # (n, n)
-    partners: Indices  # (K,): number of the carrier that is the image of each; -1 where none is
+    partners: Indices  # (K,): number of the carrier that is each one's image; -1: none
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ from pmr.scene.structures import PointMass, unit_vector
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-#: Which row of which matrix measures the motion of a place along a direction.
+#: By place and direction, a matrix and the number of its row that measures this motion.
 Measured = dict[tuple[str | float, str], tuple[sp.csr_matrix, int]]
 
 #: Directions of displacements.
@@ -58,7 +58,7 @@ class Action:
     on: str | float
     direction: str
     size: float = 1.0
-    measures: str = "beam"  # as an output, a displacement of a place along the ``beam`` or of its ``tip``
+    measures: str = "beam"  # kind as an output: of a place along the ``beam``, or of its ``tip``
 
     @property
     def kind(self) -> str:
@@ -142,9 +142,9 @@ class Coupling:
     # (n, n'): the model's free coordinates in their order, then the motions of rigidly coupled masses, dents of walls
     T: sp.csr_matrix
     masses: tuple[PointMass, ...]
-    motions: tuple[sp.csr_matrix, ...]  # (k, n') each: of the masses, along k directions of the model
-    rigid: Array  # (n', k): z under each of the model's rigid motions
-    clamped: Array  # (c, k): what the clamped coordinates would do under each of them
+    motions: tuple[sp.csr_matrix, ...]  # (k, n') each: G of each mass, along the k directions of the model
+    rigid: Array  # (n', k): z under each of the model's k rigid motions
+    clamped: Array  # (c, k): clamped coordinates of q under each of them, were they free
     walls: Walls
 
     def attached_mass(self) -> sp.csr_matrix:

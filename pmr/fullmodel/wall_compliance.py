@@ -45,11 +45,11 @@ from pmr.scene.structures import Beam3DBody, Material, PointMass
 
 Array = NDArray[np.float64]
 
-#: Elements of the beam that is taken off.
+#: Elements of the beam whose compliance is subtracted.
 ELEMENTS = 40
-#: Places of pads that slide: so many a layer of cells, and in all.
+#: Positions of pads that slide: number per layer of cells, and largest number in all.
 A_LAYER, MOST_PLACES = 2, 61
-#: What holds a body that nothing holds against round-off, of its lowest frequency's scale.
+#: Root of the shift that makes a free body's stiffness regular, over the scale of its lowest frequency.
 HELD = 0.05
 
 
@@ -58,12 +58,12 @@ class PlateBody:
     """A box as a shell with its cells, and the clamps and rigid masses that keep its ends in shape."""
 
     box: BoxBoom
-    profile: Box = field(compare=False)  # whose sides the drawing has
+    profile: Box = field(compare=False)  # from which `box` was made
     material: Material
     shear_correction: float
     clamps: tuple[Clamp, ...] = ()
     masses: tuple[PointMass, ...] = ()
-    frames: float = 0.0  # m, their thickness
+    frames: float = 0.0  # m: thickness of frames; 0: none
 
 
 @dataclass(frozen=True)
@@ -78,9 +78,9 @@ class Ring:
 class SlidingCompliance:
     """Compliance of k pads that slide, at p distances u, with forces on themselves and on m that stay."""
 
-    u: Array  # (p,) m
-    own: Array  # (p, k, k) m/N
-    beside: Array  # (p, k, m)
+    u: Array  # (p,) m: distances from the first position
+    own: Array  # (p, k, k) m/N: among the pads that slide
+    beside: Array  # (p, k, m) m/N: between them and what stays
 
 
 @lru_cache(maxsize=8)
@@ -191,7 +191,7 @@ def _shell(body: PlateBody) -> Shell:
 
 
 ENDS = ("tail", "tip")
-#: What is spread over a free end moves it along these.
+#: Directions along or about which a free end's walls give way.
 AT_AN_END = ("y", "z", "rx")
 
 

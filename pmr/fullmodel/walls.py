@@ -37,11 +37,11 @@ from pmr.scene.keys import named
 
 Array = NDArray[np.float64]
 
-#: Of a root, relative to the largest: below it two pads are one, and each has half of what they share.
+#: Eigenvalues below this share of the largest one count as zero in a root: two pads at one point then count as one.
 SAME = 1e-9
-#: What pads that slide share with those that stay, of a root of about one: below it they share nothing.
+#: Entries of A, whose size is about one, below which pads that slide have nothing in common with those that stay.
 SHARED = 0.01
-#: N/m: k_0 of a body without pads.
+#: k_0 of a body without pads, N/m.
 STIFF = 1e7
 
 
@@ -60,10 +60,10 @@ class Sliding:
     """The k pads that slide together along a body, with their compliance at p distances."""
 
     pads: tuple[str, ...]  # their names
-    first: Array  # (k,) m: where along the body their centres are at u = 0
-    u: Array  # (p,) m: how far from there; constant outside
+    first: Array  # (k,) m: coordinates of their centres along the body at u = 0
+    u: Array  # (p,) m: distances from there; compliance is constant beyond
     compliance: Array  # (p, k, k): C_mm in m/N
-    beside: Array  # (p, k, m): C_mf
+    beside: Array  # (p, k, m): C_mf in m/N
     masses: Array  # (k,) kg
 
 

@@ -28,7 +28,7 @@ from pmr.mesh.drawing import Drawing, Entity
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
-#: What is added to the names of walls that are not parallel to the axis.
+#: Suffix of the group names of walls that are not parallel to the axis.
 TAPERED = " tapered"
 
 
@@ -112,9 +112,9 @@ def out(side: Side, at: Pair) -> Array:
     return np.array([along[1], -along[0]])
 
 
-#: Round-off of the drawing, as a share of a side.
+#: Shares along a side beyond 0 and 1 that count as round-off of the drawing.
 SLACK = 1e-6
-#: Of a wall without frames, likewise: so near to its middle its points are.
+#: Depth of a wall without frames, as a share of the side: its points are within this distance of its middle.
 THIN = 1e-6
 
 
@@ -195,13 +195,13 @@ def _side_points(xi: Array, eta: Array, sides: Sequence[Side], k: int, depth: fl
     return np.asarray((1.0 - xi)[:, None] * start + xi[:, None] * end)
 
 
-#: The source of errors in a box's dimensions; where they stand is known to who asks for it.
+#: Source of errors in a box's dimensions; the caller replaces it by the scene's key.
 DIMENSIONS = "box boom"
-#: Rectangles that a drawing may have: some 40 coordinates each, four million, for which 50 GiB would be needed.
+#: Most rectangles of a drawing: with some 40 coordinates each they are four million, which take 50 GiB.
 MOST_RECTANGLES = 100_000
-#: Cells may be so thin, as a share of the others: gmsh takes points that lie much closer for one.
+#: Smallest thickness of cells as a share of the others': gmsh merges points that are much closer.
 THINNEST = 1e-4
-#: Cosine up to which an angle is a right one.
+#: Largest cosine of an angle that counts as a right one.
 SQUARE = 1e-6
 
 
@@ -214,14 +214,14 @@ class BoxBoom:
     """
 
     sides: tuple[Side, ...]
-    length: float = 6.0  # along x
+    length: float = 6.0  # of the box along x
     size: float = 0.05  # edge length of the cells around the section
-    size_along: float = 0.0  # along x; 0: the same
-    # first layer of cells at the tail, from which layers double up to the regular one; 0: the same
+    size_along: float = 0.0  # edge length along x; 0: as around the section
+    # length of the first layer of cells at the tail, from which layers double up to the regular one; 0: as all others
     tail_layer: float = 0.0
-    frames: tuple[float, ...] = ()  # where along x a shell is stiffened by a transverse plate all around
-    frame_depth: float = 0.0  # of these plates; infinite: they close the section
-    parts: tuple[Part, ...] = ()  # by default one, all along, with these sides
+    frames: tuple[float, ...] = ()  # coordinates x at which a transverse plate stiffens a shell all around
+    frame_depth: float = 0.0  # of these plates, inwards from the walls; infinite: they close the section
+    parts: tuple[Part, ...] = ()  # stretches along x; by default a single one with these sides
 
     def __post_init__(self) -> None:
         thinnest, around = THINNEST * self.layer, sum(side.length for side in self.sides)

@@ -23,7 +23,7 @@ Entity = tuple[int, int]  # dimension and tag
 
 #: gmsh's element types: meshio's name and number of vertices.
 ELEMENTS = {1: ("line", 2), 2: ("triangle", 3), 3: ("quad", 4), 4: ("tetra", 4), 5: ("hexahedron", 8)}
-#: Bytes that no disk has that had no room for an array.
+#: Bytes to append to a file that was cut off: more than a disk without room for an array has left.
 BEYOND = 2**20
 
 
@@ -204,6 +204,7 @@ def read_nodes(file: Path, length: float) -> Array:
     """
 
     def refuse(problem: str) -> InputError:
+        """The error for a file with this problem."""
         return InputError(str(file), "", None, f"{problem}; a chain of line cells on the x axis is allowed")
 
     read = read_mesh_file(file)

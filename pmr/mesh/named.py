@@ -28,7 +28,7 @@ from pmr.mesh.nodes import codes
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Dimension of cells by their kind in meshio's words.
+#: Dimension of cells, by their kind in meshio's words.
 DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3}
 
 
@@ -244,7 +244,7 @@ class NamedMesh:
     points: Array  # (N, 3) m
     cells: Indices  # (C, k): vertices in dolfinx' order
     groups: Mapping[str, Group]
-    regions: Mapping[str, Indices]  # groups of cells, as numbers (c,) of cells
+    regions: Mapping[str, Indices]  # of each group of cells the cells' numbers (c,)
     source: str = "mesh"  # where the mesh is from, for messages
 
     @cached_property
@@ -308,6 +308,7 @@ def named_mesh(
     """
 
     def refuse(what: str) -> InputError:
+        """The error for a mesh with these cells."""
         return InputError(source, "", None, f"{what}; cells of kind {' or '.join(kinds)} are allowed")
 
     top = max((dim for _, dim, _ in blocks), default=0)

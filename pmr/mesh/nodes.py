@@ -34,11 +34,12 @@ def codes(entities: Indices, points: int) -> Indices:
 class Nodes:
     """Nodes of a function space on a mesh, and the numbers of their coordinates."""
 
-    components: Mapping[int, tuple[int, ...]]  # which components the nodes on entities of each dimension carry
-    codes: Mapping[int, Indices]  # (e,): entities of each dimension, ascending `codes`
-    first: Mapping[int, Indices]  # (e,): first coordinate of their nodes
-    in_cell: Mapping[int, Indices]  # (C, k): the entities of each cell, in the order of the reference cell
-    at: Array  # (n, 3) m: place of each coordinate's node
+    # by dimension of the entities: which components their nodes carry
+    components: Mapping[int, tuple[int, ...]]
+    codes: Mapping[int, Indices]  # (e,): by dimension, ascending codes of the entities
+    first: Mapping[int, Indices]  # (e,): by dimension, first coordinate of each entity's node
+    in_cell: Mapping[int, Indices]  # (C, k): by dimension, each cell's entities in the order of the reference cell
+    at: Array  # (n, 3) m: position of each coordinate's node
     component: NDArray[np.int64]  # (n,): 0, 1, 2 for displacements along x, y, z; 3, 4, 5 for rotations
 
     @property

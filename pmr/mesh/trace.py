@@ -35,7 +35,7 @@ Indices = NDArray[np.int64]
 
 ENTITY_KINDS = {(0, 1): "point", (1, 2): "interval", (2, 3): "triangle", (2, 4): "quadrilateral",
                 (3, 4): "tetrahedron", (3, 8): "hexahedron"}  # fmt: skip
-#: Whose Jacobian is the same everywhere.
+#: Kinds of cells whose Jacobian is constant.
 SIMPLICES = ("interval", "triangle", "tetrahedron")
 QUADRATURE_DEGREE = 4
 
@@ -44,11 +44,11 @@ QUADRATURE_DEGREE = 4
 class Trace:
     """Rows that measure the displacement at the quadrature points of a group."""
 
-    name: str  # the group
+    name: str  # of the group
     points: Array  # (q, 3) m
     weights: Array  # (q,) m^dim, Jacobian included: they add up to the group's measure (points: to their number)
     values: tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]  # (q, n) each: displacement along x, y, z
-    beside: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: from the points' centroid to the place that is measured
+    beside: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: from the points' centroid to the point measured
 
     @property
     def measure(self) -> float:
@@ -213,11 +213,11 @@ def _cross(a: Array) -> Array:
     return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
 
 
-#: Cosine of the largest angle between a face's cells.
+#: Cosine of the largest angle between a flat face's cells and their mean normal.
 FLAT = 0.9999
-#: A face that is so much beside the body's middle, as a share of its extent, lies in it.
+#: A face counts as in the body's middle up to this distance, as a share of the body's extent.
 BESIDE = 1e-6
-#: Cells of a strip are cut into pieces that a pad resolves; more of them take gigabytes.
+#: Most pieces into which the cells of a strip are cut for a pad; more of them take gigabytes.
 MOST_PIECES = 500_000
 
 
@@ -235,7 +235,7 @@ class Plane:
     """Directions of a face of a body along x; its distance from the axis is left open."""
 
     normal: Array  # (3,): unit vector out of it
-    across: Array  # (3,): unit vector that places across count along, from the one nearest to the axis
+    across: Array  # (3,): unit vector across it; coordinates across count from the point nearest to the axis
 
 
 #: Faces that every body has; z is up.
@@ -262,11 +262,11 @@ class Strip:
     """Quadrature points of a face within a window; none where the window is outside of the face."""
 
     along: Array  # (q,) m on the body's axis
-    across: Array  # (q,) m: y or z where the face is along one of them, else upwards
-    weights: Array  # (q,) of quadrature, m^2 (on a line m)
-    normal: sp.csr_matrix  # (q, n): displacement along the outward normal
+    across: Array  # (q,) m: y or z if the face is along one of them, else along the face upwards
+    weights: Array  # (q,) of quadrature, in m^2, on a line in m
+    normal: sp.csr_matrix  # (q, n): rows that measure the displacement along the outward normal
     extent: Extent  # of the whole face
-    line: bool = False  # whether the points lie on the line that stands for the face of a beam
+    line: bool = False  # whether the points are on the line that represents a beam's face
 
 
 @dataclass(frozen=True)
@@ -277,8 +277,8 @@ class FlatFace:
     name: str
     normal: Array  # (3,): unit vector out of the mesh
     axes: Array  # (2, 3): unit vectors along the body's axis and across the face
-    least: Array  # (e, 2) m: where each of its cells begins along these axes
-    most: Array  # (e, 2) m: where it ends
+    least: Array  # (e, 2) m: smallest coordinates of each of its cells along these axes
+    most: Array  # (e, 2) m: largest ones
 
     @property
     def extent(self) -> Extent:

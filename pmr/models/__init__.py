@@ -193,9 +193,9 @@ class Cut:
     """
 
     beam: Line
-    coordinates: sp.csr_matrix  # (c, n): of the pieces, from the whole beam's
-    joined: sp.csr_matrix  # (c, m): of the pieces, from those of the cuts between nodes alone
-    element: Indices  # (2 p,): the whole beam's, of both ends of each of the pieces
+    coordinates: sp.csr_matrix  # (c, n): gives the pieces' coordinates from the whole beam's
+    joined: sp.csr_matrix  # (c, m): gives them from the coordinates at the m / d cuts between nodes
+    element: Indices  # (2 p,): the whole beam's element at both ends of each piece
 
 
 def bilinear(S: Any, v: Sequence[Any], u: Sequence[Any]) -> Any:

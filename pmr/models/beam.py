@@ -34,7 +34,7 @@ from pmr.scene.structures import Beam3DBody, Profile
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Named places, as shares of the length.
+#: Positions of named places as shares of the length.
 ENDS = {"tail": 0.0, "tip": 1.0}
 
 
@@ -243,15 +243,21 @@ class Beam(ABC):
 
     @property
     def size(self) -> int:
+        """Number of coordinates n."""
         return len(self.directions) * len(self.node_stations)
 
     def domain(self, comm: MPI.Comm) -> Any:
+        """The axis as an interval mesh in dolfinx, spread over `comm`; collective.
+
+        It has two points where sections change or the beam is cut.
+        """
         cells = self.first[:, None] + np.arange(2)
         points = np.empty(int(cells[-1, -1]) + 1)
         points[cells] = self.node_stations[self.grid.cells]
         return create_mesh(comm, "interval", points[:, None], cells)
 
     def element_coordinates(self, cells: Indices) -> list[Indices]:
+        """Numbers (c, 2) of the space's coordinates on the given elements, one array for each of the d components."""
         nodes = self.first[cells, None] + np.arange(2)
         return [len(self.directions) * nodes + i for i in range(len(self.directions))]
 

@@ -50,7 +50,7 @@ class Stiffnesses:
     """Stiffnesses, masses and centroids of K sections."""
 
     bending: Array  # (K,) N m^2
-    axial: Array | None  # (K,) N; None: without axial coordinates
+    axial: Array | None  # (K,) N; None if there are no axial coordinates
     mass: Array  # (K,) kg/m
     centroid: Array  # (K,) m above the axis
 
@@ -61,7 +61,7 @@ class Beam2D(Beam):
 
     body: Profile | Beam3DBody
     nodes: Array
-    along: SectionsAlong | None = None  # by default the body's section all along; they change at nodes
+    along: SectionsAlong | None = None  # None: the body's section all along; sections change at nodes
 
     @cached_property
     def sections(self) -> SectionsAlong | None:
@@ -108,10 +108,12 @@ class Beam2D(Beam):
 
     @property
     def node_stations(self) -> Array:
+        """Coordinates of the nodes along the axis, (N,) m."""
         return self.nodes
 
     @property
     def directions(self) -> tuple[str, ...]:
+        """``z`` and ``ry``; with axial coordinates also ``x``, first."""
         return ("z", "ry") if self.stiffnesses.axial is None else ("x", "z", "ry")
 
     @property
@@ -185,6 +187,7 @@ class Beam2D(Beam):
         return stresses_along(self.sections, np.repeat(self.number, 2), forces, element, of_fibres)
 
     def on_nodes(self, stations: Array) -> Beam2D:
+        """This beam with nodes at `stations` (N,) m; it is cut where two nodes are at the same point."""
         return replace(self, nodes=stations)
 
     @property

@@ -57,7 +57,7 @@ from pmr.scene.structures import Beam3DBody, BeamSection
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-Motion = tuple[Any, ...]  # along x, y and z in UFL; None: without inertia
+Motion = tuple[Any, ...]  # displacements along x, y and z in UFL; None: no inertia
 
 
 @dataclass(frozen=True)
@@ -65,9 +65,9 @@ class Beam3D(Beam):
     """Beam in space with the data of a scene's body."""
 
     body: Beam3DBody
-    stations: Array | None = None  # (N,) m: of its nodes, by default as far apart as each other
-    along: SectionsAlong | None = None  # by default the body's section all along; they change at nodes
-    rings: RingMasses | None = None  # the mass of plates within it
+    stations: Array | None = None  # (N,) m: of its nodes; None: evenly spaced
+    along: SectionsAlong | None = None  # None: the body's section all along; sections change at nodes
+    rings: RingMasses | None = None  # areas and moments of transverse plates inside
 
     @cached_property
     def node_stations(self) -> Array:
@@ -118,10 +118,12 @@ class Beam3D(Beam):
 
     @property
     def directions(self) -> tuple[str, ...]:
+        """All six directions."""
         return DIRECTIONS
 
     @property
     def signs(self) -> Array:
+        """Ones (6,): the coordinates are the motion itself."""
         return np.ones(6)
 
     @cached_property
@@ -136,9 +138,11 @@ class Beam3D(Beam):
         return np.asarray(U @ self.sections.own_motion)
 
     def space(self, domain: Any) -> Any:
+        """Function space on `domain`, an interval mesh: u, phi, and the Hermite functions of both planes."""
         return hermite_space(domain, linear=2, planes=2)
 
     def forms(self, space: Any) -> Forms:
+        """Mass and stiffness as UFL forms on `space`."""
         mesh = space.mesh
         trial, test = ufl.TrialFunction(space), ufl.TestFunction(space)
         material, sections = self.body.material, self.sections
@@ -184,6 +188,7 @@ class Beam3D(Beam):
         second = rho * np.einsum("eij,ejk,elk->eil", R, added.about_centroid, R)
 
         def centroid_motion(motion: Sequence[Motion]) -> Motion:
+            """Displacement of the rings' centroid, from that of the section's and its derivatives."""
             centre, *turns = motion
             for arm, turn in zip(arms, turns, strict=True):
                 centre = tuple(c if t is None else c + arm * t for c, t in zip(centre, turn, strict=True))
@@ -288,6 +293,7 @@ class Beam3D(Beam):
         return stresses_along(self.sections, np.repeat(self.number, 2), forces, element, of_corners)
 
     def on_nodes(self, stations: Array) -> Beam3D:
+        """This beam with nodes at `stations` (N,) m; it is cut where two nodes are at the same point."""
         return replace(self, stations=stations)
 
     @property

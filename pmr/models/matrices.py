@@ -45,6 +45,7 @@ class Matrices(Traced):
 
     @property
     def size(self) -> int:
+        """Number of coordinates n."""
         return self.given.size
 
     @property
@@ -86,11 +87,13 @@ class Matrices(Traced):
         return float(np.sqrt(max(squares.min(), 1e-12 * squares.max())))
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
+        """Numbers of all coordinates along or about the given `directions` on a group's nodes."""
         on = np.isin(self.given.node, self._group(place))
         along = np.isin(self.given.direction, [DIRECTIONS.index(direction) for direction in directions])
         return np.flatnonzero(on & along)
 
     def rigid_motions(self) -> Array:
+        """Coordinates (n, 6) under unit translations along and rotations about x, y and z through the origin."""
         return rigid_motions(self.given.points[self.given.node], self.given.direction)
 
     def strip(self, face: str, window: Window) -> Strip:

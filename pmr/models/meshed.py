@@ -28,9 +28,9 @@ from pmr.scene.structures import Material
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Where stresses are evaluated.
+#: Faces of a wall on which stresses are evaluated.
 FACES = ("outer", "middle", "inner")
-#: Cosine from which on a normal points away from the body's axis, or towards it.
+#: Smallest cosine at which a normal counts as pointing away from the body's axis, or towards it.
 CLEAR = 0.01
 
 
@@ -45,12 +45,15 @@ class Traced(ABC):
         """Displacements on a named group, or of the cross-section at a distance along the axis in m."""
 
     def displacement(self, *places: str | float) -> sp.csr_matrix:
+        """Rows (3 p, n) of the mean displacements of p places along x, y and z."""
         return sp.vstack([self.trace(place).mean for place in places], format="csr")
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
+        """Rows (6, n) of a place's displacement and rotation at the point `about` (3,) m, by default its centroid."""
         return self.trace(place).motion(about)
 
     def centroid(self, place: str | float) -> Array:
+        """Centroid of a place, (3,) m."""
         return self.trace(place).centroid
 
 
@@ -78,12 +81,15 @@ class MeshedModel(Traced):
 
     @property
     def size(self) -> int:
+        """Number of coordinates n."""
         return self.nodes.size
 
     def domain(self, comm: MPI.Comm) -> Any:
+        """The mesh in dolfinx, spread over `comm`; collective."""
         return self.mesh.distribute(comm)
 
     def element_coordinates(self, cells: Indices) -> list[Indices]:
+        """Numbers (c, d) of the coordinates on the given cells, one array for each component."""
         return self.nodes.per_component(cells)
 
     def trace(self, place: str | float) -> Trace:
@@ -97,21 +103,26 @@ class MeshedModel(Traced):
 
     @cached_property
     def _traces(self) -> dict[str | float, Trace]:
+        """Traces by place, as far as they have been asked for."""
         return {}
 
     def strip(self, face: str, window: Window) -> Strip:
+        """Quadrature points of a face within a window; raises an `InputError` as `flat_face` and `face_strip`."""
         if face not in self._faces:
             self._faces[face] = flat_face(self.mesh, face)
         return face_strip(self._faces[face], self.nodes, window)
 
     @cached_property
     def _faces(self) -> dict[str, FlatFace]:
+        """Flat faces by name, as far as they have been asked for."""
         return {}
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
+        """Numbers of all coordinates along or about the given `directions` on a named group."""
         return coordinates_on(self.mesh, self.nodes, place, [DIRECTIONS.index(d) for d in directions])
 
     def rigid_motions(self) -> Array:
+        """Coordinates (n, 6) under unit translations along and rotations about x, y and z through the origin."""
         return rigid_motions(self.nodes.at, self.nodes.component)
 
     @property
@@ -121,6 +132,7 @@ class MeshedModel(Traced):
         return Grid(name, self.mesh.points, self.mesh.cells[:, order], self.mesh.regions)
 
     def point_displacements(self) -> sp.csr_matrix:
+        """Rows (3 N, n) that measure the displacements of the mesh's N vertices along x, y and z."""
         points = np.arange(len(self.mesh.points))
         first = self.nodes.of(points[:, None], 0, len(points))
         columns = (first[:, None] + np.arange(3)).ravel()
@@ -132,7 +144,7 @@ class OfCells:
     """Materials or thicknesses, and which of these kinds each cell of a mesh has."""
 
     kinds: tuple[object, ...]
-    number: Indices  # (C,): which of the kinds
+    number: Indices  # (C,): each cell's number among the kinds
 
     def values(self, name: str) -> Array:
         """Attribute `name` of each cell's kind, (C,); ``material.young`` is the attribute of an attribute."""

@@ -54,7 +54,7 @@ Indices = NDArray[np.int64]
 #: Gauss' points and weights on (0, 1): exact for straight plates, and to round-off for arcs.
 _X, _W = np.polynomial.legendre.leggauss(16)
 POINTS, WEIGHTS = (_X + 1.0) / 2.0, _W / 2.0
-#: Places and moments that are so much less than the section's own are round-off of a symmetric one.
+#: Centroids and products of inertia below this share of the section's size count as round-off of symmetry.
 ROUND_OFF = 1e-12
 
 
@@ -284,7 +284,7 @@ class Plane:
 class RingMasses:
     """Areas and moments that plates add to each of E elements, spread over its length."""
 
-    ends: Array  # (E + 1,) m
+    ends: Array  # (E + 1,) m: of the elements along the axis
     area: Array  # (E,) m^2
     first: Array  # (E, 2) m^3, about the axis
     second: Array  # (E, 2, 2) m^4

@@ -48,10 +48,10 @@ class SectionsAlong:
     Second moments and shear areas are along each section's principal axes.
     """
 
-    ends: Array  # (K + 1,) m: where each begins, and the last one ends
+    ends: Array  # (K + 1,) m: start of each section, and end of the last one
     each: tuple[BeamSection, ...]
-    stretches: tuple[Stretch | None, ...]  # with the profiles that they are of, where they are known
-    poisson: float = 0.3  # of the material, which shear areas depend on
+    stretches: tuple[Stretch | None, ...]  # the stretch of each section, with its profiles; None if unknown
+    poisson: float = 0.3  # Poisson's ratio, on which shear areas depend
 
     def at(self, places: Array | float) -> Indices:
         """Numbers (k,) of the sections at coordinates `places` (k,) m along the axis.
@@ -219,7 +219,7 @@ def _principal(section: BeamSection) -> Array:
     return np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
 
 
-#: Places (k, 2) m in a profile by their names, and their stresses of unit section forces (k, c, 6).
+#: Points (2,) m of a profile by their names, and c stresses in each of the k points per unit section force, (k, c, 6).
 Corners = tuple[dict[str, Array], Array]
 
 
@@ -321,7 +321,7 @@ def stress_rows(forces: ForceRows, element: Indices, corners: Mapping[str, Array
 
 #: N2, N3 / h, N5, N6 / h as polynomials in xi in [0, 1], highest power first.
 HERMITE = np.array([[2.0, -3.0, 0.0, 1.0], [1.0, -2.0, 1.0, 0.0], [-2.0, 3.0, 0.0, 0.0], [1.0, -1.0, 0.0, 0.0]])
-#: Their derivatives.
+#: Their first and third derivatives.
 FIRST, THIRD = (np.array([np.polyder(p, k) for p in HERMITE]) for k in (1, 3))
 
 

@@ -57,7 +57,7 @@ from pmr.scene.structures import Material, Plate, ShellBody
 Array = NDArray[np.float64]
 
 KINDS = ("triangle",)
-#: Cosine between a triangle's normal and the body's axis from which on the triangle lies across it.
+#: Smallest cosine between a triangle's normal and the body's axis at which the triangle counts as across the axis.
 ACROSS = 0.9
 
 
@@ -67,7 +67,7 @@ class Shell(MeshedModel):
 
     body: ShellBody
     mesh: NamedMesh
-    walls: Array | None = None  # (C,) m: thickness of each cell, where it is not that of its plate
+    walls: Array | None = None  # (C,) m: thickness of each cell; None: that of its plate
 
     @property
     def components(self) -> Mapping[int, tuple[int, ...]]:
@@ -86,13 +86,16 @@ class Shell(MeshedModel):
 
     @property
     def reference_frequency(self) -> float:
+        """Scale of the lowest circular frequencies in rad/s."""
         plate = self.body.plate
         return frequency_scale(self.mesh.points, plate.material, plate.thickness)
 
     def space(self, domain: Any) -> Any:
+        """Function space on `domain`, the mesh in dolfinx."""
         return shell_space(domain)
 
     def forms(self, space: Any) -> Forms:
+        """Mass and stiffness as UFL forms on `space`."""
         mesh = space.mesh
         E, nu, rho, t = self._cellwise(mesh)
         (u, theta), (du, dtheta) = ufl.TrialFunctions(space), ufl.TestFunctions(space)
@@ -200,6 +203,7 @@ def _surface_gradient(field: Any, frame: Sequence[Any]) -> Any:
 
 
 def _mass_measure(mesh: Any) -> Any:
+    """UFL measure by which forms of the mass are integrated."""
     return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 4})
 
 

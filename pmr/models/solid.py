@@ -42,7 +42,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 KINDS = ("tetrahedron", "hexahedron")
-#: Degree of the rule whose points are two in each direction, or four.
+#: Degree of the quadrature rule with two points in each direction of a hexahedron, or four in a tetrahedron.
 DEGREE = {"hexahedron": 3, "tetrahedron": 2}
 
 
@@ -65,12 +65,15 @@ class Solid(MeshedModel):
 
     @property
     def reference_frequency(self) -> float:
+        """Scale of the lowest circular frequencies in rad/s."""
         return frequency_scale(self.mesh.points, self.body.material)
 
     def space(self, domain: Any) -> Any:
+        """Function space on `domain`, the mesh in dolfinx."""
         return lagrange_space(domain, 2)
 
     def forms(self, space: Any) -> Forms:
+        """Mass and stiffness as UFL forms on `space`."""
         u, du = ufl.TrialFunction(space), ufl.TestFunction(space)
         # Tetrahedra: exact.  Hexahedra: exact for boxes, three Gauss points in each direction.
         dk = _measure(space.mesh, 4 if self.mesh.cell == "hexahedron" else 2)
@@ -78,11 +81,13 @@ class Solid(MeshedModel):
         return Forms(self.inertia(space, ufl.Identity(3)), stiffness)
 
     def inertia(self, space: Any, S: Any) -> Any:
+        """The UFL form of int rho v . S u dV."""
         rho = cellwise(space.mesh, self.materials.values("density"))
         u, du = ufl.TrialFunction(space), ufl.TestFunction(space)
         return rho * ufl.dot(du, ufl.dot(S, u)) * _measure(space.mesh, 4)
 
     def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
+        """The UFL form of int sigma_jk u_i,j v_i,k dV with the stresses sigma of a unit state."""
         u, du = ufl.TrialFunction(space), ufl.TestFunction(space)
         sigma = self._stress(space.mesh, state.displacement(space))
         return ufl.inner(ufl.dot(ufl.grad(u), sigma), ufl.grad(du)) * _measure(space.mesh, 4)
