@@ -78,7 +78,7 @@ class Elimination:
         return result
 
     def condensed(self, K: PETSc.Mat) -> PETSc.Mat:
-        """T^T K T in a matrix (n, n): rows and columns of the pivots are zero but for their diagonal; collective.
+        """T^T K T, (n, n) with rows and columns of zeros at the pivots but for their diagonal; collective.
 
         The diagonal at the pivots is the largest one of K.  So vectors keep their size: `Condensed` applies T^T and T
         to them in place.
@@ -144,12 +144,12 @@ class Condensed:
 
 
 def eliminate(C: sp.csr_matrix, names: Sequence[str]) -> Elimination:
-    """Solve C q = 0 for one coordinate a row, by Gauss-Jordan elimination with complete pivoting.
+    """Solve C q = 0 for one coordinate per row, by Gauss-Jordan elimination with complete pivoting.
 
     Parameters
     ----------
     C : (m, n) sparse matrix
-        A slider on a node is a unit row, whose elimination deletes that coordinate.
+        Constraint rows.  A slider on a node is a unit row, whose elimination deletes that coordinate.
     names : sequence of str
         Names of the rows, for the error.
 
@@ -189,7 +189,7 @@ def eigensolver(model: FullModel, choice: str) -> EigenSolver:
 
     Its `lowest(s, count)` computes the lowest modes with the rows held at path coordinate s (m); collective.  It
     raises a `DependentRowsError` if rigid rows depend on each other at s, and a `ConvergenceError` if fewer modes
-    exist or converge. If some rows have a compliance, or there is no SLEPc, ``"slepc"`` means block Lanczos with one
+    exist or converge.  If some rows have a compliance, or there is no SLEPc, ``"slepc"`` means block Lanczos with one
     factor for all path coordinates.
     """
     if is_dense(model, choice):

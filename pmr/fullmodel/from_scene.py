@@ -54,11 +54,14 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
 
     Its outputs are, in this order:
 
-    - displacements in m along each transverse direction at the observed stations, by default at a beam's nodes without
-    the last one, the tip; of more than `MOST_OBSERVED` nodes every second, third ... is observed; - displacements in m
-    of the tip; - forces in N of pads that stay, have a stiffness and hold both ways, and of supports with a stiffness;
-    the forces of all others are multipliers of their rows; - the tip's rotation, if it is observed, and what the
-    probes measure.
+    - displacements in m along each transverse direction at the observed stations; by default at a beam's nodes but for
+    the
+      last one, the tip, and of more than `MOST_OBSERVED` nodes at every second, third ...;
+    - displacements of the tip in m;
+    - forces in N of pads that stay, have a stiffness and hold both ways, and of supports with a stiffness; the forces
+    of
+      all others are the multipliers of their rows;
+    - the tip's rotation, if it is observed, and what the probes measure.
 
     Raises an `InputError` if the mesh can't be read or drawn, or lacks a group.
     """

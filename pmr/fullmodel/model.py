@@ -161,7 +161,7 @@ class FullModel(WithRows):
 
     @property
     def carriers(self) -> SharedCarriers:
-        """The constraint rows, expressed on carriers that all of them share."""
+        """The constraint rows on carriers that they share."""
         return self.rows.shared
 
     @property

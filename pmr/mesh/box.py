@@ -293,7 +293,7 @@ class BoxBoom:
 def write_shell(boom: BoxBoom, file: Path) -> None:
     """Mesh the mid-surface by triangles and write it to `file`.
 
-    Rectangles with both diagonals, which prefer no direction.
+    Each rectangle is split by both of its diagonals, which prefers no direction.
     """
     with Drawing() as drawing:
         curves = _section(drawing, boom, 0.0, 0.0)
@@ -347,7 +347,7 @@ def _section(drawing: Drawing, boom: BoxBoom, x: float, inset: float) -> list[in
 
 
 def _frame(drawing: Drawing, boom: BoxBoom, outer: list[int], x: float) -> list[Entity]:
-    """Surfaces of a frame at x, from the curves `outer` inwards by the frames' depth, or up to the axis."""
+    """Surfaces of a frame at x: within the curves `outer` up to the frames' depth, or all that they enclose."""
     if boom.frame_depth == np.inf:
         return [drawing.filled(outer)]
     inner = _section(drawing, boom, x, boom.frame_depth)

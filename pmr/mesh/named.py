@@ -50,7 +50,7 @@ class MeshFile:
 
 
 def read_mesh_file(file: Path) -> MeshFile:
-    """Read points, cells and groups of a mesh file.
+    """Read points, cells and groups of a deck of Abaqus or CalculiX, or of any file that meshio reads.
 
     Raises an `InputError` if the file can't be read, or a cell has corners that are not among its points.
     """

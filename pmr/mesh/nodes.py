@@ -108,8 +108,8 @@ def number_nodes(cell: str, points: Array, cells: Indices, components: Mapping[i
 
 
 def _codes(flat: Indices, dim: int, cells: Indices, points: int) -> Indices:
-    """Unique numbers of the entities `flat` (e, k) with sorted vertices: `codes`, or if `dim` is 3 their order.
+    """Unique numbers (e,) of entities `flat` (e, k) with sorted vertices: their `codes`, or if `dim` is 3 their order.
 
-    `cells` are then the entities: neighbours may share the three lowest vertices.
+    In the latter case `cells` are the entities: cells may share their three lowest vertices.
     """
     return np.arange(len(cells), dtype=np.int64) if dim == 3 else codes(flat, points)

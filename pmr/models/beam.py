@@ -365,7 +365,7 @@ class Beam(ABC):
     def point_displacements(self) -> sp.csr_matrix:
         """Rows (3 N, n) that measure the nodes' displacements along x, y and z.
 
-        Zero where the beam has no such direction.
+        Rows along directions that the beam does not have are zero.
         """
         nodes, along = np.arange(len(self.node_stations))[:, None], [d for d in self.directions if d in "xyz"]
         rows = 3 * nodes + ["xyz".index(d) for d in along]

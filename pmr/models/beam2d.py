@@ -217,7 +217,7 @@ class Beam2D(Beam):
 
     @property
     def deflection(self) -> Array:
-        """W on each element as an exact cubic in the distance from its first node: coefficients (4, E, 4).
+        """Deflection w on each element as an exact cubic in the distance from its first node: coefficients (4, E, 4).
 
         The first axis counts the powers, the highest first; the last one counts the coordinates in `bending_dofs`.
         """

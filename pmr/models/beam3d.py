@@ -98,9 +98,9 @@ class Beam3D(Beam):
 
     @property
     def reference_frequency(self) -> float:
-        """sqrt(EI / (rho A L^4)) in rad/s of the softest section in its softer plane.
+        """Scale of the lowest frequencies.
 
-        The scale of the lowest frequencies.
+        Sqrt(EI / (rho A L^4)) in rad/s of the softest section in its softer plane.
         """
         softest = min(plane.stiffness.min() for plane in self.planes)
         return float(np.sqrt(softest / self.masses.min()) / self.body.length**2)
@@ -224,16 +224,20 @@ class Beam3D(Beam):
         return v, w + self.of_elements(mesh, y) * phi if y.any() else w
 
     def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
-        r"""The form of what an axial force N and moments :math:`M_v = EI_z v_0''`, :math:`M_w = EI_y w_0''` do.
+        r"""The UFL form of the geometric stiffness of a state's axial force and bending moments.
+
+        With the axial force N and the moments :math:`M_v = EI_z v_0''`, :math:`M_w = EI_y w_0''` of the state's
+        deflections :math:`v_0` and :math:`w_0` it is
 
         .. math::
             \int N\, \Bigl(v' \delta v' + w' \delta w' + \frac{I_y + I_z}{A} \phi' \delta\phi'\Bigr)
                 + (M_w \phi)' \delta v' + v' (M_w \delta\phi)' - (M_v \phi)' \delta w' - w' (M_v \delta\phi)' \, dx
 
-        Wagner's term, with I_y + I_z, twists a bar that is soft in torsion; moments make a high beam tip over sideways.
-        From :math:`\sigma_{jk} u_{i,j} v_{i,k}` with the motion of sections and the shear force -M'; forces act on the
-        axis (Timoshenko, Gere: Theory of Elastic Stability, 2nd ed., 1961, sections 5.3 and 6.3).  N moves with the
-        centroid, moments with the shear centre; left out is what moments do to the twist of a section without symmetry.
+        The term with I_y + I_z, Wagner's, twists a bar that is soft in torsion; moments make a high beam tip over
+        sideways.  It follows from :math:`\sigma_{jk} u_{i,j} v_{i,k}` with the motion of sections and the shear force
+        -M'; forces act on the axis (Timoshenko, Gere: Theory of Elastic Stability, 2nd ed., 1961, sections 5.3 and
+        6.3).  N moves with the centroid, moments with the shear centre; left out is what moments do to the twist of a
+        section without symmetry.
         """
         mesh, trial, test = space.mesh, ufl.TrialFunction(space), ufl.TestFunction(space)
         of, by = ([deflection.value.dx(0) for deflection in self._deflections(mesh, field)] for field in (trial, test))

@@ -159,8 +159,9 @@ class Matrices(Traced):
     def trace(self, place: str | float) -> Trace:
         """Displacements of a group's nodes, or of nodes near a cross-section at a distance along the axis in m.
 
-        Nodes around a cross-section are weighted by a hat, as wide as is needed to spread over the section.  Raises an
-        `InputError` if the group does not exist or the body does not reach the cross-section.
+        Nodes around a cross-section are weighted by a hat that reaches to the next nodes, or as far as is needed for
+        them to spread over the section.  Raises an `InputError` if the group does not exist or the body does not reach
+        the cross-section.
         """
         if isinstance(place, str):
             nodes = self._group(place)
