@@ -215,11 +215,11 @@ def cell_topology(cell: str) -> list[list[list[int]]]:
 
 @lru_cache(maxsize=32)
 def lagrange_rule(cell: str, nodes: int, degree: int, parts: int = 1) -> tuple[Array, Array, Array]:
-    """Weights (q,), functions (q, k) and their derivatives (d, q, k) of a Lagrange element at quadrature points.
+    """Weights (q,), functions (q, k) and their derivatives (d, q, k) of a Lagrange element at q quadrature points.
 
-    They are on the reference cell.  `nodes` is the element's polynomial degree, `degree` the one that the quadrature
-    rule integrates exactly; the rule is repeated in the cell's `parts`^d equal pieces (lines, triangles and
-    quadrilaterals).
+    They are on the reference cell, which has d dimensions and k functions.  `nodes` is the element's polynomial
+    degree, `degree` the one that the quadrature rule integrates exactly; the rule is repeated in the cell's `parts`^d
+    equal pieces (lines, triangles and quadrilaterals).
     """
     if cell == "point":
         return np.ones(1), np.ones((1, 1)), np.zeros((0, 1, 1))

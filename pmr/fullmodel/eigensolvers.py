@@ -118,7 +118,10 @@ class Elimination:
 
 
 class Condensed:
-    """Applies T and T^T of an elimination in place to columns whose rows are spread over ranks as those of `like`."""
+    """Applies T and T^T of an elimination, q = T z, in place to columns whose rows are spread over ranks.
+
+    The spread is that of the rows of `like`.
+    """
 
     def __init__(self, elimination: Elimination, like: PETSc.Mat) -> None:
         first, last = like.getOwnershipRange()

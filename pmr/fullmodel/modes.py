@@ -51,7 +51,9 @@ class Pairs:
 
 
 def largest(apply: Callable[[Array], Array], M: PETSc.Mat, start: Array, count: int, dimension: int) -> Pairs:
-    """Compute the `count` largest eigenpairs of H, or all if the range of H is smaller; collective.
+    """Compute the `count` largest eigenpairs H phi = theta phi, or all if the range of H is smaller; collective.
+
+    H is self-adjoint in the product of the mass M, in which the vectors are orthonormal.
 
     Parameters
     ----------
@@ -103,10 +105,10 @@ def largest(apply: Callable[[Array], Array], M: PETSc.Mat, start: Array, count: 
 
 @dataclass(frozen=True)
 class _Block:
-    """A block of columns that was M-orthonormalised.
+    """A block of columns W (n_local, b), M-orthonormalised with the mass M.
 
     `vectors` X are M-orthonormal columns with the span of W, but for directions that are too short; `dual` is M X;
-    `lengths` is L with L^T L = W^T M W.
+    `lengths` is L (b, b) with L^T L = W^T M W.
     """
 
     vectors: Array

@@ -50,7 +50,7 @@ class SingularError(InputError):
 
 
 class StaticSolver(Protocol):
-    """Solves x = T (T^T K T)^-1 T^T g; T spans the motions that the held rows allow."""
+    """Solves x = T (T^T K T)^-1 T^T g for loads g, with the stiffness K; T spans the motions that held rows allow."""
 
     def solve(self, g: Array) -> Array:
         """This rank's rows (n_local, k) of x, for its rows `g` (n_local, k), which may be overwritten; collective."""
@@ -136,9 +136,11 @@ class _Mumps:
 
 
 class Moving:
-    """Assembles loads and matrices of a moving frame for a model; its function space is made at first use.
+    """Assembles matrices and loads of a moving frame for a model; its function space is made at first use.
 
-    `masses` are point masses attached to the model.
+    With displacements u and test functions v, the matrix A_S is int rho v . S u dV for a tensor S (3, 3), the load f_S
+    is A_S times a rigid motion, and the geometric stiffness K_g is int sigma_jk u_i,j v_i,k dV with the stresses sigma
+    of a unit state.  `masses` are point masses attached to the model.
     """
 
     def __init__(self, model: StructuralModel, masses: Sequence[PointMass], comm: MPI.Comm) -> None:
@@ -169,7 +171,7 @@ class Moving:
         return tensor, compiled_form(self._assembler.model.inertia(space, tensor))
 
     def field(self, name: str) -> Array:
-        """Load f_S (n,) of an input in `CONSTANT` or `LINEAR`, without point masses; every rank has all of it.
+        """Load f_S (n,) of an input in `CONSTANT` or `LINEAR`, without point masses, whole on every rank.
 
         Collective.
         """
@@ -192,7 +194,7 @@ class Moving:
         return float(self._model.centroid(mass.on)[0] if mass.at is None else mass.at[0])
 
     def displacement(self, state: State) -> Any:
-        """Displacement under the loads of `state` with the tail clamped, as a function on the model's space.
+        """Displacement under the loads of `state` with the tail clamped, a function on the model's space.
 
         Collective.
         """

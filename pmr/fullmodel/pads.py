@@ -155,7 +155,10 @@ class Pads:
 
 @dataclass(frozen=True)
 class Restraints:
-    """Constraint rows and springs by which pads and supports act on a structure with n coordinates."""
+    """Constraint rows and springs by which pads and supports act on a structure with n coordinates.
+
+    A spring is a row c (1, n) that measures its elongation, with a stiffness k.
+    """
 
     rows: tuple[Row, ...]  # of pads and supports that move, are rigid or only push
     springs: tuple[Row, ...]  # of all others; k c^T c is part of K
@@ -180,7 +183,7 @@ class Restraints:
         raise InputError("scene", "outputs.pad", name, f"{allowed}; the forces of others are multipliers")
 
     def vectors(self, size: int) -> list[sp.csr_matrix]:
-        """Row (1, n) of each spring, which measures its elongation; `size` is n."""
+        """Rows c (1, n) of the springs; `size` is n."""
         return [spring.at(spring.breaks[0]) for spring in self.springs]
 
 
@@ -354,7 +357,7 @@ def _moments(weights: Array, offsets: Array, ends: Indices) -> Array:
     """Sums (9, K) of `weights` (q,) times 1, x, y, x^2, x y, y^2, x^3, x^2 y and x^4 over the points of each station.
 
     The points of station k are numbered from ends[k] to ends[k + 1]; `ends` is (K + 1,), `offsets` (2, q) are x and y
-    in units of Delta.
+    from the station, in units of the stations' spacing.
     """
     x, y = offsets
     wx, wy = weights * x, weights * y
@@ -370,8 +373,8 @@ def _correct_weights(weights: Array, offsets: Array, ends: Indices, moments: Arr
     """Weights (q,) times a parabola in the offsets, so that they have the moments of the exact integral.
 
     Those of each station add up to one, their centroid is zero, and their spread along the axis is 1/6, that of the
-    hat. The correction is as small as the quadrature error, but without it motions without a ripple would seem to have
-    one. Arguments are those of `_moments`; `moments` (9, K) is its result.
+    hat.  The correction is as small as the quadrature error, but without it motions without a ripple would seem to
+    have one.  Arguments are those of `_moments`; `moments` (9, K) is its result.
     """
     targets = np.array([1.0, 0.0, 0.0, 1.0 / 6.0])
     parabolas = np.linalg.pinv(moments.T[:, _PRODUCTS], rcond=1e-12, hermitian=True) @ targets

@@ -46,7 +46,7 @@ class Gauge:
 
     @property
     def kind(self) -> str:
-        """Kind of the output, in the words of output kinds."""
+        """Kind of the output."""
         return "probe"
 
 
@@ -157,7 +157,7 @@ class _Stresses:
 
 
 def _hooke(material: Material, components: int) -> Array:
-    """Strains (c, c) of unit stresses for c `components`: a fibre (1; with shear 2), plane stress (3) or space (6).
+    """Strains (c, c) of unit stresses, for c `components`: 1 of a fibre, 2 with shear, 3 in a plane, 6 in space.
 
     Shear strains are angles.
     """

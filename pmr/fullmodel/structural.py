@@ -45,14 +45,16 @@ SAME = 1e-9
 
 
 def mirror_images(model: StructuralModel, T: sp.csr_matrix, M: PETSc.Mat, K: PETSc.Mat) -> tuple[sp.csr_matrix, ...]:
-    """P (n, n) of each plane of symmetry across y or z, on a structure's coordinates z with q = T z; collective.
+    """Mirror images P (n, n) in the planes of symmetry across y or z, on a structure's coordinates z; collective.
+
+    P z is the image of a motion z, a signed permutation.
 
     Parameters
     ----------
     T : (n_model, n) sparse matrix
-        The model's coordinates from the structure's.
+        Gives the model's coordinates from the structure's, q = T z.
     M, K : PETSc.Mat
-        Mass and stiffness (n, n), which decide.
+        Mass and stiffness (n, n), by which symmetry is decided.
 
     Returns
     -------
@@ -71,7 +73,10 @@ def mirror_images(model: StructuralModel, T: sp.csr_matrix, M: PETSc.Mat, K: PET
 
 
 def _images(nodes: Nodes) -> Iterator[sp.csr_matrix]:
-    """Yield P for the middle planes of the nodes across y and z in which every node has an image."""
+    """Yield mirror images P in the middle planes across y and z, if every node has an image in the plane.
+
+    P (n, n) is a signed permutation of the nodes' coordinates.
+    """
     first = np.flatnonzero(nodes.component == 0)  # of each node; its other coordinates follow
     node, places, number = np.cumsum(nodes.component == 0) - 1, nodes.at[first], np.arange(nodes.size)
     low, high = places.min(axis=0), places.max(axis=0)
@@ -108,7 +113,10 @@ def _commuting_images(mirrors: Sequence[sp.csr_matrix], A: PETSc.Mat) -> list[sp
 
 @dataclass(frozen=True)
 class Image:
-    """A mirror image or a product of several: the matrix P, and which carrier is the image of which."""
+    """A mirror image or a product of several: the matrix P, and which carrier is the image of which.
+
+    Carriers are K rows (K, n) of which all constraint rows are combinations.
+    """
 
     P: sp.csr_matrix  # (n, n)
     partners: Indices  # (K,): number of the carrier that is each one's image; -1: none
@@ -123,7 +131,7 @@ class Answers:
 
 
 def images_of(carriers: sp.csr_matrix, mirrors: Sequence[sp.csr_matrix]) -> list[Image]:
-    """Images of all mirrors and of all products of different mirrors; `carriers` is (K, n)."""
+    """Images of all mirrors P (n, n) and of all their products, for K carriers (K, n)."""
     products: list[sp.csr_matrix] = []
     for P in mirrors:
         products += [P, *(sp.csr_matrix(P @ other) for other in products)]
@@ -146,14 +154,14 @@ def _partners(U: sp.csr_matrix, P: sp.csr_matrix) -> Indices:
 
 
 class Orbits:
-    """Loads of which mirror images need no solve: only those numbered `own` are solved for.
+    """Chooses loads to solve for, numbered `own`, and gives the answers to their mirror images without a solve.
 
     Parameters
     ----------
     order : integer array
         Numbers of the loads; an image of an earlier one is left out of `own`.
     images : sequence of Image
-        Loads with numbers below K are on the K carriers; others have no image.
+        Loads with numbers below K act on the K carriers; others have no image.
     like : PETSc.Mat
         The images' rows are spread as its rows.
     """
@@ -264,9 +272,7 @@ def _held_by(model: StructuralModel) -> Array:
 
 
 def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat, resisted: Array) -> RigidMotions:
-    """This rank's rows of the rigid motions, and what clamps, springs and `resisted` (h, k) measure of them.
-
-    Collective.
+    """Rigid motions of a structure, and what clamps, springs and `resisted` (h, k) measure of them; collective.
 
     A spring weaker than the round-off in K is left out.
     """
@@ -283,12 +289,10 @@ def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat, res
 
 
 def _constrain_matrix(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:
-    """T^T A T + added, distributed in consecutive shares; zeros of `added` keep their place in the pattern.
+    """T^T A T + added, distributed in consecutive shares; frees A, unless it is the result.  Collective.
 
-    Collective.
-
-    A is freed, or becomes the result.  If T only leaves coordinates out, rows and columns are selected without a
-    product.
+    Zeros of `added` keep their place in the pattern.  If T only leaves coordinates out, rows and columns are selected
+    without a product.
     """
     first, last = A.getOwnershipRange()
     low, high = share(T.shape[1], A.comm.tompi4py())

@@ -62,7 +62,7 @@ class Action:
 
     @property
     def kind(self) -> str:
-        """What is measured and its direction, in the words of output kinds (`pmr.results.response`)."""
+        """Kind of the output and its direction, such as ``tip z`` or ``probe ry`` (`pmr.results.response`)."""
         return f"{self.measures if self.direction in ('x', 'y', 'z') else 'probe'} {self.direction}"
 
     @property
@@ -91,11 +91,9 @@ class PadForce:
 
 @dataclass(frozen=True)
 class Weight:
-    """A load that accelerates the structure and attached masses by 1 m/s^2 along `direction` (3,).
+    """A load that accelerates the structure and attached masses along `direction` (3,), whose length does not count.
 
     Its input is in m/s^2.
-
-    Only the direction counts, not its length.
     """
 
     direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
@@ -148,11 +146,14 @@ class Coupling:
     walls: Walls
 
     def attached_mass(self) -> sp.csr_matrix:
-        """Mass (n', n') of attached masses, the sum of G^T diag(m, J) G, and of walls that give way."""
+        """Mass (n', n') of walls that give way, and of attached masses: the sum of G^T diag(m, J) G.
+
+        A mass m with inertia J moves by G z.
+        """
         return sp.csr_matrix(self.walls.mass(self.T.shape[1]) + self.attached(np.eye(3)))
 
     def attached(self, S: Array) -> sp.csr_matrix:
-        """Integral of rho v . S u over the attached masses, (n', n').
+        """Integral of rho v . S u over the attached masses, (n', n'), of their motions u and v.
 
         Where S (3, 3) is the identity, it is their mass matrix.
         """
@@ -295,7 +296,7 @@ def _centre(mass: PointMass) -> Array | None:
 
 
 def _inertia(mass: PointMass, directions: Sequence[str], S: Array) -> Array:
-    r"""Integral of rho v . S u over a mass, (k, k), for its motions along the k `directions` about its centre.
+    r"""Integral of rho v . S u over a mass, (k, k), for its motions u and v along the k `directions` about its centre.
 
     For rotations :math:`\theta`, with the mass's inertia J, it is
 

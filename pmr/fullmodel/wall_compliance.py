@@ -270,7 +270,7 @@ def _patch(pad: Pad, box: Box) -> float:
 def _end(box: Box, direction: str) -> float:
     """Volume in m^3 of the walls that move with a free end, over a quarter of the box's size.
 
-    For rx times arm^2, m^5.
+    For the direction ``rx`` it is multiplied by the square of the walls' arm, m^5.
     """
     arm = (box.width**2 + box.height**2) / 4.0 if direction == "rx" else 1.0
     return sum(side.thickness * side.length for side in box.sides) * max(box.width, box.height) / 4.0 * arm

@@ -71,7 +71,9 @@ class Sliding:
 class Walls:
     """The walls that give way: those under all that stays, then those under pads that slide.
 
-    Their coordinates are the last ones of a body, in this order.
+    Their coordinates y are the last ones of a body, in this order, each with the strain energy k_0 y^2 / 2.  The dent
+    under m things that stay is S_f y_f, with S_f S_f^T = k_0 C_ff from their compliance C_ff.  That under k sliding
+    pads is A y_f + S_m y_m, with A S_f^T = k_0 C_mf and S_m^2 = k_0 C_mm - A A^T.
     """
 
     standing: Standing = Standing()

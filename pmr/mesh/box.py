@@ -74,7 +74,7 @@ class Side(Protocol):
 class Part:
     """A stretch of the box from x = `start` to `end` in m; its sides change linearly from `first` to `last`.
 
-    Layers of cells end where it ends.
+    A layer of cells ends at `end`.
     """
 
     start: float

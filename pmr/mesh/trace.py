@@ -42,7 +42,7 @@ QUADRATURE_DEGREE = 4
 
 @dataclass(frozen=True)
 class Trace:
-    """Rows that measure the displacement at the quadrature points of a group."""
+    """Rows on n coordinates that measure the displacement at q quadrature points of a group."""
 
     name: str  # of the group
     points: Array  # (q, 3) m
@@ -259,7 +259,10 @@ class Extent:
 
 @dataclass(frozen=True)
 class Strip:
-    """Quadrature points of a face within a window; none where the window is outside of the face."""
+    """The q quadrature points of a face within a window; none where the window is outside of the face.
+
+    The rows are on n coordinates.
+    """
 
     along: Array  # (q,) m on the body's axis
     across: Array  # (q,) m: y or z if the face is along one of them, else along the face upwards

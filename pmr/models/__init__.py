@@ -52,7 +52,7 @@ class UnitState(Protocol):
 class StructuralModel(Protocol):
     """Measures and coordinates of a beam, a shell, a solid or given matrices, as the rest of the package needs them.
 
-    A model numbers its coordinates from its mesh alone: rows, loads and results are the same on any number of ranks
+    A model numbers its n coordinates from its mesh alone: rows, loads and results are the same on any number of ranks
     and on every version of dolfinx.  Methods raise an `InputError` for a place or face that the model does not have.
     """
 
@@ -107,7 +107,7 @@ class StructuralModel(Protocol):
         """Numbers of all coordinates along or about the given `directions` on a named group."""
 
     def rigid_motions(self) -> Array:
-        """Coordinates (n, k) under unit rigid motions, one for each of the k `directions`.
+        """Coordinates (n, k) under unit rigid motions along and about the k `directions`.
 
         Rotations are about the origin.
         """
@@ -126,10 +126,18 @@ class FiniteElementModel(StructuralModel, Protocol):
         """Mass and stiffness as UFL forms on `space`."""
 
     def inertia(self, space: Any, S: Any) -> Any:
-        """The UFL form of int rho v . S u dV, with S (3, 3) in UFL; with the identity for S it is the mass."""
+        """The UFL form of int rho v . S u dV, of the displacements u and v of trial and test function.
+
+        S is (3, 3) in UFL.
+
+        With the identity for S it is the mass.
+        """
 
     def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
-        """The UFL form of int sigma_jk u_i,j v_i,k dV with the stresses sigma of a unit state."""
+        """The UFL form of int sigma_jk u_i,j v_i,k dV, of the displacements u and v of trial and test function.
+
+        sigma are the stresses of a unit state; u_i,j is the derivative of u_i along j.
+        """
 
     def element_coordinates(self, cells: Indices) -> list[Indices]:
         """Numbers (c, d) of the d coordinates on each of c cells, one array for each scalar component of the space.
@@ -177,9 +185,7 @@ class Line(FiniteElementModel, Protocol):
         """
 
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
-        """Stresses in the corners of the profile at P places, from the section forces there.
-
-        None if there is no profile.
+        """Stresses in the profile's corners from the section forces at P places; None if there is no profile.
 
         `element` (P,) is each place's element.  The result's rows are on the same coordinates as those of `forces`.
         """
@@ -187,9 +193,9 @@ class Line(FiniteElementModel, Protocol):
 
 @dataclass(frozen=True)
 class Cut:
-    """A beam of E elements that is cut into p pieces: at its nodes and, in equal parts, between them.
+    """A beam that is cut into p pieces: at its nodes and, in equal parts, between them.
 
-    Each piece has coordinates of its own at both ends; `beam` has two nodes at each inner cut.
+    Each piece has coordinates of its own at both ends, c in all; `beam` has two nodes at each inner cut.
     """
 
     beam: Line

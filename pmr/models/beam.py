@@ -39,7 +39,12 @@ ENDS = {"tail": 0.0, "tip": 1.0}
 
 
 class Beam(ABC):
-    """A beam model; coordinates are ordered node by node, and on each node by the model's directions."""
+    """A beam model; coordinates are ordered node by node, and on each node by the model's directions.
+
+    In shapes, N is the number of nodes, E of elements, K of sections, d of directions, and n = N d that of coordinates
+    q.  The function space has n_e coordinates of its own, T q (see `transformation`): those of the section's centroid
+    and shear centre, along its principal axes.
+    """
 
     body: Profile | Beam3DBody
 
@@ -71,7 +76,7 @@ class Beam(ABC):
     @property
     @abstractmethod
     def of_node(self) -> Array:
-        """Matrices (K, d, d) from a node's coordinates of the model to those of the space, one for each section."""
+        """Matrices (K, d, d) from a node's coordinates of the model to those of the function space, by section."""
 
     @abstractmethod
     def in_elements(self, h: Array, X: Array, number: Indices) -> Array:
@@ -106,9 +111,9 @@ class Beam(ABC):
 
     @abstractmethod
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
-        """Stresses in the profile's corners from section forces at P places, in elements `element` (P,).
+        """Stresses in the profile's corners from section forces at P places; None if there is no profile.
 
-        None if there is no profile.
+        `element` (P,) is each place's element.
         """
 
     @cached_property

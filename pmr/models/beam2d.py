@@ -94,10 +94,10 @@ class Beam2D(Beam):
 
     @property
     def round_off(self) -> float:
-        """Relative error to expect in the lowest frequency from round-off in the stiffness, with lengths h of elements.
+        """Relative error to expect in the lowest frequency from round-off in the stiffness, with the beam's length L.
 
-        It was measured as 2e-17 times the sum of (L / h)^3 over the elements: entries of 12 EI / h^3 have to cancel to
-        leave rigid rotation free, and what is left of them in each element acts as a spring.
+        It was measured as 2e-17 times the sum of (L / h)^3 over the elements of lengths h: entries of 12 EI / h^3 have
+        to cancel to leave rigid rotation free, and what is left of them in each element acts as a spring.
         """
         return float(2e-17 * np.sum((self.body.length / np.diff(self.nodes)) ** 3))
 

@@ -205,9 +205,9 @@ class Beam3D(Beam):
         return [[self.of_elements(mesh, self.sections.principal[:, i, j]) for j in (0, 1)] for i in (0, 1)]
 
     def _motion(self, mesh: Any, field: Any) -> tuple[Motion, ...]:
-        """Displacement of the centroid and its derivatives along both principal axes.
+        """Displacement of the centroid, then its derivatives along both principal axes of the section, in UFL.
 
-        Components without inertia are None.
+        Each has components along x and the principal axes; those without inertia are None.
         """
         v, w = self._deflections(mesh, field)
         phi, (turn_v, turn_w) = (
@@ -321,7 +321,7 @@ class Beam3D(Beam):
         return stiffness
 
     def strains(self, space: Any) -> Any:
-        """Strains u', psi_v', psi_w' and phi', in UFL."""
+        """Stretch u', curvatures psi_v' and psi_w' in both planes, and twist phi', in UFL."""
         field = ufl.TrialFunction(space)
         v, w = self._deflections(space.mesh, field)
         return ufl.as_vector([field[0].dx(0), v.curvature, w.curvature, field[1].dx(0)])

@@ -60,7 +60,7 @@ ROUND_OFF = 1e-12
 
 @dataclass(frozen=True)
 class MidLine:
-    """The middle line of a profile's walls; k sides with q Gauss points each."""
+    """The mid-line of a profile's walls; k sides with q Gauss points each."""
 
     profile: BoxProfile
 
@@ -199,7 +199,10 @@ def normals(side: Side, x: Array) -> Array:
 
 
 def _first_moments(side: Side, x: Array, centroid: Array) -> Array:
-    """Integrals of t p ds from a side's start to the shares x (q,) along it, (q, 2) m^3; p is from `centroid`."""
+    """Integrals (q, 2) m^3 of t p ds from a side's start to the shares x (q,) along it.
+
+    s is the length along the side, t its thickness, p from `centroid` (2,) to the mid-line.
+    """
     s = (side.length * x)[:, None]
     if side.centre is None:
         return np.asarray(side.thickness * ((side.start - centroid) * s + side.direction * s**2 / 2.0))
@@ -212,7 +215,10 @@ Integrals = tuple[Array, Array, Array]
 
 
 def _strip(side: Side, before: Side, after: Side) -> Integrals:
-    """Integrals of 1, p (2,) and p p^T (2, 2) over a flat plate of a profile, mitred at sharp corners."""
+    """Integrals of 1, p (2,) and p p^T (2, 2) over a flat plate, with p from the axis.
+
+    It is mitred at sharp corners.
+    """
     x, w = np.polynomial.legendre.leggauss(3)
     out = x * side.thickness / 2.0
     start = out * _mitre(side, before, 1.0)
@@ -235,7 +241,7 @@ def _mitre(side: Side, other: Side, sense: float) -> float:
 
 
 def _sector(side: Side) -> Integrals:
-    """Integrals of 1, p (2,) and p p^T (2, 2) over a rounded corner, a sector of a ring."""
+    """Integrals of 1, p (2,) and p p^T (2, 2) over a rounded corner, a sector of a ring, with p from the axis."""
     r, t, centre = side.radius, side.thickness, np.array(side.centre)
     (b,), a = _angles(side, np.ones(1))
     c, s, twice = np.sin(b) - np.sin(a), np.cos(a) - np.cos(b), (np.sin(2.0 * b) - np.sin(2.0 * a)) / 4.0

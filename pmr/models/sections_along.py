@@ -68,7 +68,7 @@ class SectionsAlong:
     def middle_at(self, x: float) -> Array:
         """Centroid of the walls' mid-line at x (m), (2,) m, which is a shell's mean over its end.
 
-        Zero without a profile.
+        It is on the axis if there is no profile.
         """
         number = int(self.at(x))
         middle, stretch = self._middles[number], self.stretches[number]
@@ -355,7 +355,8 @@ class Bending:
     def interpolated(self, h: Array, X: Array, number: Indices) -> tuple[Array, Array]:
         """Weights (4, q) of w_1, psi_1, w_2, psi_2 in the deflection and in the section's rotation, in q elements.
 
-        They are at X h in elements of lengths h (m) with the sections `number`; X in [0, 1], h and number are (q,).
+        w_1 and psi_1 are deflection and rotation at the element's first node, w_2 and psi_2 at its second.  Weights
+        are at X h in elements of lengths h (m) with the sections `number`; X in [0, 1], h and number are (q,).
         """
         scale = np.stack([np.ones_like(h), h, np.ones_like(h), h])
         value, slope = _evaluate(HERMITE, X) * scale, _evaluate(FIRST, X) * scale / h
@@ -382,7 +383,7 @@ class Bending:
         return Deflection(second, third, gamma, w + gamma * bulge, rotation, curvature)
 
     def energy(self, of: Deflection, by: Deflection, of_elements: Callable[[Array], Any]) -> Any:
-        """Integrand of the stiffness k in UFL, for trial (`of`) and test function (`by`).
+        """Integrand of the bending stiffness in UFL, for trial (`of`) and test function (`by`).
 
         `of_elements` turns a property (K,) of the sections into UFL.
         """

@@ -115,7 +115,8 @@ class Shell(MeshedModel):
     def inertia(self, space: Any, S: Any) -> Any:
         r"""The UFL form of :math:`\int \rho t\, v \cdot S u + \frac{\rho t^3}{12} v_{,\zeta} \cdot S u_{,\zeta}\, dA`.
 
-        A point zeta off the middle moves by u + zeta theta x n, so drilling rotations do not contribute.
+        A point at the distance zeta from the middle along the normal n moves by u + zeta theta x n, so drilling
+        rotations do not contribute.
         """
         mesh = space.mesh
         _, _, rho, t = self._cellwise(mesh)
@@ -148,9 +149,9 @@ class Shell(MeshedModel):
         return [*(cellwise(mesh, self.plates.values(name)) for name in names), cellwise(mesh, self.thickness)]
 
     def plane_stresses(self, space: Any) -> Any:
-        """Stresses A : epsilon in Pa, then A : kappa in Pa/m, of a trial function as a UFL vector of six.
+        """Membrane stresses in Pa, then bending stresses per distance from the middle in Pa/m, as a UFL vector of six.
 
-        Each is given along, across, and as shear, in the axes of `frames`.
+        They are of a trial function; each is given along, across, and as shear, in the axes of `frames`.
         """
         mesh, axes = space.mesh, frames(self.mesh)
         frame = [ufl.as_vector([cellwise(mesh, axes[:, k, i]) for i in range(3)]) for k in range(3)]

@@ -81,13 +81,16 @@ class Solid(MeshedModel):
         return Forms(self.inertia(space, ufl.Identity(3)), stiffness)
 
     def inertia(self, space: Any, S: Any) -> Any:
-        """The UFL form of int rho v . S u dV."""
+        """The UFL form of int rho v . S u dV, of the trial function u and the test function v."""
         rho = cellwise(space.mesh, self.materials.values("density"))
         u, du = ufl.TrialFunction(space), ufl.TestFunction(space)
         return rho * ufl.dot(du, ufl.dot(S, u)) * _measure(space.mesh, 4)
 
     def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
-        """The UFL form of int sigma_jk u_i,j v_i,k dV with the stresses sigma of a unit state."""
+        """The UFL form of int sigma_jk u_i,j v_i,k dV, of the trial function u and the test function v.
+
+        sigma are the stresses of a unit state.
+        """
         u, du = ufl.TrialFunction(space), ufl.TestFunction(space)
         sigma = self._stress(space.mesh, state.displacement(space))
         return ufl.inner(ufl.dot(ufl.grad(u), sigma), ufl.grad(du)) * _measure(space.mesh, 4)
