@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 class Comm:
-    """A communicator of one rank; its methods return what they get, as MPI would."""
+    """A communicator of one rank, with those of mpi4py's methods that pmr calls; they return what they get."""
 
     rank, size = 0, 1
 
@@ -50,7 +50,7 @@ WORLD = Comm()
 
 
 class Vec:
-    """A vector (n,)."""
+    """A vector (n,), with those of PETSc's methods that pmr calls."""
 
     comm = WORLD
 
@@ -72,7 +72,7 @@ class Vec:
 
 
 class IS:
-    """Numbers of rows or columns."""
+    """Numbers of rows or columns, with those of PETSc's methods that pmr calls."""
 
     def createGeneral(self, numbers: NDArray[Any], comm: Comm = WORLD) -> IS:
         self.numbers = numbers
@@ -83,7 +83,7 @@ class IS:
 
 
 class Mat:
-    """A sparse matrix, or a dense one in Fortran's order."""
+    """A sparse matrix, or a dense one in Fortran's order, with those of PETSc's methods that pmr calls."""
 
     comm = WORLD
     Structure = SimpleNamespace(SUBSET_NONZERO_PATTERN=0, DIFFERENT_NONZERO_PATTERN=1)

@@ -274,7 +274,7 @@ class Built:
 
 
 def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
-    """Assemble the full model of a scene with one body on `comm`; it refuses others, and raises as `build_bodies`."""
+    """Assemble the full model of a scene with one body on `comm`; raises as `build_bodies`, and for several bodies."""
     scene.alone  # noqa: B018 - refuses others
     return build_bodies(scene, comm)[ALONE]
 

@@ -98,7 +98,7 @@ class RigidMotions:
     # (n_local, k): this rank's free coordinates under each of k unit motions, translations first
     coordinates: Array
     held: Array  # (h, k) m or rad: what clamps and springs measure of each; a motion is free if its column is zero
-    whole: bool = True  # False if coordinates are clamped, whose mass and loads the model lacks
+    whole: bool = True  # False with clamped coordinates, whose loads the model lacks, or inner supports
 
 
 @dataclass(frozen=True)

@@ -165,7 +165,7 @@ class Moving:
 
     @cached_property
     def _of_tensor(self) -> tuple[Any, Any]:
-        """S as a UFL constant whose value may change, and the form of A_S, compiled once; collective."""
+        """S (3, 3) as a UFL constant whose value may change, and the form of A_S, compiled once; collective."""
         space = self._assembler.space
         tensor = constant(space.mesh, np.zeros((3, 3)))
         return tensor, compiled_form(self._assembler.model.inertia(space, tensor))
