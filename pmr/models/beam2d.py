@@ -88,7 +88,7 @@ class Beam2D(Beam):
 
     @property
     def reference_frequency(self) -> float:
-        """sqrt(EI / (rho A L^4)) in rad/s of the softest section: the scale of the lowest frequencies."""
+        """Scale of the lowest frequencies in rad/s: sqrt(EI / (rho A L^4)) of the softest section."""
         of = self.stiffnesses
         return float(np.sqrt(of.bending.min() / of.mass.min()) / self.body.length**2)
 

@@ -98,9 +98,9 @@ class Beam3D(Beam):
 
     @property
     def reference_frequency(self) -> float:
-        """Scale of the lowest frequencies.
+        """Scale of the lowest frequencies in rad/s.
 
-        Sqrt(EI / (rho A L^4)) in rad/s of the softest section in its softer plane.
+        It is sqrt(EI / (rho A L^4)) of the softest section in its softer plane.
         """
         softest = min(plane.stiffness.min() for plane in self.planes)
         return float(np.sqrt(softest / self.masses.min()) / self.body.length**2)
