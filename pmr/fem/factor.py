@@ -365,9 +365,7 @@ class Exchange:
 
     @contextmanager
     def _parts(self, local: Array, full: Array) -> Iterator[tuple[Any, Any]]:
-        """Yield MPI's description of what this rank exchanges.
-
-        Of the columns within its rows, of the rows within its columns.
+        """Yield MPI's descriptions of this rank's rows, by columns, and of its columns, by rows, for one exchange.
 
         Both refer to the arrays in place; their data types are freed on exit.
         """
