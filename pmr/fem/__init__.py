@@ -1,1 +1,1 @@
-"""FEniCSx, PETSc and SLEPc: which versions these are, what is spread over ranks, factorisations."""
+"""FEniCSx, PETSc and SLEPc: differences between their versions, objects distributed over ranks, factorisations."""

@@ -1,4 +1,4 @@
-"""The one door to FEniCSx: everything that differs between dolfinx 0.5 and 0.11 stands here.
+"""The only module that imports FEniCSx: all that differs between dolfinx 0.5 and 0.11 is here.
 
 Every other module takes MPI, PETSc and SLEPc from here, which also keeps the import order right: the wheel
 ``dolfinx_solver`` (where it is the one installed) has to come before dolfinx, petsc4py and slepc4py.
@@ -49,9 +49,9 @@ if HAS_PETSC:
 
 @contextlib.contextmanager
 def _versions_alone() -> Iterator[None]:
-    """Give UFL and FFCx 0.5 the versions that they read from `pkg_resources`, without loading that package.
+    """While active, give UFL and FFCx 0.5 the versions that they read from `pkg_resources`, without loading it.
 
-    That looks through all packages of the installation, and takes as long as UFL and FFCx together.
+    That package looks through all packages of the installation, which takes as long as loading UFL and FFCx together.
     """
     name = "pkg_resources"
     if name in sys.modules:
@@ -131,7 +131,7 @@ logging.getLogger("compilers").setLevel(logging.WARNING)
 
 
 def versions() -> dict[str, str]:
-    """Versions of the finite-element stack in use."""
+    """Versions of the finite-element libraries in use, by their names."""
     if not HAS_PETSC:
         return {"sparse matrices": f"SciPy {scipy.__version__}"}
     petsc, slepc = PETSc.Sys.getVersion(), SLEPc.Sys.getVersion()
@@ -149,20 +149,14 @@ def versions() -> dict[str, str]:
 
 
 def check_fenicsx(model: str) -> None:
-    """Refuse a model that is assembled from forms where there is no FEniCSx.
-
-    Raises
-    ------
-    InputError
-        With what is missing.
-    """
+    """Raise an `InputError`, which says what is missing, if there is no FEniCSx to assemble the named model."""
     if _MISSING:
         allowed = f"matrices is allowed without FEniCSx ({_MISSING}); apt, conda or pip install '.[fenicsx]' has it"
         raise InputError("scene", "body.model", model, allowed)
 
 
 def create_mesh(comm: MPI.Comm, cell: str, points: Array, cells: NDArray[np.int64]) -> Any:
-    """A dolfinx mesh of linear cells, distributed over `comm`; rank 0 gives points and cells.
+    """A dolfinx mesh of linear cells, distributed over `comm`; points and cells of rank 0 count.  Collective.
 
     Parameters
     ----------
@@ -186,10 +180,10 @@ def create_mesh(comm: MPI.Comm, cell: str, points: Array, cells: NDArray[np.int6
 
 
 def _destinations(cells: NDArray[np.int64], _: MPI.Comm, ranks: int, *_more: Any) -> Any:
-    """For each cell that this rank gives: the rank that owns it, then those that know it as a ghost.
+    """For each cell that this rank passes in: the rank that will own it, then those that will know it as a ghost.
 
-    Equal shares in the order of the cells' lowest vertices: coordinates are numbered by vertices, so most rows of a
-    matrix are assembled on the rank that keeps them.
+    Ranks own equal shares in the order of the cells' lowest vertices: coordinates are numbered by vertices, so most
+    rows of a matrix are assembled on the rank that keeps them.
     """
     count, k = cells.shape
     first, place = np.arange(count + 1), np.empty(count, np.int64)
@@ -203,10 +197,10 @@ def _destinations(cells: NDArray[np.int64], _: MPI.Comm, ranks: int, *_more: Any
 
 
 def comm_of(mesh: Any) -> MPI.Comm:
-    """The communicator that a mesh was asked for on.
+    """The communicator that was passed to `create_mesh` for this mesh.
 
-    dolfinx makes each mesh one of its own.  PETSc's objects must not stay there: what Python drops of them waits until
-    all ranks of its communicator agree to free it, and nobody is left to ask for that when the mesh is gone.
+    dolfinx makes a communicator of its own for each mesh.  PETSc's objects must not stay on it: if Python drops one,
+    it is kept until all ranks of its communicator agree to free it, which nobody can request once the mesh is gone.
     """
     return _comm_of[mesh]
 
@@ -215,16 +209,17 @@ _comm_of: WeakKeyDictionary[Any, MPI.Comm] = WeakKeyDictionary()
 
 
 def cell_topology(cell: str) -> list[list[list[int]]]:
-    """Vertices of each sub-entity of the reference cell, by dimension."""
+    """Vertices of each sub-entity of the reference cell, in one list for each dimension from 0 on."""
     return [[list(entity) for entity in part] for part in basix.topology(getattr(basix.CellType, cell))]
 
 
 @lru_cache(maxsize=32)
 def lagrange_rule(cell: str, nodes: int, degree: int, parts: int = 1) -> tuple[Array, Array, Array]:
-    """Weights (q,), functions (q, k) and their derivatives (d, q, k) of a Lagrange element on its reference cell.
+    """Weights (q,), functions (q, k) and their derivatives (d, q, k) of a Lagrange element at q quadrature points.
 
-    `nodes` is the element's polynomial degree, `degree` the one that the quadrature rule integrates exactly; it is
-    repeated in the cell's `parts`^d equal pieces (lines, triangles and quadrilaterals).
+    They are on the reference cell, which has d dimensions and k functions.  `nodes` is the element's polynomial
+    degree, `degree` the one that the quadrature rule integrates exactly; the rule is repeated in the cell's `parts`^d
+    equal pieces (lines, triangles and quadrilaterals).
     """
     if cell == "point":
         return np.ones(1), np.ones((1, 1)), np.zeros((0, 1, 1))
@@ -236,12 +231,15 @@ def lagrange_rule(cell: str, nodes: int, degree: int, parts: int = 1) -> tuple[A
 
 
 def rule_points(cell: str, degree: int) -> Array:
-    """Points (q, d) on the reference cell of the rule that `lagrange_rule` takes for this degree."""
+    """Quadrature points (q, d) on the reference cell that `lagrange_rule` has for this degree."""
     return np.asarray(_quadrature(getattr(basix.CellType, cell), degree)[0])
 
 
 def _repeat_rule(cell: str, parts: int, points: Array, weights: Array) -> tuple[Array, Array]:
-    """A rule on each of the equal pieces of the reference cell; triangles: upright ones, and turned ones between."""
+    """Points and weights of a rule repeated on the `parts`^d equal pieces of the reference cell.
+
+    A triangle's pieces are upright and, between them, turned by 180 degrees.  Raises a `ValueError` for tetrahedra.
+    """
     d = points.shape[1]
     if parts == 1:
         return points, weights
@@ -257,18 +255,19 @@ def _repeat_rule(cell: str, parts: int, points: Array, weights: Array) -> tuple[
 
 
 def _quadrature(kind: Any, degree: int) -> Any:
+    """Points and weights of basix' rule that integrates polynomials of `degree` exactly."""
     if _WRAPPED:
         return basix.make_quadrature(basix.QuadratureType.Default, kind, degree)
     return basix.make_quadrature(kind, degree)
 
 
 def lagrange_space(mesh: Any, degree: int) -> Any:
-    """Continuous vectors of the mesh's geometric dimension, polynomials of `degree` in each component."""
+    """Space of continuous vectors with the mesh's geometric dimension, polynomials of `degree` in each component."""
     return _space(mesh, _element(mesh, "Lagrange", degree, mesh.geometry.dim))
 
 
 def shell_space(mesh: Any) -> Any:
-    """Quadratic displacement and Crouzeix-Raviart rotation, three components each, on triangles in space."""
+    """Space of quadratic displacements and Crouzeix-Raviart rotations, three components each, on triangles in space."""
     return _space(mesh, _mixed_element([_element(mesh, "Lagrange", 2, 3), _element(mesh, "CR", 1, 3)]))
 
 
@@ -287,7 +286,7 @@ def hermite_space(mesh: Any, linear: int, planes: int = 1) -> Any:
 
 
 def _element(mesh: Any, family: str, degree: int, components: int = 0) -> Any:
-    """Element of a scalar, or of a vector with so many components."""
+    """Element of a scalar, or of a vector with the given number of components."""
     if not _WRAPPED:
         shape = (components,) if components else None
         return basix.ufl.element(family, mesh.topology.cell_name(), degree, shape=shape)
@@ -298,11 +297,16 @@ def _element(mesh: Any, family: str, degree: int, components: int = 0) -> Any:
 
 
 def _mixed_element(elements: list[Any]) -> Any:
+    """Mixed element of the given elements."""
     return ufl.MixedElement(*elements) if _WRAPPED else basix.ufl.mixed_element(elements)
 
 
 def _vertex_element(functions: Any, derivative: int, complete_degree: int) -> Any:
-    """Custom cubic element on the unit interval with two functions and a value or slope dof at each vertex."""
+    """Custom cubic element on the unit interval with two functions, and one degree of freedom at each vertex.
+
+    `derivative` is 0 if that is a value, 1 if a slope; `complete_degree` is the highest degree of polynomials that the
+    functions span, -1 for none.
+    """
     interval = basix.CellType.interval
     points, weights = _quadrature(interval, 6)
     legendre = np.asarray(basix.tabulate_polynomials(basix.PolynomialType.legendre, interval, 3, points))
@@ -324,12 +328,12 @@ def _vertex_element(functions: Any, derivative: int, complete_degree: int) -> An
 
 
 def constant(mesh: Any, value: float | Array) -> Any:
-    """A constant whose value is not compiled into the form, so that another value needs no compilation."""
+    """UFL constant whose value is not compiled into the form, so that another value needs no compilation."""
     return dolfinx.fem.Constant(mesh, np.array(value, PETSc.ScalarType, order="C"))
 
 
 def function(space: Any, values: Array) -> Any:
-    """A function from the values of all coordinates in PETSc's global order, which every rank gives; collective."""
+    """Function on a space from all its coordinates in PETSc's global order, the same on every rank; collective."""
     result = dolfinx.fem.Function(space)
     block, owned = space.dofmap.index_map_bs, space.dofmap.index_map.local_range
     result.x.array[: block * (owned[1] - owned[0])] = values[block * owned[0] : block * owned[1]]
@@ -338,22 +342,23 @@ def function(space: Any, values: Array) -> Any:
 
 
 def compiled_form(form: Any) -> Any:
-    """A bilinear form, to be assembled as often as the values of its constants change; collective."""
+    """Compile a bilinear form, to be assembled again whenever the values of its constants change; collective."""
     domain = next(iter(form.subdomain_data())).ufl_cargo()
     return _compile_once(domain.comm, f"form {form.signature()}", partial(dolfinx.fem.form, form))
 
 
 def assemble(form: Any) -> PETSc.Mat:
-    """A compiled form as a PETSc matrix, without boundary conditions; collective."""
+    """Assemble a compiled form to a PETSc matrix, without boundary conditions; collective."""
     matrix = dolfinx.fem.petsc.assemble_matrix(form)
     matrix.assemble()
     return matrix
 
 
 def tabulation_space(space: Any) -> Any:
-    """The space on which `tabulate` may be asked for what is linear in functions of `space`: the same, or as good.
+    """Space on which `tabulate` works for expressions that are linear in functions of `space`: itself or an equivalent.
 
-    In 0.5 an expression writes beyond its memory where components share their dofs' numbers, so there they don't.
+    In dolfinx 0.5 an expression writes beyond its memory if components share their dofs' numbers; there it is a mixed
+    space.
     """
     if not _WRAPPED or space.dofmap.index_map_bs == 1:
         return space
@@ -361,10 +366,10 @@ def tabulation_space(space: Any) -> Any:
 
 
 def tabulate(expression: Any, points: Array, space: Any) -> Array:
-    """Values (C, q, v, d) of a vector with v components that is linear in a trial function of `space`.
+    """Values (C, q, v, d) of a vector expression with v components that is linear in a trial function of `space`.
 
-    At points (q, tdim) of the reference cell, in each of the C cells that this rank knows, for each of a cell's d dofs
-    in the order of `unrolled_cell_dofs`; collective.
+    They are at q `points` (q, tdim) of the reference cell, in each of the C cells that this rank knows, for each of a
+    cell's d dofs in the order of `unrolled_cell_dofs`; collective.
     """
     mesh = space.mesh
     name = ffcx.naming.compute_signature([(expression, points)], "")
@@ -375,15 +380,18 @@ def tabulate(expression: Any, points: Array, space: Any) -> Array:
 
 
 def _space(mesh: Any, element: Any) -> Any:
+    """Function space of an element on a mesh; collective."""
     create = dolfinx.fem.FunctionSpace if VERSION < (0, 7) else dolfinx.fem.functionspace
     return _compile_once(mesh.comm, f"element {element!r}", partial(create, mesh, element))
 
 
 def _compile_once(comm: MPI.Comm, signature: str, create: Callable[..., Any]) -> Any:
-    """Call `create` with the code that it compiles stored in a folder of its own in dolfinx' cache; collective.
+    """Call `create` with a folder in dolfinx' cache for the code that it compiles, named by `signature`; collective.
 
-    FFCx marks what it has begun by a file that nobody takes away if its process is killed: from then on each run that
-    needs the same code waits for it and fails.  So it compiles in a folder that counts only once it is whole.
+    FFCx marks what it has begun by a file that stays if its process is killed: from then on each run that needs the
+    same code waits for it and fails.  So it compiles in a folder that counts only once it is complete.
+
+    Raises an `InputError` if the folder can't be written to.
     """
     keyword = "jit_params" if VERSION < (0, 6) else "jit_options"
     if keyword not in inspect.signature(create).parameters:
@@ -401,7 +409,7 @@ def _compile_once(comm: MPI.Comm, signature: str, create: Callable[..., Any]) ->
 
 @cache
 def _compiler() -> tuple[Path, tuple[Any, ...]]:
-    """Folder in which compiled code is stored, and what decides on that code; read from files, once."""
+    """Folder in which compiled code is stored, and the settings that determine that code; read from files once."""
     old = VERSION < (0, 6)
     options = dict(dolfinx.jit.get_parameters() if old else dolfinx.jit.get_options())
     of_forms = sorted((ffcx.get_parameters() if old else ffcx.get_options()).items(), key=str)
@@ -411,15 +419,15 @@ def _compiler() -> tuple[Path, tuple[Any, ...]]:
 
 
 def _is_whole(folder: Path) -> bool:
-    """Whether FFCx has finished all that it began there."""
+    """Whether FFCx has finished all code that it began in this folder."""
     begun = list(folder.glob("*.c"))
     return bool(begun) and all(file.with_suffix(".c.cached").is_file() for file in begun)
 
 
 def cellwise(mesh: Any, values: Array) -> Any:
-    """A function that is constant in each cell, from one value for each cell that the mesh was created from.
+    """Function that is constant in each cell, from one value for each cell in the input of `create_mesh`.
 
-    A form takes dozens of them: their space, which takes longer than all else of them, is made once for a mesh.
+    The space of such functions is made once for a mesh, as forms take dozens of them and it takes most of their time.
     """
     attributes = vars(mesh)
     if _CELLWISE not in attributes:
@@ -452,12 +460,14 @@ def unrolled_cell_dofs(space: Any) -> NDArray[np.int64]:
 
 
 def _scalar_parts(space: Any) -> list[Any]:
+    """Scalar subspaces of a space, those of its subspaces included."""
     if space.num_sub_spaces == 0:
         return [space]
     return [part for i in range(space.num_sub_spaces) for part in _scalar_parts(space.sub(i))]
 
 
 def _table(dofmap: Any) -> NDArray[np.int64]:
+    """Dofs of each cell that this rank knows, (cells, d), blocks counted once."""
     table = dofmap.list
     if VERSION < (0, 7):
         return np.asarray(table.array, np.int64).reshape(table.num_nodes, -1)

@@ -1,8 +1,7 @@
-"""Matrices spread over ranks: tall dense ones by their rows, and sparse ones to and from PETSc.
+"""Matrices distributed over ranks: dense ones of few columns by their rows, and sparse ones to and from PETSc.
 
-Tall dense matrices whose rows are spread over ranks like those of the full model's operators.
-
-Sparse matrices to and from PETSc.
+Rows of dense matrices are spread over ranks as those of the full model's operators; each rank keeps its own in a NumPy
+array.
 """
 
 from __future__ import annotations
@@ -24,11 +23,12 @@ SIGN_TOLERANCE = 1e-6
 
 
 def tall(local: Array, like: PETSc.Mat) -> PETSc.Mat:
-    """Dense PETSc matrix (n, k) from this rank's rows, distributed as the rows of `like`."""
+    """Dense PETSc matrix (n, k) from this rank's rows, distributed as the rows of `like`; collective."""
     return _tall(local, like.getSizes()[0], like.comm)
 
 
 def _tall(local: Array, sizes: tuple[int, int], comm: Any) -> PETSc.Mat:
+    """Dense PETSc matrix from this rank's rows; `sizes` are the local and global number of rows."""
     assert len(local) == sizes[0]
     matrix = PETSc.Mat().createDense((sizes, (PETSc.DECIDE, local.shape[1])), comm=comm)
     matrix.setUp()
@@ -38,11 +38,15 @@ def _tall(local: Array, sizes: tuple[int, int], comm: Any) -> PETSc.Mat:
 
 
 def view(local: Array, like: PETSc.Mat) -> PETSc.Mat:
-    """Make a PETSc matrix on an array in Fortran's order without a copy: both share their entries."""
+    """Dense PETSc matrix that shares its entries with this rank's rows `local` (n_local, k) in Fortran's order.
+
+    Its rows are distributed as those of `like`; collective.
+    """
     return _view(local, like.getSizes()[0], like.comm)
 
 
 def _view(local: Array, sizes: tuple[int, int], comm: Any) -> PETSc.Mat:
+    """Dense PETSc matrix that shares its entries with `local`; `sizes` are the local and global number of rows."""
     assert len(local) == sizes[0] and local.flags.f_contiguous
     matrix = PETSc.Mat().createDense((sizes, (PETSc.DECIDE, local.shape[1])), array=local, comm=comm)
     matrix.assemble()
@@ -50,9 +54,9 @@ def _view(local: Array, sizes: tuple[int, int], comm: Any) -> PETSc.Mat:
 
 
 def sparse(rows: sp.csr_matrix, like: PETSc.Mat, columns: int | None = None) -> PETSc.Mat:
-    """Sparse PETSc matrix from this rank's rows, distributed as the rows of `like`.
+    """Sparse PETSc matrix from this rank's rows, distributed as the rows of `like`; collective.
 
-    `columns` is how many of the columns this rank owns; PETSc decides by default.
+    `columns` is the number of columns that this rank owns; None: PETSc decides.
     """
     owned = PETSc.DECIDE if columns is None else columns
     csr = (rows.indptr.astype(PETSc.IntType, copy=False), rows.indices.astype(PETSc.IntType, copy=False), rows.data)
@@ -62,7 +66,7 @@ def sparse(rows: sp.csr_matrix, like: PETSc.Mat, columns: int | None = None) -> 
 
 
 def times(A: PETSc.Mat, local: Array) -> Array:
-    """This rank's rows of A X, X given by this rank's rows: spread as the columns of A.
+    """This rank's rows of A X, from its rows `local` of X, which are distributed as the columns of A; collective.
 
     X in Fortran's order is not copied; the result is in that order.
     """
@@ -74,27 +78,27 @@ def times(A: PETSc.Mat, local: Array) -> Array:
 
 
 def free_objects(*objects: Any) -> None:
-    """Give the memory of PETSc's objects back at once; collective.  What Python drops stays until `free_dropped`."""
+    """Free the memory of PETSc objects at once; collective.  What Python drops is kept until `free_dropped`."""
     for item in objects:
         item.destroy()
 
 
 def inner(X: Array, Y: Array, comm: Any) -> Array:
-    """X^T Y of two tall matrices, given by their local rows; the same on every rank."""
+    """X^T Y of two matrices from this rank's rows of both, the same on every rank; collective."""
     return np.asarray(comm.allreduce(X.T @ Y))
 
 
 def subtract(X: Array, A: Array, B: Array) -> None:
-    """X -= A B in place, without a temporary of full length; X and A in Fortran's order."""
+    """Subtract A B from X in place, without a temporary of full length; X and A are in Fortran's order."""
     if A.size and B.size:
         assert X.flags.f_contiguous and A.flags.f_contiguous
         scipy.linalg.blas.dgemm(-1.0, A, B, 1.0, X, overwrite_c=True)
 
 
 def fix_signs(local: Array, comm: Any) -> Array:
-    """Columns with the sign that makes their entry of largest magnitude positive.
+    """Columns times 1 or -1, so that their entry of largest magnitude is positive; collective.
 
-    Of entries within `SIGN_TOLERANCE` of the largest the first in the model's order decides, so that round-off can't
+    Of entries within `SIGN_TOLERANCE` of the largest, the first in the model's order decides, so that round-off can't
     choose between the two ends of a symmetric mode.
     """
     size = np.abs(local)
@@ -110,10 +114,10 @@ def fix_signs(local: Array, comm: Any) -> Array:
 
 
 def free_dropped(comm: MPI.Comm, cycles: bool = True) -> None:
-    """Free what was dropped on a communicator; collective.
+    """Free the PETSc objects on a communicator that Python has dropped; collective.
 
     Python's ranks drop objects at different times, so PETSc (3.18 and newer) keeps them until all ranks agree here.
-    Objects that hold each other are found if `cycles` are looked for, which takes some tenths of a second.
+    If `cycles`, objects that refer to each other are looked for too, which takes some tenths of a second.
     """
     if cycles:
         gc.collect()
@@ -121,20 +125,23 @@ def free_dropped(comm: MPI.Comm, cycles: bool = True) -> None:
 
 
 def columns(like: PETSc.Mat, transposed: sp.csr_matrix) -> PETSc.Mat:
-    """Sparse matrix (n, k) from its transpose (k, n) without zeros, its rows distributed as those of `like`."""
+    """Sparse PETSc matrix (n, k) from its transpose (k, n) on every rank, without explicit zeros; collective.
+
+    Its rows are distributed as those of `like`.
+    """
     rows = transposed.T.tocsr()[slice(*like.getOwnershipRange())]
     rows.eliminate_zeros()
     return sparse(rows, like)
 
 
 def local_csr(A: PETSc.Mat) -> sp.csr_matrix:
-    """This rank's rows of a sparse matrix."""
+    """This rank's rows of a sparse matrix, with global column numbers."""
     indptr, columns, values = A.getValuesCSR()
     return sp.csr_matrix((values, columns, indptr), shape=(len(indptr) - 1, A.getSize()[1]))
 
 
 def without_zeros(A: PETSc.Mat) -> PETSc.Mat:
-    """A without the zeros that have a place in its pattern; A is freed."""
+    """A without the explicit zeros in its pattern; frees A.  Collective."""
     rows: sp.csr_matrix = local_csr(A)
     rows.eliminate_zeros()
     result = sparse(rows, A, columns=A.getLocalSize()[1])
@@ -143,7 +150,7 @@ def without_zeros(A: PETSc.Mat) -> PETSc.Mat:
 
 
 def gather(A: PETSc.Mat) -> sp.csr_matrix | None:
-    """A sparse matrix on rank 0; None elsewhere."""
+    """The whole sparse matrix on rank 0; None on other ranks.  Collective."""
     comm = A.comm.tompi4py()
     shares = comm.gather(local_csr(A), root=0)
     return None if shares is None else sp.vstack(shares, format="csr")

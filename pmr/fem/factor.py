@@ -1,11 +1,9 @@
-"""Factors of symmetric positive definite matrices: spread over ranks by MUMPS, or whole on each of them.
+"""Factors of symmetric positive definite matrices: distributed over ranks by MUMPS, or complete on each rank.
 
-Symmetric positive definite matrices, factorised once by MUMPS and solved with ever after.
-
-A factor that every rank holds whole: each answers its share of the columns, and waits for nobody while it solves.
-
-A factor that is spread over two ranks solves no faster than on one, and two fifths of its time go into how the answers
-reach the ranks that own their rows, which PETSc finds out anew at each call.
+A matrix is factorised once, and then solved with many times.  With a complete factor, each rank solves for its share
+of the right-hand sides and waits for no other meanwhile.  A factor that is distributed over two ranks solves no faster
+than on one: two fifths of its time go into sending the solutions to the ranks that own their rows, for which PETSc
+sets up the communication anew at each call.
 """
 
 from __future__ import annotations
@@ -31,18 +29,18 @@ Indices = NDArray[np.int64]
 
 #: Right-hand sides solved at once: a column then costs a sixth of what it costs alone (18,000 coordinates).
 BLOCK = 64
-#: MUMPS' answers (its manual, "Error and warning diagnostics") where it was allowed less memory than it needs; where it
-#: could not have what it was allowed, in the analysis, for integers, numbers or messages; where files can't be written;
-#: and where the structure, a pivot or its sign says that the matrix is not positive definite.
+#: MUMPS' error codes (its manual, "Error and warning diagnostics"): the memory limit is too small; memory could not be
+#: had within the limit, in the analysis, for integers, numbers or messages; files can't be written; the structure, a
+#: pivot or its sign shows that the matrix is not positive definite.
 TOO_LITTLE, NO_MEMORY, NO_FILES, NOT_DEFINITE = -19, (-5, -7, -8, -9, -11, -13, -14, -17, -20), -90, (-6, -10, -40)
 #: Share of the free memory that a factor may take: solves and what follows need some too.
 SHARE = 0.8
-#: Entries of a factor over those of its matrix, and more than almost any has.
+#: Entries of a factor over those of its matrix: almost no factor has more.
 FILL = 20
 
 
 class NotDefiniteError(InputError):
-    """A matrix, called `name`, has no Cholesky factor."""
+    """The matrix called `name` has no Cholesky factor."""
 
     def __init__(self, name: str) -> None:
         super().__init__("body", name, None, "a positive definite matrix is allowed")
@@ -54,13 +52,13 @@ class _PetscFactor:
     _factor: PETSc.Mat
 
     def solve(self, right: PETSc.Vec, answer: PETSc.Vec) -> None:
-        """Answer to one right-hand side."""
+        """Solve for one right-hand side, and write the solution to `answer`; collective."""
         self._factor.solve(right, answer)
 
     def solve_columns(self, columns: Array) -> Array:
-        """Answers, this rank's rows (n_local, k), to a few right-hand sides given likewise.
+        """Rows (n_local, k) of the solutions, from the rows `columns` (n_local, k) of right-hand sides; collective.
 
-        Right-hand sides in Fortran's order are not copied; the result is in that order.
+        Both are this rank's.  Right-hand sides in Fortran's order are not copied; the result is in that order.
         """
         result = np.empty(columns.shape, order="F")
         for k in range(0, columns.shape[1], BLOCK):
@@ -71,15 +69,15 @@ class _PetscFactor:
         return result
 
     def destroy(self) -> None:
-        """Give the factor's memory back."""
+        """Free the factor's memory; collective."""
         self._factor.destroy()
 
 
 class Factor(_PetscFactor):
-    """L L^T of a distributed matrix.
+    """Factor L L^T of a distributed matrix by MUMPS; collective.
 
-    What it will take is known before it is computed.  What does not fit into the memory that is free goes to files, in
-    the folder that the environment variable MUMPS_OOC_TMPDIR names, and a line says so.
+    Its memory is known before it is computed.  A factor that does not fit into the free memory is kept in files, in
+    the folder named by the environment variable MUMPS_OOC_TMPDIR, and a warning is logged.
 
     Raises a `NotDefiniteError` if the matrix, called `name`, is not positive definite, and an `InputError` if its
     factor does not even fit with files.
@@ -102,10 +100,14 @@ class Factor(_PetscFactor):
             raise refusal(name, code)
 
     def _is_too_little(self) -> bool:
+        """Whether MUMPS was allowed less memory than the factor takes."""
         return bool(self._factor.getMumpsInfog(1) == TOO_LITTLE)
 
     def _say(self, name: str, needed: int, free: int) -> None:
-        """Refuse a factor that does not fit into memory, or warn that it is kept in files."""
+        """Raise an `InputError` if the factor does not even fit with files, else warn that it is kept in files.
+
+        `needed` and `free` are in MB on a rank.
+        """
         least = self._factor.getMumpsInfog(26)
         sizes = f"the factor of {name} takes {needed} MB of memory on a rank, and {free} MB are there for it"
         if self._is_too_little():
@@ -118,7 +120,7 @@ class Factor(_PetscFactor):
 
 
 def product(A: PETSc.Mat, x: Array) -> Array:
-    """This rank's rows of A x, x (n_local,) given likewise."""
+    """This rank's rows of A x, from its rows x (n_local,), in a new array; collective."""
     right, result = A.createVecs()
     right.getArray()[:] = x
     A.mult(right, result)
@@ -146,7 +148,7 @@ class SequentialFactor(_PetscFactor):
 
 
 class SparseFactor:
-    """L U of a matrix in SciPy by SuperLU, with pivots on the diagonal: where there is no PETSc.
+    """Factor L U of a matrix by SciPy's SuperLU, with pivots on the diagonal: where there is no PETSc.
 
     Raises a `NotDefiniteError` if the matrix, called `name`, is not positive definite.
     """
@@ -161,15 +163,15 @@ class SparseFactor:
             raise NotDefiniteError(name)
 
     def solve(self, right: PETSc.Vec, answer: PETSc.Vec) -> None:
-        """Answer to one right-hand side."""
+        """Solve for one right-hand side, and write the solution to `answer`."""
         answer.getArray()[:] = self._factor.solve(right.getArray())
 
     def solve_columns(self, columns: Array) -> Array:
-        """Solve for the columns (n, k) of a matrix."""
+        """Solutions (n, k), in Fortran's order, for the right-hand sides `columns` (n, k)."""
         return np.asfortranarray(self._factor.solve(columns))
 
     def destroy(self) -> None:
-        """Give the factor's memory back."""
+        """Free the factor's memory."""
         self.__dict__.pop("_factor", None)
 
 
@@ -177,12 +179,18 @@ AnyFactor = Factor | SequentialFactor | SparseFactor
 
 
 def factor_of(A: PETSc.Mat, name: str) -> Factor | SparseFactor:
-    """A factor by MUMPS, or where there is no PETSc by SciPy."""
+    """Factor by MUMPS, or by SciPy where there is no PETSc; collective.
+
+    Raises a `NotDefiniteError` if the matrix, called `name`, is not positive definite.
+    """
     return Factor(A, name) if HAS_PETSC else SparseFactor(A, name)
 
 
 def factor_for_steps(A: PETSc.Mat, name: str) -> AnyFactor:
-    """A factor for one right-hand side after another: CHOLMOD's on one rank, where PETSc has it."""
+    """Factor for single right-hand sides, one after another: by CHOLMOD on one rank, else as `factor_of`.
+
+    CHOLMOD is taken if PETSc was built with it.  Raises a `NotDefiniteError` as `factor_of`.
+    """
     if HAS_PETSC and A.comm.size == 1:
         with suppress(PETSc.Error):
             free_objects(cholesky(A, "cholmod"))
@@ -191,7 +199,10 @@ def factor_for_steps(A: PETSc.Mat, name: str) -> AnyFactor:
 
 
 def cholesky(A: PETSc.Mat, package: str) -> PETSc.PC:
-    """Prepare the Cholesky factor of A by a package; PETSc refuses one that it was built without."""
+    """Preconditioner that will compute the Cholesky factor of A by the named package.
+
+    Raises a `PETSc.Error` if PETSc was built without the package.
+    """
     pc = PETSc.PC().create(comm=A.comm)
     pc.setOperators(A)
     pc.setType("cholesky")
@@ -201,7 +212,7 @@ def cholesky(A: PETSc.Mat, package: str) -> PETSc.PC:
 
 
 def refusal(name: str, code: int) -> InputError:
-    """Return the error of a matrix whose factor MUMPS refuses with a negative `code`."""
+    """The error for a matrix called `name` whose factorisation MUMPS ended with the negative `code`."""
     if code in NOT_DEFINITE:
         return NotDefiniteError(name)
     allowed = f"the factor of {name} failed in MUMPS with error {code}"
@@ -216,9 +227,10 @@ def refusal(name: str, code: int) -> InputError:
 
 
 def factorise(A: PETSc.Mat, free: int, in_files: bool = False) -> PETSc.Mat:
-    """The factor of A in at most `free` MB a rank; from its analysis MUMPS knows beforehand if that is too little.
+    """Factor of A by MUMPS in at most `free` MB on a rank, 0: without a limit; collective.
 
-    A itself is no longer held.
+    If its analysis finds that too little, MUMPS sets an error code and computes nothing.  The factor holds no
+    reference to A.
     """
     pc = cholesky(A, "mumps")
     factor = pc.getFactorMatrix()
@@ -231,13 +243,16 @@ def factorise(A: PETSc.Mat, free: int, in_files: bool = False) -> PETSc.Mat:
 
 
 def ample(A: PETSc.Mat) -> int:
-    """MB on a rank that do for most factors; of what it is allowed MUMPS reserves a half, needed or not; collective."""
+    """MB on a rank that suffice for most factors of A; collective.
+
+    MUMPS reserves half of what it is allowed, whether it is needed or not.
+    """
     entries = A.getInfo(PETSc.Mat.InfoType.GLOBAL_MAX)["nz_used"]
     return max(1000, int(FILL * 12 * entries / 1e6))
 
 
 def free_memory(comm: MPI.Comm) -> int:
-    """MB that a factor may take on each rank, 0 for no bound where a machine doesn't say what is free; collective."""
+    """MB that a factor may take on each rank; 0, for no limit, if a machine doesn't say what is free.  Collective."""
     node = comm.Split_type(MPI.COMM_TYPE_SHARED)
     available = available_memory()
     share = np.inf if available is None else SHARE * available / 1e6 / node.size
@@ -249,21 +264,21 @@ def free_memory(comm: MPI.Comm) -> int:
 #: Share of the memory that one factor could have which the factors of all ranks on a machine may take together.
 COPIES = 0.5
 
-#: Bytes in a message: MPI counts them in 32 bits.
+#: Most bytes in a message: MPI counts them in 32 bits.
 LARGEST = 2**31 - 1
 
 
 class TooLargeError(Exception):
-    """The whole factor takes more memory than a rank has for it."""
+    """A complete factor takes more memory than a rank has for it."""
 
 
 class ReplicatedFactor:
-    """L L^T of a distributed matrix on each rank.
+    """Complete factor L L^T of a distributed matrix on each rank; collective.
 
     Raises
     ------
     TooLargeError
-        On all ranks, if it is so on one.
+        On all ranks, if one lacks the memory.
     NotDefiniteError
         If the matrix, called `name`, is not positive definite.
     """
@@ -286,9 +301,10 @@ class ReplicatedFactor:
             raise refusal(name, min(codes))
 
     def solve_columns(self, columns: Array) -> Array:
-        """Solve for right-hand sides in Fortran's order in place: they become the answers.
+        """Solve for this rank's rows `columns` (n_local, k) of right-hand sides; collective.
 
-        Best of as many times `BLOCK` columns as there are ranks.
+        Right-hand sides in Fortran's order are overwritten by the solutions, which are returned.  It is fastest for
+        multiples of `BLOCK` columns times the number of ranks.
         """
         columns, many = np.asfortranarray(columns), self._exchange.ranks * min(BLOCK, self._exchange.most)
         for k in range(0, columns.shape[1], many):
@@ -301,12 +317,15 @@ class ReplicatedFactor:
         return columns
 
     def destroy(self) -> None:
-        """Give the factor's memory back."""
+        """Free the factor's memory."""
         self._factor.destroy()
 
 
 def factor_for_columns(A: PETSc.Mat, name: str) -> AnyFactor | ReplicatedFactor:
-    """A factor for many columns at a time: of several ranks each holds it whole, where that fits into memory."""
+    """Factor for many columns at a time: on several ranks complete on each, if it fits into memory; collective.
+
+    Otherwise, and on one rank, it is that of `factor_of`.
+    """
     if A.comm.size > 1:
         try:
             return ReplicatedFactor(A, name)
@@ -317,27 +336,39 @@ def factor_for_columns(A: PETSc.Mat, name: str) -> AnyFactor | ReplicatedFactor:
 
 
 class Exchange:
-    """Tall matrices (n, k) between ranks that own rows, as `ends` (ranks + 1,) has them, and ranks that own columns."""
+    """Redistributes tall matrices (n, k) from ranks that own rows to ranks that own columns, and back.
+
+    `ends` (ranks + 1,) are the first row of each rank, and n.
+    """
 
     def __init__(self, comm: MPI.Comm, ends: Indices) -> None:
         self._comm, self._ends, self.ranks = comm, np.asarray(ends), comm.size
         self.most = max(1, LARGEST // (8 * int(self._ends[-1])))  # columns for each rank at a time
 
     def columns(self, local: Array) -> Array:
-        """This rank's columns (n, k_own) of a matrix given by this rank's rows (n_local, k) in Fortran's order."""
+        """Columns (n, k_own) of a matrix, from the rows `local` (n_local, k) in Fortran's order, both this rank's.
+
+        Collective.
+        """
         full = np.empty((self._ends[-1], self._shares(local.shape[1])[self._comm.rank]), order="F")
         with self._parts(local, full) as (of_rows, of_columns):
             self._comm.Alltoallw(of_rows, of_columns)
         return full
 
     def rows(self, full: Array, local: Array) -> None:
-        """Reverse `columns`: write this rank's rows to `local` (n_local, k) in Fortran's order."""
+        """Write rows to `local` (n_local, k) in Fortran's order, from the columns `full` (n, k_own), both this rank's.
+
+        Collective; it is the reverse of `columns`.
+        """
         with self._parts(local, full) as (of_rows, of_columns):
             self._comm.Alltoallw(of_columns, of_rows)
 
     @contextmanager
     def _parts(self, local: Array, full: Array) -> Iterator[tuple[Any, Any]]:
-        """Describe what this rank exchanges with each other one, in place: its rows' columns and its columns' rows."""
+        """Yield MPI's descriptions of this rank's rows, by columns, and of its columns, by rows, for one exchange.
+
+        Both refer to the arrays in place; their data types are freed on exit.
+        """
         counts, number = len(local) * self._shares(local.shape[1]), MPI.DOUBLE
         begins = (np.cumsum(counts) - counts) * number.size
         kinds = [number.Create_vector(full.shape[1], h, len(full)).Commit() for h in np.diff(self._ends).tolist()]
@@ -351,5 +382,5 @@ class Exchange:
                 kind.Free()
 
     def _shares(self, k: int) -> Indices:
-        """How many of k columns each rank has."""
+        """Number of columns, out of k, of each rank."""
         return k // self.ranks + (np.arange(self.ranks) < k % self.ranks)

@@ -1,6 +1,6 @@
-"""What pmr asks of PETSc and MPI, on one rank and by SciPy: for given matrices where petsc4py is not installed.
+"""Replacement of PETSc and MPI on one rank by SciPy: for given matrices where petsc4py is not installed.
 
-Names and meanings are PETSc's, so that no other module asks which of both it works with; `pmr.fem.compat` decides.
+Names and meanings are PETSc's, so that no other module needs to know which it works with; `pmr.fem.compat` decides.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 class Comm:
-    """A communicator of one rank."""
+    """A communicator of one rank, with those of mpi4py's methods that pmr calls; they return what they get."""
 
     rank, size = 0, 1
 
@@ -38,10 +38,10 @@ class Comm:
         return [value]
 
     def barrier(self) -> None:
-        """Nobody is waited for."""
+        """Do nothing, as there is no other rank to wait for."""
 
     def Bcast(self, *arrays: Any) -> None:
-        """In place: the arrays are what they become."""
+        """Do nothing: on one rank the arrays already have their result."""
 
     Allreduce = Bcast
 
@@ -50,7 +50,7 @@ WORLD = Comm()
 
 
 class Vec:
-    """A vector (n,)."""
+    """A vector (n,), with those of PETSc's methods that pmr calls."""
 
     comm = WORLD
 
@@ -64,25 +64,26 @@ class Vec:
         return Vec(np.zeros_like(self._values))
 
     def max(self) -> tuple[int, float]:
+        """Number of the largest entry, and its value."""
         return int(self._values.argmax()), float(self._values.max())
 
     def destroy(self) -> None:
-        """Python does it."""
+        """Do nothing: Python frees the memory."""
 
 
 class IS:
-    """Numbers of rows or columns."""
+    """Numbers of rows or columns, with those of PETSc's methods that pmr calls."""
 
     def createGeneral(self, numbers: NDArray[Any], comm: Comm = WORLD) -> IS:
         self.numbers = numbers
         return self
 
     def destroy(self) -> None:
-        """Python does it."""
+        """Do nothing: Python frees the memory."""
 
 
 class Mat:
-    """A sparse matrix, or a dense one in Fortran's order."""
+    """A sparse matrix, or a dense one in Fortran's order, with those of PETSc's methods that pmr calls."""
 
     comm = WORLD
     Structure = SimpleNamespace(SUBSET_NONZERO_PATTERN=0, DIFFERENT_NONZERO_PATTERN=1)
@@ -100,7 +101,7 @@ class Mat:
         return self
 
     def setUp(self) -> None:
-        """Nothing is left to do, as in `assemble` and `destroy`."""
+        """Do nothing; also serves as `assemble` and `destroy`."""
 
     assemble = destroy = setUp
 
@@ -147,32 +148,40 @@ class Mat:
         return Vec(np.zeros(self.getSize()[0]))
 
     def mult(self, x: Vec, y: Vec) -> None:
+        """Write A x to y."""
         y.getArray()[:] = self.values @ x.getArray()
 
     def multAdd(self, x: Vec, y: Vec, z: Vec) -> None:
+        """Write y + A x to z."""
         z.getArray()[:] = y.getArray() + self.values @ x.getArray()
 
     def matMult(self, X: Mat, Y: Mat) -> None:
+        """Write A X to Y."""
         Y.values[:] = self.values @ X.values
 
     def PtAP(self, P: Mat) -> Mat:
+        """P^T A P as a new matrix."""
         return Mat(sp.csr_matrix(P.values.T @ self.values @ P.values))
 
     def createSubMatrix(self, rows: IS, columns: IS) -> Mat:
+        """Submatrix of the given rows and columns, as a new matrix."""
         return Mat(self.values[rows.numbers][:, columns.numbers])
 
     def scale(self, factor: float) -> None:
         self.values *= factor
 
     def axpy(self, factor: float, X: Mat, structure: Any = None) -> None:
+        """Add `factor` times X; `structure` is not used."""
         self.values = sp.csr_matrix(self.values + factor * X.values)
 
     def zeroRowsColumns(self, numbers: NDArray[Any], diag: float) -> None:
+        """Set rows and columns with these numbers to zero, and their diagonal to `diag`."""
         remaining, diagonal = np.ones(self.getSize()[0]), np.zeros(self.getSize()[0])
         remaining[numbers], diagonal[numbers] = 0.0, diag
         self.values = sp.csr_matrix(sp.diags(remaining) @ self.values @ sp.diags(remaining) + sp.diags(diagonal))
 
     def norm(self, kind: Any) -> float:
+        """Largest absolute row sum, PETSc's infinity norm, whatever `kind`."""
         return float(np.abs(self.values).sum(axis=1).max())
 
 

@@ -1,1 +1,1 @@
-"""From a structure to its full model: operators, loads, outputs, pads, and what solves eigenproblems on it."""
+"""From a structure to its full model: operators, loads, outputs, pads, and eigensolvers for it."""

@@ -1,4 +1,4 @@
-"""From a structural model's forms to matrices in its own order of coordinates."""
+"""Assembly of a structural model's forms to distributed PETSc matrices in the model's own order of coordinates."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Operators:
-    """Mass and stiffness (n, n), distributed in consecutive shares of the model's coordinates.
+    """Mass M and stiffness K (n, n), distributed in consecutive shares of the model's coordinates.
 
-    Each entry of M has its place in K, many a one of K (of a shell five of six) none in M.
+    Wherever M has an entry, K has one too; the reverse does not hold (of a shell's K, five of six entries are not in
+    M).
     """
 
     M: PETSc.Mat
@@ -32,12 +33,12 @@ class Operators:
 
 
 def rayleigh(damping: Damping) -> Rayleigh:
-    """Factors of mass and stiffness in D = a M + b K."""
+    """Rayleigh damping D = a M + b K with a scene's factors: a in 1/s is `mass`, b in s is `stiffness`."""
     return Rayleigh(damping.mass, damping.stiffness)
 
 
 def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
-    """Mass and stiffness of a model: assembled, or as they were given; collective."""
+    """Mass and stiffness of a model, assembled from its forms or read from given matrices; collective."""
     if is_assembled(model):
         return assemble_model(model, model.domain(comm))
     assert isinstance(model, Matrices)
@@ -57,7 +58,7 @@ def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
 
 
 def pad_pattern(A: sp.csr_matrix, other: sp.csr_matrix) -> sp.csr_matrix:
-    """A with zeros wherever the other one has entries: damping and shifts add M and K, which takes one pattern."""
+    """A with explicit zeros added where `other` has entries, so that the pattern of A contains that of `other`."""
     A, other = A.tocoo(), other.tocoo()
     entries = np.concatenate([A.data, np.zeros(other.nnz)])
     places = np.concatenate([A.row, other.row]), np.concatenate([A.col, other.col])
@@ -65,9 +66,9 @@ def pad_pattern(A: sp.csr_matrix, other: sp.csr_matrix) -> sp.csr_matrix:
 
 
 def assemble_model(model: FiniteElementModel, domain: Any) -> Operators:
-    """Mass and stiffness of a model on its distributed mesh, free of boundary conditions; collective.
+    """Assemble mass and stiffness of a model on its distributed mesh, without boundary conditions; collective.
 
-    Models before it that were dropped are freed here: nobody is asked to do so when a run ends.
+    It also frees PETSc objects of earlier models that Python has dropped, as PETSc does so only on request.
     """
     free_dropped(comm_of(domain), cycles=False)
     assembler = Assembler(model, domain)
@@ -76,18 +77,21 @@ def assemble_model(model: FiniteElementModel, domain: Any) -> Operators:
 
 
 class Assembler:
-    """A model's function space on its distributed mesh, and matrices of forms there in the model's order."""
+    """Assembles forms on a model's function space to matrices in the model's order of coordinates."""
 
     def __init__(self, model: FiniteElementModel, domain: Any) -> None:
         self.model, self.comm, self.space = model, comm_of(domain), model.space(domain)
         self._order = model_order(model, self.space)
 
     def matrix(self, form: Any, zeros: bool = True) -> PETSc.Mat:
-        """Assemble a form in UFL on the model's coordinates, with or without the zeros of its pattern; collective."""
+        """Assemble a UFL form to a matrix (n, n); explicit zeros of its pattern are kept if `zeros`.  Collective."""
         return self.assemble_form(compiled_form(form), zeros)
 
     def assemble_form(self, form: Any, zeros: bool = True) -> PETSc.Mat:
-        """Assemble a form that is compiled, as `matrix` does."""
+        """Assemble a compiled form to a matrix (n, n); explicit zeros of its pattern are kept if `zeros`.
+
+        Collective.
+        """
         rows = _rows(assemble(form))
         if not zeros:
             rows.matrix.eliminate_zeros()
@@ -101,19 +105,22 @@ class Assembler:
         return matrix
 
     def function(self, q: Array) -> Any:
-        """The model's coordinates q (n,), the same on every rank, as a function on the space; collective."""
+        """Function on the space with the model's coordinates q (n,), the same on every rank; collective.
+
+        The model must have no `transformation`.
+        """
         values = np.empty(len(q))
         values[self._order] = q
         return function(self.space, values)
 
 
 def model_order(model: FiniteElementModel, space: Any) -> Indices:
-    """PETSc's global index of each of the space's coordinates in the model's order, the same on every rank.
+    """PETSc's global index (n,) in the space of each of the model's coordinates; collective, the same on every rank.
 
     Raises
     ------
     RuntimeError
-        If the model's numbers do not fit the space.
+        If the model's numbering does not cover the space's coordinates exactly once.
     """
     ours = model.element_coordinates(original_cells(space.mesh))
     theirs = cell_dofs(space)
@@ -130,27 +137,28 @@ def model_order(model: FiniteElementModel, space: Any) -> Indices:
 
 @dataclass(frozen=True)
 class Rows:
-    """Rows of a matrix (N, N) that one rank knows: their numbers (n,) and entries (n, N)."""
+    """Some rows of a matrix (N, N) on one rank: their numbers (n,) and entries (n, N)."""
 
     numbers: Indices
     matrix: sp.csr_matrix
 
     def taken(self, which: Indices) -> Rows:
-        """Some of them, in the order given."""
+        """The rows at the positions `which`, in that order."""
         return Rows(self.numbers[which], self.matrix[which])
 
 
 def _rows(A: PETSc.Mat) -> Rows:
-    """This rank's; A is freed."""
+    """Rows of A that this rank owns; frees A."""
     rows = Rows(np.arange(*A.getOwnershipRange()), local_csr(A))
     free_objects(A)
     return rows
 
 
 def reorder_rows(rows: Rows, order: Indices, comm: MPI.Comm) -> PETSc.Mat:
-    """A matrix with rows and columns in the model's order, in consecutive shares of about equal size; collective.
+    """Matrix with rows and columns in the model's order, in consecutive shares of about equal size; collective.
 
-    `createSubMatrix` takes three times as long on two ranks as on one.
+    `rows` are this rank's in PETSc's order; `order` (N,) is PETSc's index of each of the model's coordinates, from
+    `model_order`.  PETSc's own `createSubMatrix` takes three times as long on two ranks as on one.
     """
     number = np.empty(len(order), PETSc.IntType)
     number[order] = np.arange(len(order), dtype=number.dtype)
@@ -167,7 +175,10 @@ def reorder_rows(rows: Rows, order: Indices, comm: MPI.Comm) -> PETSc.Mat:
 
 
 def _exchange_rows(rows: Rows, comm: MPI.Comm) -> Rows:
-    """The rows of this rank's share, of those that all ranks know, ascending; collective."""
+    """Send rows to the ranks whose shares they are in; returns the rows of this rank's share, ascending.
+
+    Collective.
+    """
     ends = np.arange(1, comm.size + 1) * rows.matrix.shape[1] // comm.size
     owner = np.searchsorted(ends, rows.numbers, side="right")
     sent = [rows.taken(np.flatnonzero(owner == rank)) if rank != comm.rank else None for rank in range(comm.size)]
@@ -181,7 +192,7 @@ def _exchange_rows(rows: Rows, comm: MPI.Comm) -> Rows:
 
 
 def project_matrix(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
-    """P^T A P; A is freed."""
+    """P^T A P; frees A.  Collective."""
     product = A.PtAP(P)
     result = product.copy()  # a product keeps its factors for ever
     free_objects(product, A)
@@ -189,5 +200,5 @@ def project_matrix(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
 
 
 def share(size: int, comm: Any) -> Indices:
-    """First and last coordinate (excluded) of this rank's share."""
+    """First coordinate of this rank's share of `size`, and the one after its last."""
     return np.array([comm.rank, comm.rank + 1]) * size // comm.size

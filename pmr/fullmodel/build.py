@@ -1,17 +1,15 @@
-r"""From a scene to the full models of its bodies, and whether something holds them wherever they slide.
+r"""Full models of a scene's bodies, and the check that no rigid motion of them is left free.
 
-What of a moving frame and of second order the full models of a scene are built with.
+The check uses the geometry alone.  Each body moves as the body that carries it and, in addition, by its relative motion
+:math:`d_b`: displacements along and rotations about x, y and z, about the origin of the base.  The total motion of body
+b is :math:`m_b`.  With the rigid motions R of each body and A, which moves the reference point to the body's tail, all
+that holds the bodies measures
 
-Rigid motions of a system of bodies that nothing resists, from the geometry alone.
+.. math:: C(s) R\, A(s)\, m, \qquad m_b = d_1 + \dots + d_b
 
-Body b moves as the next outer one does, and by :math:`d_b` more: displacements along and rotations about x, y and z,
-about the origin of the base.  With the rigid motions R of each body, what holds them measures
-
-.. math:: C(s) R\, A(s)\, d, \qquad m_b = d_1 + \dots + d_b
-
-of them, A with how far each tail is ahead: supports and pads, springs or not, clamped coordinates, and what joins two
-bodies.  Motions in the null space of that are free.  Pads that only push hold, too, as long as something presses on
-them; whether it does, a static start says.  What keeps a body straight measures none of its rigid motions.
+The rows C are those of supports and pads, with or without stiffness, of clamped coordinates, and of contacts between
+two bodies.  Motions d in the null space are free.  Pads that only push count as holding: whether anything presses on
+them is the static start's question.  Rows that keep a body straight measure none of its rigid motions.
 """
 
 from __future__ import annotations
@@ -43,16 +41,19 @@ Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 
 
-#: Motions that are held by less than this share of what holds the others are free; pads measure them to 1e-12.
+#: A motion is free if singular values of what holds it are below this share of the largest; pads are exact to 1e-12.
 FREE = 1e-7
-#: What is left of a row by less than this share of its terms is round-off: it measures no rigid motion.
+#: A row that measures less than this share of the sum of its terms' sizes is round-off.
 ROUND_OFF = 1e-9
 AXES = "xyz"
 
 
 @dataclass(frozen=True)
 class Free:
-    """Free motions at the position with most of them, in words: all, and the first in a clause; both may be empty."""
+    """Free rigid motions in words, at the position with most of them; both texts are empty if there are none.
+
+    `said` names all of them, `short` is a clause about the first one.
+    """
 
     said: str = ""  # "fly free to move along x at t = 2 s"
     short: str = ""  # "fly can move along x"
@@ -60,25 +61,28 @@ class Free:
 
 @dataclass(frozen=True)
 class Way:
-    """Positions, T of them, at which a system is looked at."""
+    """The T positions at which a system is checked for free motions."""
 
     s: Mapping[str, Array]  # path coordinates (T,) m
-    ahead: Mapping[str, Array]  # (T,) m of each body: how far its tail is ahead of the base's
+    ahead: Mapping[str, Array]  # (T,) m: by body, the distance of its tail ahead of the base's
     said: Sequence[str]  # each position in words
 
 
 @dataclass(frozen=True)
 class Body:
-    """Rigid motions of a body, six, as its rows measure them: those that its model has not are zero."""
+    """A body's six rigid motions as its rows measure them; columns of motions that its model lacks are zero."""
 
-    on_carriers: Array  # (K, 6)
-    terms: Array  # (K, 6): the same of the sizes of all numbers, which round-off is a share of
-    held: Array  # (h, 6): what always holds it, whatever slides
-    reach: float  # m: by how much a rotation of 1 moves it at most
+    on_carriers: Array  # (K, 6): measures of the K carriers of its rows
+    terms: Array  # (K, 6): the same with absolute values of all factors; round-off is a share of it
+    held: Array  # (h, 6): measures that always hold it: clamps, springs, missing directions
+    reach: float  # m: largest displacement of a coordinate under a unit rotation
 
     @classmethod
     def of(cls, model: FullModel, structural: StructuralModel) -> Body:
-        """Collective.  Raises ValueError if the model does not know its rigid motions."""
+        """Measure the rigid motions of a full model; collective.
+
+        Raises a `ValueError` if the model does not know its rigid motions.
+        """
         if model.rigid is None:
             raise ValueError("a model is needed that knows its rigid motions")
         R, comm = model.rigid.coordinates, model.comm
@@ -94,7 +98,10 @@ class Body:
 
 
 def _fewest(rows: Array, reach: float) -> Array:
-    """At most six rows (h, 6) that hold what all of them do, however many points a clamp has."""
+    """At most six rows (h, 6) with the same span as `rows` (any number, 6): a clamp of many points holds six motions.
+
+    `reach` in m scales rotations to displacements.
+    """
     scale = np.repeat([1.0, reach or 1.0], 3)
     rows = rows / scale
     size = np.linalg.norm(rows, axis=1)
@@ -103,9 +110,9 @@ def _fewest(rows: Array, reach: float) -> Array:
 
 
 def freedoms(system: FullSystem, structural: Mapping[str, StructuralModel], way: Way) -> list[dict[str, Array]]:
-    """At each position the free motions (6, f) of each body beside the next outer one: of those that have any.
+    """Free motions at each position of `way`: of each body (6, f), relative to the body that carries it.  Collective.
 
-    Collective.
+    Bodies without a free motion are left out.
     """
     bodies = {name: Body.of(model, structural[name]) for name, model in system.bodies.items()}
     shifts = {name: _shifts(ahead) for name, ahead in way.ahead.items()}
@@ -121,7 +128,7 @@ def freedoms(system: FullSystem, structural: Mapping[str, StructuralModel], way:
 
 
 def words(system: FullSystem, structural: Mapping[str, StructuralModel], way: Way) -> Free:
-    """Describe the free motions of a system; collective."""
+    """Describe in words the free motions at the position of `way` with most of them; collective."""
     by_position = [
         {name: describe_motions(motions) for name, motions in at.items()} for at in freedoms(system, structural, way)
     ]
@@ -144,7 +151,7 @@ def words(system: FullSystem, structural: Mapping[str, StructuralModel], way: Wa
 
 
 def _contacts(system: FullSystem, bodies: Mapping[str, Body], way: Way, shifts: Mapping[str, Array]) -> Array:
-    """Motions of all bodies as each contact measures them, (T, m, 6 b); zero where that is round-off."""
+    """Measures (T, m, 6 b) of the m contacts for the rigid motions of b bodies; rows that are round-off are zero."""
     names, x = list(bodies), system.coordinates(way.s)
     rows, terms = np.zeros((2, len(way.said), len(system.contacts), 6 * len(names)))
     for side, row, at in zip(system.sides, system.side_rows, x.T, strict=True):
@@ -157,26 +164,29 @@ def _contacts(system: FullSystem, bodies: Mapping[str, Body], way: Way, shifts: 
 
 
 def _supports(bodies: Mapping[str, Body], shifts: Mapping[str, Array]) -> Iterator[Array]:
-    """Motions that supports of each body measure, likewise."""
+    """Yield for each body the measures (T, h, 6 b) of what always holds it, for the rigid motions of b bodies."""
     for k, (name, body) in enumerate(bodies.items()):
         rows = np.einsum("hk,tkl->thl", body.held, shifts[name])
         yield np.pad(rows, ((0, 0), (0, 0), (6 * k, 6 * (len(bodies) - k - 1))))
 
 
 def _times(rows: Array, shifts: Array) -> Array:
-    """Rows (T, 6) times matrices (T, 6, 6)."""
+    """Products (T, 6) of rows (T, 6) with matrices (T, 6, 6)."""
     return np.asarray(np.einsum("tk,tkl->tl", rows, shifts))
 
 
 def _shifts(ahead: Array) -> Array:
-    """A motion about the base's origin as one about a tail so far ahead of it, (T, 6, 6)."""
+    """Matrices (T, 6, 6) from a rigid motion about the base's origin to that about a point `ahead` (T,) m along x."""
     A = np.tile(np.eye(6), (len(ahead), 1, 1))
     A[:, 2, 4], A[:, 1, 5] = -ahead, ahead
     return A
 
 
 def _split(free: Array, names: tuple[str, ...], scale: Array) -> dict[str, Array]:
-    """Orthonormal motions (6 b, f), those of each body beside the next outer one, by the first body that moves."""
+    """Distribute orthonormal motions `free` (6 b, f): each goes to the first of the b bodies that moves in it.
+
+    Returns for each body that has any its motions (6, f_b) relative to the body that carries it, divided by `scale`.
+    """
     motions = {}
     for k, name in enumerate(names):
         of_body = free[6 * k : 6 * k + 6]
@@ -189,13 +199,13 @@ def _split(free: Array, names: tuple[str, ...], scale: Array) -> dict[str, Array
 
 
 def _null_space(C: Array) -> Array:
-    """Orthonormal motions (n, f) of which C (m, n) measures nothing; n where there are no rows."""
+    """Orthonormal basis (n, f) of the motions x with C x = 0, for C (m, n); f = n if C has no rows."""
     _, sigma, Vt = np.linalg.svd(np.linalg.qr(C, mode="r"), full_matrices=True)
     return np.asarray(Vt[int(np.sum(sigma > FREE * sigma.max(initial=0.0))) :].T)
 
 
 def describe_motions(motions: Array) -> list[str]:
-    """Free motions (6, f) in words: translations first, then turns about axes."""
+    """Describe free motions (6, f) in words, one phrase each: translations first, then rotations about axes."""
     theta = motions[3:]
     _, sigma, Vt = np.linalg.svd(theta, full_matrices=True)
     turns = int(np.sum(sigma > FREE * np.abs(motions).max(initial=0.0)))
@@ -210,7 +220,7 @@ def describe_motions(motions: Array) -> list[str]:
 
 
 def _reduce_rows(A: Array) -> Array:
-    """The span of rows (f, d) with as many zeros as possible: reduced by Gauss and Jordan."""
+    """Basis of the row space of A (f, d) with as many zeros as possible, by Gauss-Jordan elimination; overwrites A."""
     row = 0
     for column in range(A.shape[1]):
         if row == len(A):
@@ -227,6 +237,7 @@ def _reduce_rows(A: Array) -> Array:
 
 
 def _direction(vector: Array) -> str:
+    """Axis name of a vector (3,) along x, y or z, otherwise its unit vector as text."""
     unit = vector / np.linalg.norm(vector)
     along = int(np.abs(unit).argmax())
     if np.abs(unit[along]) > 1.0 - 1e-6:
@@ -235,58 +246,64 @@ def _direction(vector: Array) -> str:
 
 
 def _place(at: Array) -> str:
+    """Point (3,) m as text."""
     return "({}) m".format(", ".join(f"{c + 0.0:.4g}" for c in np.round(at, 6)))
 
 
 def wanted_matrices(scene: Scene) -> tuple[str, ...]:
-    """Names among `ROTATING`, `CARRIED` and `STATES` of `pmr.reduced.matrices`; none costs anything unless named.
+    """Names in `ROTATING`, `CARRIED` and `STATES` of `pmr.reduced.matrices` of the matrices that a scene needs.
 
-    Without second order those of stresses are built all the same: they say how much is left out.
+    Only these are assembled.  Without second order, the geometric stiffness matrices are still among them: they tell
+    how much the neglected terms matter.
     """
     return tuple(dict.fromkeys(term.matrix for term in (*frame_terms(scene), *stress_terms(scene))))
 
 
-#: Relative error of the lowest frequency from which on a mesh is called too fine.
+#: Relative error of the lowest frequency above which a warning says that the mesh is too fine.
 NOTICED_ROUND_OFF = 1e-4
-#: Places on the way at which is looked for free motions.
+#: Number of positions at which free motions are looked for.
 PLACES = 33
 
 
 @dataclass(frozen=True)
 class Built:
-    """A scene's full model, and the structure that it is assembled from."""
+    """A body's full model and the structure that it was assembled from."""
 
     model: FullModel
     structure: Structure
 
 
 def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
-    """Assemble the full model of a scene of one body on `comm`; as `build_bodies`."""
+    """Assemble the full model of a scene with one body on `comm`; raises as `build_bodies`, and for several bodies."""
     scene.alone  # noqa: B018 - refuses others
     return build_bodies(scene, comm)[ALONE]
 
 
 def full_model(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
-    """The full model alone, as `build_and_warn` makes it."""
+    """Assemble the full model of a scene with one body on `comm`, and log its warnings."""
     return build_and_warn(scene, comm).model
 
 
 def build_and_warn(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
-    """Build a scene's full model as `build` does, with warnings in the log."""
+    """Assemble a scene's full model as `build` does, and log its warnings."""
     built = build(scene, comm)
     log_warnings([built], comm)
     return built
 
 
 def log_warnings(built: Iterable[Built], comm: MPI.Comm) -> None:
-    """Warnings of structures, each once, in the log of the first rank."""
+    """Log the warnings of the bodies' structures on rank 0, each text once."""
     messages = dict.fromkeys(message for model in built for message in warnings(model.structure))
     for message in messages if comm.rank == 0 else ():
         logger.warning("%s", message)
 
 
 def warnings(structure: Structure) -> list[str]:
-    """Lines where round-off of short elements can be seen in frequencies, or given matrices can't be held to nodes."""
+    """Warnings about a structure: nodes of given matrices that could not be checked, or visible round-off.
+
+    Round-off is visible where elements are so short that it changes the lowest frequency by more than
+    `NOTICED_ROUND_OFF`.
+    """
     if getattr(structure.model, "unchecked", False):
         return [UNCHECKED]
     round_off = getattr(structure.model, "round_off", 0.0)
@@ -299,10 +316,10 @@ def warnings(structure: Structure) -> list[str]:
 
 
 def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, Built]:
-    """The full models of a scene's bodies by their names; equal ones are one and the same.  Collective.
+    """Assemble the full models of all bodies of a scene, by name; bodies that are equal share one `Built`.  Collective.
 
-    Raises an `InputError` if a mesh can't be had or does not fit what stands on it, something is free to move, or
-    measurements have yet to decide a model.
+    Raises an `InputError` if a body's model is still ``auto``, a mesh can't be read or drawn, or something attached
+    does not fit the mesh; a `NotHeldError` if a rigid motion is free and the scene does not allow it.
     """
     for member in filter(is_undecided, members(scene)):
         allowed = "a model by its name is allowed here: pmr.run and pmr.reduce measure which one will do"
@@ -325,29 +342,38 @@ def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, 
 
 
 def models_of(built: Mapping[str, Built]) -> dict[str, FullModel]:
-    """The models by their bodies' names."""
+    """Full models of bodies, by name."""
     return {name: body.model for name, body in built.items()}
 
 
 def left_free(scene: Scene, built: Mapping[str, Built]) -> list[str]:
-    """Rigid motions of the whole that nothing resists somewhere on its way, in a line, if there are any; collective."""
+    """Return one line that names the rigid motions that nothing resists, or an empty list; collective.
+
+    The line is about the position on the scene's way that has most of them.
+    """
     free = _free(scene, built)
     return [_without_limit(built, free)] if free.said else []
 
 
 def _without_limit(built: Mapping[str, Built], free: Free) -> str:
+    """Sentence that names the motions which the supports and pads of the bodies leave free."""
     holds = "supports and pads" if ALONE in built else "supports, pads and cylinders"
     return f"{holds} leave {free.said}: loads along that move it without limit"
 
 
 def _free(scene: Scene, built: Mapping[str, Built]) -> Free:
+    """Find the free rigid motions of a scene's bodies, with supports as contacts; collective."""
     models = models_of(built)
     system = FullSystem(models, contacts_of(scene, models)).with_supports()
     return words(system, {name: body.structure.model for name, body in built.items()}, _way(scene))
 
 
 def _way(scene: Scene) -> Way:
-    """Positions at which bodies are looked at: of one alone all along its path; of sections some times and breaks."""
+    """Positions at which free motions are looked for.
+
+    A single body is checked at `PLACES` path coordinates, several bodies at `PLACES` times and at the breaks of the
+    driven paths.
+    """
     if ALONE in scene.bodies:
         along = np.linspace(*scene.travel, PLACES)
         return Way({SLIDER: along}, {ALONE: np.zeros(PLACES)}, [f"with s at {at:.4g} m" for at in along])

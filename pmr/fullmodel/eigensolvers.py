@@ -1,12 +1,10 @@
-"""The lowest modes of the full model at one path coordinate, with its constraint rows eliminated.
-
-The lowest modes of the full model with its rows held at one path coordinate: block Lanczos, SLEPc, or dense LAPACK.
+"""Lowest modes of the full model with its rows held at one path coordinate: dense LAPACK, SLEPc or block Lanczos.
 
 All solve (K + sigma M) phi = (omega^2 + sigma) M phi with a small sigma > 0 for the largest 1 / (omega^2 + sigma).
 That keeps rigid-body modes harmless and, in contrast to asking LAPACK for eigenvalues of (K, M), gives the low modes
 to full relative accuracy: they are then the dominant ones.
 
-Constraint rows at one slider position, eliminated: q = T z satisfies C q = 0 for every z.
+The dense and the SLEPc solver eliminate the rigid rows C: q = T z satisfies C q = 0 for every z.
 """
 
 from __future__ import annotations
@@ -31,7 +29,7 @@ Indices = NDArray[np.int64]
 
 
 class DependentRowsError(InputError):
-    """A rigid row follows from the others: a slider sits on a support, a pad on a beam opposite another one."""
+    """A rigid row is a combination of others: a slider sits on a support, a pad on a beam opposite another one."""
 
     def __init__(self, names: Sequence[str]) -> None:
         allowed = (
@@ -43,7 +41,10 @@ class DependentRowsError(InputError):
 
 @dataclass(frozen=True)
 class Elimination:
-    """``q[pivots] = -factors @ q[others]``; all other coordinates are free."""
+    """Solution of C q = 0 for c pivot coordinates: ``q[pivots] = -factors @ q[others]``; other coordinates are free.
+
+    `size` is n, `pivots` (c,), `others` (k,) and `factors` (c, k).  T (n, n - c) maps the free coordinates to q.
+    """
 
     size: int
     pivots: Indices
@@ -52,7 +53,7 @@ class Elimination:
 
     @property
     def free(self) -> Indices:
-        """Coordinates that stay, in order."""
+        """Numbers (n - c,) of the free coordinates, ascending."""
         return np.setdiff1d(np.arange(self.size), self.pivots)
 
     def matrix(self) -> sp.csr_matrix:
@@ -67,7 +68,7 @@ class Elimination:
         return sp.csr_matrix((entries, (rows, columns)), shape=(self.size, len(free)))
 
     def project_dense(self, A: Array) -> Array:
-        """T^T A T of a dense matrix (n, n)."""
+        """T^T A T (n - c, n - c) of a dense matrix A (n, n)."""
         free, F, p = self.free, self.factors, self.pivots
         at = np.searchsorted(free, self.others)
         AT = A[:, free]
@@ -77,9 +78,10 @@ class Elimination:
         return result
 
     def condensed(self, K: PETSc.Mat) -> PETSc.Mat:
-        """T^T K T (n, n) with the pivots left in as coordinates of their own, as stiff as the stiffest one; collective.
+        """T^T K T, (n, n) with rows and columns of zeros at the pivots but for their diagonal; collective.
 
-        So vectors keep their size: `restrict` and `extended` apply T^T and T in place.
+        The diagonal at the pivots is the largest one of K.  So vectors keep their size: `Condensed` applies T^T and T
+        to them in place.
         """
         first, last = K.getOwnershipRange()
         result = K.copy()
@@ -92,10 +94,9 @@ class Elimination:
         return result
 
     def _change(self, K: PETSc.Mat) -> sp.csr_matrix:
-        """T^T K T - K away from the pivots: a few rows and columns, which would not be worth a product with all of K.
+        """T^T K T - K in the free coordinates: a few rows and columns, cheaper than a product with K; collective.
 
-        With factors F and the pivots' rows R of K, of which the pivots' own columns are P,
-        F^T P F - F^T R - R^T F; collective.
+        With the factors F, the pivots' rows R of K, and P, the pivots' columns of R: F^T P F - F^T R - R^T F.
         """
         first, last = K.getOwnershipRange()
         coupled = np.flatnonzero(np.any(self.factors, axis=1))
@@ -117,7 +118,10 @@ class Elimination:
 
 
 class Condensed:
-    """T and T^T on columns given by one rank's rows, in place; collective."""
+    """Applies T and T^T of an elimination, q = T z, in place to columns whose rows are spread over ranks.
+
+    The spread is that of the rows of `like`.
+    """
 
     def __init__(self, elimination: Elimination, like: PETSc.Mat) -> None:
         first, last = like.getOwnershipRange()
@@ -128,7 +132,7 @@ class Condensed:
         self._factors, self._coupled = elimination.factors[:, near], bool(np.any(elimination.factors))
 
     def restrict(self, g: Array) -> None:
-        """G (n_local, k) becomes T^T g, nothing at the pivots."""
+        """Overwrite this rank's rows `g` (n_local, k) with T^T g, zero at the pivots; collective."""
         if self._coupled:
             at_pivots = np.zeros((self._count, g.shape[1]))
             at_pivots[self._own] = g[self._pivots]
@@ -136,26 +140,26 @@ class Condensed:
         g[self._pivots] = 0.0
 
     def extended(self, x: Array) -> None:
-        """X (n_local, k) at all but the pivots becomes T x."""
+        """Overwrite this rank's rows `x` (n_local, k) with T x; values at the pivots are not read.  Collective."""
         x[self._pivots] = 0.0
         if self._coupled:
             x[self._pivots] = -np.asarray(self._comm.allreduce(self._factors @ x[self._others]))[self._own]
 
 
 def eliminate(C: sp.csr_matrix, names: Sequence[str]) -> Elimination:
-    """Solve C q = 0 for one coordinate a row, by Gauss-Jordan elimination with complete pivoting.
+    """Solve C q = 0 for one coordinate per row, by Gauss-Jordan elimination with complete pivoting.
 
     Parameters
     ----------
     C : (m, n) sparse matrix
-        A slider on a node is a unit row, whose elimination deletes that coordinate.
+        Constraint rows.  A slider on a node is a unit row, whose elimination deletes that coordinate.
     names : sequence of str
-        Of the rows, for the error.
+        Names of the rows, for the error.
 
     Raises
     ------
     DependentRowsError
-        If a row depends on the others.
+        If a row is zero or depends on the others.
     """
     touched = np.unique(C.indices[C.data != 0.0])
     A = C[:, touched].toarray()
@@ -184,11 +188,12 @@ DENSE_UP_TO = 1500  # coordinates; above, sparse factors are the automatic choic
 
 
 def eigensolver(model: FullModel, choice: str) -> EigenSolver:
-    """``"dense"``, ``"slepc"``, or ``"auto"``: dense up to `DENSE_UP_TO` coordinates.
+    """Eigensolver of a model: ``"dense"``, ``"slepc"``, or ``"auto"``, which is dense up to `DENSE_UP_TO` coordinates.
 
-    Its `lowest(s, count)` are the lowest modes with the rows held at s (m); collective.  It raises a
-    `DependentRowsError` if rigid rows depend on each other there, and a `ConvergenceError` if fewer modes exist or
-    converge.  Rows that give way are springs, and take one factor for all positions, as all rows do without SLEPc.
+    Its `lowest(s, count)` computes the lowest modes with the rows held at path coordinate s (m); collective.  It
+    raises a `DependentRowsError` if rigid rows depend on each other at s, and a `ConvergenceError` if fewer modes
+    exist or converge.  If some rows have a compliance, or there is no SLEPc, ``"slepc"`` means block Lanczos with one
+    factor for all path coordinates.
     """
     if is_dense(model, choice):
         return DenseEigenSolver(model)
@@ -198,12 +203,12 @@ def eigensolver(model: FullModel, choice: str) -> EigenSolver:
 
 
 def is_dense(model: FullModel, choice: str) -> bool:
-    """Whether ``"dense"``, ``"slepc"`` or ``"auto"`` means LAPACK for a model of this size."""
+    """Whether the choice ``"dense"``, ``"slepc"`` or ``"auto"`` means LAPACK for a model of this size."""
     return choice == "dense" or (choice == "auto" and model.size <= DENSE_UP_TO)
 
 
 class DenseEigenSolver:
-    """All modes by LAPACK on rank 0: the reproducible path, O(n^3)."""
+    """All modes by LAPACK on rank 0: reproducible, but O(n^3)."""
 
     def __init__(self, model: FullModel) -> None:
         self._model = model
@@ -211,6 +216,7 @@ class DenseEigenSolver:
         self._M, self._K = (None if A is None else A.toarray() for A in map(gather, (model.M, model.K)))
 
     def lowest(self, s: float, count: int) -> Modes:
+        """Compute the `count` lowest modes with the rows held at path coordinate `s` (m); collective."""
         model = self._model
         C, compliance = model.rows.at(s), model.rows.compliance
         rigid, soft = np.flatnonzero(compliance == 0.0), np.flatnonzero(compliance)
@@ -230,10 +236,11 @@ class DenseEigenSolver:
 
 
 class SlepcEigenSolver:
-    """Krylov-Schur with shift-invert; MUMPS factorises.  Sylvester's law of inertia proves that no mode was missed.
+    """Krylov-Schur with shift-and-invert on factors by MUMPS; the inertia of K - x M proves that no mode was missed.
 
-    A single Krylov sequence sees one vector of each multiple eigenvalue.  The inertia of K - x M counts the modes
-    below x; where some are missing, the solver runs again in the complement of those found.
+    A single Krylov sequence finds one vector of each multiple eigenvalue.  By Sylvester's law of inertia, the negative
+    pivots of K - x M count the modes below x; where some are missing, the solver runs again in the complement of those
+    already found.
     """
 
     def __init__(self, model: FullModel) -> None:
@@ -241,6 +248,7 @@ class SlepcEigenSolver:
         self._sigma = model.reference_frequency**2
 
     def lowest(self, s: float, count: int) -> Modes:
+        """Compute the `count` lowest modes with the rows, all rigid, held at path coordinate `s` (m); collective."""
         model = self._model
         elimination = eliminate(model.rows.at(s), model.rows.names)
         dimension = model.size - len(elimination.pivots)
@@ -270,6 +278,7 @@ class SlepcEigenSolver:
     def _solve(
         self, M: PETSc.Mat, K: PETSc.Mat, count: int, deflation: list[PETSc.Vec]
     ) -> tuple[Array, list[PETSc.Vec]]:
+        """The `count` lowest omega^2 and modes of (K, M), M-orthogonal to the vectors in `deflation`; collective."""
         eps = lowest_of(K, M, self._sigma, count)
         pc = eps.getST().getKSP().getPC()
         pc.setType("cholesky")
@@ -281,14 +290,15 @@ class SlepcEigenSolver:
 
 
 class OneFactorEigenSolver:
-    r"""Block Lanczos with shift-and-invert on one factor for all positions, of which rows are a change of low rank.
+    r"""Block Lanczos with shift-and-invert on one factor for all path coordinates; the rows change it by a low rank.
 
-    With F = K + sigma M, rows C(s) that give way by 1/k (or by nothing, if they are rigid) make of it
+    With F = K + sigma M, and m rows C(s) with compliance 1/k (zero for rigid ones), the inverse that is applied is
 
     .. math::
         \bigl(F + C^T k\, C\bigr)^{-1} = F^{-1} - F^{-1} C^T \bigl(1/k + C F^{-1} C^T\bigr)^{-1} C F^{-1}
 
-    (Woodbury; for 1/k = 0 its limit, in which C phi = 0).  A position costs m solves with F and those of the sequence.
+    (Woodbury; for 1/k = 0 its limit, in which C phi = 0).  A path coordinate costs m solves with F and those of
+    Lanczos.
     """
 
     def __init__(self, model: FullModel) -> None:
@@ -299,6 +309,7 @@ class OneFactorEigenSolver:
         free_objects(F)
 
     def lowest(self, s: float, count: int) -> Modes:
+        """Compute the `count` lowest modes with the rows held at path coordinate `s` (m); collective."""
         model, factor, C = self._model, self._factor, self._model.rows.at(s)
         rigid = np.flatnonzero(model.rows.compliance == 0.0)
         dimension = model.size - len(eliminate(C[rigid], [model.rows.names[i] for i in rigid]).pivots)
@@ -309,6 +320,7 @@ class OneFactorEigenSolver:
         held = scipy.linalg.cho_factor((system + system.T) / 2.0) if len(system) else None
 
         def apply(g: Array) -> Array:
+            """Apply the inverse in the class's docstring to columns `g`."""
             x = factor.solve_columns(g)
             if held is not None:
                 subtract(x, answers, scipy.linalg.cho_solve(held, inner(Ct, x, model.comm)))
@@ -326,9 +338,10 @@ EigenSolver = DenseEigenSolver | SlepcEigenSolver | OneFactorEigenSolver
 
 
 def lowest_frequencies(model: FullModel, s: Array, count: int, solver: str) -> Array:
-    """The `count` lowest (S, f) in rad/s, or all there are, with the sliders at s (S,) m; collective.
+    """Lowest circular frequencies (S, f) in rad/s with the rows held at each path coordinate `s` (S,) m; collective.
 
-    Raises a `ConvergenceError` if SLEPc finds too few.
+    f is `count`, or the number of coordinates less that of all rows if that is smaller.  Raises a `ConvergenceError`
+    if the solver finds too few.
     """
     solver_of_model = eigensolver(model, solver)
     count = min(count, model.size - len(model.rows.names))

@@ -1,4 +1,4 @@
-"""From a body of a scene to a structure: its mesh, the model on it, pads, loads, masses and what is observed."""
+"""From a body of a scene to a structure: its mesh, the model on it, pads, loads, masses and outputs."""
 
 from __future__ import annotations
 
@@ -50,14 +50,20 @@ MOST_OBSERVED = 1000
 
 
 def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
-    """Structure of a body of a scene; the same on every rank, collective.
+    """Structure of a body of a scene, the same on every rank; collective.
 
-    Outputs: the displacement in m along each transverse direction at the observed places (by default a beam's nodes but
-    for the last, which is the tip; of more than `MOST_OBSERVED` every second, third ...), then of the tip, then the
-    forces in N of the pads that stay and hold both ways and of the supports that give way; those of all others are the
-    rows' multipliers.  Then what the probes measure.
+    Its outputs are, in this order:
 
-    Raises an `InputError` if the mesh can't be had, or lacks a group.
+    - displacements in m along each transverse direction at the observed stations; by default at a beam's nodes but for
+    the
+      last one, the tip, and of more than `MOST_OBSERVED` nodes at every second, third ...;
+    - displacements of the tip in m;
+    - forces in N of pads that stay, have a stiffness and hold both ways, and of supports with a stiffness; the forces
+    of
+      all others are the multipliers of their rows;
+    - the tip's rotation, if it is observed, and what the probes measure.
+
+    Raises an `InputError` if the mesh can't be read or drawn, or lacks a group.
     """
     if model_of(member) not in WITHOUT_FORMS:
         check_fenicsx(model_of(member))
@@ -99,11 +105,12 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
 
 
 def _port(model: StructuralModel, place: str | float, direction: str) -> Action:
+    """Unit action along `direction` on a place to which something may be attached, named by the place and direction."""
     return Action(f"{place if isinstance(place, str) else f'{place:g} m'} {direction}", place, direction)
 
 
 def _pads(member: Member) -> Pads:
-    """Pads that the model can feel."""
+    """Pads, sliding points and contacts with other bodies that hold a body, on faces where its model can feel pads."""
     faces = felt_faces(member)
     fixed, moving = (
         tuple(
@@ -131,12 +138,13 @@ def _pads(member: Member) -> Pads:
 
 
 def _common(pads: Pads) -> tuple[float, float]:
-    """Range of the path in which all rows are defined: those of ends are too."""
+    """Range (low, high) in m of the path coordinate in which the rows of all moving pads are defined."""
     travels = [pad.travel for pad in pads.moving if pad.travel is not None] or [pads.travel]
     return float(np.max([low for low, _ in travels])), float(np.min([high for _, high in travels]))
 
 
 def _ring(ring: PadRing, faces: tuple[str, ...], travel: tuple[float, float] | None) -> list[Pad]:
+    """Pads of a ring on the given faces; `travel` in m is the range of s of these pads, None: that of the body."""
     stiffness = np.inf if ring.stiffness == "rigid" else ring.stiffness
     size, only_pushes = (ring.length, ring.width, stiffness), ring.unilateral
     return [
@@ -147,7 +155,7 @@ def _ring(ring: PadRing, faces: tuple[str, ...], travel: tuple[float, float] | N
 
 
 def _supports(member: Member) -> tuple[Support, ...]:
-    """One for each direction that the model knows: nothing moves a planar beam along others."""
+    """Supports of the mean motion of places, one for each held direction along which the model can move."""
     moves = directions(member)
     return tuple(
         Support(support.row_name(d), support.on, d, np.inf if support.stiffness == "rigid" else support.stiffness)
@@ -159,6 +167,7 @@ def _supports(member: Member) -> tuple[Support, ...]:
 
 
 def _planar_beam(member: Member, comm: MPI.Comm) -> StructuralModel:
+    """Planar beam of a body, from its stiffnesses or its box, on generated nodes or those of a mesh file."""
     from pmr.models.beam2d import Beam2D, planar_beam
 
     mesh, length = member.part.mesh, member.part.length
@@ -168,6 +177,7 @@ def _planar_beam(member: Member, comm: MPI.Comm) -> StructuralModel:
 
 
 def _beam(member: Member, comm: MPI.Comm) -> StructuralModel:
+    """Beam in space of a body, from its section or its box."""
     from pmr.models.beam3d import Beam3D, beam_of
 
     body = _beam_body(member)
@@ -175,6 +185,7 @@ def _beam(member: Member, comm: MPI.Comm) -> StructuralModel:
 
 
 def _beam_body(member: Member) -> Beam3DBody:
+    """The beam's data in a body: its box or section, material and number of elements."""
     box, body = _box(member), member.part.body
     return Beam3DBody(
         length=box.length,
@@ -187,10 +198,14 @@ def _beam_body(member: Member) -> Beam3DBody:
 
 
 def _mesh_model(member: Member, comm: MPI.Comm) -> StructuralModel:
-    """A shell or solid: its module, named as the scene names the model, says of which cells it is, and makes it."""
+    """Shell or solid of a body, from the module called as the scene's model; collective.
+
+    The module's `KINDS` are the cells that it allows, its `of` makes the model from the body and the mesh.
+    """
     kind = _kind(model_of(member))
 
     def write(boom: BoxBoom, file: Path) -> None:
+        """Mesh a box with cells that the model allows, and write the mesh to `file`."""
         if "triangle" in kind.KINDS:
             write_shell(boom, file)
         else:
@@ -201,7 +216,10 @@ def _mesh_model(member: Member, comm: MPI.Comm) -> StructuralModel:
 
 
 def _kind(name: str) -> Any:
-    """The module of a shell or solid, of ours or of an installed package."""
+    """Module of a shell or solid: of pmr, or of an installed plug-in.
+
+    Raises the error of a plug-in that has no `KINDS` or `of`.
+    """
     models_of_pmr = frozenset(get_args(OwnModel))
     if name in models_of_pmr:
         return import_module(f"pmr.models.{name}")
@@ -212,7 +230,7 @@ def _kind(name: str) -> Any:
 
 
 def _matrices(member: Member, comm: MPI.Comm) -> StructuralModel:
-    """Read by every rank: they are its own."""
+    """Model of given matrices, which every rank reads by itself."""
     assert member.part.mesh.file is not None  # the scene's check
     return Matrices.load(member.part.mesh.file)
 
@@ -225,12 +243,19 @@ _MODELS: dict[str, Callable[[Member, MPI.Comm], StructuralModel]] = {
 
 
 def _mesh(member: Member, comm: MPI.Comm, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]) -> NamedMesh:
-    """Read or drawn by rank 0, then the same everywhere."""
+    """Mesh of a body, read or drawn by rank 0 and sent to all; collective.
+
+    `kinds` are the allowed cells, `write` meshes a box and writes the mesh to a file.
+    """
     mesh: NamedMesh = comm.bcast(on_first(comm, lambda: _read_or_draw(member, kinds, write)))
     return mesh
 
 
 def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]) -> NamedMesh:
+    """Mesh of a body from its file, or of its box by gmsh, on this rank.
+
+    Raises an `InputError` if the mesh can't be read or drawn; its key is that of the scene.
+    """
     if member.part.mesh.file is not None:
         return read_mesh(member.part.mesh.file, kinds)
     from pmr.models.shell import draw_box
@@ -255,5 +280,6 @@ def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBo
 
 
 def _box(member: Member) -> Box:
+    """The body's box, which the scene's checks guarantee."""
     assert member.part.body.box is not None  # the scene's check
     return member.part.body.box

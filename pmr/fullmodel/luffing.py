@@ -1,11 +1,12 @@
-r"""The row of a luffing cylinder that holds a base: how far its lug moves along it, over the luffing angle.
+r"""Constraint row of a luffing cylinder that holds a base: the cylinder's elongation over the luffing angle.
 
-With the unit vector :math:`d(\varphi)` from foot to lug in the axes of the boom, and the lug z above the axis,
+With the unit vector :math:`d(\varphi)` from foot to lug in the boom's axes at the luffing angle :math:`\varphi`, and
+the lug a height z above the boom's axis, the cylinder gets longer by
 
 .. math:: c(\varphi)\, q = d_x(\varphi)\, (u_x + z\, \theta_y) + d_z(\varphi)\, u_z
 
-is what the cylinder gets longer by.  Between two breaks d is the polynomial of fifth degree that has its values and
-first two derivatives there.
+u and :math:`\theta` are the motion of the section at the lug.  Between two breaks d is the polynomial of fifth degree
+with the exact values and first two derivatives at both.
 """
 
 from __future__ import annotations
@@ -33,9 +34,19 @@ def cylinder_row(
     T: sp.csr_matrix,
     travel: tuple[float, float],
 ) -> Row:
-    """Row on the coordinates z, q = T z, of a base whose tail is so far from the pivot, (3,) m.
+    """Constraint row of a luffing cylinder, a function of the luffing angle from -pi to pi.
 
-    A turn of the luffing angle, from -pi to pi, is stretched over `travel`, where other rows of the body are defined.
+    Parameters
+    ----------
+    tail : (3,) m
+        Position of the base's tail relative to the pivot.
+    model : StructuralModel
+        Model of the base, with coordinates q.
+    T : (n, n') sparse matrix
+        q = T z; the row is on z.
+    travel : (2,) m
+        Range of the path coordinate, on which other rows of the body are defined: the angles -pi to pi map linearly to
+        it, and the row's breaks are path coordinates in m.
     """
     place, z = cylinder.lug[0] - tail[0], cylinder.lug[1] - tail[2]
     along = model.displacement(place)
@@ -58,7 +69,11 @@ def cylinder_row(
 
 
 def direction_polynomial(cylinder: LuffingCylinder) -> PPoly:
-    """Direction (2,) from foot to lug in the axes of the boom over a turn of the luffing angle."""
+    """Piecewise polynomial of the unit vector (2,), x and z, from foot to lug in the boom's axes.
+
+    Its argument is the luffing angle in rad from -pi to pi.  Intervals are halved until the error is at most
+    `ACCURACY`, or their length at most `SHORTEST`.
+    """
     breaks = np.linspace(-np.pi, np.pi, INTERVALS + 1)
     while True:
         polynomial = BPoly.from_derivatives(breaks, _with_derivatives(cylinder, breaks))
@@ -72,9 +87,11 @@ def direction_polynomial(cylinder: LuffingCylinder) -> PPoly:
 
 
 def _with_derivatives(cylinder: LuffingCylinder, angle: Array) -> Array:
-    r"""Direction and its first two derivatives by the angles (n,), (n, 3, 2).
+    r"""Unit vector from foot to lug and its first two derivatives by the angle, (n, 3, 2), at angles (n,) rad.
 
-    The direction is :math:`e^{i \beta}`, x + i z, with :math:`\beta = \arg(r_1 - r_0 e^{-i \varphi})`.
+    As a complex number x + i z the unit vector is :math:`e^{i \beta}` with
+    :math:`\beta = \arg(r_1 - r_0 e^{-i \varphi})`, the foot :math:`r_0`, the lug :math:`r_1` and the angle
+    :math:`\varphi`.
     """
     foot, lug = complex(*cylinder.foot), complex(*cylinder.lug)
     turned = foot * np.exp(-1j * angle)

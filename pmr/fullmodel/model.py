@@ -1,10 +1,10 @@
-r"""The full model of a body and the system of several: matrices, constraint rows, masses, numbers of coordinates.
+r"""The full model of a body and the system of several: matrices, constraint rows, masses, and slices of coordinates.
 
-The full model: mass, stiffness, damping, inputs, outputs and constraint rows.
+The full model holds mass, stiffness, damping, inputs, outputs and constraint rows, spread over MPI ranks.  The system
+of full models says where the coordinates of each body are in vectors of all coordinates.
 
-A system of full models: what is spread over ranks, and where the coordinates of each body stand.
-
-Mass and centre of gravity of a body, from its mass matrix under rigid motions.
+Mass m and centre of gravity :math:`(\bar x, \bar y, \bar z)` of a body follow from its mass matrix M and its rigid
+motions: unit translations r_x, r_y, r_z and unit rotations about the axes:
 
 .. math:: m = r_x^T M r_x, \qquad m\, \bar x = r_y^T M r_{\theta z}, \quad m\, \bar y = r_z^T M r_{\theta x}, \quad
     m\, \bar z = r_x^T M r_{\theta y}
@@ -43,19 +43,22 @@ MOMENTS = ((("y", "rz", 1.0), ("z", "ry", -1.0)), (("z", "rx", 1.0),), (("x", "r
 
 @dataclass(frozen=True)
 class Masses:
-    """Masses of a body by itself and with what is attached to it."""
+    """Mass of a body, mass of what is attached to it, and the centre of gravity of both."""
 
     own: float  # kg
     attached: float  # kg
-    centre: Array  # (3,) m, of both, in the body's axes
+    centre: Array  # (3,) m: centre of gravity of both, in the body's axes
 
     def summary(self) -> dict[str, Any]:
-        """``mass`` and ``attached`` in kg, ``centre`` in m, for summary.json."""
+        """``mass`` and ``attached`` in kg, ``centre`` in m, as summary.json has them."""
         return {"mass": self.own, "attached": self.attached, "centre": self.centre.tolist()}
 
 
 def masses_of(model: StructuralModel, attached: Sequence[PointMass], M: PETSc.Mat) -> Masses | None:
-    """Masses of a model with mass matrix M, without supports; None of matrices that were given.  Collective."""
+    """Masses of a body without supports: of its model with mass matrix M, and of attached masses; collective.
+
+    Returns None for given matrices, which may contain supports.
+    """
     if not is_assembled(model):
         return None
     directions, G = model.directions, _gram_matrix(model.rigid_motions(), M)
@@ -75,7 +78,7 @@ def masses_of(model: StructuralModel, attached: Sequence[PointMass], M: PETSc.Ma
 
 
 def _gram_matrix(R: Array, M: PETSc.Mat) -> Array:
-    """R^T M R (k, k) of motions R (n, k) that every rank has."""
+    """R^T M R (k, k) of motions R (n, k), which every rank has complete; collective."""
     x, f = M.createVecRight(), M.createVecLeft()
     mine, columns = R[slice(*M.getOwnershipRange())], []
     for motion in mine.T:
@@ -90,26 +93,28 @@ def _gram_matrix(R: Array, M: PETSc.Mat) -> Array:
 
 @dataclass(frozen=True)
 class RigidMotions:
-    """Rigid motions of a body, known from its geometry alone, and what of them is held by more than constraint rows."""
+    """Rigid motions of a body, computed from its geometry alone, and what clamps and springs measure of them."""
 
-    # (n_local, k): this rank's rows under each of k motions, translations first; clamped ones are missing
+    # (n_local, k): this rank's free coordinates under each of k unit motions, translations first
     coordinates: Array
-    held: Array  # (h, k) m or rad: what clamps and springs measure of each; it is free of them where all is zero
-    whole: bool = True  # whether no coordinate is clamped, whose mass and loads the model does not know
+    held: Array  # (h, k) m or rad: what clamps and springs measure of each; a motion is free if its column is zero
+    whole: bool = True  # False with clamped coordinates, whose loads the model lacks, or inner supports
 
 
 @dataclass(frozen=True)
 class FullModel(WithRows):
-    r"""M q'' + D q' + K q + C(s)^T lambda = B f,  C(s) q = 0,  y = O q, distributed over `comm`, in SI units.
+    r"""Full model of a body, with operators distributed over `comm`, in SI units.
+
+    .. math:: M \ddot q + D \dot q + K q + C(s)^T \lambda = B f, \qquad C(s)\, q = 0, \qquad y = O q
 
     All coordinates are in the model's own order, so that serial and parallel runs number them alike.
     """
 
-    M: PETSc.Mat  # (n, n) as K, free of boundary conditions; each rank owns consecutive rows
-    damping: PETSc.Mat | Rayleigh  # D (n, n), or what it is made of when somebody asks for it
-    K: PETSc.Mat  # where M has an entry K has a place
-    inputs: PETSc.Mat  # (n, i): one column a load
-    outputs: PETSc.Mat  # O^T (n, o): one column an output
+    M: PETSc.Mat  # (n, n), without boundary conditions; each rank owns consecutive rows
+    damping: PETSc.Mat | Rayleigh  # D (n, n), or the factors from which `D` is made at first use
+    K: PETSc.Mat  # (n, n); its pattern contains that of M
+    inputs: PETSc.Mat  # B (n, i): one column for each load
+    outputs: PETSc.Mat  # O^T (n, o): one column for each output
     rows: Rows  # supports first, then the sliders; the same on every rank
     input_names: tuple[str, ...]
     output_positions: Array  # (o,) m along the axis
@@ -117,26 +122,26 @@ class FullModel(WithRows):
     output_names: tuple[str, ...] = ()
     output_units: tuple[str, ...] = ()
     output_kinds: tuple[str, ...] = ()
-    # in closed form; a model without can be simulated, but not be reduced to free modes
+    # None: unknown; such a model can be simulated, but not be reduced to free modes
     rigid: RigidMotions | None = None
-    node_stations: Array | None = None  # (N,) m: places of a beam's nodes along its axis
+    node_stations: Array | None = None  # (N,) m: coordinates of a beam's nodes along its axis; None: no beam
     # (n, n): planes of symmetry (`pmr.fullmodel.structural`), the same on every rank
     mirrors: tuple[sp.csr_matrix, ...] = ()
-    # rows (1, n) by place and direction, the same on every rank: what moves where something may be attached
+    # rows (1, n), the same on every rank, that measure motions where something may be attached, by place and direction
     ports: Mapping[str, sp.csr_matrix] = field(default_factory=dict)
-    # (n, n) as M, by the names of `pmr.reduced.matrices`: of a moving frame and of axial forces; those that vanish are
-    # left out
+    # (n, n): matrices of a moving frame and of axial forces, by the names of `pmr.reduced.matrices`; zero ones are left
+    # out
     matrices: Mapping[str, PETSc.Mat] = field(default_factory=dict)
-    masses: Masses | None = None  # None of matrices that were given
+    masses: Masses | None = None  # None for given matrices
 
     @property
     def rayleigh(self) -> Rayleigh | None:
-        """Factors of Rayleigh's damping; None of another one."""
+        """Factors of Rayleigh damping; None if the damping is given as a matrix."""
         return self.damping if isinstance(self.damping, Rayleigh) else None
 
     @cached_property
     def D(self) -> PETSc.Mat:
-        """The damping matrix (n, n), as large as K: what can do without leaves it alone; collective."""
+        """Damping matrix (n, n) with as many entries as K, assembled at first use; collective."""
         if self.rayleigh is None:
             return self.damping
         D = self.K.duplicate(copy=True)
@@ -146,6 +151,7 @@ class FullModel(WithRows):
 
     @property
     def comm(self) -> Any:
+        """MPI communicator (mpi4py) over which the model is distributed."""
         return self.M.comm.tompi4py()
 
     @property
@@ -155,16 +161,16 @@ class FullModel(WithRows):
 
     @property
     def carriers(self) -> SharedCarriers:
-        """The rows on common carriers."""
+        """The constraint rows on carriers that they share."""
         return self.rows.shared
 
     @property
     def share(self) -> slice:
-        """This rank's coordinates."""
+        """Slice of the coordinates that this rank owns."""
         return slice(*self.M.getOwnershipRange())
 
     def gather(self) -> FullBody | None:
-        """The model as SciPy matrices on rank 0; None elsewhere.  Collective."""
+        """The model with SciPy matrices on rank 0; None on other ranks.  Collective."""
         parts = [gather(A) for A in (self.M, self.D, self.K, self.inputs, self.outputs)]
         matrices = {name: gather(A) for name, A in self.matrices.items()}
         if self.comm.rank != 0:
@@ -191,62 +197,64 @@ class FullModel(WithRows):
 
 @dataclass(frozen=True)
 class FullSystem(Joined[FullModel]):
-    """Full models on one communicator, and what joins them.
+    """Full models of several bodies on one communicator, and the contacts between them.
 
-    Vectors of a rank hold its coordinates of one body after the other; whole ones all of one body after the other.
-    Supports that hold one coordinate are no contacts: they hold without being named.
+    A local vector holds this rank's coordinates of one body after the other; a whole vector holds all coordinates of
+    one body after the other.  Supports that hold a single coordinate are not among the contacts (see `with_supports`).
     """
 
     @classmethod
     def of(cls, model: FullModel) -> FullSystem:
-        """A body alone, as `System.of` has it."""
+        """System of a single body, with its rows as contacts with the ground."""
         return cls({ALONE: model}, ground_contacts(model))
 
     @property
     def models(self) -> tuple[FullModel, ...]:
+        """Full models of the bodies, in their order."""
         return tuple(self.bodies.values())
 
     @property
     def comm(self) -> Any:
+        """MPI communicator of all bodies."""
         return self.models[0].comm
 
     @property
     def size(self) -> int:
-        """Number of all coordinates n, those that supports hold included."""
+        """Number n of coordinates of all bodies, those that supports hold included."""
         return sum(model.size for model in self.models)
 
     @cached_property
     def local(self) -> tuple[slice, ...]:
-        """Slices of each body's coordinates in this rank's vectors."""
+        """Slice of each body's coordinates in a local vector."""
         return consecutive([model.M.getLocalSize()[0] for model in self.models])
 
     @cached_property
     def whole(self) -> tuple[slice, ...]:
-        """Slices of each body's coordinates in whole vectors."""
+        """Slice of each body's coordinates in a whole vector."""
         return consecutive([model.size for model in self.models])
 
     @cached_property
     def inputs(self) -> tuple[slice, ...]:
-        """Slices of each body's inputs among `input_names`."""
+        """Slice of each body's inputs among the `input_names` of the system."""
         return consecutive([len(model.input_names) for model in self.models])
 
     @cached_property
     def observed(self) -> tuple[slice, ...]:
-        """Slices of each body's outputs among all."""
+        """Slice of each body's outputs among those of the system."""
         return consecutive([model.outputs.getSize()[1] for model in self.models])
 
     def mine(self, complete: Array) -> Array:
-        """This rank's coordinates (..., n_local) out of all (..., n)."""
+        """This rank's coordinates (..., n_local) from whole vectors (..., n)."""
         parts = zip(self.whole, self.models, strict=True)
         return np.concatenate([complete[..., at][..., model.share] for at, model in parts], axis=-1)
 
     def gathered(self, local: Array) -> Any:
-        """All coordinates (k, n) on rank 0 from the ranks' (k, n_local), which other ranks get back; collective."""
+        """Whole vectors (k, n) on rank 0 from local vectors (k, n_local); other ranks get `local` back.  Collective."""
         parts = [self.comm.gather(local[:, at]) for at in self.local]
         return np.concatenate([np.concatenate(part, 1) for part in parts], 1) if self.comm.rank == 0 else local
 
     def with_supports(self) -> FullSystem:
-        """Return the system with supports that hold one coordinate as contacts with the ground, after all others."""
+        """Return the system with each support of a single coordinate as a contact with the ground, after all others."""
         used = {(side.place.body, side.place.row) for side in self.sides}
         held = [
             Contact(input_of(name, row), Place(name, row, model.rows.rows[number].breaks[0]))
@@ -257,7 +265,7 @@ class FullSystem(Joined[FullModel]):
         return replace(self, contacts=(*self.contacts, *held))
 
     def gather(self) -> System | None:
-        """The system with SciPy matrices on rank 0; None elsewhere.  Collective."""
+        """The system with SciPy matrices on rank 0; None on other ranks.  Collective."""
         gathered: dict[int, FullBody | None] = {}
         for model in self.models:
             if id(model) not in gathered:
@@ -267,7 +275,7 @@ class FullSystem(Joined[FullModel]):
         return System(bodies, self.contacts, terms=terms) if bodies else None
 
     def _gathered_term(self, term: Term) -> Term:
-        """Return a term with SciPy's matrices on rank 0."""
+        """The term with SciPy matrices on rank 0, unchanged on other ranks; collective."""
         on_first_rank: dict[str, Any] = {
             key: A if sp.issparse(A) or isinstance(A, np.ndarray) else gather(A) for key, A in term.matrices.items()
         }
@@ -275,11 +283,11 @@ class FullSystem(Joined[FullModel]):
 
     @cached_property
     def side_rows(self) -> tuple[Row, ...]:
-        """The row of each of the `sides`, on its body's carriers."""
+        """Constraint row of each of the `sides`, on its body's carriers."""
         return tuple(self.row(side.place) for side in self.sides)
 
 
 def consecutive(sizes: Sequence[int]) -> tuple[slice, ...]:
-    """Slices of parts of these sizes, one after the other."""
+    """Consecutive slices of the given sizes, from 0 on."""
     ends = np.cumsum([0, *sizes]).tolist()
     return tuple(slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True))

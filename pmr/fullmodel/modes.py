@@ -1,15 +1,13 @@
-r"""Modes of the full model: normalised and with fixed signs, by SLEPc or by block Lanczos.
+r"""Eigenmodes of the full model by SLEPc's Krylov-Schur or block Lanczos, their normalisation and residuals.
 
-Modes of the full model at one path coordinate: orthonormal, with fixed signs, and how well they solve for it.
-
-Largest eigenvalues of an operator that is self-adjoint in the mass product, by block Lanczos.
+Block Lanczos finds the largest eigenvalues of an operator H that is self-adjoint in the product of the mass M:
 
 .. math::
     H \Phi = \Phi \Theta, \qquad \Phi^T M \Phi = I
 
-A block of right-hand sides costs little more than one (`pmr.fem.factor.Factor`), and sees each of as many equal
-eigenvalues as it has columns, of which a single vector sees one.  Columns are made M-orthogonal to all others, twice
-over: none that has converged comes back.  Golub and Van Loan: Matrix Computations, 4th ed., 2013, section 10.3.6.
+A block of right-hand sides costs little more than one right-hand side (`pmr.fem.factor.Factor`).  Of equal eigenvalues
+it finds as many as it has columns, where a single vector finds one.  Columns are made M-orthogonal to all earlier ones
+twice, so that no converged vector reappears.  Golub and Van Loan: Matrix Computations, 4th ed., 2013, section 10.3.6.
 """
 
 from __future__ import annotations
@@ -40,38 +38,41 @@ BLOCK = 8
 RESIDUAL_TOLERANCE = 1e-15
 #: Directions of a block that are shorter than this share of its longest one are left out: round-off decides them.
 SPANNED = 1e-8
-#: Blocks at most.
+#: Largest number of blocks.
 STEPS = 100
 
 
 @dataclass(frozen=True)
 class Pairs:
-    """Eigenvalues (k,), the largest first, and this rank's rows of the vectors (n_local, k), M-orthonormal."""
+    """Eigenvalues `theta` (k,), largest first, and this rank's rows (n_local, k) of M-orthonormal eigenvectors."""
 
     theta: Array
     vectors: Array
 
 
 def largest(apply: Callable[[Array], Array], M: PETSc.Mat, start: Array, count: int, dimension: int) -> Pairs:
-    """The `count` largest eigenvalues of H, fewer if the space has no more; collective.
+    """Compute the `count` largest eigenpairs H phi = theta phi, or all if the range of H is smaller; collective.
+
+    H is self-adjoint in the product of the mass M, in which the vectors are orthonormal.
 
     Parameters
     ----------
     apply : callable
-        H M^-1 on columns (n_local, b), in Fortran's order like its answer; both are this rank's rows.
+        Applies H M^-1 to columns (n_local, b) in Fortran's order and returns such columns; rows are this rank's.
     M : PETSc.Mat
+        Mass (n, n).
     start : (n_local, b) array
-        The first block, in the range of H; overwritten.
+        First block, in the range of H; overwritten.
     dimension : int
-        Of the range of H.
+        Dimension of the range of H.
 
     Raises
     ------
     ConvergenceError
-        If fewer converge.
+        If fewer than `count` converge within `STEPS` blocks.
     """
     comm = M.comm.tompi4py()
-    room = np.empty((len(start), 16 * (count + start.shape[1])), order="F")  # memory is taken as it fills
+    room = np.empty((len(start), 16 * (count + start.shape[1])), order="F")  # memory is provided as columns are filled
     T, filled = np.empty((0, 0)), 0
     rough = _orthonormal(start, times(M, start), comm, dimension)
     block = _orthonormal(rough.vectors, times(M, rough.vectors), comm, dimension)
@@ -104,7 +105,11 @@ def largest(apply: Callable[[Array], Array], M: PETSc.Mat, start: Array, count: 
 
 @dataclass(frozen=True)
 class _Block:
-    """M-orthonormal columns X that span W but for what is too short, and M X; L with L^T L = W^T M W."""
+    """A block of columns W (n_local, b), M-orthonormalised with the mass M.
+
+    `vectors` X are M-orthonormal columns with the span of W, but for directions that are too short; `dual` is M X;
+    `lengths` is L (b, b) with L^T L = W^T M W.
+    """
 
     vectors: Array
     dual: Array
@@ -112,7 +117,7 @@ class _Block:
 
 
 def _orthonormal(W: Array, MW: Array, comm: Any, most: int) -> _Block:
-    """W M-orthonormalised: `most` directions at most, the longest ones."""
+    """M-orthonormalise the columns of W, given M W: at most `most` directions, the longest ones; collective."""
     values, turned = np.linalg.eigh(inner(W, MW, comm))
     is_spanned = values > SPANNED**2 * np.max(values, initial=0.0)
     is_spanned[: max(0, len(values) - most)] = False
@@ -122,7 +127,10 @@ def _orthonormal(W: Array, MW: Array, comm: Any, most: int) -> _Block:
 
 
 def _grown(T: Array, columns: Array) -> Array:
-    """The symmetric matrix T with more columns, of which the last entries (d, b) are given and the others are zero."""
+    """Return T bordered by b rows and columns; `columns` (d, b) are the last d rows of the new columns, zeros above.
+
+    T and the result are symmetric; the new diagonal block (b, b) is symmetrised.
+    """
     d, b = columns.shape
     m = len(T) + b
     result = np.zeros((m, m))
@@ -134,7 +142,7 @@ def _grown(T: Array, columns: Array) -> Array:
     return result
 
 
-#: Of the Krylov sequences.
+#: Tolerance, and largest number of iterations, of Krylov-Schur.
 TOLERANCE, ITERATIONS = 1e-13, 500
 #: Relative distance of omega^2 below which two modes count as one cluster.
 CLUSTER = 1e-7
@@ -142,7 +150,7 @@ CLUSTER = 1e-7
 
 @dataclass(frozen=True)
 class Modes:
-    """Circular frequencies (k,) rad/s, this rank's rows of the modes (n_local, k), and residuals (k,).
+    """Circular frequencies `omega` (k,) in rad/s, this rank's rows `phi` (n_local, k) of the modes, `residuals` (k,).
 
     Modes are mass-normalised; their entry of largest magnitude is positive (`pmr.fem.distributed.fix_signs`).
     """
@@ -153,9 +161,9 @@ class Modes:
 
 
 def lowest_of(K: PETSc.Mat, M: PETSc.Mat, sigma: float, count: int) -> SLEPc.EPS:
-    """Krylov-Schur with shift-and-invert for the `count` lowest modes of (K, M); -sigma is the shift.
+    """Set up SLEPc's Krylov-Schur solver with shift-and-invert at -sigma for the `count` lowest modes of (K, M).
 
-    It begins with a vector that is the same on any number of ranks, and along no direction of symmetry.
+    The start vector is the same on any number of ranks, and lies along no direction of symmetry.
     """
     eps = SLEPc.EPS().create(comm=M.comm)
     eps.setOperators(K, M)
@@ -176,9 +184,9 @@ def lowest_of(K: PETSc.Mat, M: PETSc.Mat, sigma: float, count: int) -> SLEPc.EPS
 
 
 def solve_modes(eps: SLEPc.EPS, count: int) -> tuple[Array, list[PETSc.Vec]]:
-    """Solve; omega^2 (count,) in ascending order, and the modes.
+    """Solve and destroy `eps`: return omega^2 (count,) in ascending order, and the modes in the same order; collective.
 
-    Raises a `ConvergenceError` if fewer converge.
+    Raises a `ConvergenceError` if fewer than `count` converge.
     """
     eps.solve()
     converged = eps.getConverged()
@@ -198,21 +206,28 @@ def solve_modes(eps: SLEPc.EPS, count: int) -> tuple[Array, list[PETSc.Vec]]:
 
 
 def check_count(count: int, dimension: int) -> None:
-    """Refuse to look for more modes than there are.
-
-    Raises a `TooManyModesError` with both numbers.
-    """
+    """Raise a `TooManyModesError` if `count` modes are asked for and only `dimension` exist."""
     if count > dimension:
         raise TooManyModesError(count, dimension)
 
 
 def are_clustered(a: float, b: float) -> bool:
-    """Whether omega^2 of two modes differ by round-off alone."""
+    """Whether two values of omega^2 differ by no more than round-off."""
     return abs(b - a) <= CLUSTER * max(abs(a), abs(b))
 
 
 def finish_modes(model: FullModel, s: float, omega2: Array, phi: Array, cut: bool) -> Modes:
-    """Make the modes M-orthonormal, fix signs, measure residuals."""
+    """Make modes M-orthonormal, fix their signs and compute their residuals; collective.
+
+    Parameters
+    ----------
+    s : float, m
+        Path coordinate, at which the rows are held.
+    omega2, phi : (k,) and (n_local, k) arrays
+        Squared frequencies, and this rank's rows of the modes.
+    cut : bool
+        Whether the next mode, which was left out, has the frequency of the last one; a warning is logged then.
+    """
     if cut:
         logger.warning(
             "s = %g m: mode %d and the next one have the same frequency; the snapshot holds one of the two. "
@@ -230,7 +245,7 @@ def finish_modes(model: FullModel, s: float, omega2: Array, phi: Array, cut: boo
 
 
 def _residuals(model: FullModel, s: float, omega2: Array, phi: Array) -> Array:
-    """Backward errors of the eigenpairs; the rows' reactions, which balance the rest, are projected out."""
+    """Backward errors (k,) of eigenpairs at path coordinate s, without the part that constraint forces balance."""
     comm = model.comm
     first, last = model.M.getOwnershipRange()
     residual = times(model.K, phi) - times(model.M, phi) * omega2

@@ -1,15 +1,15 @@
-r"""Static solves, and what a moving frame and axial forces add to a structural model.
+r"""Static solves, and the matrices and loads that a moving frame and axial forces add to a structural model.
 
-What a moving frame and axial forces add to a structural model: matrices and loads on its own coordinates.
+On the model's own coordinates, with displacements u and test functions v, the matrices and loads are
 
 .. math::
     A_S = \int \rho\, v \cdot S u \, dV, \qquad f_S = A_S R_c, \qquad
     K_g = \int \sigma_{jk}\, u_{i,j} v_{i,k} \, dV
 
-with S as `pmr.reduced.matrices` has it, R_c a rigid motion of the model, which all models hold exactly, and sigma the
-stresses of a unit state (docs/moving_frame.md).
+S (3, 3) are the tensors in `pmr.reduced.matrices`, R_c is the model's rigid motion along direction c, which every
+model represents exactly, and sigma are the stresses of a unit state (docs/moving_frame.md).
 
-Static solves with one factorisation: MUMPS on the distributed stiffness, or LAPACK on rank 0.
+Static solves take one factor: by MUMPS of the distributed stiffness, or by LAPACK on rank 0.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 
 
 class SingularError(InputError):
-    """A stiffness resists nothing along some motion, or has a negative eigenvalue, where all rigid motions are held."""
+    """With all rigid motions held, a stiffness does not resist some other motion, or has a negative eigenvalue."""
 
     def __init__(self) -> None:
         allowed = (
@@ -50,26 +50,26 @@ class SingularError(InputError):
 
 
 class StaticSolver(Protocol):
-    """x = T (T^T K T)^-1 T^T g, with T spanning the motions that the held rows allow."""
+    """Solves x = T (T^T K T)^-1 T^T g for loads g, with the stiffness K; T spans the motions that held rows allow."""
 
     def solve(self, g: Array) -> Array:
-        """This rank's rows (n_local, k) of the answers to loads given likewise and maybe overwritten; collective."""
+        """This rank's rows (n_local, k) of x, for its rows `g` (n_local, k), which may be overwritten; collective."""
 
     def destroy(self) -> None:
-        """Give the factor's memory back; collective."""
+        """Free the factor's memory; collective."""
 
 
 def static_solver(model: FullModel, held: Sequence[Row], choice: str = "auto") -> StaticSolver:
-    """``"dense"``, ``"slepc"`` (MUMPS) or ``"auto"``, as for the eigenmodes.
+    """Static solver of a model with the `held` rows held, which must leave no rigid motion free.
 
-    The `held` rows must leave no rigid motion.
+    `choice` is ``"dense"``, ``"slepc"`` (MUMPS) or ``"auto"``, as for the eigenmodes.
 
     Raises
     ------
     SingularError
-        If they do, and where the stiffness does not resist another motion.
+        If the held rows leave a rigid motion free, or the stiffness does not resist another motion.
     DependentRowsError
-        If they depend on each other.
+        If the held rows depend on each other.
     InputError
         If the factor takes more memory than there is.
     """
@@ -79,11 +79,13 @@ def static_solver(model: FullModel, held: Sequence[Row], choice: str = "auto") -
 
 
 def solver_of(K: PETSc.Mat, elimination: Elimination, dense: bool) -> StaticSolver:
-    """Make the static solver of a stiffness (n, n), dense or sparse."""
+    """Static solver of a stiffness (n, n): by LAPACK if `dense`, else by a sparse factor."""
     return (_Dense if dense else _Mumps)(K, elimination)
 
 
 class _Dense:
+    """Static solver by LAPACK on rank 0."""
+
     def __init__(self, stiffness: PETSc.Mat, elimination: Elimination) -> None:
         self._comm, self._share = stiffness.comm.tompi4py(), slice(*stiffness.getOwnershipRange())
         self._T = elimination.matrix()
@@ -97,16 +99,20 @@ class _Dense:
             raise SingularError()
 
     def solve(self, g: Array) -> Array:
+        """This rank's rows (n_local, k) of x, for its rows `g` (n_local, k); collective."""
         shares, x = self._comm.gather(g), None
         if shares is not None:
             x = self._T @ scipy.linalg.cho_solve(self._factor, self._T.T @ np.concatenate(shares))
         return np.ascontiguousarray(self._comm.bcast(x)[self._share])
 
     def destroy(self) -> None:
+        """Free the factor's memory."""
         self.__dict__.pop("_factor", None)
 
 
 class _Mumps:
+    """Static solver by a sparse factor, spread over the ranks or whole on each of them."""
+
     def __init__(self, stiffness: PETSc.Mat, elimination: Elimination) -> None:
         self._condensed = Condensed(elimination, stiffness)
         K = elimination.condensed(stiffness)
@@ -118,43 +124,57 @@ class _Mumps:
             free_objects(K)
 
     def solve(self, g: Array) -> Array:
+        """This rank's rows (n_local, k) of x, for its rows `g` (n_local, k), which are overwritten; collective."""
         self._condensed.restrict(g)
         x = self._factor.solve_columns(g)
         self._condensed.extended(x)
         return x
 
     def destroy(self) -> None:
+        """Free the factor's memory; collective."""
         self._factor.destroy()
 
 
 class Moving:
-    """Loads and matrices of a frame that moves, of a model with point masses on `comm`, assembled where needed."""
+    """Assembles matrices and loads of a moving frame for a model; its function space is made at first use.
+
+    With displacements u and test functions v, the matrix A_S is int rho v . S u dV for a tensor S (3, 3), the load f_S
+    is A_S times a rigid motion, and the geometric stiffness K_g is int sigma_jk u_i,j v_i,k dV with the stresses sigma
+    of a unit state.  `masses` are point masses attached to the model.
+    """
 
     def __init__(self, model: StructuralModel, masses: Sequence[PointMass], comm: MPI.Comm) -> None:
         self._model, self._masses, self._comm = model, masses, comm
 
     @cached_property
     def _assembler(self) -> Assembler:
+        """Assembler of the model's forms; collective.
+
+        Raises an `InputError` if the model is given as matrices.
+        """
         if not is_assembled(self._model):
             allowed = "a model with a mesh is allowed in a moving frame and with second order: matrices from a file "
             raise InputError("scene", "body.model", "matrices", allowed + "do not say where their mass and stress are")
         return Assembler(self._model, self._model.domain(self._comm))
 
     def inertia(self, S: Array) -> PETSc.Mat:
-        """A_S without the masses; collective."""
+        """A_S (n, n) of the model without point masses, for S (3, 3); collective."""
         tensor, form = self._of_tensor
         tensor.value = S
         return self._assembler.assemble_form(form, zeros=False)
 
     @cached_property
     def _of_tensor(self) -> tuple[Any, Any]:
-        """S, as a constant whose value may change, and the form of A_S, compiled once for all; collective."""
+        """S (3, 3) as a UFL constant whose value may change, and the form of A_S, compiled once; collective."""
         space = self._assembler.space
         tensor = constant(space.mesh, np.zeros((3, 3)))
         return tensor, compiled_form(self._assembler.model.inertia(space, tensor))
 
     def field(self, name: str) -> Array:
-        """f_S of one of the inputs `CONSTANT` and `LINEAR` without the masses, whole; collective."""
+        """Load f_S (n,) of an input in `CONSTANT` or `LINEAR`, without point masses, whole on every rank.
+
+        Collective.
+        """
         S, motion = field_of(name, self._model)
         A = self.inertia(S)
         forces = times(A, motion[slice(*A.getOwnershipRange()), None])
@@ -162,7 +182,7 @@ class Moving:
         return np.concatenate(self._comm.allgather(forces[:, 0]))
 
     def geometric_stiffness(self, name: str) -> PETSc.Mat:
-        """K_g of one of the unit states of stress; collective."""
+        """K_g (n, n) of the unit state `name` in `STATES`; its loads include the point masses' inertia.  Collective."""
         load, x = STATES[name], np.eye(3)[0]
         forces = [(m.on, -m.mass * (load.acceleration + load.stretch * self._station(m) * x)) for m in self._masses]
         state = State(self, load.acceleration, load.stretch, (*forces, ("tip", load.force)))
@@ -170,11 +190,14 @@ class Moving:
         return self._assembler.matrix(form, zeros=False)
 
     def _station(self, mass: PointMass) -> float:
-        """Place of a mass along the axis, m."""
+        """Coordinate of a mass along the axis, m."""
         return float(self._model.centroid(mass.on)[0] if mass.at is None else mass.at[0])
 
     def displacement(self, state: State) -> Any:
-        """Displacement of the body with its tail clamped, as a function; collective."""
+        """Displacement under the loads of `state` with the tail clamped, a function on the model's space.
+
+        Collective.
+        """
         model, comm, load = self._model, self._comm, np.zeros(self._model.size)
         fields = dict(zip(CONSTANT, state.acceleration, strict=True)) | {"inertia xx": state.stretch}
         for name, factor in fields.items():
@@ -187,7 +210,7 @@ class Moving:
 
     @cached_property
     def _held(self) -> StaticSolver:
-        """Static solver of the body with its tail clamped, one for all states; collective."""
+        """Static solver of the model with its tail clamped, one for all states; collective."""
         model = self._assembler.model
         clamped = model.coordinates_on("tail", model.directions)
         elimination = Elimination(model.size, clamped, np.empty(0, np.int64), np.zeros((len(clamped), 0)))
@@ -197,7 +220,7 @@ class Moving:
         return solver
 
     def drop(self) -> None:
-        """Give the factor's memory back, if there is one; collective."""
+        """Free the static solver's memory, if there is one; collective."""
         if "_held" in self.__dict__:
             self._held.destroy()
             del self._held
@@ -205,7 +228,11 @@ class Moving:
 
 @dataclass(frozen=True)
 class State:
-    """A unit state of stress, as `pmr.models.UnitState` has it."""
+    """A unit state of stress, an implementation of `pmr.models.UnitState`.
+
+    `of` solves for its displacement; `acceleration` (3,) in m/s^2 and `stretch` in 1/s^2 are those of the frame,
+    `forces` (3,) in N act at the named places.
+    """
 
     of: Moving
     acceleration: Array
@@ -213,12 +240,15 @@ class State:
     forces: tuple[tuple[str, Array], ...]
 
     def displacement(self, space: Any) -> Any:
-        """On the space that the model is assembled on; collective."""
+        """Displacement under the state's loads as a function on the model's space; `space` is not used.  Collective."""
         return self.of.displacement(self)
 
 
 def field_of(name: str, model: StructuralModel) -> tuple[Array, Array]:
-    """S and the rigid motion (n,) that it makes a field of acceleration of; zero where the model knows none for it."""
+    """S (3, 3) and the rigid motion r (n,) of an acceleration field S r, for an input in `CONSTANT` or `LINEAR`.
+
+    Both are zero if the model has no direction that makes the field.
+    """
     nothing = np.zeros((3, 3)), np.zeros(model.size)
     fields = (
         tensor_and_direction

@@ -7,23 +7,26 @@ The row of a pad centred at x is a weighted mean over stations :math:`x_k`, a la
     U_k q = \int \varphi(\xi - x_k)\, v(\eta)\, u \cdot n \, d\xi\, d\eta \Big/ \int \varphi\, v \, d\xi\, d\eta
 
 b is a cubic B-spline over all but :math:`2 \Delta` of the pad's length, :math:`\varphi` a hat, v a cubic B-spline over
-the width.  Between two breaks a row is a cubic in s, on any mesh, and C2 throughout: its third derivative jumps at
-every :math:`\Delta`.  C2 is what frees the acceleration of a body that slides of jumps.  For every s the weights
-add up to one, their centroid is the pad's centre and their spread does not change, so a rigid motion is measured as
-one, and a parabola along the axis without a ripple.
+the width, u the displacement and n the face's outward normal.  Between two breaks a row is a cubic in the path
+coordinate s, on any mesh, and twice continuously differentiable throughout: its third derivative jumps at every
+:math:`\Delta`.  So the acceleration of a sliding body has no jumps.  For every s the weights add up to one, their
+centroid is the pad's centre and their spread does not change.  A rigid motion is therefore measured exactly, and the
+measure of a displacement that is a parabola along the axis does not ripple as the pad slides.
 
-The multiplier is the force of the pad in N, positive if it pushes the body inwards; 1/k is the pad's compliance.  A pad
-that neither moves nor is rigid is a spring: as a part of the stiffness it costs no row, leaves the body no rigid motion
-and has a share in its Rayleigh damping; its force is an output.
+The multiplier is the force of the pad in N, positive if it pushes the body inwards; 1/k is the pad's compliance.  A
+pad that does not move, holds both ways and is not rigid is a spring, a contribution to the stiffness: it needs no row,
+takes no rigid motion from the body and contributes to its Rayleigh damping; its force is an output.
 
-A unilateral pad only pushes, once the body has come out by the pad's clearance c:
+A unilateral pad only pushes, once the body has moved outwards by the pad's clearance c.  With its force
+:math:`\lambda` and its gap g
 
 .. math::
     \lambda \ge 0, \qquad g = c - (C q + H f - (G + 1/k) \lambda) \ge 0, \qquad \lambda\, g = 0
 
-It is a row wherever it sits, for whether it holds changes over time.
+H f and :math:`G \lambda` are static corrections of a reduced model for its loads f and the forces; a full model has
+none.  A unilateral pad always is a row, even if it does not move: whether it holds changes over time.
 
-Points that slide on a planar beam.
+Supports, and points that slide on a planar beam, are rows or springs too.
 """
 
 from __future__ import annotations
@@ -52,36 +55,39 @@ Indices = NDArray[np.int64]
 
 
 def slider_row(beam: Beam2D, offset: float = 0.0, name: str = "slider") -> Row:
-    """The row w(s + offset) = 0 as an exact piecewise cubic in s; its multiplier is a force in N."""
+    """The row w(s + offset) = 0 as an exact piecewise cubic in the path coordinate s; its multiplier is a force in N.
+
+    w is the deflection of the beam; `offset` in m.
+    """
     return row_on_coordinates(name, np.unique(beam.nodes) - offset, beam.bending_dofs, beam.deflection, beam.size)
 
 
 #: Stations for each knot of the weight along the pad: its length is (4 STATIONS + 2) Delta.
 STATIONS = 2
-#: Along the path: each costs a static solve and an interval of all tables.
+#: Largest number of stations along the path: each costs a static solve and an interval of all tables.
 MOST_STATIONS = 10_000
 #: Points of quadrature are this share of Delta, or of the knots across, apart.
 SPACING = 0.5
-#: What quadrature may miss of a station's weight, and of its place in Delta, before the pad is said to leave its face.
+#: Largest error of a station's weight, relative, and of its centroid, in Delta; beyond, the pad leaves its face.
 MISSING = 0.02
-#: So much of a face's length or breadth a pad may reach beyond it: the path of one that stands still has some length.
+#: Share of a face's length or breadth by which a pad may reach beyond it: the path of one that stays has some length.
 SLACK = 2e-3
 
 
 @dataclass(frozen=True)
 class Pad:
-    """A pad on a named face."""
+    """A pad on a named face of a body."""
 
     name: str
     on: str  # a flat face of a mesh; on beams ``bottom``, ``top``, ``left`` (+y) or ``right``
     at: float = 0.0  # m: its centre along the body's axis; of a moving pad the distance ahead of s
     across: float = 0.0  # m: its centre across, y on bottom and top, z on the sides
-    length: float = 0.3  # m, as its width
-    width: float = 0.08
+    length: float = 0.3  # m, along the body's axis
+    width: float = 0.08  # m, across the face
     stiffness: float = 3e8  # N/m; infinite for a rigid one
     unilateral: bool = False  # whether it only pushes
-    clearance: float = 0.0  # m: how far the body at rest is from a unilateral one
-    travel: tuple[float, float] | None = None  # m: smallest and largest s of this moving pad, where not those of all
+    clearance: float = 0.0  # m: gap between a unilateral pad and the undeformed body
+    travel: tuple[float, float] | None = None  # m: smallest and largest s of this moving pad; None: of `Pads`
 
     def __post_init__(self) -> None:
         for key in ("length", "width", "stiffness"):
@@ -95,13 +101,16 @@ class Pad:
 
     @property
     def free_way(self) -> float | None:
-        """The clearance of a pad that only pushes, m; None for one that holds both ways."""
+        """Clearance in m of a pad that only pushes; None for one that holds both ways."""
         return self.clearance if self.unilateral else None
 
 
 @dataclass(frozen=True)
 class Support:
-    """Support of the mean motion of a place along a direction: a pin, a cylinder; rigid by default, N/m."""
+    """A support of the mean motion of a place along or about a direction, rigid by default.
+
+    Its stiffness is in N/m, or N m/rad about a direction.
+    """
 
     name: str
     on: str | float
@@ -111,7 +120,7 @@ class Support:
 
 @dataclass(frozen=True)
 class Slider:
-    """A point that slides along a planar beam and holds its transverse displacement at s + `offset` m."""
+    """A point that slides along a planar beam and holds its transverse displacement at s + `offset` (m)."""
 
     name: str = "slider"
     offset: float = 0.0
@@ -119,19 +128,19 @@ class Slider:
 
 @dataclass(frozen=True)
 class Pads:
-    """All that holds a sliding body."""
+    """All pads, supports, sliders and rows that hold a body."""
 
     fixed: tuple[Pad, ...] = ()
     moving: tuple[Pad, ...] = ()  # centred at s + `at`
     supports: tuple[Support, ...] = ()
     sliders: tuple[Slider, ...] = ()
     travel: tuple[float, float] = (0.0, 1.0)  # m: smallest and largest s
-    # places that another body holds, not the ground: rows whose stiffness is that body's matter
+    # places that another body holds, not the ground
     ends: tuple[Support, ...] = ()
-    straight: tuple[Straight, ...] = ()  # stretches of a planar beam that another body keeps from bending
-    walls: Walls = Walls()  # of a beam, that give way under its pads
-    luffing: LuffingCylinder | None = None  # that holds a base whose tail is so far from the pivot, m
-    tail: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    straight: tuple[Straight, ...] = ()  # stretches of a planar beam that another body keeps straight
+    walls: Walls = Walls()  # walls of a beam that give way under its pads
+    luffing: LuffingCylinder | None = None  # cylinder that holds a base; None: there is none
+    tail: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: position of a base's tail relative to the luffing pivot
 
     def __post_init__(self) -> None:
         low, high = self.travel
@@ -146,20 +155,23 @@ class Pads:
 
 @dataclass(frozen=True)
 class Restraints:
-    """Rows and springs by which pads act on a structure."""
+    """Constraint rows and springs by which pads and supports act on a structure with n coordinates.
 
-    rows: tuple[Row, ...]  # of what moves, is rigid or only pushes
-    springs: tuple[Row, ...]  # of all the others, on the coordinates they belong to: k c^T c is part of K
+    A spring is a row c (1, n) that measures its elongation, with a stiffness k.
+    """
+
+    rows: tuple[Row, ...]  # of pads and supports that move, are rigid or only push
+    springs: tuple[Row, ...]  # of all others; k c^T c is part of K
 
     def stiffness(self, size: int) -> sp.csr_matrix:
-        """Sum of k c^T c over the springs, (n, n) in N/m."""
+        """Sum of k c^T c over the springs' rows c (1, n), (n, n) in N/m; `size` is n."""
         total = sp.csr_matrix((size, size))
         for c, spring in zip(self.vectors(size), self.springs, strict=True):
             total += c.T @ c / spring.compliance
         return total.tocsr()
 
     def force(self, name: str, size: int) -> sp.csr_matrix:
-        """Row (1, n) in N/m that measures the force of a spring.
+        """Row (1, n) in N per unit of a coordinate that measures the force of the spring called `name`; `size` is n.
 
         Raises an `InputError` if no spring has this name.
         """
@@ -171,14 +183,15 @@ class Restraints:
         raise InputError("scene", "outputs.pad", name, f"{allowed}; the forces of others are multipliers")
 
     def vectors(self, size: int) -> list[sp.csr_matrix]:
-        """Measure of each spring, as a row (1, n)."""
+        """Rows c (1, n) of the springs; `size` is n."""
         return [spring.at(spring.breaks[0]) for spring in self.springs]
 
 
 def restrain(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Restraints:
-    """Rows and springs of all pads, supports and sliders on the coordinates z of a structure, q = T z.
+    """Rows and springs of all pads, supports and sliders on the coordinates z of a structure, with q = T z.
 
-    Coordinates of walls that give way are the last ones of z.
+    Springs are all that stay in place, have a stiffness and hold both ways; everything else is a row.  The coordinates
+    of walls that give way are the last ones of z.
 
     Raises an `InputError` if a face does not exist or a pad leaves it somewhere on its travel.
     """
@@ -199,7 +212,11 @@ def restrain(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Restraints
 
 
 def moving_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
-    """The row of a pad centred at s + pad.at."""
+    """Row of a pad centred at s + pad.at on the body's axis, for path coordinates s in `travel` (m).
+
+    It is on the coordinates z with q = T z.  Raises an `InputError` if the pad is too short for its travel, or leaves
+    its face.
+    """
     low, high = travel
     step, reach = _lattice(pad)
     if high - low > MOST_STATIONS * step:
@@ -218,7 +235,10 @@ def moving_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple
 
 
 def fixed_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
-    """The row of a pad that stays: that of a moving one with a station at its centre."""
+    """Row of a pad that stays at pad.at, constant over `travel` (m), on the coordinates z with q = T z.
+
+    It equals the row of a moving pad with a station at its centre.  Raises an `InputError` if the pad leaves its face.
+    """
     step, reach = _lattice(pad)
     offsets = step * np.arange(1 - reach, reach)
     weights = value_or_zero(bump(3, STATIONS * step), offsets) / STATIONS
@@ -227,6 +247,10 @@ def fixed_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[
 
 
 def _support(support: Support, model: StructuralModel, T: sp.csr_matrix, pads: Pads) -> Row:
+    """Row of a support, constant over the travel of `pads`, on the coordinates z with q = T z.
+
+    Raises an `InputError` if the model lacks the direction, or a clamp holds the place along it already.
+    """
     if support.direction not in model.directions:
         allowed = f"{', '.join(model.directions)} are allowed"
         raise InputError("scene", f"supports.{support.name}.directions", support.direction, allowed)
@@ -241,12 +265,16 @@ def _support(support: Support, model: StructuralModel, T: sp.csr_matrix, pads: P
 
 
 def _end(end: Support, model: StructuralModel, T: sp.csr_matrix, pads: Pads) -> Row:
-    """On two intervals, as rows that don't always hold have: one that is rigid and stays would be a support."""
+    """Row of a place that another body holds: that of a support, but on two intervals.
+
+    Rows on two intervals do not count as supports, which always hold.
+    """
     travel = pads.travel
     return _support(end, model, T, pads).refined(np.array([travel[0], sum(travel) / 2.0, travel[1]]))
 
 
 def _point(slider: Slider, model: StructuralModel, T: sp.csr_matrix) -> Row:
+    """Row of a slider on the coordinates z with q = T z; raises an `InputError` if the model is no planar beam."""
     from pmr.models.beam2d import Beam2D  # its forms need FEniCSx, which given matrices do without
 
     if not isinstance(model, Beam2D):
@@ -256,12 +284,15 @@ def _point(slider: Slider, model: StructuralModel, T: sp.csr_matrix) -> Row:
 
 
 def _lattice(pad: Pad) -> tuple[float, int]:
-    """Distance of the stations, m, and how many of them the weight reaches to either side."""
+    """Spacing of the stations in m, and the number of stations within the weight on either side of the centre."""
     return pad.length / (4 * STATIONS + 2), 2 * STATIONS
 
 
 def _stations(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
-    """Weighted mean of the normal displacement around each of the places along the axis, (K, n)."""
+    """Weighted means (K, n) of the normal displacement around each of the `places` (K,) m along the axis.
+
+    Raises an `InputError` if the pad leaves its face.
+    """
     step, knot = _lattice(pad)[0], pad.width / 4.0
     window = Window(
         along=(places[0] - step, places[-1] + step),
@@ -290,7 +321,10 @@ def _stations(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
 
 
 def _near(along: Array, places: Array, step: float) -> sp.csc_matrix:
-    """Which points (q,) are less than a step away from each of the places (K,), a lattice; numbers ascend."""
+    """Sparse (q, K) ones where a point of `along` (q,) is less than `step` away from a lattice point `places` (K,).
+
+    Row numbers ascend in each column.
+    """
     first, last = (np.searchsorted(places + reach, along, side="right") for reach in (step, -step))
     ends = np.concatenate([[0], np.cumsum(last - first)])
     station = np.arange(ends[-1]) + np.repeat(first - ends[:-1], last - first)
@@ -298,7 +332,7 @@ def _near(along: Array, places: Array, step: float) -> sp.csc_matrix:
 
 
 def _check_extent(pad: Pad, places: tuple[float, float], extent: Extent) -> None:
-    """Refuse a pad whose weights, or edges across, reach beyond its face."""
+    """Raise an `InputError` if a pad with its stations between two `places` (m) reaches beyond the face's extent."""
     step, half = _lattice(pad)[0], pad.width / 2.0
     spans = [("along the axis", (places[0] - step, places[1] + step), step, extent.along)]
     if extent.across is not None:
@@ -310,6 +344,7 @@ def _check_extent(pad: Pad, places: tuple[float, float], extent: Extent) -> None
 
 
 def _off(pad: Pad, where: str, extent: Extent) -> InputError:
+    """The error of a pad that leaves its face; `where` describes the position."""
     allowed = f"the pad leaves the face {pad.on} {where}; places where all of it is on it are allowed: {extent}"
     return InputError("scene", f"pads.{pad.name}", None, allowed)
 
@@ -319,9 +354,10 @@ _PRODUCTS = np.array([[0, 1, 2, 3], [1, 3, 4, 6], [2, 4, 5, 7], [3, 6, 7, 8]])
 
 
 def _moments(weights: Array, offsets: Array, ends: Indices) -> Array:
-    """Sums of weights (q,) times 1, x, y, x^2, x y, y^2, x^3, x^2 y and x^4 at each station, (9, K).
+    """Sums (9, K) of `weights` (q,) times 1, x, y, x^2, x y, y^2, x^3, x^2 y and x^4 over the points of each station.
 
-    Stations have the points from one of the `ends` (K + 1,) to the next, with offsets x and y (2, q) in Delta.
+    The points of station k are numbered from ends[k] to ends[k + 1]; `ends` is (K + 1,), `offsets` (2, q) are x and y
+    from the station, in units of the stations' spacing.
     """
     x, y = offsets
     wx, wy = weights * x, weights * y
@@ -334,10 +370,11 @@ def _moments(weights: Array, offsets: Array, ends: Indices) -> Array:
 
 
 def _correct_weights(weights: Array, offsets: Array, ends: Indices, moments: Array) -> Array:
-    """Weights (q,), changed by a parabola in the offsets (2, q) in Delta, with the moments of what they stand for.
+    """Weights (q,) times a parabola in the offsets, so that they have the moments of the exact integral.
 
-    Those of each station add up to one, their centroid is zero and their spread along the axis that of the hat, 1 / 6.
-    What changes is the error of quadrature only, but left in, a motion without a ripple would seem to have one.
+    Those of each station add up to one, their centroid is zero, and their spread along the axis is 1/6, that of the
+    hat.  The correction is as small as the quadrature error, but without it motions without a ripple would seem to
+    have one.  Arguments are those of `_moments`; `moments` (9, K) is its result.
     """
     targets = np.array([1.0, 0.0, 0.0, 1.0 / 6.0])
     parabolas = np.linalg.pinv(moments.T[:, _PRODUCTS], rcond=1e-12, hermitian=True) @ targets

@@ -1,10 +1,10 @@
 r"""Probes as outputs: stresses, strains and displacements of a place as rows on a model's coordinates.
 
-Strains follow from stresses by Hooke's law of the cell's material, plane stress on a shell:
+Strains follow from stresses by Hooke's law with the cell's material, on a shell for plane stress:
 
 .. math:: \varepsilon = \frac{(1 + \nu)\, \sigma - \nu \operatorname{tr}(\sigma)\, 1}{E}, \qquad \gamma = \frac{\tau}{G}
 
-A mean over a group weighs each of its stress points alike.
+The mean over a group gives each of its stress points the same weight.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from pmr.scene.structures import Material, Probe
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Units of what is measured.  Displacements are in mm: outputs in m are those that errors and estimates are of.
+#: Units of measures.  Displacements are in mm, as errors and estimates are computed for all outputs in m.
 UNITS = {"stress": "Pa", "strain": "1", "displacement": "mm"}
 
 
 @dataclass(frozen=True)
 class Gauge:
-    """An output that is a row (1, n) on the coordinates of a structural model; `at` (3,) m is where it measures.
+    """An output: a row (1, n) on the coordinates of a structural model, measured at the point `at` (3,) m.
 
-    `face` is that of a wall, or a corner of a beam's section; empty for displacements.
+    `face` names the face of a wall, or the corner of a beam's section; it is empty for displacements.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Gauge:
 
 
 def gauges(part: OneBody, model: StructuralModel) -> list[Gauge]:
-    """Gauges of the probes of a body, one for each component.
+    """Gauges of all probes of a body, one for each component that they measure.
 
     Raises an `InputError` if a group or face does not exist, or the model has no stresses.
     """
@@ -74,9 +74,9 @@ def gauges(part: OneBody, model: StructuralModel) -> list[Gauge]:
 
 
 def places(outputs: Mapping[str, Iterable[object]]) -> dict[str, list[dict[str, Any]]]:
-    """``probes`` of summary.json: name, unit, place in m and face of each gauge among the outputs of bodies.
+    """``probes`` of summary.json: name, unit, position in m and face of each gauge among the outputs of bodies.
 
-    Names begin with that of the body, unless this is empty.
+    `outputs` are by body; names begin with the body's name unless it is empty.  Returns an empty dict without gauges.
     """
     probes = [
         {"name": named(body, gauge.name), "unit": gauge.unit, "at": gauge.at.tolist(), "face": gauge.face}
@@ -88,6 +88,7 @@ def places(outputs: Mapping[str, Iterable[object]]) -> dict[str, list[dict[str, 
 
 
 def _displacements(probe: Probe, model: FiniteElementModel) -> Iterator[Gauge]:
+    """Yield gauges of a probe's displacement along x, y and z: of the nearest grid point, or the mean of its group."""
     if probe.at is not None:
         point = int(np.linalg.norm(model.grid.points - probe.at, axis=1).argmin())
         rows, names = model.point_displacements()[3 * point : 3 * point + 3], list("xyz")
@@ -103,7 +104,7 @@ def _displacements(probe: Probe, model: FiniteElementModel) -> Iterator[Gauge]:
 
 @dataclass(frozen=True)
 class _Stresses:
-    """Stresses of a model, its cells' materials and the probes that look at them."""
+    """Stress rows of a model, with the body whose probes and materials they are for."""
 
     part: OneBody
     model: FiniteElementModel
@@ -111,11 +112,12 @@ class _Stresses:
 
     @classmethod
     def of(cls, part: OneBody, model: FiniteElementModel) -> _Stresses | None:
+        """Stress rows of `model` for the probes of `part`; None if the model has no stresses."""
         rows = model.stresses()
         return None if rows is None else cls(part, model, rows)
 
     def gauges(self, number: int, measure: str) -> Iterator[Gauge]:
-        """Stress or strain where the probe of this number looks."""
+        """Yield gauges of the stress or strain components that probe `number` measures."""
         stress_rows, probe, points = self.rows, self.part.probes[number], self._points(number)
         count = len(stress_rows.components)
         stress = sp.csr_matrix(np.vstack([stress_rows.rows[count * points + k].mean(axis=0) for k in range(count)]))
@@ -126,7 +128,10 @@ class _Stresses:
             yield Gauge(f"{probe.name} {measure} {component}", UNITS[measure], stress[k], where, face)
 
     def _points(self, number: int) -> Indices:
-        """Numbers of the stress points that a probe looks at: the nearest one, or those of a group."""
+        """Numbers of the stress points of probe `number`: the one nearest to its point, or all of its group.
+
+        Raises an `InputError` if the probe's face or group does not exist, or has no stress point.
+        """
         stress_rows, probe, key = self.rows, self.part.probes[number], f"probes[{number}]"
         if probe.face and probe.face not in stress_rows.faces:
             raise InputError("scene", f"{key}.face", probe.face, f"{', '.join(stress_rows.faces)} are allowed")
@@ -144,6 +149,7 @@ class _Stresses:
         return inside
 
     def _material(self, cell: int) -> Material:
+        """Material of a grid cell: that of its region, by default the body's."""
         for name, region in self.part.body.regions.items():
             if region.material is not None and cell in self.model.grid.regions[name]:
                 return region.material
@@ -151,7 +157,10 @@ class _Stresses:
 
 
 def _hooke(material: Material, components: int) -> Array:
-    """Strains of unit stresses: of a fibre (1; with shear 2), in a plane (3), in space (6); shear is an angle."""
+    """Strains (c, c) of unit stresses, for c `components`: 1 of a fibre, 2 with shear, 3 in a plane, 6 in space.
+
+    Shear strains are angles.
+    """
     normal = {1: 1, 2: 1, 3: 2, 6: 3}[components]
     matrix = np.eye(components) / material.shear_modulus
     matrix[:normal, :normal] = ((1.0 + material.poisson) * np.eye(normal) - material.poisson) / material.young

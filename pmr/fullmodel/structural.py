@@ -1,16 +1,13 @@
-r"""The full model of a structure, and its planes of symmetry.
+r"""The full model of a structure: its matrices, rows, loads and outputs, and its planes of symmetry.
 
-The full model of a structure: its matrices, rows, loads and outputs on the coordinates that it has.
-
-Mirror images: of a body that is symmetric, mirrored loads have mirrored answers.
-
-With the image P q of a motion q in a plane across y or z, a signed permutation,
+In a symmetric body, mirrored loads have mirrored answers.  With the mirror image P q of a motion q in a plane across y
+or z, where P is a signed permutation,
 
 .. math::
     P M P^T = M, \quad P K P^T = K \quad \Rightarrow \quad R\, (P g) = P\, (R\, g)
 
-for any R that M and K make.  Whether a body is symmetric, what holds it and what it carries included, is decided by
-these equations, on two random vectors.
+for any operator R on loads g that is made from M and K.  Whether a body is symmetric, with what holds it and what it
+carries, is decided by these equations, on two random vectors.
 """
 
 from __future__ import annotations
@@ -48,9 +45,21 @@ SAME = 1e-9
 
 
 def mirror_images(model: StructuralModel, T: sp.csr_matrix, M: PETSc.Mat, K: PETSc.Mat) -> tuple[sp.csr_matrix, ...]:
-    """P (n, n) of each plane of symmetry across y or z, of coordinates z with q = T z.
+    """Mirror images P (n, n) in the planes of symmetry across y or z, on a structure's coordinates z; collective.
 
-    The same on every rank; collective.
+    P z is the image of a motion z, a signed permutation.
+
+    Parameters
+    ----------
+    T : (n_model, n) sparse matrix
+        Gives the model's coordinates from the structure's, q = T z.
+    M, K : PETSc.Mat
+        Mass and stiffness (n, n), by which symmetry is decided.
+
+    Returns
+    -------
+    tuple of (n, n) sparse matrices
+        The same on every rank; empty if the model has no nodes, or is coupled rigidly to masses.
     """
     nodes = getattr(model, "nodes", None)
     if not isinstance(nodes, Nodes) or T.nnz != T.shape[1]:  # with rigid couplings coordinates are not those of nodes
@@ -64,7 +73,10 @@ def mirror_images(model: StructuralModel, T: sp.csr_matrix, M: PETSc.Mat, K: PET
 
 
 def _images(nodes: Nodes) -> Iterator[sp.csr_matrix]:
-    """P for each of the planes across y and z in the middle of the nodes in which all nodes have images."""
+    """Yield mirror images P in the middle planes across y and z, if every node has an image in the plane.
+
+    P (n, n) is a signed permutation of the nodes' coordinates.
+    """
     first = np.flatnonzero(nodes.component == 0)  # of each node; its other coordinates follow
     node, places, number = np.cumsum(nodes.component == 0) - 1, nodes.at[first], np.arange(nodes.size)
     low, high = places.min(axis=0), places.max(axis=0)
@@ -85,7 +97,7 @@ def _images(nodes: Nodes) -> Iterator[sp.csr_matrix]:
 
 
 def _commuting_images(mirrors: Sequence[sp.csr_matrix], A: PETSc.Mat) -> list[sp.csr_matrix]:
-    """Images P for which A P x = P A x; collective."""
+    """Those mirror images P for which A P x = P A x on random vectors x; collective."""
     if not mirrors:
         return []
     comm, share = A.comm.tompi4py(), slice(*A.getOwnershipRange())
@@ -101,22 +113,25 @@ def _commuting_images(mirrors: Sequence[sp.csr_matrix], A: PETSc.Mat) -> list[sp
 
 @dataclass(frozen=True)
 class Image:
-    """A mirror image P, or several after each other, and the carriers' images among them."""
+    """A mirror image or a product of several: the matrix P, and which carrier is the image of which.
+
+    Carriers are K rows (K, n) of which all constraint rows are combinations.
+    """
 
     P: sp.csr_matrix  # (n, n)
-    partners: Indices  # (K,): number of the carrier that is the image of each; -1 where none is
+    partners: Indices  # (K,): number of the carrier that is each one's image; -1: none
 
 
 @dataclass(frozen=True)
 class Answers:
-    """Numbers of loads, and this rank's rows (n_local, k) of the answers to them."""
+    """Answers to some loads: the loads' numbers (k,), and this rank's rows (n_local, k) of the answers."""
 
     numbers: Indices
     columns: Array
 
 
 def images_of(carriers: sp.csr_matrix, mirrors: Sequence[sp.csr_matrix]) -> list[Image]:
-    """Images of all mirrors and their products."""
+    """Images of all mirrors P (n, n) and of all their products, for K carriers (K, n)."""
     products: list[sp.csr_matrix] = []
     for P in mirrors:
         products += [P, *(sp.csr_matrix(P @ other) for other in products)]
@@ -124,6 +139,7 @@ def images_of(carriers: sp.csr_matrix, mirrors: Sequence[sp.csr_matrix]) -> list
 
 
 def _partners(U: sp.csr_matrix, P: sp.csr_matrix) -> Indices:
+    """Number (K,) of the row of U (K, n) that is the image of each row under P; -1 where there is none."""
     V, partner_of = sp.csr_matrix(U @ P.T), np.full(U.shape[0], -1)
     size = np.asarray(U.multiply(U).sum(axis=1)).ravel()
     shared = sp.coo_matrix(V @ U.T)
@@ -138,7 +154,17 @@ def _partners(U: sp.csr_matrix, P: sp.csr_matrix) -> Indices:
 
 
 class Orbits:
-    """Loads in the order of `order`, of which those that are images of earlier ones need no answer of their own."""
+    """Chooses loads to solve for, numbered `own`, and gives the answers to their mirror images without a solve.
+
+    Parameters
+    ----------
+    order : integer array
+        Numbers of the loads; an image of an earlier one is left out of `own`.
+    images : sequence of Image
+        Loads with numbers below K act on the K carriers; others have no image.
+    like : PETSc.Mat
+        The images' rows are spread as its rows.
+    """
 
     def __init__(self, order: Indices, images: Sequence[Image], like: PETSc.Mat) -> None:
         first, last = like.getOwnershipRange()
@@ -158,7 +184,10 @@ class Orbits:
         self.own = np.array(representatives, np.int64)
 
     def answers(self, numbers: Indices, columns: Array) -> Iterator[Answers]:
-        """Answers to loads as given, then to their images; collective."""
+        """Yield the answers to the given loads, then those to each of their images; collective.
+
+        `numbers` (k,) are among `own`; `columns` (n_local, k) are this rank's rows of the answers.
+        """
         yield Answers(numbers, columns)
         for P, of in zip(self._mirrors, self._of, strict=True):
             at = [k for k, load in enumerate(numbers.tolist()) if load in of]
@@ -166,14 +195,15 @@ class Orbits:
                 yield Answers(np.array([of[load] for load in numbers[at].tolist()]), times(P, columns[:, at]))
 
     def drop(self) -> None:
-        """Give the images' memory back."""
+        """Free the images' memory; collective."""
         free_objects(*self._mirrors)
 
 
 def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
-    """Assemble a structure on `comm`; its rows are the pads', for what is clamped is left out.
+    """Assemble the full model of a structure on `comm`; collective.
 
-    Raises an `InputError` if a place does not exist, a rigid coupling meets a clamp or another one, or a pad leaves its
+    Clamped coordinates are left out; the constraint rows are those of the structure's pads.  Raises an `InputError` if
+    a place does not exist, a rigid coupling shares coordinates with a clamp or another coupling, or a pad leaves its
     face.
     """
     model = structure.model
@@ -216,9 +246,9 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
 
 
 def _added_matrices(names: Sequence[str], coupling: Coupling, moving: Moving) -> dict[str, PETSc.Mat]:
-    """Matrices of a moving frame and of axial forces, by name; those that vanish are left out.  Collective.
+    """Matrices of a moving frame and of axial forces, by name; those that are zero are left out.  Collective.
 
-    Walls that give way under pads have no part in it: their dents are small, and so is what they weigh.
+    Walls that give way under pads add nothing to them: their dents are small, and so is their mass.
     """
     tensors, nothing = ROTATING | CARRIED, sp.csr_matrix((coupling.T.shape[1],) * 2)
     matrices = dict[str, PETSc.Mat]()
@@ -237,12 +267,15 @@ def _added_matrices(names: Sequence[str], coupling: Coupling, moving: Moving) ->
 
 
 def _held_by(model: StructuralModel) -> Array:
-    """Rows (h, k) of the model's rigid motions that its stiffness resists by itself: supports inside given matrices."""
+    """Measures (h, k) of k rigid motions by supports inside given matrices; no rows for other models."""
     return model.given.held if isinstance(model, Matrices) else np.empty((0, len(model.directions)))
 
 
 def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat, resisted: Array) -> RigidMotions:
-    """This rank's rows of them, and what clamps and springs measure of each; a spring within K's round-off has none."""
+    """Rigid motions of a structure, and what clamps, springs and `resisted` (h, k) measure of them; collective.
+
+    A spring weaker than the round-off in K is left out.
+    """
     size = coupling.T.shape[1]
     lost = size * np.finfo(float).eps * np.concatenate(K.comm.tompi4py().allgather(K.getDiagonal().getArray()))
     springs = [
@@ -256,9 +289,10 @@ def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat, res
 
 
 def _constrain_matrix(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:
-    """T^T A T + added, distributed in consecutive shares; entries of `added` have a place even if zero.
+    """T^T A T + added, distributed in consecutive shares; frees A, unless it is the result.  Collective.
 
-    A is freed.  Where nothing is coupled there is no product: T only leaves coordinates out, or none.
+    Zeros of `added` keep their place in the pattern.  If T only leaves coordinates out, rows and columns are selected
+    without a product.
     """
     first, last = A.getOwnershipRange()
     low, high = share(T.shape[1], A.comm.tompi4py())
@@ -278,7 +312,7 @@ def _constrain_matrix(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> P
 
 
 def _without_rest(A: PETSc.Mat, numbers: Indices) -> PETSc.Mat:
-    """Rows and columns of A that any rank owns afterwards; A is freed."""
+    """Submatrix of A with the same rows and columns, of which `numbers` are to be this rank's; frees A.  Collective."""
     chosen = PETSc.IS().createGeneral(numbers.astype(PETSc.IntType), comm=A.comm)
     result = A.createSubMatrix(chosen, chosen)
     free_objects(A, chosen)
@@ -286,9 +320,10 @@ def _without_rest(A: PETSc.Mat, numbers: Indices) -> PETSc.Mat:
 
 
 def _leaves_out(T: sp.csr_matrix) -> bool:
-    """Whether T z has the coordinates z in their order, and zeros between them.
+    """Whether T z consists of the coordinates z in their order with zeros between them.
 
-    A mass on a single node has as many entries as coordinates, in another place and with other signs.
+    T of a rigid mass on a single node has as many entries as coordinates too, but in other places and with other
+    signs.
     """
     T = T.tocoo()
     order = np.argsort(T.row, kind="stable")
@@ -296,7 +331,7 @@ def _leaves_out(T: sp.csr_matrix) -> bool:
 
 
 def _position(output: Action | PadForce | Gauge, structure: Structure) -> float:
-    """Place along the axis at which an output is measured, m."""
+    """Coordinate along the axis at which an output is measured, m."""
     if isinstance(output, Gauge):
         return float(output.at[0])
     if isinstance(output, Action):

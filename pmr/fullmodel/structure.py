@@ -1,7 +1,7 @@
-r"""A structure in space: clamps, pads, loads, gravity, attached masses, outputs, and the coordinates that these leave.
+r"""A structure: a model with clamps, pads, loads, gravity, attached masses and outputs, and the coordinates it keeps.
 
-Clamps and rigid couplings leave the coordinates z of a structural model, q = T z; attached bodies of mass m and
-inertia J follow a place's motion g = G q:
+With clamps and rigid couplings eliminated, the coordinates z remain of the coordinates q of a structural model:
+q = T z.  An attached body of mass m and inertia J moves by g = G q.  Mass, stiffness and inputs are
 
 .. math::
     M = T^T \bigl(M_q + G^T \operatorname{diag}(m, J)\, G\bigr) T, \qquad K = T^T K_q T, \qquad B = T^T B_q
@@ -32,7 +32,7 @@ from pmr.scene.structures import PointMass, unit_vector
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-#: Which row of which matrix measures the motion of a place along a direction.
+#: By place and direction, a matrix and the number of its row that measures this motion.
 Measured = dict[tuple[str | float, str], tuple[sp.csr_matrix, int]]
 
 #: Directions of displacements.
@@ -41,7 +41,7 @@ ALONG = ("x", "y", "z")
 
 @dataclass(frozen=True)
 class Clamp:
-    """Coordinates on a named group that are held at zero: by default all."""
+    """Coordinates on a named group that are held at zero: by default along and about all axes."""
 
     on: str
     directions: tuple[str, ...] = ("x", "y", "z", "rx", "ry", "rz")
@@ -49,28 +49,31 @@ class Clamp:
 
 @dataclass(frozen=True)
 class Action:
-    """A force (moment) of `size` along `direction` on a place, or what is measured there: displacement (rotation)."""
+    """A force or moment of `size` along or about `direction` on a place.
+
+    As an output it is the place's displacement or rotation, times `size`.
+    """
 
     name: str
     on: str | float
     direction: str
     size: float = 1.0
-    measures: str = "beam"  # as an output, a displacement of a place along the ``beam`` or of its ``tip``
+    measures: str = "beam"  # kind as an output: of a place along the ``beam``, or of its ``tip``
 
     @property
     def kind(self) -> str:
-        """Kind and direction of what is measured, as outputs have them (`pmr.results.response`)."""
+        """Kind of the output and its direction, such as ``tip z`` or ``probe ry`` (`pmr.results.response`)."""
         return f"{self.measures if self.direction in ('x', 'y', 'z') else 'probe'} {self.direction}"
 
     @property
     def unit(self) -> str:
-        """Unit of what is measured."""
+        """Unit of the measured displacement or rotation."""
         return "m" if self.direction in ("x", "y", "z") else "rad"
 
 
 @dataclass(frozen=True)
 class PadForce:
-    """The force in N of a pad or support that neither moves nor is rigid, as an output."""
+    """An output: the force in N of a pad or support that has a stiffness, holds both ways and does not move."""
 
     pad: str
     kind: str = "pad"  # or ``support``
@@ -82,15 +85,15 @@ class PadForce:
 
     @property
     def unit(self) -> str:
-        """N."""
+        """Unit of the force."""
         return "N"
 
 
 @dataclass(frozen=True)
 class Weight:
-    """A load that accelerates everything, attached masses too, by one m/s^2 along `direction` (3,); input in m/s^2.
+    """A load that accelerates the structure and attached masses along `direction` (3,), whose length does not count.
 
-    The length of `direction` does not count.
+    Its input is in m/s^2.
     """
 
     direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
@@ -99,9 +102,10 @@ class Weight:
 
 @dataclass(frozen=True)
 class Inertia:
-    r"""A load that accelerates everything by a constant field, :math:`e_j` or :math:`r_k e_j`; `field` is j or jk.
+    """A load by a field of acceleration, uniform :math:`e_j` or linear :math:`r_k e_j`; `field` is ``j`` or ``jk``.
 
-    Its input is the field's amplitude with the sign of a force: minus an acceleration, in m/s^2 or 1/s^2.
+    j and k are x, y or z.  Its input is minus the field's amplitude, so that it has the sign of a force: in m/s^2 or,
+    if linear, 1/s^2.
     """
 
     field: str
@@ -114,7 +118,7 @@ class Inertia:
 
 @dataclass(frozen=True)
 class Structure:
-    """A structural model and what is attached to it."""
+    """A structural model with its clamps, pads, masses, loads, outputs and ports."""
 
     model: StructuralModel
     clamps: tuple[Clamp, ...] = ()
@@ -130,32 +134,38 @@ class Structure:
 
 @dataclass(frozen=True)
 class Coupling:
-    """Coordinates z of a structure: the model's are T z."""
+    """Coordinates z (n',) of a structure, with clamps and rigid couplings eliminated; the model's are q = T z."""
 
     model: StructuralModel
     # (n, n'): the model's free coordinates in their order, then the motions of rigidly coupled masses, dents of walls
     T: sp.csr_matrix
     masses: tuple[PointMass, ...]
-    motions: tuple[sp.csr_matrix, ...]  # (k, n') each: of the masses, along k directions of the model
-    rigid: Array  # (n', k): z under each of the model's rigid motions
-    clamped: Array  # (c, k): what the clamped coordinates would do under each of them
+    motions: tuple[sp.csr_matrix, ...]  # (k, n') each: G of each mass, along the k directions of the model
+    rigid: Array  # (n', k): z under each of the model's k rigid motions
+    clamped: Array  # (c, k): clamped coordinates of q under each of them, were they free
     walls: Walls
 
     def attached_mass(self) -> sp.csr_matrix:
-        """Sum of G^T diag(m, J) G, and the mass of walls that give way, (n', n')."""
+        """Mass (n', n') of walls that give way, and of attached masses: the sum of G^T diag(m, J) G.
+
+        A mass m with inertia J moves by G z.
+        """
         return sp.csr_matrix(self.walls.mass(self.T.shape[1]) + self.attached(np.eye(3)))
 
     def attached(self, S: Array) -> sp.csr_matrix:
-        """The integral of rho v . S u over the masses, (n', n'): theirs where S (3, 3) is the identity."""
+        """Integral of rho v . S u over the attached masses, (n', n'), of their motions u and v.
+
+        Where S (3, 3) is the identity, it is their mass matrix.
+        """
         total = sp.csr_matrix((self.T.shape[1],) * 2)
         for mass, G in zip(self.masses, self.motions, strict=True):
             total += G.T @ sp.csr_matrix(_inertia(mass, self.model.directions, S)) @ G
         return total
 
     def rows(self, actions: Sequence[Action | Gauge]) -> sp.csr_matrix:
-        """Rows (k, n') that actions are or measure, or gauges do; all in one product.
+        """Rows (k, n') that apply or measure k actions, or measure gauges, times the actions' sizes.
 
-        Raises an `InputError` if the model has no such direction.
+        Raises an `InputError` if the model cannot move along an action's direction.
         """
         measured = self._measured([action for action in actions if isinstance(action, Action)])
         of_model = [(np.empty(0, np.int64), np.empty(0)), *(self._of_model(action, measured) for action in actions)]
@@ -168,14 +178,17 @@ class Coupling:
         return sp.csr_matrix(sp.diags(sizes, shape=(len(sizes), len(sizes))) @ result)
 
     def _dents(self, action: Action | Gauge) -> sp.csr_matrix:
-        """Dents of walls in what an action measures, (1, n')."""
+        """Row (1, n') that the walls' dents add to what an action measures."""
         nothing = sp.csr_matrix((1, self.T.shape[1]))
         if isinstance(action, Gauge):
             return nothing
         return self.walls.moved(nothing, action.on, (action.direction,))
 
     def _measured(self, actions: Sequence[Action]) -> Measured:
-        """Rows of the model alone for each of the actions: those of displacements in one matrix."""
+        """Rows on the model's coordinates q for actions, by place and direction: a matrix and the number of its row.
+
+        Displacements of all places share one matrix.  Raises an `InputError` if the model lacks a direction.
+        """
         model_directions = self.model.directions
         for action in actions:
             if action.direction not in model_directions:
@@ -192,7 +205,10 @@ class Coupling:
         return row_of
 
     def _of_model(self, action: Action | Gauge, measured: Measured) -> tuple[Indices, Array]:
-        """Coordinates of the model and their weights."""
+        """Coordinates (c,) of the model that an action or gauge measures, and their weights (c,).
+
+        `measured` is the result of `_measured` for all actions.
+        """
         if isinstance(action, Gauge):
             rows, number = sp.csr_matrix(action.row), 0
         else:
@@ -201,7 +217,10 @@ class Coupling:
         return rows.indices[entries], rows.data[entries]
 
     def load(self, load: Action | Weight | Inertia, M: PETSc.Mat, moving: Moving) -> sp.csr_matrix:
-        """A load's column as a row (1, n'); collective."""
+        """The load vector as a row (1, n'), for an input of one; collective.
+
+        M is the model's mass matrix, `moving` assembles fields of acceleration.
+        """
         if isinstance(load, Action):
             return self.rows([load])
         if isinstance(load, Inertia):
@@ -219,7 +238,10 @@ class Coupling:
         return sp.csr_matrix(column)
 
     def _field(self, name: str, of_model: Array) -> sp.csr_matrix:
-        """One of the inputs `CONSTANT` and `LINEAR`, from its load (n,) on the model alone."""
+        """Load vector (1, n') of an input in `CONSTANT` or `LINEAR`, with attached masses.
+
+        `of_model` (n,) is the load on the model alone.
+        """
         row, (S, motion) = self.T.T @ of_model, field_of(name, self.model)
         for mass, G in zip(self.masses, self.motions, strict=True):
             row += G.T @ (
@@ -229,7 +251,10 @@ class Coupling:
 
 
 def couple(structure: Structure) -> Coupling:
-    """Eliminate clamps and rigid couplings."""
+    """Eliminate the clamps and rigid couplings of a structure.
+
+    Raises an `InputError` if a rigid mass shares coordinates with a clamp or another rigid mass.
+    """
     model = structure.model
     owner = np.full(model.size, "", dtype=object)
     for clamp in structure.clamps:
@@ -266,16 +291,19 @@ def couple(structure: Structure) -> Coupling:
 
 
 def _centre(mass: PointMass) -> Array | None:
+    """Centre of gravity (3,) m of a mass that has one given; None: the centroid of its place."""
     return None if mass.at is None else np.array(mass.at)
 
 
 def _inertia(mass: PointMass, directions: Sequence[str], S: Array) -> Array:
-    r"""The integral of rho v . S u over a mass, (k, k) between its motions along k directions about its centre.
+    r"""Integral of rho v . S u over a mass, (k, k), for its motions u and v along the k `directions` about its centre.
+
+    For rotations :math:`\theta`, with the mass's inertia J, it is
 
     .. math:: v \cdot S u = \sum S_{jk} \varepsilon_{jab} \varepsilon_{kcb}\, \theta_a \theta_c\, r_b^2, \qquad
         \int \rho\, r_b^2 = \tfrac12 \operatorname{tr} J - J_b
 
-    and the mass times S for displacements; diag(m, J) where S is the identity.
+    and the mass times S for displacements; where S (3, 3) is the identity, diag(m, J).
     """
     J = np.array(mass.inertia)
     turned = np.stack([np.cross(axis, np.eye(3)).T for axis in np.eye(3)])  # of r by a unit angle about an axis

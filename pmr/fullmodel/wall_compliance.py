@@ -1,12 +1,13 @@
-r"""How far the walls of a box that is a beam give way under its pads and at its ends: static solves on a shell of it.
+r"""Compliance of the walls of a box that is modelled as a beam, under its pads and at its ends: solves on a shell.
 
-The shell is held as the body is by what keeps its ends in shape, clamps and rigid masses, and where that leaves it free
-to move, by its inertia: forces f act less the body's mean acceleration under them.  With :math:`u_i` the mean
-displacement under pad i, :math:`f_j` the force of pad j and the same of a beam of the same profile, length and support
+The shell is held, as the body is, by what keeps its ends in shape: clamps and rigid masses.  Where that leaves it free
+to move, its inertia holds it: the loads are the forces less the mass times the mean acceleration that they cause.
+With the mean displacement :math:`u_i` under pad i, the force :math:`f_j` of pad j, and a beam of the same profile,
+length and support,
 
 .. math:: C_{ij} = \frac{\partial u_i}{\partial f_j}\Big|_{shell} - \frac{\partial u_i}{\partial f_j}\Big|_{beam}
 
-is the walls' own compliance, for pads of one ring and of several, and for a free end, whose motion is that of the mean.
+is the walls' own compliance, for pads of one ring and of several, and for the mean motion of a free end.
 """
 
 from __future__ import annotations
@@ -44,30 +45,30 @@ from pmr.scene.structures import Beam3DBody, Material, PointMass
 
 Array = NDArray[np.float64]
 
-#: Elements of the beam that is taken off.
+#: Elements of the beam whose compliance is subtracted.
 ELEMENTS = 40
-#: Places of pads that slide: so many a layer of cells, and in all.
+#: Positions of pads that slide: number per layer of cells, and largest number in all.
 A_LAYER, MOST_PLACES = 2, 61
-#: What holds a body that nothing holds against round-off, of its lowest frequency's scale.
+#: Root of the shift that makes a free body's stiffness regular, over the scale of its lowest frequency.
 HELD = 0.05
 
 
 @dataclass(frozen=True)
 class PlateBody:
-    """A box as a shell with its cells, and what keeps its ends in shape."""
+    """A box as a shell with its cells, and the clamps and rigid masses that keep its ends in shape."""
 
     box: BoxBoom
-    profile: Box = field(compare=False)  # whose sides the drawing has
+    profile: Box = field(compare=False)  # from which `box` was made
     material: Material
     shear_correction: float
     clamps: tuple[Clamp, ...] = ()
     masses: tuple[PointMass, ...] = ()
-    frames: float = 0.0  # m, their thickness
+    frames: float = 0.0  # m: thickness of frames; 0: none
 
 
 @dataclass(frozen=True)
 class Ring:
-    """Pads, `at` where along the body they are first, that slide by `span` m together; 0: they stay."""
+    """Pads that slide together by `span` (m), or stay if it is 0; their `at` is the first position along the body."""
 
     pads: tuple[Pad, ...]
     span: float = 0.0
@@ -75,20 +76,21 @@ class Ring:
 
 @dataclass(frozen=True)
 class SlidingCompliance:
-    """Compliance of k pads that slide, at p places, beside m that stay."""
+    """Compliance of k pads that slide, at p distances u, with forces on themselves and on m that stay."""
 
-    u: Array  # (p,) m
-    own: Array  # (p, k, k) m/N
-    beside: Array  # (p, k, m)
+    u: Array  # (p,) m: distances from the first position
+    own: Array  # (p, k, k) m/N: among the pads that slide
+    beside: Array  # (p, k, m) m/N: between them and what stays
 
 
 @lru_cache(maxsize=8)
 def wall_compliance(
     body: PlateBody, standing: tuple[Pad, ...], ends: tuple[tuple[str, str], ...], rings: tuple[Ring, ...]
 ) -> tuple[Array, list[SlidingCompliance]]:
-    """Compliance of pads that stay and ends along directions, (m, m), and of pads that slide.  Not collective.
+    """Compute the walls' compliance for pads and ends that stay, (m, m), and for each of `rings`; not collective.
 
-    Kept for who asks again: equal sections, and a model that was measured before it is taken.
+    `ends` are pairs such as ``("tip", "y")``.  Results are cached for further calls, for bodies with equal sections
+    and for the check of a model before it is chosen.
 
     Raises an `InputError` if a pad leaves its face.
     """
@@ -118,7 +120,10 @@ def wall_compliance(
 
 
 class _HeldModel:
-    """A model that is held by what keeps its ends in shape or by its inertia, and its displacements under forces."""
+    """A model held by what keeps its ends in shape or by its inertia, and its static displacements under unit forces.
+
+    `sigma` in 1/s^2 times the mass is added to the stiffness of a model that is free to move.
+    """
 
     def __init__(self, model: StructuralModel, body: PlateBody, sigma: float) -> None:
         structure = Structure(model, clamps=body.clamps, masses=body.masses)
@@ -136,7 +141,7 @@ class _HeldModel:
         free_objects(F)
 
     def rows(self, pads: Sequence[Pad], ends: Sequence[tuple[str, str]]) -> sp.csr_matrix:
-        """Measures of pads and ends, (k, n)."""
+        """Rows (k, n) that measure the normal displacement under pads, then the motion of ends."""
         rigid_pads = tuple(replace(pad, name=str(k), stiffness=np.inf, unilateral=False, clearance=0.0, travel=None)
                      for k, pad in enumerate(pads))  # fmt: skip
         rows = [row.at(row.breaks[0]) for row in restrain(Pads(fixed=rigid_pads), self._model, self._T).rows]
@@ -144,33 +149,41 @@ class _HeldModel:
         return sp.csr_matrix(sp.vstack([sp.csr_matrix((0, self._T.shape[1])), *rows]))
 
     def answers(self, pressed: sp.csr_matrix, measured: sp.csr_matrix) -> Array:
-        """Measures (k, n) of the answers to unit forces, (k, pressed)."""
+        """Measures (r, f) of the rows `measured` (r, n) under unit forces on each of the rows `pressed` (f, n)."""
         f = pressed.T.toarray()
         x = self._factor.solve_columns(np.asfortranarray(f - self._MR @ self._moved(self._R.T @ f)))
         x -= self._R @ self._moved(self._MR.T @ x)
         return np.asarray(measured @ x)
 
     def _moved(self, g: Array) -> Array:
+        """Solve J x = g for the rigid motions that are free, with their inertia J (k, k)."""
         return np.linalg.solve(self._J, g) if self._R.size else g
 
     def destroy(self) -> None:
-        """Give the memory of its matrices back."""
+        """Free the memory of the factor and the matrices."""
         self._factor.destroy()
         free_objects(self._full.K, self._full.M, self._full.inputs, self._full.outputs)
 
 
 def places_along(span: float, layer: float) -> Array:
-    """Places (p,) m of a ring that slides by `span` over layers of cells in m; round-off of a path's end adds none."""
+    """Distances (p,) in m from 0 to `span` at which a sliding ring is evaluated, `A_LAYER` per layer of cells (m).
+
+    They are at most `MOST_PLACES`; round-off in `span` adds none.
+    """
     return np.linspace(0.0, span, min(MOST_PLACES, max(2, int(np.ceil(A_LAYER * span / layer - 1e-9)) + 1)))
 
 
 def _smooth(values: Array) -> Array:
-    """Means over a layer of cells: between two nodes of a coarse mesh a pad dents it deeper than on one."""
+    """Moving means of `values` (p, ...) over a layer of cells.
+
+    On a coarse mesh a pad dents the wall deeper between two nodes than on a node.
+    """
     between = (values[:-1] + values[1:]) / 2.0
     return np.concatenate([between[:1], (between[:-1] + between[1:]) / 2.0, between[-1:]])
 
 
 def _shell(body: PlateBody) -> Shell:
+    """Shell of a box, meshed by gmsh."""
     with TemporaryDirectory() as folder:
         write_shell(body.box, Path(folder, "walls.msh"))
         mesh = read_mesh(Path(folder, "walls.msh"), ("triangle",))
@@ -178,14 +191,14 @@ def _shell(body: PlateBody) -> Shell:
 
 
 ENDS = ("tail", "tip")
-#: What is spread over a free end moves it along these.
+#: Directions along or about which a free end's walls give way.
 AT_AN_END = ("y", "z", "rx")
 
 
 def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
-    """Walls of a box that is a beam, under the pads that it feels; collective.
+    """Walls of a box that is modelled as a beam, under the pads that the beam feels and at its ends; collective.
 
-    The shell that tells their compliance has the cells that a shell in its place would have.
+    Their compliance is computed on a shell with the cells that a shell model of the same body would have.
 
     Raises an `InputError` if a pad leaves its face, or the box can't be drawn with these cells.
     """
@@ -228,7 +241,10 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
 
 
 def _by_their_way(member: Member, pads: Sequence[Pad]) -> tuple[list[Pad], list[tuple[float, list[Pad]]]]:
-    """Pads that stay, and those that slide together with how far; `at` where they are first along the body, m."""
+    """Pads that stay, and groups of pads that slide together, each after the distance in m that it slides.
+
+    Each pad's `at` is its first position along the body, m.
+    """
     staying, sliding = list[Pad](), dict[int, tuple[float, list[Pad]]]()
     rings = {name: ring for ring in member.pads for name, _, _ in ring.places}
     for pad in pads:
@@ -252,13 +268,16 @@ def _patch(pad: Pad, box: Box) -> float:
 
 
 def _end(box: Box, direction: str) -> float:
-    """Volume of what moves with a free end, the walls of a quarter of the box's size; of a rotation times m^2."""
+    """Volume in m^3 of the walls that move with a free end, over a quarter of the box's size.
+
+    For the direction ``rx`` it is multiplied by the square of the walls' arm, m^5.
+    """
     arm = (box.width**2 + box.height**2) / 4.0 if direction == "rx" else 1.0
     return sum(side.thickness * side.length for side in box.sides) * max(box.width, box.height) / 4.0 * arm
 
 
 def _loaded_ends(part: Part) -> set[str | float]:
-    """Ends that carry something and whose points nothing rigid holds, which would keep them in shape."""
+    """Places that carry a mass, load or support, and are not kept in shape by a clamp or rigid mass."""
     clamped = {support.on for support in part.supports if support.points == "all"}
     held_in_shape = clamped | {mass.on for mass in part.masses if mass.coupling == "rigid"}
     return {attached.on for kind in (part.masses, part.loads, part.supports) for attached in kind} - held_in_shape

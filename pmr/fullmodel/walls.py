@@ -1,22 +1,23 @@
 r"""Walls of a beam that give way under its pads, and at its free ends.
 
-A beam's section keeps its shape; a box's walls do not.  With :math:`C` the walls' own compliance, which static solves
-on a shell of the body tell (`pmr.fullmodel.wall_compliance`), pads that press with forces f find the walls dented by
-:math:`C f`, besides their own 1/k.  The body gets one more coordinate y a pad, each with the strain energy
-:math:`\tfrac12 k_0 y^2`, and what a pad measures gets one more part.  For all that stays on the body, f, and for pads
-that slide along it, m,
+A beam's section keeps its shape; a box's walls do not.  With :math:`C` the walls' own compliance, computed by static
+solves on a shell of the body (`pmr.fullmodel.wall_compliance`), pads that press with forces f dent the walls by
+:math:`C f`, in addition to their own compliance 1/k.  The body gets one more coordinate y per pad, each with the
+strain energy :math:`\tfrac12 k_0 y^2`, and the dent :math:`\delta` is added to what the pad measures.  With the index
+f for all pads and ends that stay on the body, and m for pads that slide along it by u,
 
 .. math::
     \delta_f = S_f\, y_f, \quad S_f S_f^T = k_0\, C_{ff}, \qquad
     \delta_m = A(u)\, y_f + S_m(u)\, y_m, \quad
     A S_f^T = k_0\, C_{mf}, \quad S_m^2 = k_0\, C_{mm} - A A^T
 
-so the pads of one ring dent each other's walls, and rings do that come close.  Both roots are symmetric: smooth
-wherever C is, so along the path a row stays a cubic between its breaks.  What slides on one path does not dent the
-walls under what slides on another.  The mass that goes with a pad's y is that of the wall under it.
+so the pads of one ring dent the walls under each other, and so do rings that come close.  Both roots are symmetric:
+they are smooth wherever C is, so along the path a row stays a cubic between its breaks.  Pads that slide on one path
+do not dent the walls under pads that slide on another.  The mass that belongs to a pad's y is that of the wall under
+it.
 
-An end that nothing keeps in shape counts as something that stays: it moves along y and z, and turns about x, by more
-than the beam under what is spread over it: a mass that follows its mean motion, a load, a support.
+An end whose shape nothing keeps counts as something that stays.  What is spread over it, a mass that follows its mean
+motion, a load or a support, moves along y and z and turns about x by more than the beam does.
 """
 
 from __future__ import annotations
@@ -36,17 +37,17 @@ from pmr.scene.keys import named
 
 Array = NDArray[np.float64]
 
-#: Of a root, relative to the largest: below it two pads are one, and each has half of what they share.
+#: Eigenvalues below this share of the largest one count as zero in a root: two pads at one point then count as one.
 SAME = 1e-9
-#: What pads that slide share with those that stay, of a root of about one: below it they share nothing.
+#: Entries of A, whose size is about one, below which pads that slide have nothing in common with those that stay.
 SHARED = 0.01
-#: N/m: k_0 of a body without pads.
+#: k_0 of a body without pads, N/m.
 STIFF = 1e7
 
 
 @dataclass(frozen=True)
 class Standing:
-    """All that stays on a body: pads, then ends along or about a direction."""
+    """Everything on a body that stays in place: pads, then ends along or about a direction; m in all."""
 
     pads: tuple[str, ...] = ()  # their names
     ends: tuple[tuple[str, str], ...] = ()  # as ("tip", "y")
@@ -56,19 +57,24 @@ class Standing:
 
 @dataclass(frozen=True)
 class Sliding:
-    """Pads that slide together along a body."""
+    """The k pads that slide together along a body, with their compliance at p distances."""
 
     pads: tuple[str, ...]  # their names
-    first: Array  # (k,) m: where along the body their centres are at u = 0
-    u: Array  # (p,) m: how far from there; constant outside
+    first: Array  # (k,) m: coordinates of their centres along the body at u = 0
+    u: Array  # (p,) m: distances from there; compliance is constant beyond
     compliance: Array  # (p, k, k): C_mm in m/N
-    beside: Array  # (p, k, m): C_mf
+    beside: Array  # (p, k, m): C_mf in m/N
     masses: Array  # (k,) kg
 
 
 @dataclass(frozen=True)
 class Walls:
-    """All that give way: their coordinates come behind all others of a body, in this order."""
+    """The walls that give way: those under all that stays, then those under pads that slide.
+
+    Their coordinates y are the last ones of a body, in this order, each with the strain energy k_0 y^2 / 2.  The dent
+    under m things that stay is S_f y_f, with S_f S_f^T = k_0 C_ff from their compliance C_ff.  That under k sliding
+    pads is A y_f + S_m y_m, with A S_f^T = k_0 C_mf and S_m^2 = k_0 C_mm - A A^T.
+    """
 
     standing: Standing = Standing()
     sliding: tuple[Sliding, ...] = ()
@@ -80,30 +86,36 @@ class Walls:
 
     @cached_property
     def unit(self) -> float:
-        """k_0 in N/m: about that of a pad's wall, on average."""
+        """Stiffness k_0 in N/m: the inverse of the pads' mean compliance; `STIFF` without pads."""
         compliances = [c for _, c in self.own]
         return 1.0 / float(np.mean(compliances)) if compliances else STIFF
 
     @property
     def own(self) -> Iterator[tuple[str, float]]:
-        """Names of pads, and by how much each wall gives way under its own pad, m/N: on average over the path."""
+        """Yield the name of each pad and the compliance of its wall under its own force, m/N.
+
+        For pads that slide it is the mean over the path.
+        """
         yield from zip(self.standing.pads, np.diagonal(self.standing.compliance), strict=False)
         for sliding in self.sliding:
             yield from zip(sliding.pads, np.diagonal(sliding.compliance, axis1=1, axis2=2).mean(axis=0), strict=True)
 
     def stiffness(self, size: int) -> sp.csr_matrix:
-        """Stiffness of the walls among all coordinates, (size, size) N/m."""
+        """Stiffness of the walls on the body's `size` coordinates, (size, size) N/m."""
         return self._behind(np.full(self.count, self.unit if self.count else 0.0), size)
 
     def mass(self, size: int) -> sp.csr_matrix:
-        """Mass of the walls among all coordinates, (size, size) kg."""
+        """Mass of the walls on the body's `size` coordinates, (size, size) kg."""
         sizes = [np.diagonal(self.standing.compliance)]
         sizes += [np.diagonal(sliding.compliance, axis1=1, axis2=2).mean(axis=0) for sliding in self.sliding]
         masses = np.concatenate([self.standing.masses, *(sliding.masses for sliding in self.sliding)])
         return self._behind(masses * np.concatenate(sizes) * (self.unit if self.count else 0.0), size)
 
     def pad_row(self, row: Row, at: float) -> Row:
-        """The row of a pad whose wall gives way, if one does: that centred at `at`, of a moving one at s + `at` m."""
+        """The row of a pad with the dents of its wall added; unchanged if its wall does not give way.
+
+        The pad is centred at `at` (m), a moving one at s + `at`.
+        """
         behind, m = row.carriers.shape[1] - self.count, len(self.standing.masses)
         if row.name in self.standing.pads:
             carriers = np.zeros((1, self.count))
@@ -123,7 +135,7 @@ class Walls:
         return row
 
     def moved(self, motion: sp.csr_matrix, on: str | float, directions: tuple[str, ...]) -> sp.csr_matrix:
-        """Rows (k, n) that measure a place along k directions, and what an end's walls add to each."""
+        """Rows `motion` (k, n) of a place `on` along k directions, with the additional motion of an end's walls."""
         behind, pads = motion.shape[1] - self.count, len(self.standing.pads)
         ends = enumerate(self.standing.ends)
         pairs = [(directions.index(d), pads + j) for j, (end, d) in ends if end == on and d in directions]
@@ -136,13 +148,16 @@ class Walls:
 
     @cached_property
     def _standing_root(self) -> Array:
-        """S_f (m, m): that of quantities scaled to one another, as pads in m and angles in rad are not of one size."""
+        """S_f (m, m), from the root of C_ff scaled by its diagonal, as m and rad differ in size."""
         d = np.sqrt(np.diagonal(self.standing.compliance))
         return np.asarray(np.sqrt(self.unit) * d[:, None] * _root(self.standing.compliance / np.outer(d, d)))
 
     @cached_property
     def _sliding_factors(self) -> list[tuple[Array, Array, Array]]:
-        """Factors A = A' V (p, k, r), V (r, m) of what slides together, and S_m (p, k, k)."""
+        """For each `Sliding` the factors A' (p, k, r) and V (r, m) of A = A' V, and S_m (p, k, k).
+
+        Rows of V in which A is below `SHARED` are left out.
+        """
         inverse, factors = np.linalg.pinv(self._standing_root, rcond=SAME**0.5).T, []
         for sliding in self.sliding:
             A = self.unit * sliding.beside @ inverse
@@ -153,14 +168,15 @@ class Walls:
         return factors
 
     def _behind(self, values: Array, size: int) -> sp.csr_matrix:
+        """Diagonal matrix (size, size) with `values` at its end and zeros before."""
         numbers = np.arange(size - len(values), size)
         return sp.csr_matrix((values, (numbers, numbers)), (size, size))
 
 
 def summary(bodies: Mapping[str, Walls]) -> dict[str, list[dict[str, Any]]]:
-    """``walls`` of summary.json: by how much each gives way under its pad's own force alone, m/N, and its stiffness.
+    """``walls`` of summary.json: compliance in m/N of the wall under each pad's own force, and its stiffness in N/m.
 
-    Of pads that slide on average over the path.
+    Of sliding pads it is the mean over the path.  `bodies` are by name; returns an empty dict without such walls.
     """
     walls_of_bodies = [
         {"name": named(body, pad), "compliance": float(c), "stiffness": 1.0 / float(c)}
@@ -171,7 +187,7 @@ def summary(bodies: Mapping[str, Walls]) -> dict[str, list[dict[str, Any]]]:
 
 
 def _root(C: Array) -> Array:
-    """Symmetric root of symmetric matrices (..., k, k); what round-off makes negative counts as nothing."""
+    """Symmetric roots of symmetric matrices (..., k, k); eigenvalues that are negative or round-off count as zero."""
     values, vectors = np.linalg.eigh((C + np.swapaxes(C, -1, -2)) / 2.0)
     least = SAME * np.abs(values).max(axis=-1, initial=0.0, keepdims=True)
     roots = np.sqrt(np.where(values > least, values, 0.0))
@@ -179,7 +195,10 @@ def _root(C: Array) -> Array:
 
 
 def _add_dents(row: Row, dents: Array, carriers: Array, behind: int) -> Row:
-    """Add `dents` (breaks, k) of k carriers at a row's breaks, on the coordinates `behind` all others."""
+    """Row with k more carriers: their weights `dents` (b, k) at the row's b breaks are interpolated between them.
+
+    The carriers (k, c) are on the last c coordinates, after `behind` others.
+    """
     k = len(carriers)
     if row.moves:
         pieces = CubicSpline(row.breaks, dents).c  # (4, intervals, k)

@@ -1,4 +1,4 @@
-"""Meshes: generated or read through meshio, handed on as dolfinx meshes and named groups."""
+"""Meshes: generated, or read through meshio, and kept as points, cells and named groups."""
 
 from pmr.mesh.drawing import graded_nodes, read_nodes
 from pmr.mesh.named import Group, NamedMesh, read_mesh

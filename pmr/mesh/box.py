@@ -1,19 +1,16 @@
-r"""The boom, meshed by gmsh: plates around a closed profile, along x, as a surface (mid-surface) or a solid.
+r"""The boom, meshed by gmsh: plates around a closed profile along x, as a surface (their mid-surface) or a solid.
 
-Groups: the flat walls that pads slide on by the names of their faces (outer ones of a solid), ``corners`` the rounded
-edges, ``frames`` the transverse stiffeners; ``tail`` and ``tip`` the two ends.
+Groups: the flat walls that pads slide on, by the names of their faces (a solid's outer faces); ``corners``, the
+rounded edges; ``frames``, the transverse stiffeners; ``tail`` and ``tip``, the two ends.
 
-From a box that is drawn with one profile all along to one that tapers: points keep their places in the section.
-
-A point in side k, at the share xi along it and at the depth eta inside, which is 0 on walls and up to 1 on frames, goes
-where these are in the profile at its place along the axis:
+A box that tapers is first drawn with one profile all along; then its points are moved.  A point that was drawn in side
+k of the profile, at the share xi in [0, 1] along the side and at the depth eta, which is 0 on walls and up to 1 on
+frames, is moved to the point p with the same shares in the profile at its coordinate x:
 
 .. math:: p = (1 - \eta)\, a_k(\xi) + \eta\, b_k(\xi)
 
-with the middle of the wall, a, and the same as far inside as frames are deep, b.  Both change linearly along the axis.
-On plates that close the section what is not on walls keeps its place in the triangle of the axis and a side.
-
-The sides of a closed profile, flat plates and arcs, as what meshes a boom asks of them.
+a is on the middle of the wall, b is farther inside by the depth of the frames.  Both change linearly along x.  Points
+of plates that close the section, which are not on walls, keep their shares in the triangle of the axis and a side.
 """
 
 from __future__ import annotations
@@ -31,12 +28,15 @@ from pmr.mesh.drawing import Drawing, Entity
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
-#: What is added to the names of walls that are not parallel to the axis.
+#: Suffix of the group names of walls that are not parallel to the axis.
 TAPERED = " tapered"
 
 
 class Side(Protocol):
-    """A flat plate or the arc of a corner, as one walks around a profile counter-clockwise, seen from the tip."""
+    """A flat plate of a profile, or the arc of a corner.
+
+    Sides follow each other counter-clockwise, as seen from the tip.
+    """
 
     @property
     def name(self) -> str:
@@ -44,32 +44,38 @@ class Side(Protocol):
 
     @property
     def start(self) -> Pair:
-        """Y and z of the mid-surface, m."""
+        """Coordinates y and z of the start on the mid-surface, m."""
 
     @property
-    def end(self) -> Pair: ...
+    def end(self) -> Pair:
+        """Coordinates y and z of the end on the mid-surface, m."""
 
     @property
     def centre(self) -> Pair | None:
-        """Centre of an arc, (2,) m; None for a flat side."""
+        """Centre y and z of an arc, m; None for a flat side."""
 
     @property
     def angle(self) -> float:
         """Angle of an arc, rad."""
 
     @property
-    def length(self) -> float: ...
+    def length(self) -> float:
+        """Length of the mid-line, m."""
 
     @property
-    def thickness(self) -> float: ...
+    def thickness(self) -> float:
+        """Thickness of the wall, m."""
 
     def cells(self, size: float) -> int:
-        """How many cells of about that size, in m, it is divided into."""
+        """Number of cells of about `size` (m) into which the side is divided."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """From one place along x to another one, m: layers of cells end there; in between sides change linearly."""
+    """A stretch of the box from x = `start` to `end` in m; its sides change linearly from `first` to `last`.
+
+    A layer of cells ends at `end`.
+    """
 
     start: float
     end: float
@@ -78,13 +84,16 @@ class Part:
 
     @property
     def tapers(self) -> bool:
-        """Whether the sides are not parallel to the axis."""
+        """Whether the mid-surface is not parallel to the axis."""
         pairs = zip(self.first, self.last, strict=True)
         return any((a.start, a.end, a.centre) != (b.start, b.end, b.centre) for a, b in pairs)
 
 
 def ends_of(sides: Sequence[Side], k: int, outward: Callable[[Side], float]) -> tuple[Array, Array]:
-    """Ends (2,) m of a side, each side as far outward from its mid-surface as is said of it."""
+    """Start and end (2,) m of side k, with the sides shifted outwards from their mid-surfaces.
+
+    `outward` returns for each side how far, in m.  At a sharp corner the ends are where the shifted sides meet.
+    """
     side, neighbours = sides[k], (sides[k - 1], sides[(k + 1) % len(sides)])
     ends = []
     for at, other in zip((side.start, side.end), neighbours, strict=True):
@@ -95,7 +104,7 @@ def ends_of(sides: Sequence[Side], k: int, outward: Callable[[Side], float]) -> 
 
 
 def out(side: Side, at: Pair) -> Array:
-    """Unit vector (2,) out of a side at one of its ends."""
+    """Outward unit vector (2,) of a side at one of its ends."""
     if side.centre is not None:
         arm = np.subtract(at, side.centre)
         return np.asarray(arm / np.hypot(*arm))
@@ -103,14 +112,17 @@ def out(side: Side, at: Pair) -> Array:
     return np.array([along[1], -along[0]])
 
 
-#: Round-off of the drawing, as a share of a side.
+#: Shares along a side beyond 0 and 1 that count as round-off of the drawing.
 SLACK = 1e-6
-#: Of a wall without frames, likewise: so near to its middle its points are.
+#: Depth of a wall without frames, as a share of the side: its points are within this distance of its middle.
 THIN = 1e-6
 
 
 def taper_points(points: Array, sides: Sequence[Side], parts: Sequence[Part], depth: float) -> Array:
-    """Points (N, 3) m that were drawn with these sides, and frames that deep, where the parts have them."""
+    """Move points (N, 3) m, which were drawn with `sides` all along, to where the tapering `parts` have them.
+
+    `depth` in m is that of the frames; infinite, if these close the section.  Returns new points (N, 3).
+    """
     tapered_points, unplaced, depth = points.copy(), np.ones(len(points), bool), depth if np.isfinite(depth) else 0.0
     for place in (_in_side, _in_triangle):
         for k in range(len(sides)):
@@ -133,23 +145,30 @@ Places = tuple[Array, Array, NDArray[np.bool_]]
 
 
 def _in_side(p: Array, sides: Sequence[Side], k: int, depth: float) -> Places:
-    """Share along a side and depth inside, and whether both are within it."""
+    """Share xi along side k and depth eta, each (N,), of points p (N, 2), and whether both are in [0, 1]."""
     xi, eta = _side_shares(p, sides, k, depth)
     return xi, eta, (np.abs(xi - 0.5) <= 0.5 + SLACK) & (np.abs(eta - 0.5) <= 0.5 + SLACK)
 
 
 def _in_triangle(p: Array, sides: Sequence[Side], k: int, depth: float) -> Places:
-    """Shares of both ends of a side, and whether the point is on the side's side of the axis."""
+    """Shares (N,) of points p (N, 2) along the vectors to start and end of side k, and whether none is negative.
+
+    Such points are in the sector between the two vectors; `depth` is not used.
+    """
     first_share, second_share = np.linalg.solve(np.array([sides[k].start, sides[k].end]).T, p.T)
     return first_share, second_share, (first_share >= -SLACK) & (second_share >= -SLACK)
 
 
 def _at_in_triangle(first_share: Array, second_share: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
+    """Points (N, 2) m with these shares along the vectors to start and end of side k; `depth` is not used."""
     return np.outer(first_share, sides[k].start) + np.outer(second_share, sides[k].end)
 
 
 def _side_shares(p: Array, sides: Sequence[Side], k: int, depth: float) -> tuple[Array, Array]:
-    """Share along a side, and depth inside, of points (N, 2) m; of those outside of it not within 0 and 1."""
+    """Share xi along side k and depth eta, each (N,), of points p (N, 2) m.
+
+    Outside of the side they are not in [0, 1].
+    """
     side = sides[k]
     scale = depth or THIN * side.length
     if side.centre is not None:
@@ -165,7 +184,7 @@ def _side_shares(p: Array, sides: Sequence[Side], k: int, depth: float) -> tuple
 
 
 def _side_points(xi: Array, eta: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
-    """Places (N, 2) m of shares along a side and depths inside."""
+    """Points (N, 2) m with the shares xi along side k and the depths eta."""
     side = sides[k]
     if side.centre is not None:
         start = np.subtract(side.start, side.centre)
@@ -176,29 +195,33 @@ def _side_points(xi: Array, eta: Array, sides: Sequence[Side], k: int, depth: fl
     return np.asarray((1.0 - xi)[:, None] * start + xi[:, None] * end)
 
 
-#: The source of errors in a box's dimensions; where they stand is known to who asks for it.
+#: Source of errors in a box's dimensions; the caller replaces it by the scene's key.
 DIMENSIONS = "box boom"
-#: Rectangles that a drawing may have: some 40 coordinates each, four million, for which 50 GiB would be needed.
+#: Most rectangles of a drawing: with some 40 coordinates each they are four million, which take 50 GiB.
 MOST_RECTANGLES = 100_000
-#: Cells may be so thin, as a share of the others: gmsh takes points that lie much closer for one.
+#: Smallest thickness of cells as a share of the others': gmsh merges points that are much closer.
 THINNEST = 1e-4
-#: Cosine up to which an angle is a right one.
+#: Largest cosine of an angle that counts as a right one.
 SQUARE = 1e-6
 
 
 @dataclass(frozen=True)
 class BoxBoom:
-    """A profile along x, and cells, in m; layers may be finer at a clamped tail, where stresses are singular."""
+    """A box along x and the sizes of its cells, in m.
+
+    Layers of cells may be finer at a clamped tail, where stresses are singular.  Raises an `InputError` with the
+    source `DIMENSIONS` for dimensions that can't be meshed.
+    """
 
     sides: tuple[Side, ...]
-    length: float = 6.0  # along x
+    length: float = 6.0  # of the box along x
     size: float = 0.05  # edge length of the cells around the section
-    size_along: float = 0.0  # along x; 0: the same
-    # first layer of cells at the tail, from which layers double up to the regular one; 0: the same
+    size_along: float = 0.0  # edge length along x; 0: as around the section
+    # length of the first layer of cells at the tail, from which layers double up to the regular one; 0: as all others
     tail_layer: float = 0.0
-    frames: tuple[float, ...] = ()  # where along x a shell is stiffened by a transverse plate all around
-    frame_depth: float = 0.0  # of these plates; infinite: they close the section
-    parts: tuple[Part, ...] = ()  # by default one, all along, with these sides
+    frames: tuple[float, ...] = ()  # coordinates x at which a transverse plate stiffens a shell all around
+    frame_depth: float = 0.0  # of these plates, inwards from the walls; infinite: they close the section
+    parts: tuple[Part, ...] = ()  # stretches along x; by default a single one with these sides
 
     def __post_init__(self) -> None:
         thinnest, around = THINNEST * self.layer, sum(side.length for side in self.sides)
@@ -235,7 +258,10 @@ class BoxBoom:
 
     @property
     def _room(self) -> float:
-        """For a frame within the section: up to the arcs' centres, or the middle, m."""
+        """Greatest depth of a frame within the section, m.
+
+        It is the corners' smallest radius, or half the smaller extent if all corners are sharp.
+        """
         radii = [np.hypot(*np.subtract(side.start, side.centre)) for side in self.sides if side.centre is not None]
         ends = np.array([side.start for side in self.sides])
         return float(min(radii, default=np.ptp(ends, axis=0).min() / 2.0))
@@ -246,7 +272,7 @@ class BoxBoom:
         return self.size_along or self.size
 
     def layers(self, start: float, end: float) -> list[float]:
-        """Ends of the layers of cells between two stations, as shares of the distance."""
+        """Ends of the layers of cells between the stations `start` and `end` (m), as shares of their distance."""
         fine: list[float] = []
         if start == 0.0 and self.tail_layer:
             thickness = self.tail_layer
@@ -259,13 +285,16 @@ class BoxBoom:
 
     @property
     def stations(self) -> list[float]:
-        """Ends of the stretches between frames and where parts end, m."""
+        """Coordinates x in m where layers of cells must end: tail and tip, frames, and ends of parts."""
         ends = {part.end for part in self.parts if part.end < self.length}
         return [0.0, *sorted(ends | set(self.frames)), self.length]
 
 
 def write_shell(boom: BoxBoom, file: Path) -> None:
-    """Triangles on the mid-surface: rectangles crossed by both diagonals, which prefers no direction."""
+    """Mesh the mid-surface by triangles and write it to `file`.
+
+    Each rectangle is split by both of its diagonals, which prefers no direction.
+    """
     with Drawing() as drawing:
         curves = _section(drawing, boom, 0.0, 0.0)
         groups: dict[str, list[Entity]] = {"tail": [(1, curve) for curve in curves]}
@@ -282,7 +311,10 @@ def write_shell(boom: BoxBoom, file: Path) -> None:
 
 
 def write_solid(boom: BoxBoom, file: Path, hexahedra: bool = True) -> None:
-    """Hexahedra, one across the wall, or tetrahedra of the same structure."""
+    """Mesh the walls by hexahedra, one across, or tetrahedra of the same structure, and write them to `file`.
+
+    Raises an `InputError` if there are frames, or walls of different thickness with rounded corners.
+    """
     if boom.frames:
         raise InputError(DIMENSIONS, "frames", boom.frames, "a solid boom has none")
     walls = {side.thickness for side in boom.sides}
@@ -303,7 +335,7 @@ def write_solid(boom: BoxBoom, file: Path, hexahedra: bool = True) -> None:
 
 
 def _section(drawing: Drawing, boom: BoxBoom, x: float, inset: float) -> list[int]:
-    """Curves around the section at x, `inset` within the mid-surface; divided as the mid-surface is."""
+    """Curves (tags) around the section at x, moved inwards by `inset` (m) but with the divisions of the mid-line."""
     curves = []
     for k, side in enumerate(boom.sides):
         start, end = (drawing.point(x, *p) for p in ends_of(boom.sides, k, lambda side: -inset))
@@ -315,7 +347,7 @@ def _section(drawing: Drawing, boom: BoxBoom, x: float, inset: float) -> list[in
 
 
 def _frame(drawing: Drawing, boom: BoxBoom, outer: list[int], x: float) -> list[Entity]:
-    """A plate between the section and the same one farther inside, or all over it."""
+    """Surfaces of a frame at x: within the curves `outer` up to the frames' depth, or all that they enclose."""
     if boom.frame_depth == np.inf:
         return [drawing.filled(outer)]
     inner = _section(drawing, boom, x, boom.frame_depth)
@@ -323,7 +355,7 @@ def _frame(drawing: Drawing, boom: BoxBoom, outer: list[int], x: float) -> list[
 
 
 def _wall_patches(drawing: Drawing, boom: BoxBoom, quads: bool) -> list[Entity]:
-    """The walls' cross-section at x = 0: a patch for each side, and one for each right angle."""
+    """Surfaces of the walls' cross-section at x = 0: one for each side, and one for each right-angled sharp corner."""
     patches, count = [], len(boom.sides)
     inside = [[drawing.point(0.0, *p) for p in ends_of(boom.sides, k, _inside)] for k in range(count)]
     outside = [[drawing.point(0.0, *p) for p in _outer_ends(boom, k)] for k in range(count)]
@@ -345,15 +377,20 @@ def _wall_patches(drawing: Drawing, boom: BoxBoom, quads: bool) -> list[Entity]:
 
 
 def _outside(side: Side) -> float:
+    """Distance from the mid-surface to the outer surface, m."""
     return side.thickness / 2.0
 
 
 def _inside(side: Side) -> float:
+    """Distance from the mid-surface to the inner surface, m; negative, as it counts outwards."""
     return -side.thickness / 2.0
 
 
 def _outer_ends(boom: BoxBoom, k: int) -> tuple[Array, Array]:
-    """Outside of a side's patch: opposite the ends of its inside where a square fills the corner, else mitred."""
+    """Ends (2,) m of the outer line of side k's patch.
+
+    They are opposite the inner line's ends where a patch of its own fills the corner, elsewhere mitred.
+    """
     side, outer = boom.sides[k], ends_of(boom.sides, k, _outside)
     inner = [
         at + side.thickness * out(side, end)
@@ -364,7 +401,7 @@ def _outer_ends(boom: BoxBoom, k: int) -> tuple[Array, Array]:
 
 
 def _is_square(boom: BoxBoom, k: int) -> bool:
-    """Whether a side and the next one are flat and meet at a right angle."""
+    """Whether side k and the next one are flat and meet at a right angle."""
     side, after = boom.sides[k], boom.sides[(k + 1) % len(boom.sides)]
     flat = side.centre is None and after.centre is None
     return flat and abs(float(out(side, side.end) @ out(after, after.start))) < SQUARE
@@ -372,20 +409,20 @@ def _is_square(boom: BoxBoom, k: int) -> bool:
 
 @dataclass(frozen=True)
 class _Plane:
-    """n . x = d."""
+    """The plane of points p with normal . p = distance."""
 
     normal: Array  # (3,)
     distance: float
 
     def holds(self, low: Array, high: Array) -> bool:
-        """Whether a flat face with this bounding box lies in the plane."""
+        """Whether a flat face with the bounding box from `low` to `high` lies in the plane."""
         rising = float(np.prod(self.normal[1:])) <= 0.0
         ends = (low, high) if rising else (np.array([low[0], low[1], high[2]]), np.array([high[0], high[1], low[2]]))
         return all(abs(self.normal @ end - self.distance) < 1e-6 for end in ends)
 
 
 def _outer_faces(boom: BoxBoom) -> dict[str, _Plane]:
-    """Both ends, and the outside of each flat wall of a solid."""
+    """Planes of both ends and of the outside of each flat wall of a solid, by name."""
     planes = {"tail": _Plane(np.eye(3)[0], 0.0), "tip": _Plane(np.eye(3)[0], boom.length)}
     for side in boom.sides:
         if side.centre is None:

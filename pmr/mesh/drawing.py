@@ -1,8 +1,6 @@
-"""Meshes that are made here: patches by gmsh, and the line of a planar beam.
+"""Meshes made by this package: patches drawn and meshed by gmsh, and the nodes of a straight planar beam.
 
-Structured patches drawn and meshed with gmsh, and written with their named groups.
-
-Meshes of a straight planar beam: generated, or a chain of line cells from a file.
+Beam nodes are generated, or read from a chain of line cells in a file.
 """
 
 from __future__ import annotations
@@ -25,16 +23,19 @@ Entity = tuple[int, int]  # dimension and tag
 
 #: gmsh's element types: meshio's name and number of vertices.
 ELEMENTS = {1: ("line", 2), 2: ("triangle", 3), 3: ("quad", 4), 4: ("tetra", 4), 5: ("hexahedron", 8)}
-#: Bytes that no disk has that had no room for an array.
+#: Bytes to append to a file that was cut off: more than a disk without room for an array has left.
 BEYOND = 2**20
 
 
 class NotDrawnError(ValueError):
-    """gmsh can't draw or mesh what it was given; it says so with a bare `Exception`."""
+    """gmsh can't draw or mesh its input; gmsh itself raises a bare `Exception`."""
 
 
 class Drawing:
-    """A gmsh model in which equal points and lines are one; a context, for gmsh is global to the process."""
+    """A gmsh model in which equal points, and curves with equal ends, are drawn once.
+
+    It is a context manager, as gmsh is global to the process; on exit it turns gmsh's errors into `NotDrawnError`.
+    """
 
     def __enter__(self) -> Drawing:
         gmsh = needed("gmsh")
@@ -54,21 +55,22 @@ class Drawing:
             raise NotDrawnError(str(error)) from None
 
     def point(self, x: float, y: float, z: float) -> int:
-        """A point at a place in m."""
+        """Tag of the point at x, y, z in m."""
         key = tuple(round(c, 9) + 0.0 for c in (x, y, z))
         if key not in self._points:
             self._points[key] = self._model.geo.addPoint(x, y, z)
         return self._points[key]
 
     def line(self, start: int, end: int, divisions: int) -> int:
-        """A straight line, divided evenly."""
+        """Tag of a straight line between the points `start` and `end`, in `divisions` equal parts."""
         return self._curve(start, end, divisions, lambda: self._model.geo.addLine(start, end))
 
     def arc(self, start: int, centre: int, end: int, divisions: int) -> int:
-        """A circular arc, divided evenly."""
+        """Tag of a circular arc around the point `centre` from point `start` to `end`, in `divisions` equal parts."""
         return self._curve(start, end, divisions, lambda: self._model.geo.addCircleArc(start, centre, end))
 
     def _curve(self, start: int, end: int, divisions: int, draw: Any) -> int:
+        """Tag of the curve between two points; `draw` makes it if there is none yet."""
         key = frozenset((start, end))
         if key not in self._curves:
             self._curves[key] = draw()
@@ -76,7 +78,7 @@ class Drawing:
         return self._curves[key]
 
     def patch(self, sides: Sequence[int], quads: bool) -> Entity:
-        """A surface with four sides, meshed in rows and columns: rectangles, or triangles."""
+        """Surface within four curves, meshed in rows and columns: rectangles if `quads`, else triangles."""
         geo = self._model.geo
         surface = geo.addPlaneSurface([geo.addCurveLoop(sides, reorient=True)])
         geo.mesh.setTransfiniteSurface(surface)
@@ -85,17 +87,20 @@ class Drawing:
         return 2, surface
 
     def filled(self, curves: Sequence[int]) -> Entity:
-        """The plane within curves, meshed by triangles as large as their divisions."""
+        """Plane surface within closed curves, meshed by triangles as large as the curves' divisions."""
         geo = self._model.geo
         return 2, geo.addPlaneSurface([geo.addCurveLoop(list(curves), reorient=True)])
 
     def sweep(self, entities: Sequence[Entity], distance: float, layers: list[float], quads: bool) -> list[Entity]:
-        """Sweep curves or surfaces along x in layers that end at shares of the distance; what gmsh made, in order."""
+        """Sweep curves or surfaces along x by `distance` in m; returns the entities that gmsh makes, in its order.
+
+        `layers` are the ends of the layers of cells as shares of the distance.
+        """
         once = [1] * len(layers)
         return list(self._model.geo.extrude(list(entities), distance, 0, 0, once, layers, recombine=quads))
 
     def strips(self, outer: Sequence[int], inner: Sequence[int], divisions: int) -> list[Entity]:
-        """Patches between pairs of curves that run side by side."""
+        """Patches of rectangles between the pairs of curves in `outer` and `inner`, in `divisions` parts across."""
         self._model.geo.synchronize()
         patches = []
         for left_curve, right_curve in zip(outer, inner, strict=True):
@@ -113,25 +118,28 @@ class Drawing:
         return patches
 
     def _distance(self, a: int, b: int) -> float:
+        """Distance between two points, given by their tags, m."""
         p, q = (np.array(self._model.getValue(0, tag, [])) for tag in (a, b))
         return float(np.linalg.norm(p - q))
 
     def boundary(self, entities: Sequence[Entity]) -> list[Entity]:
-        """Faces that bound the entities as a whole."""
+        """Entities that bound all given entities as a whole."""
         self._model.geo.synchronize()
         return list(self._model.getBoundary(list(entities), combined=True, oriented=False))
 
     def bounds(self, entity: Entity) -> tuple[Array, Array]:
-        """Opposite corners (3,) m of an entity's bounding box."""
+        """Lower and upper corner (3,) m of an entity's bounding box."""
         box = np.array(self._model.getBoundingBox(*entity))
         return box[:3], box[3:]
 
     def write(
         self, groups: Mapping[str, Sequence[Entity]], file: Path, move: Callable[[Array], Array] = np.asarray
     ) -> None:
-        """Mesh, move the points (N, 3) m and write, with `groups` as physical groups.
+        """Mesh the drawing, move its points and write it to `file`, with `groups` as physical groups.
 
-        Rectangles of a surface become four triangles each.
+        `move` maps points (N, 3) m to their new positions.  Rectangles of a surface become four triangles each.
+
+        Raises a `NotDrawnError` if cells collapse.
         """
         import meshio
 
@@ -168,14 +176,20 @@ class Drawing:
 
 
 def split_quads(points: Array, quads: Indices) -> tuple[Array, Indices]:
-    """Each quadrilateral as four triangles around its centre; the centres are added to the points."""
+    """Split each of e quadrilaterals (e, 4) into four triangles around its centre.
+
+    Returns the points with the centres added, and the triangles (4 e, 3).
+    """
     centre = len(points) + np.arange(len(quads))
     triangles = [np.stack([quads[:, i], quads[:, (i + 1) % 4], centre], axis=1) for i in range(4)]
     return np.concatenate([points, points[quads].mean(axis=1)]), np.stack(triangles, axis=1).reshape(-1, 3)
 
 
 def graded_nodes(length: float, elements: int, grading: float = 1.0) -> Array:
-    """Nodes (elements + 1,) in m; element lengths grow geometrically so that last / first = `grading`."""
+    """Nodes (elements + 1,) in m from 0 to `length`.
+
+    Element lengths grow geometrically; `grading` is the last one over the first one.
+    """
     if elements == 1 or grading == 1.0:
         return np.linspace(0.0, length, elements + 1)
     lengths = grading ** (np.arange(elements) / (elements - 1))
@@ -184,9 +198,13 @@ def graded_nodes(length: float, elements: int, grading: float = 1.0) -> Array:
 
 
 def read_nodes(file: Path, length: float) -> Array:
-    """Nodes (N,) in m of the line cells in any file that meshio reads."""
+    """Nodes (N,) in m, ascending, of a beam from the line cells of a file that meshio reads.
+
+    Raises an `InputError` if these form no chain on the x axis from 0 to `length`.
+    """
 
     def refuse(problem: str) -> InputError:
+        """The error for a file with this problem."""
         return InputError(str(file), "", None, f"{problem}; a chain of line cells on the x axis is allowed")
 
     read = read_mesh_file(file)

@@ -1,10 +1,7 @@
-"""Meshes with named groups: read from files, and checked before anything is built on them.
+"""Meshes of surfaces and solids with named groups, read from files and checked before anything is built on them.
 
-Meshes of surfaces and solids with named groups, read through meshio and checked before anything is built on them.
-
-What makes a mesh unfit for a structure: degenerate, inverted, folded or unconnected cells.
-
-Points, cells and named groups of a mesh file: decks of Abaqus and CalculiX by our reader, all others by meshio.
+Decks of Abaqus and CalculiX are read by this package, all other files by meshio.  A mesh is refused if its cells are
+degenerate, inverted, folded or unconnected.
 """
 
 from __future__ import annotations
@@ -31,7 +28,7 @@ from pmr.mesh.nodes import codes
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Dimension of cells by their kind in meshio's words.
+#: Dimension of cells, by their kind in meshio's words.
 DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3}
 
 
@@ -45,7 +42,7 @@ class Cells:
 
 @dataclass(frozen=True)
 class MeshFile:
-    """Content of a mesh file as it stands there; of each group the members (g,) in each of the blocks."""
+    """Content of a mesh file: points, blocks of cells, and for each group the numbers of its cells in each block."""
 
     points: Array  # (N, 3) m
     blocks: list[Cells]
@@ -53,9 +50,9 @@ class MeshFile:
 
 
 def read_mesh_file(file: Path) -> MeshFile:
-    """Read points, cells and groups.
+    """Read points, cells and groups of a deck of Abaqus or CalculiX, or of any file that meshio reads.
 
-    Raises InputError if the file can't be read, or its cells have corners that it has no points for.
+    Raises an `InputError` if the file can't be read, or a cell has corners that are not among its points.
     """
     content = _of_deck(read_deck(file)) if file.suffix.lower() == ".inp" and file.is_file() else _by_meshio(file)
     for block in content.blocks:
@@ -71,6 +68,7 @@ def read_mesh_file(file: Path) -> MeshFile:
 
 
 def _of_deck(deck: Deck) -> MeshFile:
+    """Points, cells and groups of a deck; raises an `InputError` for missing nodes or cells that are not linear."""
     place = {number: k for k, number in enumerate(deck.nodes)}
     blocks = list[Cells]()
     for block in deck.elements:
@@ -92,6 +90,7 @@ def _of_deck(deck: Deck) -> MeshFile:
 
 
 def _by_meshio(file: Path) -> MeshFile:
+    """Points, cells and groups that meshio reads; raises an `InputError` if it can't, or cells are not linear."""
     import meshio
 
     try:
@@ -112,7 +111,7 @@ def _by_meshio(file: Path) -> MeshFile:
 
 
 def _physical_groups(mesh: Any) -> dict[str, list[Indices]]:
-    """Members of each physical group in each of meshio's blocks: as sets (MSH 4) or as tags (MSH 2)."""
+    """Numbers of each physical group's cells in each of meshio's blocks, from sets (MSH 4) or tags (MSH 2)."""
     sets = {name: parts for name, parts in mesh.cell_sets.items() if not name.startswith("gmsh:")}
     empty = np.empty(0, np.int64)
     if sets:
@@ -138,7 +137,10 @@ FOLDED = -0.99
 
 
 def unsound(cell: str, points: Array, cells: Indices) -> str:
-    """Describe in words why the mesh is unsound; an empty text if it is sound."""
+    """Describe why a mesh is unsound; an empty text if it is sound.
+
+    `cell` is the kind of cells in dolfinx' words.
+    """
     corners = points[cells]
     size = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
     if cell == "triangle":
@@ -162,11 +164,15 @@ def unsound(cell: str, points: Array, cells: Indices) -> str:
 
 
 def _normals(corners: Array) -> Array:
+    """Normals (C, 3) of triangles with `corners` (C, 3, 3), as long as their areas."""
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
 
 
 def _corner_volumes(cell: str, corners: Array) -> Array:
-    """Triple products of the edges at each corner (C, k), positive for the file's orientation, all of them."""
+    """Triple products (C, k) of the edges at each corner of a cell.
+
+    All are positive in a convex cell with the orientation of the file's format.
+    """
     if cell == "tetrahedron":
         at = np.array([[0, 1, 2, 3]])
     else:  # neighbours of each vertex along the axes of the tensor product, as a right-handed triple
@@ -178,7 +184,10 @@ def _corner_volumes(cell: str, corners: Array) -> Array:
 
 
 def _parts(facet_codes: Indices) -> tuple[int, list[int]]:
-    """Number of parts that are connected through facets, and how many cells each has, largest first."""
+    """Number of parts of cells that are connected through facets, and their numbers of cells, largest first.
+
+    `facet_codes` (C, f) are the codes of each cell's facets.
+    """
     count, per_cell = facet_codes.shape
     _, facet = np.unique(facet_codes, return_inverse=True)
     facet = facet.reshape(-1)
@@ -188,7 +197,7 @@ def _parts(facet_codes: Indices) -> tuple[int, list[int]]:
 
 
 def _count_folds(corners: Array, cells: Indices, edge_codes: Indices) -> int:
-    """Pairs of triangles on one edge whose third corners lie on the same side of it."""
+    """Number of pairs of triangles with a common edge that lie on the same side of it, folded on each other."""
     opposite = np.tile(np.arange(3), len(cells))  # edge i of the reference triangle lies opposite vertex i
     triangle = np.repeat(np.arange(len(cells)), 3)
     order = np.argsort(edge_codes.ravel(), kind="stable")
@@ -218,7 +227,7 @@ CELLS_OF_KIND = {
 
 @dataclass(frozen=True)
 class Group:
-    """Named points, lines, faces or cells: their dimension and vertices (e, k) in dolfinx' order."""
+    """Named points, lines, faces or cells: their dimension 0 to 3, and vertices (e, k) in dolfinx' order."""
 
     dim: int
     entities: Indices
@@ -235,17 +244,17 @@ class NamedMesh:
     points: Array  # (N, 3) m
     cells: Indices  # (C, k): vertices in dolfinx' order
     groups: Mapping[str, Group]
-    regions: Mapping[str, Indices]  # groups of cells, as numbers (c,) of cells
+    regions: Mapping[str, Indices]  # of each group of cells the cells' numbers (c,)
     source: str = "mesh"  # where the mesh is from, for messages
 
     @cached_property
     def axis(self) -> int:
-        """0, 1 or 2 for x, y or z: along the longest extent."""
+        """Axis of the longest extent: 0, 1 or 2 for x, y or z."""
         return int(np.ptp(self.points, axis=0).argmax())
 
     @cached_property
     def spans(self) -> tuple[Array, Array]:
-        """Beginning and end of each cell along the axis, (C,) m each."""
+        """Start and end of each cell along the axis, (C,) m each."""
         x = self.points[:, self.axis][self.cells]
         return x.min(axis=1), x.max(axis=1)
 
@@ -254,10 +263,7 @@ class NamedMesh:
         return create_mesh(comm, self.cell, self.points, self.cells)
 
     def require(self, names: Sequence[str]) -> None:
-        """Refuse the mesh if a named group is missing.
-
-        Raises an `InputError` with the groups that were found.
-        """
+        """Raise an `InputError`, which lists the groups there are, if one of the named groups is missing."""
         missing = [name for name in names if name not in self.groups]
         if missing:
             names_there = ", ".join(sorted(self.groups)) or "none"
@@ -265,20 +271,22 @@ class NamedMesh:
 
 
 def read_mesh(file: Path, kinds: Sequence[str], groups: Sequence[str] = ()) -> NamedMesh:
-    """Read a mesh from any file that meshio reads; groups are gmsh's physical groups.
+    """Read a mesh from any file that meshio reads, or a deck.
+
+    Groups are gmsh's physical groups or a deck's element sets.
 
     Parameters
     ----------
     kinds : sequence of str
-        Cells that the model allows, in dolfinx' words, e.g. ``("triangle",)``.
+        Kinds of cells that the model allows, in dolfinx' words, e.g. ``("triangle",)``.
     groups : sequence of str
-        Groups that must be there.
+        Groups that the mesh must have.
 
     Raises
     ------
     InputError
         If cells are of another kind, of mixed kinds or of higher order, inverted, degenerate or unconnected, or if a
-        group is missing; the message says what was found.
+        group is missing; the message says what the file has.
     """
     read = read_mesh_file(file)
     blocks = [(*CELLS_OF_KIND[block.kind][:2], block.corners[:, CELLS_OF_KIND[block.kind][2]]) for block in read.blocks]
@@ -294,12 +302,13 @@ def named_mesh(
     kinds: Sequence[str],
     source: str = "mesh",
 ) -> NamedMesh:
-    """A checked mesh from blocks (cell kind, dimension, vertices) and, for each group, its members in every block.
+    """Checked mesh from blocks of cells (kind, dimension, vertices) and each group's cell numbers in every block.
 
-    Raises an `InputError` as `read_mesh`.
+    `kinds` are the allowed cells; `source` is named in errors.  Raises an `InputError` as `read_mesh`.
     """
 
     def refuse(what: str) -> InputError:
+        """The error for a mesh with these cells."""
         return InputError(source, "", None, f"{what}; cells of kind {' or '.join(kinds)} are allowed")
 
     top = max((dim for _, dim, _ in blocks), default=0)

@@ -1,8 +1,8 @@
-r"""Numbers of a finite-element space's coordinates that depend on the mesh alone, not on ranks or library.
+"""Numbers of a finite-element space's coordinates that depend on the mesh alone, not on ranks or library.
 
 A node sits on each vertex, edge, face or cell that the elements use: P2 triangles have nodes on vertices and edges, Q2
-hexahedra on everything.  Nodes are ordered by their vertices, which are numbered along the mesh's longest extent; the
-components of a node are neighbours.
+hexahedra on all of them.  Nodes are ordered by their vertices, which are numbered along the mesh's longest extent; the
+coordinates of a node have consecutive numbers.
 """
 
 from __future__ import annotations
@@ -20,7 +20,10 @@ Indices = NDArray[np.int64]
 
 
 def codes(entities: Indices, points: int) -> Indices:
-    """One number for each entity (e, k) with sorted vertices: its three lowest vertices tell it from all others."""
+    """One number for each entity (e, k) with sorted vertices, from its three lowest vertices, unique to the entity.
+
+    `points` is the number of the mesh's vertices.
+    """
     code = np.zeros(len(entities), np.int64)
     for column in range(3):
         code = code * (points + 1) + (entities[:, column] + 1 if column < entities.shape[1] else 0)
@@ -29,13 +32,14 @@ def codes(entities: Indices, points: int) -> Indices:
 
 @dataclass(frozen=True)
 class Nodes:
-    """Nodes of a space on a mesh."""
+    """Nodes of a function space on a mesh, and the numbers of their coordinates."""
 
-    components: Mapping[int, tuple[int, ...]]  # which components the nodes on entities of each dimension carry
-    codes: Mapping[int, Indices]  # (e,): entities of each dimension, ascending `codes`
-    first: Mapping[int, Indices]  # (e,): first coordinate of their nodes
-    in_cell: Mapping[int, Indices]  # (C, k): the entities of each cell, in the order of the reference cell
-    at: Array  # (n, 3) m: place of each coordinate's node
+    # by dimension of the entities: which components their nodes carry
+    components: Mapping[int, tuple[int, ...]]
+    codes: Mapping[int, Indices]  # (e,): by dimension, ascending codes of the entities
+    first: Mapping[int, Indices]  # (e,): by dimension, first coordinate of each entity's node
+    in_cell: Mapping[int, Indices]  # (C, k): by dimension, each cell's entities in the order of the reference cell
+    at: Array  # (n, 3) m: position of each coordinate's node
     component: NDArray[np.int64]  # (n,): 0, 1, 2 for displacements along x, y, z; 3, 4, 5 for rotations
 
     @property
@@ -44,9 +48,9 @@ class Nodes:
         return len(self.component)
 
     def of(self, entities: Indices, dim: int, points: int) -> Indices:
-        """First coordinate of the node on each of the entities (e, k) of dimension `dim`.
+        """First coordinate (e,) of the node on each of the entities (e, k), given by vertices, of dimension `dim`.
 
-        Raises a `KeyError` if one of them is no entity of the mesh.
+        `points` is the number of the mesh's vertices.  Raises a `KeyError` if one of them is no entity of the mesh.
         """
         entity_codes = codes(np.sort(entities, axis=1), points)
         place = np.clip(np.searchsorted(self.codes[dim], entity_codes), 0, len(self.codes[dim]) - 1)
@@ -56,7 +60,10 @@ class Nodes:
         return self.first[dim][place]
 
     def per_component(self, cells: Indices) -> list[Indices]:
-        """Coordinates (c, d) of each component on the given cells, ordered as an element orders its functions."""
+        """Numbers (c, d) of the coordinates on the given cells, one array for each component.
+
+        They are in the order of the element's functions.
+        """
         tables = []
         for component in sorted({c for carried in self.components.values() for c in carried}):
             parts = [
@@ -69,7 +76,11 @@ class Nodes:
 
 
 def number_nodes(cell: str, points: Array, cells: Indices, components: Mapping[int, tuple[int, ...]]) -> Nodes:
-    """Number the nodes of a space with the given components on the entities of each dimension."""
+    """Number the nodes of a space on a mesh of the given cells.
+
+    `components` says for each dimension of entities which components their nodes carry; dimensions without nodes are
+    left out.
+    """
     topology = cell_topology(cell)
     code, in_cell, keys, places = {}, {}, [], []
     for dim in sorted(components):
@@ -97,5 +108,8 @@ def number_nodes(cell: str, points: Array, cells: Indices, components: Mapping[i
 
 
 def _codes(flat: Indices, dim: int, cells: Indices, points: int) -> Indices:
-    """Codes of entities; cells of dimension three, which share vertices with neighbours, go by their own number."""
+    """Unique numbers (e,) of entities `flat` (e, k) with sorted vertices: their `codes`, or if `dim` is 3 their order.
+
+    In the latter case `cells` are the entities: cells may share their three lowest vertices.
+    """
     return np.arange(len(cells), dtype=np.int64) if dim == 3 else codes(flat, points)

@@ -1,18 +1,18 @@
-r"""What is measured on a group of a mesh: the mean motion of its points, and the strip that a pad sweeps.
+r"""Measures on a group of a mesh: the mean motion of its points, and the strip of a flat face that a pad sweeps.
 
-Displacements on a named group: at quadrature points, on the mean, and as a rigid body's.
+The mean displacement and mean rotation on a group :math:`\Gamma` with centroid :math:`\bar x` are
 
 .. math::
     \bar u = \frac{1}{|\Gamma|} \int_\Gamma u \, d\Gamma, \qquad
     \bar\theta = J^{-1} \int_\Gamma r \times u \, d\Gamma, \qquad
     J = \int_\Gamma (r \cdot r) I - r r^T \, d\Gamma, \qquad r = x - \bar x
 
-Mean and rotation are those of the rigid motion nearest to u in the mean square; they are conjugate in work to a force
-spread evenly over the group and to a moment spread in proportion to the distance from its centroid.  This is the
-interpolation element (RBE3) of structural codes with the group's measure as weight.  MSC Nastran Linear Static Analysis
-User's Guide, chapter on R-type elements.
+They are those of the rigid motion nearest to u in the mean square.  They are conjugate in work to a force spread
+evenly over the group and to a moment spread in proportion to the distance from its centroid.  This is the
+interpolation element (RBE3) of structural codes with the group's measure as weight.  MSC Nastran Linear Static
+Analysis User's Guide, chapter on R-type elements.
 
-The strip of a flat face that a pad sweeps, as points close together.
+The strip of a flat face is a set of quadrature points close together.
 """
 
 from __future__ import annotations
@@ -35,36 +35,36 @@ Indices = NDArray[np.int64]
 
 ENTITY_KINDS = {(0, 1): "point", (1, 2): "interval", (2, 3): "triangle", (2, 4): "quadrilateral",
                 (3, 4): "tetrahedron", (3, 8): "hexahedron"}  # fmt: skip
-#: Whose Jacobian is the same everywhere.
+#: Kinds of cells whose Jacobian is constant.
 SIMPLICES = ("interval", "triangle", "tetrahedron")
 QUADRATURE_DEGREE = 4
 
 
 @dataclass(frozen=True)
 class Trace:
-    """A field's values on a group."""
+    """Rows on n coordinates that measure the displacement at q quadrature points of a group."""
 
-    name: str  # the group
+    name: str  # of the group
     points: Array  # (q, 3) m
     weights: Array  # (q,) m^dim, Jacobian included: they add up to the group's measure (points: to their number)
     values: tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]  # (q, n) each: displacement along x, y, z
-    beside: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: from the points' centroid to the place that is measured
+    beside: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: from the points' centroid to the point measured
 
     @property
     def measure(self) -> float:
-        """Number, length, area or volume: m^dim."""
+        """Measure of the group: number of points, length (m), area (m^2) or volume (m^3)."""
         return float(self.weights.sum())
 
     @property
     def centroid(self) -> Array:
-        """(3,) m, or the place beside it."""
+        """Centroid of the points plus `beside`, (3,) m."""
         return np.asarray(self.weights @ self.points / self.measure + self.beside)
 
     @cached_property
     def mean(self) -> sp.csr_matrix:
-        """Mean displacement as rows (3, n), or that of a place that follows the mean motion.
+        """Rows (3, n) of the mean displacement or, if `beside` is not zero, of a point that follows the mean motion.
 
-        Raises an `InputError` as `rotation` if it does.
+        In the latter case it raises an `InputError` as `rotation`.
         """
         mean = sp.csr_matrix(self.weights / self.weights.sum())
         mean_rows = sp.vstack([mean @ component for component in self.values], format="csr")
@@ -73,24 +73,24 @@ class Trace:
         )
 
     def at(self, axis: int, place: float) -> Trace:
-        """Return this trace for a place on an axis, m, where the points' centroid is beside it."""
+        """This trace for the coordinate `place` (m) on an axis, 0 to 2; unchanged if the points' centroid is there."""
         offset = np.eye(3)[axis] * (place - self.centroid[axis])
         close = np.abs(offset).max() <= 1e-9 * np.abs(self.points - self.centroid).max(initial=0.0)
         return self if close else replace(self, beside=tuple(offset.tolist()))
 
     def motion(self, about: Array | None = None) -> sp.csr_matrix:
-        """Displacement of a point that follows the group (by default its centroid), and rotation: rows (6, n).
+        """Rows (6, n) of displacement and rotation of the point `about` (3,) m that follows the group's mean motion.
 
-        Raises an `InputError` as `rotation`.
+        By default it is the centroid.  Raises an `InputError` as `rotation`.
         """
         arm = np.zeros(3) if about is None else np.asarray(about, float) - self.centroid
         return sp.vstack([self.mean + sp.csr_matrix(-_cross(arm)) @ self.rotation, self.rotation], format="csr")
 
     @cached_property
     def rotation(self) -> sp.csr_matrix:
-        """Rotation as rows (3, n).
+        """Rows (3, n) of the mean rotation.
 
-        Raises an `InputError` if the group's points lie on a line, which leaves a rotation open.
+        Raises an `InputError` if the group's points lie on a line, about which the rotation is undetermined.
         """
         r, w = self.points - self.centroid + self.beside, self.weights
         J = np.eye(3) * (w @ (r**2).sum(axis=1)) - (r.T * w) @ r
@@ -104,11 +104,11 @@ class Trace:
 
 
 def trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int, parts: int = 1) -> Trace:
-    """Displacements of a Lagrange space of the given polynomial degree on a named group.
+    """Displacements on a named group, of a Lagrange space of the given polynomial degree.
 
-    Each entity is cut in `parts` along every direction, for weights that vary within it.
+    Each entity of the group is cut into `parts` along every direction, for weights that vary within it.
 
-    Raises an `InputError` if the mesh has no such group, or the group is no part of its cells.
+    Raises an `InputError` if the mesh has no such group, or the group's entities are not part of the mesh's cells.
     """
     group = _group(mesh, name)
     kind = ENTITY_KINDS[group.dim, group.entities.shape[1]]
@@ -135,11 +135,11 @@ def trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int, parts: int = 1)
 
 
 def section(mesh: NamedMesh, nodes: Nodes, at: float, degree: int) -> Trace:
-    """Displacements of the cross-section at a distance from the origin along the mesh's longest extent, m.
+    """Displacements on the cross-section at the coordinate `at` (m) along the mesh's longest extent.
 
-    Weighted by a hat over the cells around it, as a mesh need not have nodes there.
+    They are weighted by a hat over the cells around it, as a mesh need not have nodes in the cross-section.
 
-    Raises an `InputError` if the mesh does not reach there.
+    Raises an `InputError` if the mesh does not reach it.
     """
     axis, (low, high) = mesh.axis, mesh.spans
     slack = 1e-9 * (high.max() - low.min())  # round-off of a caller's arithmetic
@@ -175,12 +175,13 @@ def coordinates_on(mesh: NamedMesh, nodes: Nodes, name: str, components: Sequenc
 
 
 def _group(mesh: NamedMesh, name: str) -> Group:
+    """The named group; raises an `InputError` if the mesh has none of this name."""
     mesh.require([name])
     return mesh.groups[name]
 
 
 def _nodes_of(mesh: NamedMesh, nodes: Nodes, name: str, kind: str) -> Indices:
-    """First coordinates (e, k) of the displacement nodes on each entity, ordered as its Lagrange functions."""
+    """First coordinates (e, k) of the displacement nodes on each entity of a group, ordered as Lagrange functions."""
     topology = cell_topology(kind) if mesh.groups[name].dim else [[[0]]]
     tables = [
         _part_coordinates(mesh, nodes, name, parts)
@@ -191,7 +192,10 @@ def _nodes_of(mesh: NamedMesh, nodes: Nodes, name: str, kind: str) -> Indices:
 
 
 def _part_coordinates(mesh: NamedMesh, nodes: Nodes, name: str, parts: list[list[int]]) -> Indices:
-    """First coordinates (e, p) of the nodes on the given parts (vertices) of each of a group's entities."""
+    """First coordinates (e, p) of the nodes on p sub-entities of each entity of a group.
+
+    `parts` are the sub-entities' vertices on the reference cell.
+    """
     entities = mesh.groups[name].entities
     vertices = entities[:, parts]
     dim = {1: 0, 2: 1}.get(vertices.shape[2], mesh.groups[name].dim if len(parts) == 1 else 2)
@@ -205,21 +209,21 @@ def _part_coordinates(mesh: NamedMesh, nodes: Nodes, name: str, parts: list[list
 
 
 def _cross(a: Array) -> Array:
-    """Matrix of the cross product a x (.)."""
+    """Matrix (3, 3) of the cross product a x (.)."""
     return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
 
 
-#: Cosine of the largest angle between a face's cells.
+#: Cosine of the largest angle between a flat face's cells and their mean normal.
 FLAT = 0.9999
-#: A face that is so much beside the body's middle, as a share of its extent, lies in it.
+#: A face counts as in the body's middle up to this distance, as a share of the body's extent.
 BESIDE = 1e-6
-#: Cells of a strip are cut into pieces that a pad resolves; more of them take gigabytes.
+#: Most pieces into which the cells of a strip are cut for a pad; more of them take gigabytes.
 MOST_PIECES = 500_000
 
 
 @dataclass(frozen=True)
 class Window:
-    """A rectangle on a face, its extent along the body's axis and across; and how far points are apart at most, m."""
+    """A rectangle on a face: its extents along the body's axis and across it, and the largest spacing of points, m."""
 
     along: tuple[float, float]
     across: tuple[float, float]
@@ -228,10 +232,10 @@ class Window:
 
 @dataclass(frozen=True)
 class Plane:
-    """A face in the axes of its body, along x; how far it is from the axis plays no role."""
+    """Directions of a face of a body along x; its distance from the axis is left open."""
 
     normal: Array  # (3,): unit vector out of it
-    across: Array  # (3,): unit vector that places across count along, from the one nearest to the axis
+    across: Array  # (3,): unit vector across it; coordinates across count from the point nearest to the axis
 
 
 #: Faces that every body has; z is up.
@@ -243,7 +247,7 @@ FACES = {
 
 @dataclass(frozen=True)
 class Extent:
-    """Extent of a face along the body's axis and across it, m; None across for a line."""
+    """Extent of a face along the body's axis and across it, m; across is None for a line."""
 
     along: tuple[float, float]
     across: tuple[float, float] | None = None
@@ -255,35 +259,39 @@ class Extent:
 
 @dataclass(frozen=True)
 class Strip:
-    """Points of a face within a window; none where the window lies beside the face."""
+    """The q quadrature points of a face within a window; none where the window is outside of the face.
+
+    The rows are on n coordinates.
+    """
 
     along: Array  # (q,) m on the body's axis
-    across: Array  # (q,) m: y or z where the face is along one of them, else upwards
-    weights: Array  # (q,) of quadrature, m^2 (on a line m)
-    normal: sp.csr_matrix  # (q, n): displacement along the outward normal
+    across: Array  # (q,) m: y or z if the face is along one of them, else along the face upwards
+    weights: Array  # (q,) of quadrature, in m^2, on a line in m
+    normal: sp.csr_matrix  # (q, n): rows that measure the displacement along the outward normal
     extent: Extent  # of the whole face
-    line: bool = False  # whether the points lie on the line that stands for the face of a beam
+    line: bool = False  # whether the points are on the line that represents a beam's face
 
 
 @dataclass(frozen=True)
 class FlatFace:
-    """A flat face along the axis of a mesh."""
+    """A flat face along the axis of a mesh, and the bounds of its cells."""
 
     mesh: NamedMesh
     name: str
     normal: Array  # (3,): unit vector out of the mesh
     axes: Array  # (2, 3): unit vectors along the body's axis and across the face
-    least: Array  # (e, 2) m: where each of its cells begins along these axes
-    most: Array  # (e, 2) m: where it ends
+    least: Array  # (e, 2) m: smallest coordinates of each of its cells along these axes
+    most: Array  # (e, 2) m: largest ones
 
     @property
     def extent(self) -> Extent:
+        """Extent of the whole face."""
         low, high = self.least.min(axis=0).tolist(), self.most.max(axis=0).tolist()
         return Extent((low[0], high[0]), (low[1], high[1]))
 
 
 def flat_face(mesh: NamedMesh, name: str) -> FlatFace:
-    """A named face, ready for strips.
+    """A named face, prepared for strips.
 
     Raises an `InputError` if there is no such face, it is not flat, or it lies across the axis.
     """
@@ -304,9 +312,9 @@ def flat_face(mesh: NamedMesh, name: str) -> FlatFace:
 
 
 def face_strip(face: FlatFace, nodes: Nodes, window: Window) -> Strip:
-    """The strip of a face; displacements are quadratic.
+    """Strip of a face within a window, for quadratic displacements.
 
-    Raises an `InputError` if its cells are so large that a pad would be resolved by too many pieces of them.
+    Raises an `InputError` if cells are so much larger than the window's spacing that there would be too many points.
     """
     mesh, name = face.mesh, face.name
     low, high = np.array([window.along, window.across]).T
@@ -329,9 +337,10 @@ def face_strip(face: FlatFace, nodes: Nodes, window: Window) -> Strip:
 
 
 def line_points(window: Window, stations: Array) -> tuple[Array, Array]:
-    """Places (q,) m and weights (q,) m of Gauss' rule on a beam's axis within a window, exact for lines times cubics.
+    """Coordinates (q,) m and weights (q,) m of Gauss' rule on a beam's axis within a window.
 
-    The axis is cut at its `stations` (nodes, ascending) and at multiples of the window's spacing from its start.
+    It is exact for a linear weight times a cubic.  The axis is cut at its `stations` (nodes, ascending) and at
+    multiples of the window's spacing from the window's start.
     """
     if window.along[0] >= stations[-1] or window.along[1] <= stations[0]:
         return np.empty(0), np.empty(0)
@@ -345,7 +354,10 @@ def line_points(window: Window, stations: Array) -> tuple[Array, Array]:
 
 
 def _normal(mesh: NamedMesh, group: Group, face: str) -> Array:
-    """Unit vector out of the mesh, whatever the order of the vertices."""
+    """Outward unit normal (3,) of a face, whatever the order of its vertices.
+
+    Raises an `InputError` if it is not flat.
+    """
     a, b, c = (mesh.points[group.entities[:, i]] for i in range(3))
     normals = np.cross(b - a, c - a)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
@@ -358,9 +370,10 @@ def _normal(mesh: NamedMesh, group: Group, face: str) -> Array:
 
 
 def outward(face: str, normal: Array, middle: Array, points: Array) -> Array:
-    """A face's normal (3,) that points out of the body of these points (N, 3), where the middle (3,) of the face is.
+    """A face's normal (3,), turned to point out of the body of `points` (N, 3); `middle` (3,) is the face's middle.
 
-    That of a face in the middle of a flat body points where its name says.  Raises an `InputError` if it says nothing.
+    If the face is in the middle of a flat body, its name decides, by the direction that `FACES` gives for it.  Raises
+    an `InputError` if it can't.
     """
     along = float(normal @ (middle - (points.min(axis=0) + points.max(axis=0)) / 2.0))
     if abs(along) <= BESIDE * np.ptp(points, axis=0).max():

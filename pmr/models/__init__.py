@@ -1,4 +1,4 @@
-"""Structural models, one file each: weak forms, and displacements at places as rows on their coordinates."""
+"""Structural models, one file each: weak forms, and rows on their coordinates that measure displacements of places."""
 
 from __future__ import annotations
 
@@ -31,171 +31,184 @@ class Forms:
 
 
 class UnitState(Protocol):
-    """A state of stress of a body held at its tail, of one of the names `pmr.reduced.matrices.STATES`."""
+    """A state of stress of a body held at its tail; its name is one of `pmr.reduced.matrices.STATES`."""
 
     @property
     def acceleration(self) -> Array:
-        """Acceleration of the frame, (3,) m/s^2."""
+        """Acceleration of the frame in which the body rests, (3,) m/s^2."""
 
     @property
     def stretch(self) -> float:
-        """By how much the frame's acceleration along x grows with x, 1/s^2."""
+        """Increase of the frame's acceleration along x per metre in x, 1/s^2."""
 
     @property
     def forces(self) -> Sequence[tuple[str, Array]]:
-        """Forces (3,) in N on places of the body."""
+        """Places of the body, and the force (3,) in N on each."""
 
     def displacement(self, space: Any) -> Any:
-        """Displacement of the body under these loads, as a function on its space; collective."""
+        """Displacement of the body under these loads, as a function on the model's function space; collective."""
 
 
 class StructuralModel(Protocol):
-    """Places, motions and forces of a beam, a shell, a solid or given matrices, as the rooms further on need them.
+    """Measures and coordinates of a beam, a shell, a solid or given matrices, as the rest of the package needs them.
 
-    A model numbers its coordinates by itself, from its mesh alone: rows, loads and results are the same on any number
-    of ranks and on every version of dolfinx.  Whoever asks for a place or face that there isn't gets an `InputError`.
+    A model numbers its n coordinates from its mesh alone: rows, loads and results are the same on any number of ranks
+    and on every version of dolfinx.  Methods raise an `InputError` for a place or face that the model does not have.
     """
 
     @property
     def size(self) -> int:
-        """Number of coordinates n, supports not yet held."""
+        """Number of coordinates n, with those that supports will hold."""
 
     @property
     def reference_frequency(self) -> float:
-        """Scale of the lowest frequencies in rad/s; eigensolvers shift by it."""
+        """Scale of the lowest circular frequencies in rad/s; eigensolvers shift by its square."""
 
     @property
     def node_stations(self) -> Array | None:
-        """Places of a beam's nodes along its axis (N,) m; None of bodies that are no lines."""
+        """Coordinates of a beam's nodes along its axis, (N,) m; None for a body that is no beam."""
 
     @property
     def directions(self) -> tuple[str, ...]:
-        """Directions in which a place can move: some of `DIRECTIONS`, in their order."""
+        """Directions along or about which a place can move: some of `DIRECTIONS`, in their order."""
 
     def displacement(self, *places: str | float) -> sp.csr_matrix:
-        """Rows that measure the mean displacement of places, one after the other: of each the first rows of `motion`.
+        """Rows (p t, n) that measure the mean displacement of p places along the model's t directions among x, y and z.
 
-        Points are places here, too.
+        Rows of the first place come first.  In contrast to `motion`, a place may be a single point.
         """
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
         """Rows (len(directions), n) that measure displacement (m) and rotation (rad) of a place.
 
-        A place is a named group, whose mean counts, or a distance along the body's axis in m.  `about` (3,) m is a
-        point that moves with the place, by default its centroid.  The rows also apply a force (N) or moment (N m): a
-        load spread over the group in the way that the mean weighs it.
+        A place is a named group, whose mean motion is measured, or a distance along the body's axis in m.  `about`
+        (3,) m is a point that moves with the place, by default its centroid.  The rows' transpose applies a force (N)
+        or moment (N m), spread over the group with the weights of the mean.
 
         Raises
         ------
         InputError
-            Also if the place is a point or straight line of a body without rotations there.
+            If the place does not exist, or is a point or straight line of a body that has no rotations there.
         """
 
     def centroid(self, place: str | float) -> Array:
         """Centroid of a place, (3,) m."""
 
     def strip(self, face: str, window: Window) -> Strip:
-        """Points of a flat face, or of the line that stands for it on a beam, where pads may be.
+        """Points within `window` on a flat face, or on the line that represents it on a beam: where pads may be.
 
         Raises
         ------
         InputError
-            Also if the face is not flat.
+            If the face does not exist or is not flat.
         """
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        """Numbers of all coordinates along some of the `directions` on a named group."""
+        """Numbers of all coordinates along or about the given `directions` on a named group."""
 
     def rigid_motions(self) -> Array:
-        """Coordinates (n, k) of the rigid motions, one for each of the `directions`; rotations about the origin."""
+        """Coordinates (n, k) under unit rigid motions along and about the k `directions`.
+
+        Rotations are about the origin.
+        """
 
 
 class FiniteElementModel(StructuralModel, Protocol):
-    """A model that is assembled from forms on a mesh, and looked at there."""
+    """A structural model that is assembled from weak forms on a mesh, and has cells to draw and stresses in them."""
 
     def domain(self, comm: MPI.Comm) -> Any:
         """The mesh in dolfinx, spread over `comm`; collective."""
 
     def space(self, domain: Any) -> Any:
-        """Function space on `domain`."""
+        """Function space of the model on `domain`, the mesh in dolfinx."""
 
     def forms(self, space: Any) -> Forms:
-        """Mass and stiffness."""
+        """Mass and stiffness as UFL forms on `space`."""
 
     def inertia(self, space: Any, S: Any) -> Any:
-        """The form of int rho v . S u dV, with a matrix S (3, 3) in UFL: mass where S is the identity."""
+        """The UFL form of int rho v . S u dV, of the displacements u and v of trial and test function.
+
+        S is (3, 3) in UFL.
+
+        With the identity for S it is the mass.
+        """
 
     def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
-        """The form of int sigma_jk u_i,j v_i,k dV with the stresses sigma of a state."""
+        """The UFL form of int sigma_jk u_i,j v_i,k dV, of the displacements u and v of trial and test function.
+
+        sigma are the stresses of a unit state; u_i,j is the derivative of u_i along j.
+        """
 
     def element_coordinates(self, cells: Indices) -> list[Indices]:
-        """Numbers (c, d), for each scalar component of the space, of its coordinates on the given cells.
+        """Numbers (c, d) of the d coordinates on each of c cells, one array for each scalar component of the space.
 
-        Cells are counted as in the mesh that `domain` was created from.  They are the model's coordinates, or, where
-        there is a `transformation`, those that it is applied to.
+        `cells` (c,) are numbers in the mesh that `domain` was created from.  Coordinates are the model's or, if there
+        is a `transformation`, those of the space.
         """
 
     @property
     def transformation(self) -> sp.csr_matrix | None:
-        """T (n_e, n), where the space's coordinates are T q; None where they are q."""
+        """T (n_e, n) that gives the n_e coordinates of the space, T q; None if they are q."""
 
     @property
     def grid(self) -> Grid:
-        """Cells by which the body is drawn; results have the same ones."""
+        """Cells by which the body is drawn, and to which results refer."""
 
     def point_displacements(self) -> sp.csr_matrix:
-        """Rows (3 N, n) that measure the displacement along x, y, z of each of the grid's points."""
+        """Rows (3 N, n) that measure the displacement along x, y, z of each of the N points of `grid`."""
 
     def stresses(self) -> StressRows | None:
-        """Stresses of the grid's cells, from the strains of `forms`; None for a beam without a profile."""
+        """Stress rows for the cells of `grid`, from the strains in `forms`; None for a beam without a profile."""
 
     def cut(self, parts: int) -> Cut | None:
-        """A beam in so many pieces an element; None of bodies that are no lines."""
+        """The beam cut into `parts` pieces per element; None for a body that is no beam."""
 
 
 class Line(FiniteElementModel, Protocol):
-    """A beam."""
+    """A beam model."""
 
     @property
-    def node_stations(self) -> Array: ...
+    def node_stations(self) -> Array:
+        """Coordinates of the nodes along the axis, (N,) m."""
 
     def station(self, place: str | float) -> float:
         """Distance of a place from the beam's first end in m; raises an `InputError` if it is not on the beam."""
 
     def section_forces(self) -> ForceRows:
-        """Section forces at both ends of each element, from its strains: exact where nothing acts between nodes."""
+        """Section forces at both ends of each element, from its strains: exact if nothing acts between nodes."""
 
     def end_forces(self) -> sp.csr_matrix:
-        """The section forces, in the order of `section_forces`, of forces on coordinates that pull at elements, (P, n).
+        """Rows (P, n) that turn forces on the coordinates at elements' ends into section forces.
 
-        On the face that looks along x: what pulls at an element's second end, with the other sign at its first.
+        They are ordered as `section_forces`.  Section forces act on the face that looks along x: at an element's
+        second end they are the forces there, at its first end the negative forces.
         """
 
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
-        """Stresses in the corners of the profile of section forces, whose places are in these elements (P,).
+        """Stresses in the profile's corners from the section forces at P places; None if there is no profile.
 
-        Their rows are on what the rows of `forces` are on; None where no profile is known.
+        `element` (P,) is each place's element.  The result's rows are on the same coordinates as those of `forces`.
         """
 
 
 @dataclass(frozen=True)
 class Cut:
-    """A beam that is cut at its nodes and, in equal parts, between them: each piece has its ends for itself.
+    """A beam that is cut into p pieces: at its nodes and, in equal parts, between them.
 
-    Coordinates of the pieces are those of `beam`, whose nodes stand at every inner cut twice.
+    Each piece has coordinates of its own at both ends, c in all; `beam` has two nodes at each inner cut.
     """
 
     beam: Line
-    coordinates: sp.csr_matrix  # (c, n): of the pieces, from the whole beam's
-    joined: sp.csr_matrix  # (c, m): of the pieces, from those of the cuts between nodes alone
-    element: Indices  # (2 p,): the whole beam's, of both ends of each of the pieces
+    coordinates: sp.csr_matrix  # (c, n): gives the pieces' coordinates from the whole beam's
+    joined: sp.csr_matrix  # (c, m): gives them from the coordinates at the m / d cuts between nodes
+    element: Indices  # (2 p,): the whole beam's element at both ends of each piece
 
 
 def bilinear(S: Any, v: Sequence[Any], u: Sequence[Any]) -> Any:
-    """The product v . S u in UFL, of components some of which are None, as a model does not have them."""
+    """The product v . S u in UFL, for S (3, 3); components of v or u that are None count as zero."""
     return sum(S[j, k] * v[j] * u[k] for j in range(3) for k in range(3) if v[j] is not None and u[k] is not None)
 
 
 def is_assembled(model: StructuralModel) -> TypeGuard[FiniteElementModel]:
-    """Whether a model has forms on a mesh; otherwise it was given as matrices."""
+    """Whether a model has forms on a mesh; given matrices have not."""
     return hasattr(model, "forms")

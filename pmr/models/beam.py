@@ -1,9 +1,11 @@
-r"""What beams share: coordinates on nodes along an axis, as many on each as it has directions, and places there.
+"""What beam models share: coordinates on nodes along an axis, and rows that measure motions along it.
 
-Sections change at nodes, so that each element has constants of its own.  A beam's coordinates are the displacements and
-rotations of points on its axis, which move with their section; those of its function space are its own: of the
-section's centroid and shear centre, along its principal axes.  Where sections change, and where the beam is cut, the
-space has two nodes at one place.
+Each node has as many coordinates as the beam has directions.  Sections change at nodes, so that each element has
+constants of its own.  A beam's coordinates are the displacements and rotations of points on its axis, which move with
+the section.  Coordinates of its function space differ: they are those of the section's centroid and shear centre,
+along its principal axes.  Where sections change, and where the beam is cut, the space has two nodes at the same point.
+
+In shapes, N is the number of nodes, E of elements, K of sections, d of directions and n = N d that of coordinates.
 """
 
 from __future__ import annotations
@@ -32,71 +34,87 @@ from pmr.scene.structures import Beam3DBody, Profile
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Named places, as shares of the length.
+#: Positions of named places as shares of the length.
 ENDS = {"tail": 0.0, "tip": 1.0}
 
 
 class Beam(ABC):
-    """A model whose coordinates are ordered node by node, each along one of its directions or about it."""
+    """A beam model; coordinates are ordered node by node, and on each node by the model's directions.
+
+    In shapes, N is the number of nodes, E of elements, K of sections, d of directions, and n = N d that of coordinates
+    q.  The function space has n_e coordinates of its own, T q (see `transformation`): those of the section's centroid
+    and shear centre, along its principal axes.
+    """
 
     body: Profile | Beam3DBody
 
     @property
     @abstractmethod
-    def node_stations(self) -> Array: ...
+    def node_stations(self) -> Array:
+        """Coordinates of the nodes along the axis, (N,) m."""
 
     @property
     @abstractmethod
-    def directions(self) -> tuple[str, ...]: ...
+    def directions(self) -> tuple[str, ...]:
+        """Directions along or about which a node can move: some of `DIRECTIONS`, in their order."""
 
     @property
     @abstractmethod
     def masses(self) -> Array:
-        """The mass per length rho A of each element, (E,) kg/m."""
+        """Mass per length rho A of each element, (E,) kg/m."""
 
     @property
     @abstractmethod
     def signs(self) -> Array:
-        """(d,): a node's coordinate is its motion along a direction, or minus that."""
+        """Signs (d,): a node's coordinates are its motions along and about the directions times these, 1 or -1."""
 
     @property
     @abstractmethod
     def sections(self) -> SectionsAlong | None:
-        """Along the axis; None of a beam that is given by its stiffnesses."""
+        """Sections along the axis; None for a beam that is given by its stiffnesses."""
 
     @property
     @abstractmethod
     def of_node(self) -> Array:
-        """The space's coordinates at a node from the model's, (K, d, d), by the section."""
+        """Matrices (K, d, d) from a node's coordinates of the model to those of the function space, by section."""
 
     @abstractmethod
     def in_elements(self, h: Array, X: Array, number: Indices) -> Array:
-        """The axis' motion (q, d, 2 d) at X h in q elements with these lengths and sections, on the space's values."""
+        """Motion (q, d, 2 d) of the axis at points in q elements, per unit of the space's coordinates on the element.
+
+        Point i is at X[i] in [0, 1], a distance X[i] h[i] in m from the start of an element of length h[i] with
+        section number[i]; h, X and number are (q,).  Rows are displacements and rotations along and about the
+        directions; columns are the space's d coordinates at the element's first node, then those at its second.
+        """
 
     @abstractmethod
     def faces(self, at: float) -> dict[str, tuple[Plane, Extent]]:
-        """Faces for pads at a place along the axis in m, and what they offer."""
+        """Faces for pads at the coordinate `at` (m) along the axis: by name, each with its plane and extent."""
 
     @abstractmethod
     def strains(self, space: Any) -> Any:
-        """Return the strains that section forces belong to, in UFL, of a trial function."""
+        """The v generalised strains that belong to the section forces: a UFL vector of a trial function on `space`."""
 
     @property
     @abstractmethod
     def section_stiffness(self) -> dict[str, Array]:
-        """Section forces of these strains (v,), (E, v) each."""
+        """Section forces (E, v) per unit of each of the v `strains`, by the force's name."""
 
     @abstractmethod
     def on_nodes(self, stations: Array) -> Line:
-        """Return this beam with nodes (N,) m; between two at one place it is cut."""
+        """This beam with nodes at `stations` (N,) m; it is cut where two nodes are at the same point."""
 
     @property
     @abstractmethod
     def resultants(self) -> Array:
-        """The section's forces, in the order of `FORCES`, of unit forces on a node's coordinates, (E, k, d)."""
+        """Section forces, in the order of `FORCES`, per unit force on each coordinate of a node, (E, k, d)."""
 
     @abstractmethod
-    def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None: ...
+    def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
+        """Stresses in the profile's corners from section forces at P places; None if there is no profile.
+
+        `element` (P,) is each place's element.
+        """
 
     @cached_property
     def number(self) -> Indices:
@@ -106,14 +124,14 @@ class Beam(ABC):
 
     @cached_property
     def first(self) -> Indices:
-        """First of the space's nodes of each element, (E,); the one at its end comes right behind it."""
+        """Number of the space's node at each element's start, (E,); the node at its end has the next number."""
         cells = self.grid.cells
         apart = (np.diff(self.number) != 0) | (cells[1:, 0] != cells[:-1, 1])
         return np.arange(len(cells)) + np.append(0, np.cumsum(apart))
 
     @cached_property
     def transformation(self) -> sp.csr_matrix:
-        """T: the space's coordinates from the model's."""
+        """T (n_e, n): the space's coordinates from the model's, T q."""
         d, size = len(self.directions), self.first[-1] + 2
         of, number = np.empty((2, size), np.int64)
         for k in (0, 1):
@@ -124,11 +142,11 @@ class Beam(ABC):
         return T
 
     def motions(self, places: Array) -> sp.csr_matrix:
-        """Displacements and rotations of the axis at distances (k,) m along it, (k d, n)."""
+        """Rows (k d, n) that measure displacements and rotations of the axis at distances `places` (k,) m along it."""
         return self._measured(places, np.eye(len(self.directions)))
 
     def _measured(self, places: Array, of: Array) -> sp.csr_matrix:
-        """Combinations `of` them (m, d) at each of the places, (k m, n)."""
+        """Rows (k m, n): m linear combinations `of` (m, d) of the axis' motions at each of k places, in m along it."""
         d, x = len(self.directions), self.node_stations[self.grid.cells]
         e = np.clip(np.searchsorted(x[:, 0], places, side="right") - 1, 0, None)  # at a node the one behind it
         h = np.diff(x)[e, 0]
@@ -143,11 +161,15 @@ class Beam(ABC):
         return rows
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
+        """Rows (d, n) that measure a place's motion at the point `about` (3,) m, by default its centroid."""
         at = self.station(place)
         return self._motions_of(np.array([at]), np.array([self.centroid(at) if about is None else about]))
 
     def _motions_of(self, at: Array, points: Array) -> sp.csr_matrix:
-        """Motions (k d, n) of points (k, 3) m that move with the sections at distances (k,) m along the axis."""
+        """Rows (k d, n) of the motions of k points, which move with the sections at k distances along the axis.
+
+        `at` (k,) are the distances, `points` (k, 3) the points, in m.
+        """
         rows, arms = self.motions(at), points - at[:, None] * np.eye(3)[0]
         if arms.any():
             numbers = [DIRECTIONS.index(direction) for direction in self.directions]
@@ -160,11 +182,14 @@ class Beam(ABC):
         return rows
 
     def interpolated(self, places: Array) -> sp.csr_matrix:
-        """Interpolate coordinates on nodes at the places (k,) m along the axis, (k d, n)."""
+        """Rows (k d, n) of the coordinates that nodes at `places` (k,) m along the axis would have."""
         return sp.csr_matrix(sp.diags(np.tile(self.signs, len(places))) @ self.motions(places))
 
     def strip(self, face: str, window: Window) -> Strip:
-        """The line beside the axis that stands for a face; how far below or above the axis it is plays no role."""
+        """The line beside the axis that represents a face; its height above or below the axis does not matter.
+
+        Raises an `InputError` if the beam has no such face.
+        """
         faces = self.faces(sum(window.along) / 2.0)
         if face not in faces:
             raise InputError("scene", "pads.on", face, f"this beam has the faces {', '.join(faces)}")
@@ -176,6 +201,7 @@ class Beam(ABC):
         return Strip(points, np.full(len(points), across), weights, self._measured(points, of[None]), extent, line=True)
 
     def section_forces(self) -> ForceRows:
+        """Section forces at both ends of each element, as rows on the model's coordinates."""
         values, ends = self._strains, self.node_stations[self.grid.cells]
         size = self.transformation.shape[0]
         forces = force_rows(ends, values.entries, self.section_stiffness, values.coordinates, size)
@@ -183,19 +209,19 @@ class Beam(ABC):
 
     @cached_property
     def _strains(self) -> CellValues:
-        """At both ends of each element."""
+        """Strains at both ends of each element, on the space's coordinates."""
         return cell_values(self, self.strains, np.array([[0.0], [1.0]]))
 
     def of_elements(self, mesh: Any, values: Array) -> Any:
-        """A property (K,) of the sections in UFL."""
+        """A property `values` (K,) of the sections in UFL: constant in each element."""
         return constant(mesh, float(values[0])) if len(values) == 1 else cellwise(mesh, values[self.number])
 
     def stresses(self) -> StressRows | None:
-        """Stresses in corners (`corner_stresses`) of the `section_forces`."""
+        """Stresses in the profile's corners at both ends of each element, from its `section_forces`."""
         return self.corner_stresses(self.section_forces(), np.repeat(np.arange(len(self.grid.cells)), 2))
 
     def cut(self, parts: int) -> Cut:
-        """The beam in so many pieces an element."""
+        """Cut the beam into `parts` equal pieces per element."""
         x, shares, d = self.node_stations, np.arange(parts) / parts, len(self.directions)
         places = np.append((x[:-1, None] + np.diff(x)[:, None] * shares).ravel(), x[-1])
         beam, number = self.on_nodes(np.repeat(places, 2)[1:-1]), np.repeat(np.arange(len(places)), 2)[1:-1]
@@ -210,6 +236,7 @@ class Beam(ABC):
         return Cut(beam, self.interpolated(beam.node_stations), joined, np.repeat(np.arange(pieces), 2) // parts)
 
     def end_forces(self) -> sp.csr_matrix:
+        """Rows that turn forces on the coordinates at elements' ends into section forces; see `Line.end_forces`."""
         cells, (_, k, d) = self.grid.cells, self.resultants.shape
         signed = self.resultants[:, None] * np.array([-1.0, 1.0])[:, None, None]  # (E, 2, k, d)
         columns = np.broadcast_to(d * cells[:, :, None, None] + np.arange(d), signed.shape)
@@ -221,20 +248,28 @@ class Beam(ABC):
 
     @property
     def size(self) -> int:
+        """Number of coordinates n."""
         return len(self.directions) * len(self.node_stations)
 
     def domain(self, comm: MPI.Comm) -> Any:
+        """The axis as an interval mesh in dolfinx, spread over `comm`; collective.
+
+        It has two points where sections change or the beam is cut.
+        """
         cells = self.first[:, None] + np.arange(2)
         points = np.empty(int(cells[-1, -1]) + 1)
         points[cells] = self.node_stations[self.grid.cells]
         return create_mesh(comm, "interval", points[:, None], cells)
 
     def element_coordinates(self, cells: Indices) -> list[Indices]:
+        """Numbers (c, 2) of the space's coordinates on the given elements, one array for each of the d components."""
         nodes = self.first[cells, None] + np.arange(2)
         return [len(self.directions) * nodes + i for i in range(len(self.directions))]
 
     def axial_force(self, mesh: Any, state: UnitState) -> Any:
-        r"""N(x) in N, tension positive, of the beam held at its tail, in UFL on a dolfinx mesh.
+        r"""Axial force N(x) in N, tension positive, of the beam held at its tail, in UFL on a dolfinx mesh.
+
+        With the state's acceleration a along x, its stretch b, and its forces :math:`F_i` along x at :math:`x_i`,
 
         .. math:: N = -\int_x^L \rho A\, (a + b \xi)\, d\xi + \sum_{x_i > x} F_i
         """
@@ -247,7 +282,10 @@ class Beam(ABC):
         return pulled - mass_here * (a * (end - x) + b * (end**2 - x**2) / 2.0)
 
     def moment(self, mesh: Any, state: UnitState, component: int) -> Any:
-        r"""M(x) = EI w'' in N m of bending along y (`component` 1) or z (2), likewise.
+        r"""Bending moment M(x) = EI w'' in N m, of the beam held at its tail, in UFL on a dolfinx mesh.
+
+        The beam bends along y (`component` 1) or z (`component` 2), along which the state's acceleration is a and its
+        forces are :math:`F_i` at :math:`x_i`:
 
         .. math:: M = -\int_x^L \rho A\, a\, (\xi - x)\, d\xi + \sum_{x_i > x} F_i\, (x_i - x)
         """
@@ -259,17 +297,20 @@ class Beam(ABC):
         return arm - force * x - a * (within + first - beyond * x)
 
     def _elements_of_mass(self) -> tuple[Array, Array, Array, Array]:
-        """Mass per length, end, middle and length of each element, (E,) each."""
+        """Mass per length (kg/m), end, middle and length (m) of each element, (E,) each."""
         ends = self.node_stations[self.grid.cells]
         return self.masses, ends[:, 1], ends.mean(axis=1), np.diff(ends)[:, 0]
 
     @staticmethod
     def _beyond(values: Array) -> Array:
-        """Sums over the elements beyond each."""
+        """For each element the sum of `values` (E,) over all elements after it."""
         return np.append(np.cumsum(values[:0:-1])[::-1], 0.0)
 
     def _sums_beyond(self, mesh: Any, state: UnitState, component: int) -> tuple[Any, Any]:
-        """Sums of forces and of forces times their places beyond each element."""
+        """Sums of the state's forces beyond each element, and of forces times their coordinates along the axis, in UFL.
+
+        Only the `component` 0, 1 or 2 of forces is summed: along x, y or z.
+        """
         middle = self.node_stations[self.grid.cells].mean(axis=1)
         sums = np.zeros((2, len(middle)))
         for place, force in state.forces:
@@ -278,6 +319,7 @@ class Beam(ABC):
         return cellwise(mesh, sums[0]), cellwise(mesh, sums[1])
 
     def displacement(self, *places: str | float) -> sp.csr_matrix:
+        """Rows (k t, n) of the displacements of the centroids at k places, along the t directions among x, y and z."""
         at = np.array([self.station(place) for place in places])
         motions = self._motions_of(at, np.array([self.centroid(place) for place in at]))
         return motions[np.flatnonzero(np.tile([d in "xyz" for d in self.directions], len(at)))]
@@ -295,17 +337,25 @@ class Beam(ABC):
         return min(max(float(at), 0.0), length)
 
     def centroid(self, place: str | float) -> Array:
-        """Centroid of a place, (3,) m; at a shell's end it is the middle of the walls' line."""
+        """Point (3,) m that represents a place: the middle of the walls' mid-line, as a shell has it at its end.
+
+        It is on the axis if the beam has no profile.
+        """
         at = self.station(place)
         return np.array([at, *(np.zeros(2) if self.sections is None else self.sections.middle_at(at))])
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
+        """Numbers of the coordinates along or about `directions` at the tail or tip.
+
+        Raises an `InputError` for other places.
+        """
         if place not in ENDS:
             raise InputError("scene", "place", place, "tail or tip is allowed")
         first = round(ENDS[place] * (self.size - len(self.directions)))
         return first + np.array([i for i, d in enumerate(self.directions) if d in directions], np.int64)
 
     def rigid_motions(self) -> Array:
+        """Coordinates (n, d) under unit rigid motions along and about the directions."""
         numbers = [DIRECTIONS.index(direction) for direction in self.directions]
         nodes = self.grid.points
         motions = rigid_motions(np.repeat(nodes, len(numbers), axis=0), np.tile(numbers, len(nodes)))[:, numbers]
@@ -313,11 +363,15 @@ class Beam(ABC):
 
     @cached_property
     def grid(self) -> Grid:
-        """The axis as lines."""
+        """The axis as line cells."""
         first = np.flatnonzero(np.diff(self.node_stations))  # not where it is cut
         return Grid("line", self.node_stations[:, None] * np.eye(3)[0], first[:, None] + np.arange(2))
 
     def point_displacements(self) -> sp.csr_matrix:
+        """Rows (3 N, n) that measure the nodes' displacements along x, y and z.
+
+        Rows along directions that the beam does not have are zero.
+        """
         nodes, along = np.arange(len(self.node_stations))[:, None], [d for d in self.directions if d in "xyz"]
         rows = 3 * nodes + ["xyz".index(d) for d in along]
         columns = len(self.directions) * nodes + [self.directions.index(d) for d in along]
@@ -325,5 +379,5 @@ class Beam(ABC):
 
 
 def measure(mesh: Any) -> Any:
-    """That forms of beams are integrated with, in UFL."""
+    """UFL measure by which forms of beams are integrated."""
     return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 6})

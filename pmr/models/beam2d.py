@@ -47,31 +47,32 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Stiffnesses:
-    """Stiffnesses and masses of K sections."""
+    """Stiffnesses, masses and centroids of K sections."""
 
     bending: Array  # (K,) N m^2
-    axial: Array | None  # (K,) N; None: without axial coordinates
+    axial: Array | None  # (K,) N; None if there are no axial coordinates
     mass: Array  # (K,) kg/m
     centroid: Array  # (K,) m above the axis
 
 
 @dataclass(frozen=True)
 class Beam2D(Beam):
-    """The model on given nodes (N,) m, of a beam by its stiffnesses or by its section."""
+    """Planar beam on nodes (N,) m, given by its stiffnesses (`Profile`) or by its section (`Beam3DBody`)."""
 
     body: Profile | Beam3DBody
     nodes: Array
-    along: SectionsAlong | None = None  # by default the body's section all along; they change at nodes
+    along: SectionsAlong | None = None  # None: the body's section all along; sections change at nodes
 
     @cached_property
     def sections(self) -> SectionsAlong | None:
+        """Sections along the axis; None for a beam that is given by its stiffnesses."""
         if isinstance(self.body, Profile):
             return None
         return self.along or sections_of(self.body, self.nodes)
 
     @cached_property
     def stiffnesses(self) -> Stiffnesses:
-        """Stiffnesses of each section."""
+        """Stiffnesses and masses of each section."""
         body, sections = self.body, self.sections
         if isinstance(body, Profile):
             EI, EA, mass = (
@@ -87,39 +88,42 @@ class Beam2D(Beam):
 
     @property
     def reference_frequency(self) -> float:
-        """sqrt(EI / (rho A L^4)) in rad/s: the scale of the lowest frequencies, of the softest section."""
+        """Scale of the lowest frequencies in rad/s: sqrt(EI / (rho A L^4)) of the softest section."""
         of = self.stiffnesses
         return float(np.sqrt(of.bending.min() / of.mass.min()) / self.body.length**2)
 
     @property
     def round_off(self) -> float:
-        """Relative error to expect in the lowest frequency from round-off in the stiffness, measured: 2e-17 times the
-        sum of (L / h)^3 over the elements.
+        """Relative error to expect in the lowest frequency from round-off in the stiffness, with the beam's length L.
 
-        Entries of 12 EI / h^3 have to cancel to leave rigid rotation free; what is left of them in each element acts as
-        a spring.
+        It was measured as 2e-17 times the sum of (L / h)^3 over the elements of lengths h: entries of 12 EI / h^3 have
+        to cancel to leave rigid rotation free, and what is left of them in each element acts as a spring.
         """
         return float(2e-17 * np.sum((self.body.length / np.diff(self.nodes)) ** 3))
 
     @property
     def masses(self) -> Array:
+        """Mass per length of each element, (E,) kg/m."""
         return self.stiffnesses.mass[self.number]
 
     @property
     def node_stations(self) -> Array:
+        """Coordinates of the nodes along the axis, (N,) m."""
         return self.nodes
 
     @property
     def directions(self) -> tuple[str, ...]:
+        """``z`` and ``ry``; with axial coordinates also ``x``, first."""
         return ("z", "ry") if self.stiffnesses.axial is None else ("x", "z", "ry")
 
     @property
     def signs(self) -> Array:
+        """1 or -1 for each direction: the coordinate of the direction ``ry`` is w', minus the rotation."""
         return np.array([-1.0 if direction == "ry" else 1.0 for direction in self.directions])
 
     @cached_property
     def of_node(self) -> Array:
-        """U of the centroid, w and w' at a node."""
+        """Matrices (K, d, d) from a node's coordinates on the axis to u of the centroid (if there is u), w and w'."""
         U = np.tile(np.eye(len(self.directions)), (len(self.stiffnesses.mass), 1, 1))
         if "x" in self.directions:
             U[:, 0, 2] = -self.stiffnesses.centroid
@@ -139,22 +143,23 @@ class Beam2D(Beam):
         return Forms(self.inertia(space, ufl.Identity(3)), stiffness * measure(mesh))
 
     def inertia(self, space: Any, S: Any) -> Any:
-        """The form of int rho A v . S u dx; without rotary inertia."""
+        """The UFL form of int rho A v . S u dx; without rotary inertia."""
         u, v = (self._displacement(field) for field in _trial_and_test(space))
         return self.of_elements(space.mesh, self.stiffnesses.mass) * bilinear(S, v, u) * measure(space.mesh)
 
     def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
-        """The form of int N w' dw' dx."""
+        """The UFL form of int N w' dw' dx."""
         w, dw = (self._displacement(field)[2] for field in _trial_and_test(space))
         return self.axial_force(space.mesh, state) * w.dx(0) * dw.dx(0) * measure(space.mesh)
 
     def _displacement(self, field: Any) -> tuple[Any, None, Any]:
-        """Along x, y and z, in UFL; None where the model does not know it."""
+        """Displacements along x, y and z of a field in UFL; None along those that the model does not have."""
         i = self.directions.index("z")
         J = ufl.JacobianDeterminant(field.ufl_function_space().ufl_domain())
         return field[0] if i else None, None, field[i] + J * field[i + 1]
 
     def in_elements(self, h: Array, X: Array, number: Indices) -> Array:
+        """Motion (q, d, 2 d) of the axis at X h in q elements; see `Beam.in_elements`."""
         d, (value, slope) = len(self.directions), Bending(self.stiffnesses.bending).interpolated(h, X, number)
         local = np.zeros((len(h), d, 2 * d))
         for k, component in enumerate((d - 2, d - 1, 2 * d - 2, 2 * d - 1)):
@@ -165,30 +170,38 @@ class Beam2D(Beam):
         return local
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
+        """Rows (d, n) of the motion of a place's centroid; raises an `InputError` if `about` is given."""
         if about is not None:
             allowed = "the place itself is allowed: a planar beam has no points beside it"
             raise InputError("scene", "place", place, allowed)
         return super().motion(place)
 
     def faces(self, at: float) -> dict[str, tuple[Plane, Extent]]:
-        """Below and above."""
+        """The faces ``bottom`` and ``top`` with their planes, along the whole beam."""
         return {name: (FACES[name], Extent((0.0, self.body.length))) for name in ("bottom", "top")}
 
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
+        """Axial stresses of the lowest and highest fibres; None for a beam that is given by its stiffnesses."""
         if self.sections is None:
             return None
         return stresses_along(self.sections, np.repeat(self.number, 2), forces, element, of_fibres)
 
     def on_nodes(self, stations: Array) -> Beam2D:
+        """This beam with nodes at `stations` (N,) m; it is cut where two nodes are at the same point."""
         return replace(self, nodes=stations)
 
     @property
     def resultants(self) -> Array:
+        """Normal force, shear force and bending moment per unit force on each coordinate of a node, (E, d, d).
+
+        Without axial coordinates there is no normal force.
+        """
         of_own = np.diag([1.0, 1.0, -1.0][-len(self.directions) :])
         return (of_own @ np.linalg.inv(self.of_node).transpose(0, 2, 1))[self.number]
 
     @property
     def section_stiffness(self) -> dict[str, Array]:
+        """Bending moment about y and, with axial coordinates, normal force per unit of the `strains`, (E, v) each."""
         of, rows = self.stiffnesses, {}
         bent = -of.bending[self.number]
         if of.axial is None:
@@ -198,15 +211,15 @@ class Beam2D(Beam):
         return rows
 
     def strains(self, space: Any) -> Any:
-        """U' and w''."""
+        """Strains u' (if there are axial coordinates) and w'', in UFL."""
         u, _, w = self._displacement(ufl.TrialFunction(space))
         return ufl.as_vector([*([] if u is None else [u.dx(0)]), w.dx(0).dx(0)])
 
     @property
     def deflection(self) -> Array:
-        """W on each element as an exact cubic of the distance from its first node: coefficients (4, elements, 4).
+        """Deflection w on each element as an exact cubic in the distance from its first node: coefficients (4, E, 4).
 
-        The highest power is first; the last axis counts the coordinates, which `bending_dofs` numbers.
+        The first axis counts the powers, the highest first; the last one counts the coordinates in `bending_dofs`.
         """
         h = np.diff(self.nodes[self.grid.cells])[:, 0]
         powers = h ** -np.arange(3.0, -1.0, -1.0)[:, None]  # (x / h)^p
@@ -216,14 +229,14 @@ class Beam2D(Beam):
 
     @property
     def bending_dofs(self) -> Indices:
-        """Numbers of w and w' at both nodes of each element, (E, 4)."""
+        """Numbers of the coordinates w and w' at both nodes of each element, (E, 4)."""
         d = len(self.directions)
         of_node = d * self.grid.cells[:, :, None] + np.array([d - 2, d - 1])
         return np.asarray(of_node.reshape(-1, 4))
 
 
 def planar_beam(body: Beam3DBody, box: Box, nodes: Array) -> Beam2D:
-    """The beam of a box in the vertical plane, on these nodes; on its own ones, about as many, where it varies."""
+    """Planar beam of a box: on `nodes` (m), or on nodes of its own, about as many, if the box varies along the axis."""
     if not box.variations:
         return Beam2D(body, nodes)
     stations = stations_of(box.breaks, body.elements)
@@ -231,4 +244,5 @@ def planar_beam(body: Beam3DBody, box: Box, nodes: Array) -> Beam2D:
 
 
 def _trial_and_test(space: Any) -> tuple[Any, Any]:
+    """Trial and test function of a space."""
     return ufl.TrialFunction(space), ufl.TestFunction(space)

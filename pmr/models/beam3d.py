@@ -12,12 +12,13 @@ at its shear centre
     m = \int \rho A\, (u\, \delta u + v\, \delta v + w\, \delta w) + \rho (I_y + I_z)\, \phi\, \delta\phi
         + \rho I_z\, \psi_v\, \delta\psi_v + \rho I_y\, \psi_w\, \delta\psi_w \, dx
 
-Bending with shear, and what Phi is: `pmr.models.sections_along`.
+h is the element's length, psi_v and psi_w are the section's rotations in both planes.  Bending with shear, and what
+Phi is: `pmr.models.sections_along`.
 
-Sections are rigid in their plane and warping is free; constants of one that tapers are its means over the element.
-Coordinates are ordered node by node: displacements along and rotations about x, y, z, of a point on the axis, which
-moves with its section: with its centroid c and its shear centre s beside the axis, and R that turns y and z to its
-principal axes
+Sections are rigid in their plane and warping is free; an element of a beam that tapers has the mean constants over its
+length.  Coordinates are ordered node by node: displacements along and rotations about x, y, z, of a point on the axis,
+which moves with its section.  With the section's centroid c and shear centre s beside the axis, and the matrix R that
+turns y and z to its principal axes,
 
 .. math::
     u_c = u + z_c \theta_y - y_c \theta_z, \qquad
@@ -56,36 +57,38 @@ from pmr.scene.structures import Beam3DBody, BeamSection
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-Motion = tuple[Any, ...]  # along x, y and z in UFL; None: without inertia
+Motion = tuple[Any, ...]  # displacements along x, y and z in UFL; None: no inertia
 
 
 @dataclass(frozen=True)
 class Beam3D(Beam):
-    """The model of a scene's beam in space."""
+    """Beam in space with the data of a scene's body."""
 
     body: Beam3DBody
-    stations: Array | None = None  # (N,) m: of its nodes, by default as far apart as each other
-    along: SectionsAlong | None = None  # by default the body's section all along; they change at nodes
-    rings: RingMasses | None = None  # the mass of plates within it
+    stations: Array | None = None  # (N,) m: of its nodes; None: evenly spaced
+    along: SectionsAlong | None = None  # None: the body's section all along; sections change at nodes
+    rings: RingMasses | None = None  # areas and moments of transverse plates inside
 
     @cached_property
     def node_stations(self) -> Array:
+        """Coordinates of the nodes along the axis, (N,) m; by default evenly spaced."""
         if self.stations is not None:
             return self.stations
         return self.body.length * (np.arange(self.body.elements + 1) / self.body.elements)
 
     @cached_property
     def sections(self) -> SectionsAlong:
+        """Sections along the axis."""
         return self.along or sections_of(self.body, self.node_stations)
 
     @property
     def section(self) -> BeamSection:
-        """At its tail."""
+        """Section at the tail."""
         return self.sections.each[0]
 
     @cached_property
     def planes(self) -> tuple[Bending, Bending]:
-        """Bending along the sections' principal axes."""
+        """Bending along the sections' principal axes; with shear if the body has it and shear areas are known."""
         E, G = self.body.material.young, self.body.material.shear_modulus
         areas, I = self.sections.shear_areas if self.body.shear else None, self.sections.second_moments.T
         if areas is None:
@@ -95,39 +98,51 @@ class Beam3D(Beam):
 
     @property
     def reference_frequency(self) -> float:
-        """sqrt(EI / (rho A L^4)) of the softer plane in rad/s, of the softest section."""
+        """Scale of the lowest frequencies in rad/s.
+
+        It is sqrt(EI / (rho A L^4)) of the softest section in its softer plane.
+        """
         softest = min(plane.stiffness.min() for plane in self.planes)
         return float(np.sqrt(softest / self.masses.min()) / self.body.length**2)
 
     @property
     def masses(self) -> Array:
+        """Mass per length of each element with the rings in it, (E,) kg/m."""
         added = 0.0 if self._element_rings is None else self._element_rings.area
         return self.body.material.density * (self.sections.area[self.number] + added)
 
     @cached_property
     def _element_rings(self) -> RingMasses | None:
-        """Masses of rings within each element; None without rings."""
+        """Areas of rings, spread over each element; None without rings."""
         return None if self.rings is None else self.rings.at(self.node_stations[self.grid.cells].mean(axis=1))
 
     @property
     def directions(self) -> tuple[str, ...]:
+        """All six directions."""
         return DIRECTIONS
 
     @property
     def signs(self) -> Array:
+        """Ones (6,): the coordinates are the motion itself."""
         return np.ones(6)
 
     @cached_property
     def of_node(self) -> Array:
-        """U, phi, v, v', w and w' at a node; v' is the rotation about z, w' minus that about y."""
+        """Matrices (K, 6, 6) from a node's motion of the axis to the space's coordinates u, phi, v, v', w and w'.
+
+        u is that of the centroid, v and w those of the shear centre along the principal axes; v' is the rotation about
+        the axis z, w' minus that about y.
+        """
         U = np.zeros((6, 6))
         U[range(6), [0, 3, 1, 5, 2, 4]] = 1.0, 1.0, 1.0, 1.0, 1.0, -1.0
         return np.asarray(U @ self.sections.own_motion)
 
     def space(self, domain: Any) -> Any:
+        """Function space on `domain`, an interval mesh: u, phi, and the Hermite functions of both planes."""
         return hermite_space(domain, linear=2, planes=2)
 
     def forms(self, space: Any) -> Forms:
+        """Mass and stiffness as UFL forms on `space`."""
         mesh = space.mesh
         trial, test = ufl.TrialFunction(space), ufl.TestFunction(space)
         material, sections = self.body.material, self.sections
@@ -141,7 +156,7 @@ class Beam3D(Beam):
         return Forms(self.inertia(space, ufl.Identity(3)), stiffness * measure(mesh))
 
     def inertia(self, space: Any, S: Any) -> Any:
-        r"""The form of the integral of rho v . S u over the body.
+        r"""The UFL form of the integral of rho v . S u over the body.
 
         .. math::
             \int \rho A\, v \cdot S u + \rho I_z\, v_{,y} \cdot S u_{,y} + \rho I_y\, v_{,z} \cdot S u_{,z}\, dx
@@ -160,7 +175,10 @@ class Beam3D(Beam):
         return (total + self._of_rings(mesh, S, by, of)) * measure(mesh)
 
     def _of_rings(self, mesh: Any, S: Any, by: Sequence[Motion], of: Sequence[Motion]) -> Any:
-        """Inertia of plates within the section about their own centroid, from what moves the section's."""
+        """Integrand of the rings' inertia in UFL, from `_motion` of the test (`by`) and trial function (`of`).
+
+        Rings have their own centroid and second moments.
+        """
         added, sections, rho = self._element_rings, self.sections, self.body.material.density
         if added is None:
             return 0
@@ -170,6 +188,7 @@ class Beam3D(Beam):
         second = rho * np.einsum("eij,ejk,elk->eil", R, added.about_centroid, R)
 
         def centroid_motion(motion: Sequence[Motion]) -> Motion:
+            """Displacement of the rings' centroid, from that of the section's and its derivatives."""
             centre, *turns = motion
             for arm, turn in zip(arms, turns, strict=True):
                 centre = tuple(c if t is None else c + arm * t for c, t in zip(centre, turn, strict=True))
@@ -182,11 +201,14 @@ class Beam3D(Beam):
         return total
 
     def _turn(self, mesh: Any) -> list[list[Any]]:
-        """The principal axes in UFL."""
+        """Matrix R of the principal axes in UFL, constant in each element."""
         return [[self.of_elements(mesh, self.sections.principal[:, i, j]) for j in (0, 1)] for i in (0, 1)]
 
     def _motion(self, mesh: Any, field: Any) -> tuple[Motion, ...]:
-        """Displacement of the centroid, and its derivatives along the principal axes; None: without inertia."""
+        """Displacement of the centroid, then its derivatives along both principal axes of the section, in UFL.
+
+        Each has components along x and the principal axes; those without inertia are None.
+        """
         v, w = self._deflections(mesh, field)
         phi, (turn_v, turn_w) = (
             field[1],
@@ -195,23 +217,27 @@ class Beam3D(Beam):
         return (field[0], *self._of_centroid(mesh, v.value, w.value, phi)), (turn_v, None, phi), (turn_w, -phi, None)
 
     def _of_centroid(self, mesh: Any, v: Any, w: Any, phi: Any) -> tuple[Any, Any]:
-        """Deflections of the centroid from the shear centre's v and w."""
+        """Deflections of the centroid along the principal axes, from v and w of the shear centre and the twist phi."""
         sections = self.sections
         y, z = np.einsum("kij,kj->ik", sections.principal, sections.centroid - sections.shear_centre)
         v = v - self.of_elements(mesh, z) * phi if z.any() else v
         return v, w + self.of_elements(mesh, y) * phi if y.any() else w
 
     def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
-        r"""The form of what an axial force N and moments :math:`M_v = EI_z v_0''`, :math:`M_w = EI_y w_0''` do.
+        r"""The UFL form of the geometric stiffness of a state's axial force and bending moments.
+
+        With the axial force N and the moments :math:`M_v = EI_z v_0''`, :math:`M_w = EI_y w_0''` of the state's
+        deflections :math:`v_0` and :math:`w_0` it is
 
         .. math::
             \int N\, \Bigl(v' \delta v' + w' \delta w' + \frac{I_y + I_z}{A} \phi' \delta\phi'\Bigr)
                 + (M_w \phi)' \delta v' + v' (M_w \delta\phi)' - (M_v \phi)' \delta w' - w' (M_v \delta\phi)' \, dx
 
-        Wagner's term, with I_y + I_z, twists a bar that is soft in torsion; moments make a high beam tip over sideways.
-        From :math:`\sigma_{jk} u_{i,j} v_{i,k}` with the motion of sections and the shear force -M'; forces act on the
-        axis (Timoshenko, Gere: Theory of Elastic Stability, 2nd ed., 1961, sections 5.3 and 6.3).  N moves with the
-        centroid, moments with the shear centre; left out is what moments do to the twist of a section without symmetry.
+        The term with I_y + I_z, Wagner's, twists a bar that is soft in torsion; moments make a high beam tip over
+        sideways.  It follows from :math:`\sigma_{jk} u_{i,j} v_{i,k}` with the motion of sections and the shear force
+        -M'; forces act on the axis (Timoshenko, Gere: Theory of Elastic Stability, 2nd ed., 1961, sections 5.3 and
+        6.3).  N moves with the centroid, moments with the shear centre; left out is what moments do to the twist of a
+        section without symmetry.
         """
         mesh, trial, test = space.mesh, ufl.TrialFunction(space), ufl.TestFunction(space)
         of, by = ([deflection.value.dx(0) for deflection in self._deflections(mesh, field)] for field in (trial, test))
@@ -229,7 +255,7 @@ class Beam3D(Beam):
         return (self.axial_force(mesh, state) * along + across) * measure(mesh)
 
     def _deflections(self, mesh: Any, field: Any) -> list[Deflection]:
-        """Deflections in both planes of a field (u, phi, w_A and theta_B of both planes)."""
+        """Deflections in both planes of a field in UFL, whose components are u, phi, w_A and theta_B of both planes."""
         h = ufl.JacobianDeterminant(mesh)
         middle = cellwise(mesh, self.node_stations[self.grid.cells].mean(axis=1))
         X, of_elements = (ufl.SpatialCoordinate(mesh)[0] - middle) / h + 0.5, partial(self.of_elements, mesh)
@@ -237,6 +263,10 @@ class Beam3D(Beam):
         return [plane.deflection(w, h, X, of_elements) for plane, w in zip(self.planes, cubics, strict=True)]
 
     def in_elements(self, h: Array, X: Array, number: Indices) -> Array:
+        """Motion (q, 6, 12) of the axis along and about x, y, z at X h in q elements; see `Beam.in_elements`.
+
+        The space's coordinates at a node are u, phi, v, v', w and w'.
+        """
         local = np.zeros((len(h), 6, 12))
         for row, component in ((0, 0), (3, 1)):
             local[:, row, component], local[:, row, 6 + component] = 1.0 - X, X
@@ -249,7 +279,10 @@ class Beam3D(Beam):
         return local
 
     def faces(self, at: float) -> dict[str, tuple[Plane, Extent]]:
-        """Faces of the profile at a place, or those of the axis where there is none; each with its extent."""
+        """Faces of the profile at the coordinate `at` (m) along the axis: by name, each with its plane and extent.
+
+        Without a profile they are the four faces through the axis.
+        """
         profile, along = self.sections.profile_at(at), (0.0, self.body.length)
         if profile is None:
             return {name: (plane, Extent(along)) for name, plane in FACES.items()}
@@ -260,18 +293,24 @@ class Beam3D(Beam):
         return planes
 
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
+        """Axial and torsion stresses in the profile's corners; None if a section has no profile."""
         return stresses_along(self.sections, np.repeat(self.number, 2), forces, element, of_corners)
 
     def on_nodes(self, stations: Array) -> Beam3D:
+        """This beam with nodes at `stations` (N,) m; it is cut where two nodes are at the same point."""
         return replace(self, stations=stations)
 
     @property
     def resultants(self) -> Array:
-        """N and bending moments about the centroid, the torque about the shear centre."""
+        """Section forces per unit force on each coordinate of a node, (E, 6, 6).
+
+        Normal force and bending moments are about the centroid, shear forces and torque about the shear centre.
+        """
         return np.linalg.inv(about_own_centres(self.sections)).transpose(0, 2, 1)[self.number]
 
     @property
     def section_stiffness(self) -> dict[str, Array]:
+        """Normal force, torque and bending moments per unit of the four `strains`, (E, 4) each, by name."""
         material, sections, number = self.body.material, self.sections, self.number
         # about z and y, of curvatures along principal axes
         bent = material.young * np.einsum("kji,kj->kij", sections.principal, sections.second_moments)[number]
@@ -282,14 +321,14 @@ class Beam3D(Beam):
         return stiffness
 
     def strains(self, space: Any) -> Any:
-        """U', psi_v', psi_w' and phi'."""
+        """Stretch u', curvatures psi_v' and psi_w' in both planes, and twist phi', in UFL."""
         field = ufl.TrialFunction(space)
         v, w = self._deflections(space.mesh, field)
         return ufl.as_vector([field[0].dx(0), v.curvature, w.curvature, field[1].dx(0)])
 
 
 def beam_of(body: Beam3DBody, box: Box) -> Beam3D:
-    """The beam of a box, with its sections along it and the mass of its frames."""
+    """Beam in space of a box, with its sections along the axis and the mass of its frames."""
     beam = Beam3D(body)
     if box.variations:
         stations = stations_of(box.breaks, body.elements)

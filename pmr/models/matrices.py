@@ -1,4 +1,4 @@
-"""A structural model that another program assembled: matrices on nodes, and places on these."""
+"""A structural model from given matrices, which another program assembled, with nodes and named groups."""
 
 from __future__ import annotations
 
@@ -30,38 +30,43 @@ WHOLE = 0.5
 
 @dataclass(frozen=True)
 class Matrices(Traced):
-    """M and K as they are given; the mean over a group counts every node alike.
+    """Model from given M and K; the mean over a group weighs every node alike.
 
-    A face that pads slide on is a group of nodes in a plane, between which displacements are linear on the triangles of
-    Delaunay.
+    A face that pads slide on is a group of nodes in a plane; displacements between them are linear on the triangles of
+    their Delaunay triangulation.
     """
 
     given: GivenMatrices
 
     @classmethod
     def load(cls, file: Path) -> Matrices:
-        """From a file; errors as for `GivenMatrices.load`."""
+        """Read the model from a file; raises errors as `GivenMatrices.load`."""
         return cls(GivenMatrices.load(file))
 
     @property
     def size(self) -> int:
+        """Number of coordinates n."""
         return self.given.size
 
     @property
     def unchecked(self) -> bool:
-        """Whether the stiffness says nothing of places and axes of nodes."""
+        """Whether positions and directions of the nodes could not be checked against the stiffness.
+
+        That is so if all nodes are beside supports inside the matrices.
+        """
         return self.given.unchecked
 
     @property
     def axis(self) -> int:
-        """The axis of the body: its longest extent."""
+        """Axis of the body's longest extent: 0, 1 or 2 for x, y or z."""
         return int(np.ptp(self.given.points, axis=0).argmax())
 
     @property
     def reference_frequency(self) -> float:
-        r"""Rayleigh's quotient of a beam that bends, w = x^2 about its middle, by the softer of both ways across.
+        """Root of Rayleigh's quotient of a bending motion w = x^2 about the middle, across the axis, in rad/s.
 
-        Supports and springs inside K, which may be any number of times stiffer than the body, don't count.
+        Of the two directions across, the one with the lower value counts, but at least a millionth of the other's.
+        Supports and springs inside K, which may be any number of times stiffer than the body, are left out.
         """
         x = self.given.points - self.given.points.mean(axis=0)
         bent = []
@@ -82,14 +87,21 @@ class Matrices(Traced):
         return float(np.sqrt(max(squares.min(), 1e-12 * squares.max())))
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
+        """Numbers of all coordinates along or about the given `directions` on a group's nodes."""
         on = np.isin(self.given.node, self._group(place))
         along = np.isin(self.given.direction, [DIRECTIONS.index(direction) for direction in directions])
         return np.flatnonzero(on & along)
 
     def rigid_motions(self) -> Array:
+        """Coordinates (n, 6) under unit translations along and rotations about x, y and z through the origin."""
         return rigid_motions(self.given.points[self.given.node], self.given.direction)
 
     def strip(self, face: str, window: Window) -> Strip:
+        """Points within `window` on the plane of a face's nodes, evenly spaced.
+
+        Raises an `InputError` if the nodes do not lie in a plane along the axis, or have no coordinates along its
+        normal.
+        """
         nodes, axis = self._group(face), self.axis
         points = self.given.points[nodes]
         normal = self._normal(face, points)
@@ -123,18 +135,20 @@ class Matrices(Traced):
         return Strip(places[:, 0], places[:, 1], weights, sp.csr_matrix(interpolation @ value), extent)
 
     def _group(self, name: str) -> Indices:
+        """Numbers of a group's nodes; raises an `InputError` if there is no such group."""
         if name not in self.given.groups:
             allowed = f"groups of the file are allowed: {', '.join(self.given.groups) or 'it has none'}"
             raise InputError(self.given.source, "groups", name, allowed)
         return self.given.groups[name]
 
     def _values(self, nodes: Indices) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]:
-        """Displacements of nodes along x, y and z, each (g, n)."""
+        """Displacements of g nodes along x, y and z as rows, (g, n) each."""
         x, y, z = (self._of_direction[k][nodes] for k in range(3))
         return x, y, z
 
     @cached_property
     def _of_direction(self) -> list[sp.csr_matrix]:
+        """Displacements of all nodes along x, y and z as rows, (N, n) each."""
         matrices, shape = self.given, (len(self.given.points), self.given.size)
         numbers = [np.flatnonzero(matrices.direction == k) for k in range(3)]
         return [
@@ -143,6 +157,12 @@ class Matrices(Traced):
         ]
 
     def trace(self, place: str | float) -> Trace:
+        """Displacements of a group's nodes, or of nodes near a cross-section at a distance along the axis in m.
+
+        Nodes around a cross-section are weighted by a hat that reaches to the next nodes, or as far as is needed for
+        them to spread over the section.  Raises an `InputError` if the group does not exist or the body does not reach
+        the cross-section.
+        """
         if isinstance(place, str):
             nodes = self._group(place)
             return Trace(place, self.given.points[nodes], np.ones(len(nodes)), self._values(nodes))
@@ -166,7 +186,10 @@ class Matrices(Traced):
         return Trace(name, points[nodes], weights, self._values(nodes)).at(self.axis, place)
 
     def _normal(self, face: str, points: Array) -> Array:
-        """Unit vector out of the body, of nodes that lie in a plane."""
+        """Unit vector (3,) out of the body, normal to a face's nodes at `points` (g, 3).
+
+        Raises an `InputError` if they do not lie in a plane or lie on a line.
+        """
         middle = points.mean(axis=0)
         _, sizes, ways = np.linalg.svd(points - middle, full_matrices=False)
         if len(points) < 3 or sizes[1] <= FLAT * sizes[0] or sizes[2] > FLAT * sizes[1]:
@@ -175,7 +198,10 @@ class Matrices(Traced):
 
 
 def _middles(start: float, end: float, spacing: float) -> tuple[Array, float]:
-    """Middles of equal intervals, at most `spacing` wide, and their width."""
+    """Middles of equal intervals between `start` and `end`, at most `spacing` wide, and their width.
+
+    There are none if `end` <= `start`.
+    """
     if end <= start:
         return np.empty(0), 0.0
     count = max(1, int(np.ceil((end - start) / spacing - 1e-9)))

@@ -1,8 +1,6 @@
-"""What models on a mesh share: motions on named groups, materials by region, and rows that tabulate weak forms.
+"""What models on a mesh share: motions of named groups, materials by region, sides of walls, tabulated weak forms.
 
-What shells and solids share: displacements on named groups of a mesh, materials by region, outside and inside.
-
-Quantities of a model's weak form, such as strains, as rows on its coordinates.
+Quantities in a model's weak form, such as strains, are tabulated as rows on its coordinates.
 """
 
 from __future__ import annotations
@@ -30,9 +28,9 @@ from pmr.scene.structures import Material
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Where stresses are evaluated.
+#: Faces of a wall on which stresses are evaluated.
 FACES = ("outer", "middle", "inner")
-#: Cosine from which on a normal points away from the body's axis, or towards it.
+#: Smallest cosine at which a normal counts as pointing away from the body's axis, or towards it.
 CLEAR = 0.01
 
 
@@ -43,15 +41,19 @@ class Traced(ABC):
     directions: tuple[str, ...] = DIRECTIONS
 
     @abstractmethod
-    def trace(self, place: str | float) -> Trace: ...
+    def trace(self, place: str | float) -> Trace:
+        """Displacements on a named group, or of the cross-section at a distance along the axis in m."""
 
     def displacement(self, *places: str | float) -> sp.csr_matrix:
+        """Rows (3 p, n) of the mean displacements of p places along x, y and z."""
         return sp.vstack([self.trace(place).mean for place in places], format="csr")
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
+        """Rows (6, n) of a place's displacement and rotation at the point `about` (3,) m, by default its centroid."""
         return self.trace(place).motion(about)
 
     def centroid(self, place: str | float) -> Array:
+        """Centroid of a place, (3,) m."""
         return self.trace(place).centroid
 
 
@@ -62,29 +64,36 @@ class MeshedModel(Traced):
     transformation: None = None  # the space's coordinates are the model's
 
     def cut(self, parts: int) -> None:
-        """None: it is no line."""
+        """None: a body that is no beam is not cut."""
 
     @property
     @abstractmethod
     def components(self) -> Mapping[int, tuple[int, ...]]:
-        """Which displacements (0, 1, 2) and rotations (3, 4, 5) vertices, edges, faces and cells carry."""
+        """Displacements (0, 1, 2) and rotations (3, 4, 5) of a node, by the dimension of the entity that it sits on.
+
+        The dimensions 0 to 3 are those of vertices, edges, faces and cells.
+        """
 
     @cached_property
     def nodes(self) -> Nodes:
+        """Nodes of the model's function space, with the numbers of their coordinates."""
         return number_nodes(self.mesh.cell, self.mesh.points, self.mesh.cells, self.components)
 
     @property
     def size(self) -> int:
+        """Number of coordinates n."""
         return self.nodes.size
 
     def domain(self, comm: MPI.Comm) -> Any:
+        """The mesh in dolfinx, spread over `comm`; collective."""
         return self.mesh.distribute(comm)
 
     def element_coordinates(self, cells: Indices) -> list[Indices]:
+        """Numbers (c, d) of the coordinates on the given cells, one array for each component."""
         return self.nodes.per_component(cells)
 
     def trace(self, place: str | float) -> Trace:
-        """Displacements on a named group, or of a cross-section; looked for once."""
+        """Displacements on a named group, or of the cross-section at a distance along the axis in m; cached."""
         if place not in self._traces:
             if isinstance(place, str):
                 self._traces[place] = trace(self.mesh, self.nodes, place, degree=2)
@@ -94,30 +103,36 @@ class MeshedModel(Traced):
 
     @cached_property
     def _traces(self) -> dict[str | float, Trace]:
+        """Traces by place, as far as they have been asked for."""
         return {}
 
     def strip(self, face: str, window: Window) -> Strip:
+        """Quadrature points of a face within a window; raises an `InputError` as `flat_face` and `face_strip`."""
         if face not in self._faces:
             self._faces[face] = flat_face(self.mesh, face)
         return face_strip(self._faces[face], self.nodes, window)
 
     @cached_property
     def _faces(self) -> dict[str, FlatFace]:
+        """Flat faces by name, as far as they have been asked for."""
         return {}
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
+        """Numbers of all coordinates along or about the given `directions` on a named group."""
         return coordinates_on(self.mesh, self.nodes, place, [DIRECTIONS.index(d) for d in directions])
 
     def rigid_motions(self) -> Array:
+        """Coordinates (n, 6) under unit translations along and rotations about x, y and z through the origin."""
         return rigid_motions(self.nodes.at, self.nodes.component)
 
     @property
     def grid(self) -> Grid:
-        """The mesh as it is; displacements within its cells are quadratic, a picture takes their vertices'."""
+        """Cells of the mesh; pictures take the displacements of their vertices, although they are quadratic within."""
         name, order = next((name, order) for name, (kind, _, order) in CELLS_OF_KIND.items() if kind == self.mesh.cell)
         return Grid(name, self.mesh.points, self.mesh.cells[:, order], self.mesh.regions)
 
     def point_displacements(self) -> sp.csr_matrix:
+        """Rows (3 N, n) that measure the displacements of the mesh's N vertices along x, y and z."""
         points = np.arange(len(self.mesh.points))
         first = self.nodes.of(points[:, None], 0, len(points))
         columns = (first[:, None] + np.arange(3)).ravel()
@@ -126,18 +141,18 @@ class MeshedModel(Traced):
 
 @dataclass(frozen=True)
 class OfCells:
-    """Kinds of material or thickness, and which of them each cell of a mesh has."""
+    """Materials or thicknesses, and which of these kinds each cell of a mesh has."""
 
     kinds: tuple[object, ...]
-    number: Indices  # (C,): which of the kinds
+    number: Indices  # (C,): each cell's number among the kinds
 
     def values(self, name: str) -> Array:
-        """An attribute of each cell's kind, (C,); ``material.young`` is that of an attribute."""
+        """Attribute `name` of each cell's kind, (C,); ``material.young`` is the attribute of an attribute."""
         return np.array([attrgetter(name)(kind) for kind in self.kinds])[self.number]
 
 
 def by_region(mesh: NamedMesh, default: object, regions: Mapping[str, object]) -> OfCells:
-    """Find the material or thickness of each cell by its region; cells of no region take the default.
+    """Material or thickness of each cell, by its region; cells of no region take the default.
 
     Raises an `InputError` if the mesh has no such group of cells, or two of them share cells.
     """
@@ -155,16 +170,19 @@ def by_region(mesh: NamedMesh, default: object, regions: Mapping[str, object]) -
 
 
 def frequency_scale(points: Array, material: Material, thickness: float = 0.0) -> float:
-    """sqrt(E / rho) r / L^2 in rad/s, with the largest extent L and half the smallest, r: that of a slender beam."""
+    """Scale sqrt(E / rho) r / L^2 in rad/s of the frequencies of a slender beam.
+
+    L is the largest extent of `points` (N, 3) m, r half the smallest, which is at least the thickness (m).
+    """
     extent = np.ptp(points, axis=0)
     depth = max(extent.min(), thickness) / 2.0
     return float(np.sqrt(material.young / material.density) * depth / extent.max() ** 2)
 
 
 def away(mesh: NamedMesh, places: Array, normals: Array) -> Array:
-    """1 where a unit normal (f, 3) at a place (f, 3) points away from the body's axis, -1 towards it, 0 neither.
+    """1 where a unit normal (f, 3) at a point (f, 3) m points away from the body's axis, -1 towards it, 0 neither.
 
-    The axis runs through the middle of the other extents.
+    The axis is along the mesh's longest extent, in the middle of the other extents.
     """
     arm = places - (mesh.points.min(axis=0) + mesh.points.max(axis=0)) / 2.0
     arm[:, mesh.axis] = 0.0
@@ -181,15 +199,15 @@ class CellValues:
 
 
 def cell_values(model: Any, quantity: Callable[[Any], Any], points: Array) -> CellValues:
-    """Tabulate a quantity in all cells, in the order of the model's mesh, on each rank for itself.
+    """Tabulate a quantity in all cells of a model's mesh, in their order; each rank does so alone.
 
     Parameters
     ----------
     model : FiniteElementModel
     quantity : callable
-        From a function space to a UFL vector, linear in a trial function of it.
+        Returns, for a function space, a UFL vector that is linear in a trial function of it.
     points : (q, d) array
-        On the reference cell.
+        Points on the reference cell.
     """
     space = tabulation_space(model.space(model.domain(MPI.COMM_SELF)))
     cells = original_cells(space.mesh)
@@ -202,7 +220,7 @@ def cell_values(model: Any, quantity: Callable[[Any], Any], points: Array) -> Ce
 
 
 def as_rows(entries: Array, coordinates: Indices, size: int) -> sp.csr_matrix:
-    """Rows (P v, size) from entries (P, v, d) on coordinates (P, d), point by point."""
+    """Rows (P v, size) from entries (P, v, d) on coordinates (P, d), the v rows of each point together."""
     columns = np.broadcast_to(coordinates[:, None], entries.shape)
     ends = np.arange(0, entries.size + 1, entries.shape[-1])
     return sp.csr_matrix((entries.ravel(), columns.ravel(), ends), (len(ends) - 1, size))

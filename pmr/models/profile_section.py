@@ -1,10 +1,9 @@
-r"""Properties of a beam's section from its profile, and the mass of transverse plates inside.
-
-The section of a beam from its profile: its properties.
+r"""Properties of a beam's section from its profile, and the mass of transverse plates inside a box.
 
 Area and second moments are those of the plates with their thickness, exactly: plates that meet at a sharp corner are
-mitred there, rounded corners are sectors of a ring.  All else follows from the shear flow in thin walls, with p the
-places on the mid-line beside its centroid, n outwards and the cell's area :math:`A_m`:
+mitred there, rounded corners are sectors of a ring.  All other properties follow from the shear flow q in thin walls
+under a transverse force V.  With the arc length s, the thickness t, p from the walls' centroid to a point of the
+mid-line, the outward normal n and the area :math:`A_m` that the mid-line encloses:
 
 .. math::
     q = q_0 - V^T I^{-1} Q(s), \qquad Q(s) = \int_0^s t\, p\, ds, \qquad I = \oint t\, p\, p^T ds, \qquad
@@ -12,8 +11,9 @@ places on the mid-line beside its centroid, n outwards and the cell's area :math
 
 The shear centre is where V has the moment of q, :math:`\oint q\, (p \cdot n)\, ds`.  The torsion constant is Bredt's,
 :math:`4 A_m^2 / \oint ds / t` (Young, Budynas, Sadegh: Roark's Formulas for Stress and Strain, 8th ed., 2012, section
-10.3).  The shear areas are :math:`V^2 / \oint (q^2 / t) ds`, from the energy of the flow, times what Poisson's ratio
-changes of Cowper's coefficient of the box of that width and height: with :math:`m = b / h`, h along the force,
+10.3).  The shear areas are :math:`V^2 / \oint (q^2 / t) ds`, from the energy of the flow, times the factor by which
+Poisson's ratio changes Cowper's coefficient of the box of the same width and height: with :math:`m = b / h`, h along
+the force and b across it,
 
 .. math::
     \kappa = \frac{10 (1 + \nu) (1 + 3 m)^2}{12 + 72 m + 150 m^2 + 90 m^3 + \nu (11 + 66 m + 135 m^2 + 90 m^3)
@@ -23,16 +23,15 @@ which for :math:`\nu = 0` is the energy's.  Cowper: The shear coefficient in Tim
 Applied Mechanics 33, 1966, 335-340, table 1.  It is exact within 2 % for a circular tube.  Left out: warping, which is
 free, and the shear that a force along one principal axis makes along the other.
 
-The mass of transverse plates within a box, spread over the elements of its beam.
-
-With the outline of a plane figure counter-clockwise, its normal n outwards and p from the axis,
+The mass of transverse plates within a box is spread over the elements of its beam.  With the outline of a plane figure
+counter-clockwise, its normal n outwards and p from the beam's axis,
 
 .. math:: A = \frac12 \oint p \cdot n\, ds, \qquad \int p\, dA = \frac13 \oint p\, (p \cdot n)\, ds, \qquad
     \int p\, p^T dA = \frac14 \oint p\, p^T (p \cdot n)\, ds
 
-a ring is the figure of the walls' middle without the one as far inside as it is deep.  A plate's mass goes to the two
-elements whose middles it is between, so that its sum and its centre are exact; before the first middle and behind the
-last one to the element there.
+a ring is the figure within the walls' mid-line less the one within the mid-line moved inwards by the ring's depth.  A
+plate's mass is shared by the two elements between whose middles it is, so that its sum and its centre are exact;
+before the first middle and behind the last one it goes to that element alone.
 """
 
 from __future__ import annotations
@@ -55,52 +54,54 @@ Indices = NDArray[np.int64]
 #: Gauss' points and weights on (0, 1): exact for straight plates, and to round-off for arcs.
 _X, _W = np.polynomial.legendre.leggauss(16)
 POINTS, WEIGHTS = (_X + 1.0) / 2.0, _W / 2.0
-#: Places and moments that are so much less than the section's own are round-off of a symmetric one.
+#: Centroids and products of inertia below this share of the section's size count as round-off of symmetry.
 ROUND_OFF = 1e-12
 
 
 @dataclass(frozen=True)
 class MidLine:
-    """The line in the middle of a profile's walls."""
+    """The mid-line of a profile's walls; k sides with q Gauss points each."""
 
     profile: BoxProfile
 
     @cached_property
     def sides(self) -> tuple[Side, ...]:
+        """Sides of the profile, counter-clockwise."""
         return self.profile.sides
 
     @cached_property
     def lengths(self) -> Array:
-        """Lengths of the sides, m."""
+        """Lengths of the sides, (k,) m."""
         return np.array([side.length for side in self.sides])
 
     @cached_property
     def thickness(self) -> Array:
-        """Thickness of the sides, m."""
+        """Thicknesses of the sides, (k,) m."""
         return np.array([side.thickness for side in self.sides])
 
     @cached_property
     def points(self) -> Array:
-        """Gauss' points (k, q, 2) m."""
+        """Gauss points, y and z, (k, q, 2) m."""
         return np.array([points_along(side, POINTS) for side in self.sides])
 
     @cached_property
     def lever(self) -> Array:
-        """P . n at these points, (k, q) m."""
+        """Products p . n of the Gauss points p with the outward normals n, (k, q) m."""
         return np.einsum("kqi,kqi->kq", self.points, np.array([normals(side, POINTS) for side in self.sides]))
 
     @property
     def enclosed_area(self) -> float:
-        """Area of the cell, m^2."""
+        """Area that the line encloses, m^2."""
         return float(np.einsum("k,kq,q", self.lengths, self.lever, WEIGHTS)) / 2.0
 
     @property
     def middle(self) -> Array:
-        """Centroid of the line itself, (2,) m: where a shell has the mean of its end."""
+        """Centroid of the line itself, whatever the thickness, (2,) m: the mean over a shell's end."""
         return _tidy(np.einsum("k,kqi,q", self.lengths, self.points, WEIGHTS) / self.lengths.sum(), self._size)
 
     @property
     def torsion_constant(self) -> float:
+        """Bredt's torsion constant, m^4."""
         return float(4.0 * self.enclosed_area**2 / (self.lengths / self.thickness).sum())
 
     @cached_property
@@ -111,13 +112,13 @@ class MidLine:
 
     @cached_property
     def second_moments(self) -> Array:
-        """Second moments of the thin walls, (2, 2) m^4: integrals of y^2, y z and z^2."""
+        """Second moments of the thin walls about their centroid, (2, 2) m^4: integrals of y^2, y z and z^2."""
         p = self.points - self.centroid
         return np.einsum("k,kqi,kqj,q", self.lengths * self.thickness, p, p, WEIGHTS)
 
     @cached_property
     def flow(self) -> Array:
-        """Shear flow of unit forces along y and z, (k, q, 2) 1/m."""
+        """Shear flow at the Gauss points for unit forces along y and z, (k, q, 2) 1/m."""
         first = np.zeros(2)
         moments = []
         for side in self.sides:
@@ -129,22 +130,23 @@ class MidLine:
 
     @property
     def shear_compliance(self) -> Array:
-        """(2, 2) 1/m^2: of the energy of the flow."""
+        """Integrals of the products of both shear flows over the thickness, (2, 2) 1/m^2: inverse shear areas."""
         return np.einsum("k,kqi,kqj,q", self.lengths / self.thickness, self.flow, self.flow, WEIGHTS)
 
     @property
     def shear_centre(self) -> Array:
-        """(2,) m."""
+        """Shear centre, (2,) m."""
         moments = np.einsum("k,kq,kqi,q", self.lengths, self.lever, self.flow, WEIGHTS)
         return _tidy(np.array([moments[1], -moments[0]]), self._size)
 
     @property
     def _size(self) -> float:
+        """Larger one of width and height, m, by which round-off is judged."""
         return max(self.profile.width, self.profile.height)
 
 
 def section_of(profile: BoxProfile, poisson: float) -> BeamSection:
-    """Properties of a profile."""
+    """Section properties of a profile, for the material's Poisson ratio."""
     line = MidLine(profile)
     area, first, second = np.zeros(()), np.zeros(2), np.zeros((2, 2))
     for k, side in enumerate(line.sides):
@@ -169,18 +171,19 @@ def section_of(profile: BoxProfile, poisson: float) -> BeamSection:
 
 
 def _tidy(values: Array, size: float) -> Array:
+    """Values with those set to zero that are round-off compared to `size`."""
     return np.asarray(np.where(np.abs(values) > ROUND_OFF * size, values, 0.0))
 
 
 def _angles(side: Side, x: Array) -> tuple[Array, float]:
-    """Angles of places at shares x of an arc, and of its start, rad."""
+    """Angles (q,) in rad of points at the shares x (q,) in [0, 1] along an arc, and the angle of its start."""
     y, z = np.subtract(side.start, side.centre or (0.0, 0.0))
     start = float(np.arctan2(z, y))
     return start + side.angle * x, start
 
 
 def points_along(side: Side, x: Array) -> Array:
-    """Places (q, 2) m at shares x of a side."""
+    """Points (q, 2) m at the shares x (q,) in [0, 1] along a side."""
     if side.centre is None:
         return np.asarray(side.start + x[:, None] * np.subtract(side.end, side.start))
     angle, _ = _angles(side, x)
@@ -188,7 +191,7 @@ def points_along(side: Side, x: Array) -> Array:
 
 
 def normals(side: Side, x: Array) -> Array:
-    """Unit vectors (q, 2) out of a side there."""
+    """Outward unit vectors (q, 2) at the shares x (q,) in [0, 1] along a side."""
     if side.centre is None:
         return np.tile(side.normal, (len(x), 1))
     angle, _ = _angles(side, x)
@@ -196,7 +199,10 @@ def normals(side: Side, x: Array) -> Array:
 
 
 def _first_moments(side: Side, x: Array, centroid: Array) -> Array:
-    """Integral of t p ds from the start to shares x of a side, (q, 2) m^3."""
+    """Integrals (q, 2) m^3 of t p ds from a side's start to the shares x (q,) along it.
+
+    s is the length along the side, t its thickness, p from `centroid` (2,) to the mid-line.
+    """
     s = (side.length * x)[:, None]
     if side.centre is None:
         return np.asarray(side.thickness * ((side.start - centroid) * s + side.direction * s**2 / 2.0))
@@ -209,7 +215,10 @@ Integrals = tuple[Array, Array, Array]
 
 
 def _strip(side: Side, before: Side, after: Side) -> Integrals:
-    """Integrals of 1, p (2,) and p p^T (2, 2) over a flat plate, mitred where it meets others."""
+    """Integrals of 1, p (2,) and p p^T (2, 2) over a flat plate, with p from the axis.
+
+    It is mitred at sharp corners.
+    """
     x, w = np.polynomial.legendre.leggauss(3)
     out = x * side.thickness / 2.0
     start = out * _mitre(side, before, 1.0)
@@ -221,7 +230,10 @@ def _strip(side: Side, before: Side, after: Side) -> Integrals:
 
 
 def _mitre(side: Side, other: Side, sense: float) -> float:
-    """By how much a plate gets shorter at an end for each metre outwards; nothing where an arc goes on."""
+    """Shortening at a plate's end per metre outwards from the mid-line, to meet `other` in a mitre; zero beside an arc.
+
+    `sense` is not used.
+    """
     if other.centre is not None:
         return 0.0
     cosine = float(side.direction @ other.direction)
@@ -229,7 +241,7 @@ def _mitre(side: Side, other: Side, sense: float) -> float:
 
 
 def _sector(side: Side) -> Integrals:
-    """Integrals over a rounded corner."""
+    """Integrals of 1, p (2,) and p p^T (2, 2) over a rounded corner, a sector of a ring, with p from the axis."""
     r, t, centre = side.radius, side.thickness, np.array(side.centre)
     (b,), a = _angles(side, np.ones(1))
     c, s, twice = np.sin(b) - np.sin(a), np.cos(a) - np.cos(b), (np.sin(2.0 * b) - np.sin(2.0 * a)) / 4.0
@@ -242,11 +254,15 @@ def _sector(side: Side) -> Integrals:
 
 
 def _of_poisson(across: float, along: float, nu: float) -> float:
-    """Factor by which Poisson's ratio changes a box's shear coefficient."""
+    """Factor by which Poisson's ratio changes the shear coefficient of a box `across` wide and `along` high (m).
+
+    The force acts along its height.
+    """
     return _shear_coefficient(across / along, nu) / _shear_coefficient(across / along, 0.0)
 
 
 def _shear_coefficient(m: float, nu: float) -> float:
+    """Cowper's shear coefficient kappa of a thin-walled box, m being its width over its height along the force."""
     return (
         10.0 * (1.0 + nu) * (1.0 + 3.0 * m) ** 2
         / (
@@ -259,44 +275,44 @@ def _shear_coefficient(m: float, nu: float) -> float:
 
 @dataclass(frozen=True)
 class Plane:
-    """Integrals over a plane figure about the axis: of 1, of p and of p p^T."""
+    """Integrals over a plane figure, with p from the beam's axis: of 1, p and p p^T."""
 
     area: float  # m^2
     first: Array  # (2,) m^3
     second: Array  # (2, 2) m^4
 
     def less(self, other: Plane) -> Plane:
-        """Subtract another plane figure."""
+        """Integrals over this figure without `other`, which is inside."""
         return Plane(self.area - other.area, self.first - other.first, self.second - other.second)
 
 
 @dataclass(frozen=True)
 class RingMasses:
-    """Areas that plates add to each of E elements, spread over its length."""
+    """Areas and moments that plates add to each of E elements, spread over its length."""
 
-    ends: Array  # (E + 1,) m
+    ends: Array  # (E + 1,) m: of the elements along the axis
     area: Array  # (E,) m^2
     first: Array  # (E, 2) m^3, about the axis
     second: Array  # (E, 2, 2) m^4
 
     def at(self, places: Array) -> RingMasses:
-        """Areas of elements with their middles at these places (e,) m."""
+        """Areas and moments of the elements that contain the coordinates `places` (e,) m."""
         number = np.clip(np.searchsorted(self.ends, places) - 1, 0, len(self.area) - 1)
         return replace(self, area=self.area[number], first=self.first[number], second=self.second[number])
 
     @cached_property
     def centroid(self) -> Array:
-        """(E, 2) m; the axis where nothing is added."""
+        """Centroids of the added areas, (E, 2) m; zero where nothing is added."""
         return self.first / np.where(self.area > 0.0, self.area, 1.0)[:, None]
 
     @cached_property
     def about_centroid(self) -> Array:
-        """Second moments, (E, 2, 2) m^4."""
+        """Second moments of the added areas about their centroids, (E, 2, 2) m^4."""
         return self.second - self.area[:, None, None] * np.einsum("ei,ej->eij", self.centroid, self.centroid)
 
 
 def ring_masses(box: Box, stations: Array) -> RingMasses:
-    """Areas that a box's frames add to elements with these ends (E + 1,) m."""
+    """Areas and moments that a box's frames add to the elements between `stations` (E + 1,) m."""
     h, middles = np.diff(stations), (stations[1:] + stations[:-1]) / 2.0
     area, first, second = np.zeros(len(h)), np.zeros((len(h), 2)), np.zeros((len(h), 2, 2))
     for x in box.frames:
@@ -315,7 +331,7 @@ def ring_masses(box: Box, stations: Array) -> RingMasses:
 
 
 def inset(sides: tuple[Side, ...], depth: float) -> tuple[Side, ...]:
-    """Move the sides of a profile so far inside, m."""
+    """Sides of a profile, moved inwards by `depth` (m)."""
     inner_sides = []
     for k, side in enumerate(sides):
         a, b = ends_of(sides, k, lambda _: -depth)
@@ -324,7 +340,7 @@ def inset(sides: tuple[Side, ...], depth: float) -> tuple[Side, ...]:
 
 
 def enclosed_figure(sides: tuple[Side, ...]) -> Plane:
-    """Area and moments of the figure that a profile encloses."""
+    """Area and moments of the figure that the mid-line of a profile's sides encloses."""
     area, first, second = 0.0, np.zeros(2), np.zeros((2, 2))
     for side in sides:
         p = points_along(side, POINTS)

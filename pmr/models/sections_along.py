@@ -1,25 +1,22 @@
-r"""What beams share: sections along the axis, bending of an element, and stresses in the outer corners.
+r"""Sections of a beam along its axis, the bending of an element, and stresses in the profile's outer corners.
 
-The sections of a beam along its axis: one, or one after the other.
+Stresses follow from section forces: Navier's from the normal force and bending, Bredt's from the torque, in the
+thinner of the two plates that meet in a corner.  Left out are the shear stresses of transverse forces, largest in the
+middle of a wall; warping; and all that a beam does not represent, such as walls that bend under pads.  Outer corners
+that are rounded get the stresses of sharp ones, which are larger.
 
-Stresses in the outer corners of a beam's profile, from section forces.
-
-Navier's of the normal force and of bending, and Bredt's of the torque, in the thinner of both plates that meet.  Left
-out: shear stresses of transverse forces, largest in the middle of a wall; warping; and all that a beam does not know
-of, as walls that bend under pads.  Outer corners that are rounded have the stresses of sharp ones, which are larger.
-
-Bending in one plane, by cubic Hermite elements, with shear or without.
+Bending in one plane, with cubic Hermite elements of length h, with shear or without:
 
 .. math::
     k = \int EI \Bigl( w'' \delta w'' - \frac{h^2}{12} \frac{\Phi}{1 + \Phi} w''' \delta w''' \Bigr) dx, \qquad
     \Phi = \frac{12 EI}{\kappa G A h^2}
 
-Without shear Phi = 0 and the last term is left out: Euler and Bernoulli's beam.  With shear, nodal slopes are rotations
-psi of the section.  The shear strain of an element, :math:`\gamma = -\frac{h^2}{12} \frac{\Phi}{1 + \Phi} w'''`,
-follows from its own minimum of energy, which gives the term above and the interpolation
-:math:`w + \gamma h (X - 3 X^2 + 2 X^3)`, :math:`\psi = w' - \gamma`: nodal values are exact in statics, frequencies
-converge with order 2 (4 without shear).  Przemieniecki: Theory of Matrix Structural Analysis, 1968, section 5.6
-(stiffness), 11.3 (mass).
+Without shear Phi = 0 and the last term is left out: Euler and Bernoulli's beam.  With shear, nodal slopes are
+rotations psi of the section.  The shear strain of an element, :math:`\gamma = -\frac{h^2}{12} \frac{\Phi}{1 + \Phi}
+w'''`, follows from its own minimum of energy, which gives the term above and the interpolation :math:`w + \gamma h (X
+- 3 X^2 + 2 X^3)`, :math:`\psi = w' - \gamma`, with X in [0, 1] along the element: nodal values are exact in statics,
+frequencies converge with order 2 (4 without shear).  Przemieniecki: Theory of Matrix Structural Analysis, 1968,
+section 5.6 (stiffness), 11.3 (mass).
 """
 
 from __future__ import annotations
@@ -46,24 +43,33 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class SectionsAlong:
-    """Places and properties of K sections one after the other; moments are along principal axes."""
+    """K sections of a beam, one after the other along its axis, and their properties.
 
-    ends: Array  # (K + 1,) m: where each begins, and the last one ends
+    Second moments and shear areas are along each section's principal axes.
+    """
+
+    ends: Array  # (K + 1,) m: start of each section, and end of the last one
     each: tuple[BeamSection, ...]
-    stretches: tuple[Stretch | None, ...]  # with the profiles that they are of, where they are known
-    poisson: float = 0.3  # of the material, which shear areas depend on
+    stretches: tuple[Stretch | None, ...]  # the stretch of each section, with its profiles; None if unknown
+    poisson: float = 0.3  # Poisson's ratio, on which shear areas depend
 
     def at(self, places: Array | float) -> Indices:
-        """Numbers of the sections at places along the axis, (k,); where one ends those that begin there."""
+        """Numbers (k,) of the sections at coordinates `places` (k,) m along the axis.
+
+        Where one section ends and another begins, it is the latter.
+        """
         return np.clip(np.searchsorted(self.ends, places, side="right") - 1, 0, len(self.each) - 1)
 
     def profile_at(self, x: float) -> BoxProfile | None:
-        """At a place along the axis in m; None where it is not known."""
+        """Profile at the coordinate x (m) along the axis; None if it is unknown."""
         stretch = self.stretches[int(self.at(x))]
         return None if stretch is None else stretch.at(x)
 
     def middle_at(self, x: float) -> Array:
-        """Middle of the walls' line at x, (2,) m, where a shell has the mean of its end; without a profile the axis."""
+        """Centroid of the walls' mid-line at x (m), (2,) m, which is a shell's mean over its end.
+
+        It is on the axis if there is no profile.
+        """
         number = int(self.at(x))
         middle, stretch = self._middles[number], self.stretches[number]
         if middle is None:
@@ -73,7 +79,7 @@ class SectionsAlong:
 
     @cached_property
     def _middles(self) -> tuple[Array | None, ...]:
-        """Middle of the walls' line of each section; None where it varies along the section."""
+        """Centroid of the walls' mid-line of each section, (2,) m; None where it varies along the section."""
         return tuple(
             np.zeros(2) if stretch is None else MidLine(stretch.first).middle if stretch.first is stretch.last else None
             for stretch in self.stretches
@@ -81,42 +87,42 @@ class SectionsAlong:
 
     @cached_property
     def area(self) -> Array:
-        """(K,) m^2."""
+        """Areas (K,) m^2."""
         return np.array([section.area for section in self.each])
 
     @cached_property
     def torsion_constant(self) -> Array:
-        """(K,) m^4."""
+        """Torsion constants (K,) m^4."""
         return np.array([section.torsion_constant for section in self.each])
 
     @cached_property
     def polar_moment(self) -> Array:
-        """(K,) m^4."""
+        """Polar second moments (K,) m^4."""
         return np.array([section.polar_moment for section in self.each])
 
     @cached_property
     def centroid(self) -> Array:
-        """(K, 2) m."""
+        """Centroids (K, 2) m: y and z beside the axis."""
         return np.array([section.centroid for section in self.each])
 
     @cached_property
     def shear_centre(self) -> Array:
-        """(K, 2) m."""
+        """Shear centres (K, 2) m: y and z beside the axis."""
         return np.array([section.shear_centre for section in self.each])
 
     @property
     def turned(self) -> bool:
-        """Whether principal axes of any section are turned against y and z."""
+        """Whether the principal axes of any section are turned against y and z."""
         return any(section.product_of_inertia != 0.0 for section in self.each)
 
     @cached_property
     def principal(self) -> Array:
-        """R (K, 2, 2): principal axes as rows, no farther from y and z than half a right angle."""
+        """Matrices R (K, 2, 2) with the principal axes as rows, turned by at most 45 degrees against y and z."""
         return np.array([_principal(section) for section in self.each])
 
     @cached_property
     def second_moments(self) -> Array:
-        """About the centroid, along the principal axes, (K, 2) m^4."""
+        """Second moments (K, 2) m^4 about the centroid, for bending along each principal axis."""
         tensors = np.array(
             [
                 [
@@ -130,7 +136,7 @@ class SectionsAlong:
 
     @cached_property
     def shear_areas(self) -> Array | None:
-        """Along the principal axes, (K, 2) m^2; None where one is unknown."""
+        """Shear areas along the principal axes, (K, 2) m^2; None if one is unknown."""
         areas = [(section.shear_area_y, section.shear_area_z) for section in self.each]
         if any(None in pair for pair in areas):
             return None
@@ -138,14 +144,20 @@ class SectionsAlong:
 
     @cached_property
     def own_motion(self) -> Array:
-        """(K, 6, 6): u_c, v_s, w_s, phi and rotations about the principal axes from the motion of the axis."""
+        """Matrices (K, 6, 6) that give u_c, v_s, w_s, phi and rotations about the principal axes from the axis' motion.
+
+        u_c is the centroid's displacement along x; v_s and w_s are the shear centre's along the principal axes.
+        """
         motion = about_own_centres(self)
         motion[:, 1:3], motion[:, 4:] = self.principal @ motion[:, 1:3], self.principal @ motion[:, 4:]
         return motion
 
 
 def about_own_centres(sections: SectionsAlong) -> Array:
-    """(K, 6, 6): u of the centroid, v and w of the shear centre, and rotations, from the motion of the axis."""
+    """Matrices (K, 6, 6) that give u of the centroid, v and w of the shear centre and rotations from the axis' motion.
+
+    Unlike `SectionsAlong.own_motion`, all components are along and about x, y and z.
+    """
     motion = np.tile(np.eye(6), (len(sections.each), 1, 1))
     motion[:, 0, 4], motion[:, 0, 5] = sections.centroid[:, 1], -sections.centroid[:, 0]
     motion[:, 1, 3], motion[:, 2, 3] = -sections.shear_centre[:, 1], sections.shear_centre[:, 0]
@@ -153,9 +165,10 @@ def about_own_centres(sections: SectionsAlong) -> Array:
 
 
 def sections_of(body: Beam3DBody, stations: Array, box: Box | None = None) -> SectionsAlong:
-    """Sections of a beam with nodes at the stations (N,) m: one, or of a box that varies one of each of its parts.
+    """Sections of a beam with nodes at `stations` (N,) m, from its section, its profile or a `box` that varies.
 
-    Where it changes from place to place a part is an element.
+    A stretch of constant profile is one section.  Where the profile changes along a stretch, each element is a
+    section.
     """
     poisson = body.material.poisson
     if body.profile is None:
@@ -172,7 +185,7 @@ def sections_of(body: Beam3DBody, stations: Array, box: Box | None = None) -> Se
 
 
 def mean_section(stretch: Stretch, poisson: float) -> BeamSection:
-    """Means of a stretch's properties, by Gauss' rule: of the area exact, as it changes with the square of x."""
+    """Mean properties over a stretch by Gauss' rule; exact for the area, which is quadratic in x."""
     if stretch.first is stretch.last:
         return section_of(stretch.first, poisson)
     x, w = np.polynomial.legendre.leggauss(3)
@@ -183,13 +196,13 @@ def mean_section(stretch: Stretch, poisson: float) -> BeamSection:
 
 
 def _inner_nodes(stretch: Stretch, stations: Array) -> list[float]:
-    """Nodes within a stretch that changes from place to place."""
+    """Nodes strictly inside a stretch whose profile changes along it; none in others."""
     inside = (stations > stretch.start) & (stations < stretch.end) & (stretch.first is not stretch.last)
     return [float(at) for at in stations[inside]]
 
 
 def stations_of(breaks: Sequence[float], elements: int) -> Array:
-    """Nodes of a beam of about so many elements, one at each of the breaks at least, in between evenly spaced, m."""
+    """Nodes in m of a beam of about `elements` elements: one at each of the breaks (m), evenly spaced in between."""
     parts = [np.array(breaks[:1])]
     for a, b in zip(breaks[:-1], breaks[1:], strict=True):
         count = max(1, round(elements * (b - a) / (breaks[-1] - breaks[0])))
@@ -198,6 +211,7 @@ def stations_of(breaks: Sequence[float], elements: int) -> Array:
 
 
 def _principal(section: BeamSection) -> Array:
+    """Principal axes of a section as rows (2, 2)."""
     if section.product_of_inertia == 0.0:
         return np.eye(2)
     difference = section.second_moment_z - section.second_moment_y
@@ -205,12 +219,15 @@ def _principal(section: BeamSection) -> Array:
     return np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
 
 
-#: Places (k, 2) m in a profile by their names, and their stresses of unit section forces (k, c, 6).
+#: Points (2,) m of a profile by their names, and c stresses in each of the k points per unit section force, (k, c, 6).
 Corners = tuple[dict[str, Array], Array]
 
 
 def of_corners(profile: BoxProfile, section: BeamSection) -> Corners:
-    r"""Axial stress and that of torsion in each corner of unit section forces, in the order of `FORCES`, (k, 2, 6).
+    r"""Corners of a profile, and the axial and torsion stress in each per unit section force, (k, 2, 6).
+
+    Section forces are in the order of `FORCES`.  With the corner p, the centroid c, the area A, the second moments I,
+    the enclosed area :math:`A_m` and the thickness t
 
     .. math:: \sigma = \frac{N}{A} + \begin{pmatrix} -M_z & M_y \end{pmatrix} I^{-1} (p - c), \qquad
         \tau = \frac{T}{2 A_m t}
@@ -226,7 +243,7 @@ def of_corners(profile: BoxProfile, section: BeamSection) -> Corners:
 
 
 def of_fibres(profile: BoxProfile, section: BeamSection) -> Corners:
-    """Axial stress of N and M_y below and above, (2, 1, 6)."""
+    """Lowest and highest fibre of a profile, and the axial stress in both per unit section force, (2, 1, 6)."""
     heights, stresses = [corner.at[1] for corner in profile.corners], np.zeros((2, 1, len(FORCES)))
     places = {"bottom": np.array([0.0, min(heights)]), "top": np.array([0.0, max(heights)])}
     stresses[:, 0, 0] = 1.0 / section.area
@@ -241,9 +258,16 @@ def stresses_along(
     element: Indices,
     corners: Callable[[BoxProfile, BeamSection], Corners],
 ) -> StressRows | None:
-    """Stresses of section forces at P places, in these sections and elements (P,); None where a section has no profile.
+    """Stresses from section forces at P points along a beam; None if one of the sections has no profile.
 
-    Of a section that changes from place to place stresses are those of the profile at the place.
+    Parameters
+    ----------
+    number, element : (P,) integer arrays
+        Section and element of each point.
+    forces : ForceRows
+        Section forces; those of one kind at all P points come after each other.
+    corners : callable
+        `of_corners` or `of_fibres`.  Where a profile varies along its section, it is called with that at the point.
     """
     corners_of, keys = dict[tuple[int, float], Corners](), []
     for k, x in zip(number.tolist(), forces.x[: len(number)].tolist(), strict=True):
@@ -260,16 +284,16 @@ def stresses_along(
 
 
 def stress_rows(forces: ForceRows, element: Indices, corners: Mapping[str, Array], of: Array) -> StressRows:
-    """Stresses in corners of unit section forces, at each of the P places of section forces.
+    """Stresses from section forces at P points along a beam.
 
     Parameters
     ----------
     element : (P,) array
-        Where the places of each force are.
+        Element of each point.
     corners : dict of str to (P, 2) array, m
-        Where in the section.
+        y and z of each of the k corners at each point.
     of : (P, k, c, 6) array
-        Stresses in k corners, c of them or the axial one alone.
+        c stress components in the corners per unit section force: axial, then torsion if c = 2.
     """
     count, components = len(element), of.shape[2]
     names = forces.names[::count]
@@ -297,16 +321,17 @@ def stress_rows(forces: ForceRows, element: Indices, corners: Mapping[str, Array
 
 #: N2, N3 / h, N5, N6 / h as polynomials in xi in [0, 1], highest power first.
 HERMITE = np.array([[2.0, -3.0, 0.0, 1.0], [1.0, -2.0, 1.0, 0.0], [-2.0, 3.0, 0.0, 0.0], [1.0, -1.0, 0.0, 0.0]])
-#: Their derivatives.
+#: Their first and third derivatives.
 FIRST, THIRD = (np.array([np.polyder(p, k) for p in HERMITE]) for k in (1, 3))
 
 
 @dataclass(frozen=True)
 class Deflection:
-    """Bending in one plane, in UFL: what nodal values interpolate, the shear strain (None: rigid in shear), and both.
+    """Bending in one plane, in UFL: the interpolated cubic's derivatives, the shear strain, and the motion from both.
 
-    `second` in 1/m and `third` in 1/m^2 are derivatives of the interpolated cubic, `value` is in m, `rotation` of the
-    section in rad, `curvature`, its derivative, in 1/m.
+    `second` in 1/m and `third` in 1/m^2 are derivatives of the interpolated cubic; `shear` is the shear strain, None
+    for a beam that is rigid in shear.  `value` is the deflection in m, `rotation` that of the section in rad,
+    `curvature` its derivative in 1/m.
     """
 
     second: Any
@@ -319,15 +344,19 @@ class Deflection:
 
 @dataclass(frozen=True)
 class Bending:
-    """Bending stiffness EI in N m^2 and shear stiffness kappa G A in N (None: rigid in shear) of K sections."""
+    """Bending of K sections in one plane.
+
+    `stiffness` is EI in N m^2, `shear_stiffness` kappa G A in N; None: rigid in shear.
+    """
 
     stiffness: Array  # (K,)
     shear_stiffness: Array | None = None  # (K,)
 
     def interpolated(self, h: Array, X: Array, number: Indices) -> tuple[Array, Array]:
-        """Weights (4, q) of w_1, psi_1, w_2, psi_2 in the deflection at X h and in the rotation of the section there.
+        """Weights (4, q) of w_1, psi_1, w_2, psi_2 in the deflection and in the section's rotation, in q elements.
 
-        In q elements of lengths h (m) with these sections.
+        w_1 and psi_1 are deflection and rotation at the element's first node, w_2 and psi_2 at its second.  Weights
+        are at X h in elements of lengths h (m) with the sections `number`; X in [0, 1], h and number are (q,).
         """
         scale = np.stack([np.ones_like(h), h, np.ones_like(h), h])
         value, slope = _evaluate(HERMITE, X) * scale, _evaluate(FIRST, X) * scale / h
@@ -338,7 +367,10 @@ class Bending:
         return value + gamma * h * (X - 3 * X**2 + 2 * X**3), slope + gamma * (-6 * X + 6 * X**2)
 
     def deflection(self, w: Any, h: Any, X: Any, of_elements: Callable[[Array], Any]) -> Deflection:
-        """In UFL, from the cubic w in elements of lengths h at X h, with what makes properties of sections UFL."""
+        """Deflection in UFL from the cubic w in elements of lengths h, at X in [0, 1] along each.
+
+        `of_elements` turns a property (K,) of the sections into UFL.
+        """
         first = w.dx(0)  # each looks through all that it is the derivative of
         second = first.dx(0)
         third = second.dx(0)
@@ -351,14 +383,17 @@ class Bending:
         return Deflection(second, third, gamma, w + gamma * bulge, rotation, curvature)
 
     def energy(self, of: Deflection, by: Deflection, of_elements: Callable[[Array], Any]) -> Any:
-        """The integrand of k in UFL."""
+        """Integrand of the bending stiffness in UFL, for trial (`of`) and test function (`by`).
+
+        `of_elements` turns a property (K,) of the sections into UFL.
+        """
         EI = of_elements(self.stiffness)
         integrand = EI * of.second * by.second
         return integrand if of.shear is None else integrand + EI * of.shear * by.third
 
 
 def _evaluate(polynomials: Array, X: Array) -> Array:
-    """Values (p, q) of polynomials (p, d), highest power first, at X (q,)."""
+    """Values (p, q) of p polynomials (p, d), highest power first, at X (q,)."""
     values = np.zeros((len(polynomials), len(X)))
     for c in polynomials.T:
         values = values * X + c[:, None]

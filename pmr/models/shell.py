@@ -57,17 +57,17 @@ from pmr.scene.structures import Material, Plate, ShellBody
 Array = NDArray[np.float64]
 
 KINDS = ("triangle",)
-#: Cosine between a triangle's normal and the body's axis from which on the triangle lies across it.
+#: Smallest cosine between a triangle's normal and the body's axis at which the triangle counts as across the axis.
 ACROSS = 0.9
 
 
 @dataclass(frozen=True)
 class Shell(MeshedModel):
-    """The model on a mesh of triangles."""
+    """Shell on a mesh of triangles."""
 
     body: ShellBody
     mesh: NamedMesh
-    walls: Array | None = None  # (C,) m: thickness of each cell, where it is not that of its plate
+    walls: Array | None = None  # (C,) m: thickness of each cell; None: that of its plate
 
     @property
     def components(self) -> Mapping[int, tuple[int, ...]]:
@@ -76,6 +76,7 @@ class Shell(MeshedModel):
 
     @cached_property
     def plates(self) -> OfCells:
+        """Material and thickness of each cell."""
         return by_region(self.mesh, self.body.plate, self.body.regions)
 
     @property
@@ -85,13 +86,16 @@ class Shell(MeshedModel):
 
     @property
     def reference_frequency(self) -> float:
+        """Scale of the lowest circular frequencies in rad/s."""
         plate = self.body.plate
         return frequency_scale(self.mesh.points, plate.material, plate.thickness)
 
     def space(self, domain: Any) -> Any:
+        """Function space on `domain`, the mesh in dolfinx."""
         return shell_space(domain)
 
     def forms(self, space: Any) -> Forms:
+        """Mass and stiffness as UFL forms on `space`."""
         mesh = space.mesh
         E, nu, rho, t = self._cellwise(mesh)
         (u, theta), (du, dtheta) = ufl.TrialFunctions(space), ufl.TestFunctions(space)
@@ -109,9 +113,10 @@ class Shell(MeshedModel):
         return Forms(self.inertia(space, ufl.Identity(3)) + drilling, stiffness)
 
     def inertia(self, space: Any, S: Any) -> Any:
-        r"""The form of :math:`\int \rho t\, v \cdot S u + \frac{\rho t^3}{12} v_{,\zeta} \cdot S u_{,\zeta}\, dA`.
+        r"""The UFL form of :math:`\int \rho t\, v \cdot S u + \frac{\rho t^3}{12} v_{,\zeta} \cdot S u_{,\zeta}\, dA`.
 
-        A point zeta off the middle moves by u + zeta theta x n, so drilling rotations have no part in it.
+        A point at the distance zeta from the middle along the normal n moves by u + zeta theta x n, so drilling
+        rotations do not contribute.
         """
         mesh = space.mesh
         _, _, rho, t = self._cellwise(mesh)
@@ -122,11 +127,11 @@ class Shell(MeshedModel):
         return of_plate * _mass_measure(mesh)
 
     def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
-        r"""The form of the stresses' work on the squares of gradients, with the membrane stress sigma.
+        r"""The UFL form of the work of a state's membrane stress sigma on products of gradients.
 
         .. math:: \int t\, \sigma_{\alpha\beta}\, u_{i,\alpha} v_{i,\beta}\, dA
 
-        What of the stress bends the wall, and the gradient of its rotations, are left out.
+        The bending part of the stress and the gradient of rotations are left out.
         """
         mesh = space.mesh
         E, nu, _, t = self._cellwise(mesh)
@@ -139,12 +144,15 @@ class Shell(MeshedModel):
         return t * ufl.inner(ufl.dot(of, sigma), by) * measure
 
     def _cellwise(self, mesh: Any) -> list[Any]:
-        """Young's modulus, Poisson's ratio, density and thickness."""
+        """Young's modulus (Pa), Poisson's ratio, density (kg/m^3) and thickness (m) of each cell, in UFL."""
         names = "material.young", "material.poisson", "material.density"
         return [*(cellwise(mesh, self.plates.values(name)) for name in names), cellwise(mesh, self.thickness)]
 
     def plane_stresses(self, space: Any) -> Any:
-        """A : epsilon in Pa and A : kappa in Pa/m of a trial function: along, across and shear of `frames`."""
+        """Membrane stresses in Pa, then bending stresses per distance from the middle in Pa/m, as a UFL vector of six.
+
+        They are of a trial function; each is given along, across, and as shear, in the axes of `frames`.
+        """
         mesh, axes = space.mesh, frames(self.mesh)
         frame = [ufl.as_vector([cellwise(mesh, axes[:, k, i]) for i in range(3)]) for k in range(3)]
         E, nu, *_ = self._cellwise(mesh)
@@ -172,7 +180,7 @@ class Shell(MeshedModel):
 
 
 class Strains:
-    """Strains of a displacement u and a rotation theta in a frame of three unit vectors, the last one the normal."""
+    """Strains of a displacement u and rotation theta in UFL, in a frame of three unit vectors, the last one normal."""
 
     def __init__(self, u: Any, theta: Any, frame: Sequence[Any]) -> None:
         in_plane, normal = _in_plane(frame), frame[2]
@@ -186,25 +194,27 @@ class Strains:
 
 
 def _in_plane(frame: Sequence[Any]) -> Any:
-    """The first two vectors of a frame as rows (2, 3)."""
+    """The first two vectors of a frame as the rows of a matrix (2, 3)."""
     return ufl.as_matrix([[e[i] for i in range(3)] for e in frame[:2]])
 
 
 def _surface_gradient(field: Any, frame: Sequence[Any]) -> Any:
-    """Derivatives along both, the last axis."""
+    """Derivatives of a field along the first two vectors of a frame, on the last axis."""
     return ufl.dot(ufl.grad(field), ufl.transpose(_in_plane(frame)))
 
 
 def _mass_measure(mesh: Any) -> Any:
+    """UFL measure by which forms of the mass are integrated."""
     return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 4})
 
 
 def _plane_stress(E: Any, nu: Any, strain: Any) -> Any:
+    """Stress in Pa of a strain (2, 2) in UFL, for Young's modulus E and Poisson's ratio nu."""
     return E / (1 - nu**2) * ((1 - nu) * strain + nu * ufl.tr(strain) * ufl.Identity(2))
 
 
 def _frame(mesh: Any) -> tuple[Any, Any, Any]:
-    """Unit vectors of each triangle: along its first edge, across in its plane, normal to it."""
+    """Unit vectors of each triangle in UFL: along its first edge, across it in its plane, normal to it."""
     J = ufl.Jacobian(mesh)
     first, second = ufl.as_vector([J[i, 0] for i in range(3)]), ufl.as_vector([J[i, 1] for i in range(3)])
     normal = ufl.cross(first, second)
@@ -213,7 +223,7 @@ def _frame(mesh: Any) -> tuple[Any, Any, Any]:
 
 
 def of(body: Body, mesh: NamedMesh) -> Shell:
-    """The shell that a scene's body is."""
+    """The shell model of a scene's body on a mesh."""
     if body.box is not None:
         plate, regions = plates(body.box, body.material)
         if body.box.frames:
@@ -235,7 +245,11 @@ def of(body: Body, mesh: NamedMesh) -> Shell:
 
 
 def draw_box(box: Box, size: float, along: float, tail_layer: float = 0.0) -> BoxBoom:
-    """A box as it is drawn, with cells of these sizes."""
+    """Geometry and cells of a box for gmsh.
+
+    Cells are `size` (m) wide around the section and `along` (m) long, 0: as long as wide; `tail_layer` (m) is the
+    length of the first layer at the tail, 0: as all others.
+    """
     depth = np.inf if box.frame_depth == "full" else box.frame_depth
     if not box.variations:
         return BoxBoom(box.sides, box.length, size, along, tail_layer, box.frames, depth)
@@ -264,7 +278,7 @@ def walls_along(box: Box, mesh: NamedMesh) -> Array:
 
 
 def plates(profile: BoxProfile, material: Material) -> tuple[Plate, dict[str, Plate]]:
-    """The thickest plate of a profile, and the others by the names of their walls."""
+    """The thickest plate of a profile, and thinner ones by the names of their walls."""
     walls = profile.walls
     thickest = max(walls.values())
     thinner = {name: Plate(material=material, thickness=wall) for name, wall in walls.items() if wall < thickest}
@@ -272,9 +286,9 @@ def plates(profile: BoxProfile, material: Material) -> tuple[Plate, dict[str, Pl
 
 
 def frames(mesh: NamedMesh) -> Array:
-    """Unit vectors (C, 3, 3) of each triangle: along the body's axis, across it in the plane, normal, outward.
+    """Unit vectors (C, 3, 3) of each triangle: along the body's axis, across it in the triangle, outward normal.
 
-    Where the body's axis is across a triangle, the next one in space takes its place.
+    Where a triangle is across the body's axis, the next of the axes x, y, z replaces it.
     """
     corners = mesh.points[mesh.cells]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -286,9 +300,10 @@ def frames(mesh: NamedMesh) -> Array:
 
 
 def _outward(mesh: NamedMesh, places: Array, normals: Array) -> Array:
-    """The normals (f, 3) of a surface, those that point towards the body's axis turned round.
+    """Normals (f, 3) at the points `places` (f, 3) of a surface, turned away from the body's axis.
 
-    Where they do neither, on a flat plate or across the axis, their largest component becomes positive.
+    Where they point neither away nor towards it, as on a flat plate or across the axis, the largest component becomes
+    positive.
     """
     largest = np.take_along_axis(normals, np.abs(normals).argmax(axis=1)[:, None], axis=1)[:, 0]
     flat = bool(np.all(np.abs(normals @ normals[0]) > FLAT))

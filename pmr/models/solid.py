@@ -42,13 +42,13 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 KINDS = ("tetrahedron", "hexahedron")
-#: Degree of the rule whose points are two in each direction, or four.
+#: Degree of the quadrature rule with two points in each direction of a hexahedron, or four in a tetrahedron.
 DEGREE = {"hexahedron": 3, "tetrahedron": 2}
 
 
 @dataclass(frozen=True)
 class Solid(MeshedModel):
-    """The model on a mesh of tetrahedra or hexahedra; it has no rotations, a place's rotation is that of its mean."""
+    """Solid on a mesh of tetrahedra or hexahedra, without rotations; a place's rotation is that of its mean motion."""
 
     body: SolidBody
     mesh: NamedMesh
@@ -60,16 +60,20 @@ class Solid(MeshedModel):
 
     @cached_property
     def materials(self) -> OfCells:
+        """Material of each cell."""
         return by_region(self.mesh, self.body.material, self.body.regions)
 
     @property
     def reference_frequency(self) -> float:
+        """Scale of the lowest circular frequencies in rad/s."""
         return frequency_scale(self.mesh.points, self.body.material)
 
     def space(self, domain: Any) -> Any:
+        """Function space on `domain`, the mesh in dolfinx."""
         return lagrange_space(domain, 2)
 
     def forms(self, space: Any) -> Forms:
+        """Mass and stiffness as UFL forms on `space`."""
         u, du = ufl.TrialFunction(space), ufl.TestFunction(space)
         # Tetrahedra: exact.  Hexahedra: exact for boxes, three Gauss points in each direction.
         dk = _measure(space.mesh, 4 if self.mesh.cell == "hexahedron" else 2)
@@ -77,28 +81,36 @@ class Solid(MeshedModel):
         return Forms(self.inertia(space, ufl.Identity(3)), stiffness)
 
     def inertia(self, space: Any, S: Any) -> Any:
+        """The UFL form of int rho v . S u dV, of the trial function u and the test function v."""
         rho = cellwise(space.mesh, self.materials.values("density"))
         u, du = ufl.TrialFunction(space), ufl.TestFunction(space)
         return rho * ufl.dot(du, ufl.dot(S, u)) * _measure(space.mesh, 4)
 
     def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
+        """The UFL form of int sigma_jk u_i,j v_i,k dV, of the trial function u and the test function v.
+
+        sigma are the stresses of a unit state.
+        """
         u, du = ufl.TrialFunction(space), ufl.TestFunction(space)
         sigma = self._stress(space.mesh, state.displacement(space))
         return ufl.inner(ufl.dot(ufl.grad(u), sigma), ufl.grad(du)) * _measure(space.mesh, 4)
 
     def _stress(self, mesh: Any, u: Any) -> Any:
-        """The stress tensor in Pa of a displacement."""
+        """Stress tensor in Pa of a displacement u, in UFL."""
         E, nu = (cellwise(mesh, self.materials.values(name)) for name in ("young", "poisson"))
         lame, mu, epsilon = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu)), ufl.sym(ufl.grad(u))
         return lame * ufl.tr(epsilon) * ufl.Identity(3) + 2 * mu * epsilon
 
     def stress_components(self, space: Any) -> Any:
-        """Stresses xx, yy, zz, yz, xz, xy in Pa of a trial function."""
+        """Stresses xx, yy, zz, yz, xz and xy in Pa of a trial function, as a UFL vector."""
         sigma = self._stress(space.mesh, ufl.TrialFunction(space))
         return ufl.as_vector([sigma[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))])
 
     def stresses(self) -> StressRows:
-        """Stresses on outer facets, in the middle of the cells, and on facets that look to the axis."""
+        """Stresses at the middle of surface facets, then in the middle of all cells.
+
+        Facets are on the face ``outer``, or ``inner`` if they look towards the body's axis; cells are on ``middle``.
+        """
         mesh, degree, surface = self.mesh, DEGREE[self.mesh.cell], skin(self.mesh)
         at_points = cell_values(self, self.stress_components, rule_points(mesh.cell, degree))
         continued = np.linalg.inv(lagrange_rule(mesh.cell, 1, degree)[1])  # from the points to the vertices
@@ -124,18 +136,19 @@ class Solid(MeshedModel):
 
 
 def _measure(mesh: Any, degree: int) -> Any:
+    """UFL measure for integrands of the given polynomial degree."""
     return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree})
 
 
 def of(body: Body, mesh: NamedMesh) -> Solid:
-    """The solid that a scene's body is."""
+    """The solid model of a scene's body on a mesh."""
     regions = {name: region.material or body.material for name, region in body.regions.items()}
     return Solid(SolidBody(material=body.material, regions=regions), mesh)
 
 
 @dataclass(frozen=True)
 class Skin:
-    """Facets (f,) of a solid's surface: their cells, vertices (f, k), and unit normals (f, 3)."""
+    """Facets (f,) of a solid's surface: the cell of each, its vertices (f, k), and outward unit normals (f, 3)."""
 
     cell: Indices
     vertices: Indices
@@ -143,7 +156,7 @@ class Skin:
 
 
 def skin(mesh: NamedMesh) -> Skin:
-    """The facets that belong to one cell only; normals point out of the material."""
+    """Facets of a solid's mesh that belong to one cell only."""
     facets = np.array(cell_topology(mesh.cell)[2])
     vertices = mesh.cells[:, facets]
     flat = vertices.reshape(-1, vertices.shape[2])
