@@ -1,13 +1,9 @@
-"""Reading a scene file: validation, keys without effect, and keys of earlier versions.
+"""Reading of scene files: validation, keys without effect, and keys of earlier versions.
 
-Reading a scene file: what its sections allow, and what no section knows by itself.
+A scene file with a key of an earlier version is refused, with the key's new name or what replaces it.  A scene in saved
+results or in a saved model was valid for the version that wrote it: keys that no longer exist are left out of it.
 
-Keys that a scene file writes and that have no effect on what it describes: who writes one expects some.
-
-Keys of scenes that earlier versions had: the one place where a key is said to have moved, or to be gone.
-
-A scene file with one of them is refused in a line that has the new name, or what does its work now. A scene that stands
-in saved results or in a saved model was run by the version that wrote it: keys that are gone are left out of it.
+Keys that a scene file sets and that have no effect on the scene are refused too: whoever sets one expects an effect.
 """
 
 from __future__ import annotations
@@ -54,12 +50,14 @@ GONE = dict.fromkeys(
 
 
 def stored_scene(data: Mapping[str, Any], source: str, context: Mapping[str, str] | None = None) -> Scene:
-    """The scene of saved results or of a saved model, of this version or an earlier one; `source` is where it stands.
+    """Return the scene of saved results or of a saved model, of this version or an earlier one.
+
+    `source` names the file in messages, `context` is that of pydantic's validation.
 
     Raises
     ------
     InputError
-        For the first key that no version up to this one had.
+        For the first key that no version up to this one had, or value that is not valid.
     """
     content = deepcopy(dict(data))
     for name in GONE:
@@ -74,7 +72,7 @@ def stored_scene(data: Mapping[str, Any], source: str, context: Mapping[str, str
 
 
 def _leave_out(data: Any, keys: Sequence[str]) -> None:
-    """Take a key out of nested tables, of each entry where they are lists."""
+    """Remove a key, as a list of words, from nested tables in place; lists of tables lose it in each entry."""
     first, *inner_keys = keys
     if isinstance(data, list):
         for entry in data:
@@ -107,7 +105,7 @@ POOLED = ("reduction.snapshots", "reduction.modes", "reduction.positions")
 
 @dataclass(frozen=True)
 class Unused:
-    """A key without effect, the key that decides so ("" if it may not be written), and why."""
+    """A key without effect, the key `by` that decides so ("": the key itself is refused wherever written), and why."""
 
     key: str
     by: str
@@ -115,10 +113,10 @@ class Unused:
 
 
 def check_unused(file: TomlFile, scene: Scene) -> None:
-    """Refuse the first key without effect that stands beside the key that decides so, or in an option.
+    """Refuse the first key without effect that was set as an option, or in the file that also sets the deciding key.
 
-    What a file takes over from one that it extends, sections from what all have in common, and runs from the grid of a
-    study may be of use to others.
+    Keys taken over from a file that this one extends, from the table common to all sections, or from the grid of a
+    study may have an effect elsewhere and pass.
     """
     compared = scene.compare.richer not in ("auto", "none")
     if "sections" not in file.data:
@@ -132,6 +130,7 @@ def check_unused(file: TomlFile, scene: Scene) -> None:
 
 
 def _refuse_any(file: TomlFile, prefix: str, content: Mapping[str, Any], unused_keys: Iterator[Unused]) -> None:
+    """Refuse the first of `unused_keys` that `content` sets; `prefix` is the key of `content` in the file."""
     for unused in unused_keys:
         if not _stands(content, unused.key):
             continue
@@ -142,6 +141,7 @@ def _refuse_any(file: TomlFile, prefix: str, content: Mapping[str, Any], unused_
 
 
 def _stands(data: Any, key: str) -> bool:
+    """Whether nested tables and lists have a dotted key, such as ``joint.tail.0.friction``; False for ""."""
     for word in filter(None, key.split(".")):
         if isinstance(data, list):
             data = dict(zip(map(str, range(len(data))), data, strict=True))
@@ -152,6 +152,7 @@ def _stands(data: Any, key: str) -> bool:
 
 
 def _of_body(member: Member, compared: bool) -> Iterator[Unused]:
+    """Yield keys without effect on a body; `compared`: a richer model is compared with, which mesh keys are for."""
     model = model_of(member)
     for key in UNUSED.get(model, ()) if member.part.body.model != "auto" else ():
         if model == "beam2d" and key == "body.shear" and not member.part.body.shear:
@@ -173,6 +174,7 @@ def _of_body(member: Member, compared: bool) -> Iterator[Unused]:
 
 
 def _of_joint(scene: Scene, number: int) -> Iterator[Unused]:
+    """Yield keys without effect in the joint of section `number`."""
     joint, name = scene.joint(number), scene.names[number]
     if joint.follows is None:
         yield from (Unused(f"joint.{key}", "", f"{name} follows no other section") for key in ("ratio", "offset"))
@@ -190,6 +192,7 @@ def _of_joint(scene: Scene, number: int) -> Iterator[Unused]:
 
 
 def _of_simulation(scene: Scene) -> Iterator[Unused]:
+    """Yield keys of comparison and simulation without effect."""
     if "ancf" not in scene.compare.against:
         yield Unused("compare.ancf_elements", "compare.against", "compare.against names no ANCF reference")
     if not any(name.startswith("exudyn") for name in (*scene.simulation.simulators, scene.simulation.full)):
@@ -236,7 +239,10 @@ def load_any(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
 
 
 def vary(path: str | Path, changes: Sequence[Change]) -> Scene:
-    """Load a scene with changes laid over it, one after the other."""
+    """Load a scene with changes laid over its tables in order.
+
+    Published results stay only as far as they hold for the changed scene.
+    """
     file, as_it_stands = _file(path), ""
     with suppress(InputError):  # a change may mend it
         as_it_stands = _scene(file).hash if changes and "published" in file.data else ""
@@ -249,13 +255,13 @@ def vary(path: str | Path, changes: Sequence[Change]) -> Scene:
 
 
 def has_sections(path: str | Path) -> bool:
-    """Whether a file describes a boom of several sections."""
+    """Whether a scene file describes a boom of more than one section."""
     sections = _file(path).data.get("sections")
     return isinstance(sections, list) and len(sections) > 1
 
 
 def beam_scene(path: str | Path) -> Scene:
-    """Load a planar beam that is described by its stiffnesses, on which points slide; others are refused."""
+    """Load a scene of a planar beam with a profile and sliding points; raises InputError for any other scene."""
     scene = load(path)
     if scene.body.profile is None or scene.pads:
         raise InputError(str(path), "body.profile", None, "a scene with a planar beam, without pads, is allowed here")
@@ -263,11 +269,15 @@ def beam_scene(path: str | Path) -> Scene:
 
 
 def _file(path: str | Path) -> TomlFile:
+    """Read a scene file, a folder's ``scene.toml`` or a workflow by its name, with the files that it extends."""
     return TomlFile.read(resolve_path(Path(path), "scene.toml"), DIALECT)
 
 
 def _scene(file: TomlFile) -> Scene:
-    """Scene of either dialect: a body at the top, or sections."""
+    """Return the checked scene of a file in either form: a body at the top, or sections.
+
+    Raises InputError with the file that set the key, and the key as it is written there.
+    """
     scene = file.validate(Scene) if "sections" in file.data else Scene.of(file.validate(BodyFile))
     try:
         check(scene)
