@@ -264,7 +264,7 @@ def _pressed_at_the_start(scene: Scene, beyond: Sequence[Part], axis: str, turn:
 
 
 def _held_while_sliding(scene: Scene, number: int) -> None:
-    """Refuse supports that hold a travelling section along the boom, and moving pads between a section and the ground."""
+    """Refuse supports that hold a travelling section along the boom, and moving pads on the ground."""
     ranges = {name: path.bounds(0.0, scene.time.end) for name, path in list(scene.paths.items())[:number]}
     moves = next(
         (name for name, (low, high) in ranges.items() if high - low > SLACK * scene.sections[number].length), None

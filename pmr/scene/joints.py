@@ -80,7 +80,7 @@ class JointPads(Section):
 
     @model_validator(mode="after")
     def _only_what_pushes_has_play(self) -> JointPads:
-        """Refuse a clearance of pads that hold both ways, or on faces without pads, and static friction below friction."""
+        """Refuse a clearance of pads that hold both ways, or on faces without pads, and too small a static friction."""
         if self.clearance and not self.unilateral:
             raise ValueError("a clearance goes with unilateral = true")
         if self.static_friction and not 0.0 < self.friction <= self.static_friction:

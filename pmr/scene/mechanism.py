@@ -115,7 +115,10 @@ def pin_and_cylinder(scene: Scene) -> PinAndCylinder | None:
 
 
 def _ground_contacts(scene: Scene, member: Member, along: Mapping[str, Array]) -> Iterator[Pressed]:
-    """Yield force and moment per unit of each contact of one body with the ground; `along` as in `pressed_on_ground`."""
+    """Yield force and moment per unit of each contact of one body with the ground.
+
+    `along` is that of `pressed_on_ground`.
+    """
     body, moves = scene.names[member.number], directions(member)
     count = len(next(iter(along.values())))
     travelled = np.zeros(count) if member.jointed else along[SLIDER]

@@ -345,6 +345,6 @@ class Published(Section):
 
     @property
     def of_any_motion(self) -> Published | None:
-        """Published frequencies, which hold for scenes with other motions too, without errors; None without frequencies."""
+        """Published frequencies without errors, which hold for one motion alone; None without frequencies."""
         without_errors: dict[str, Any] = {"errors": {}, "max_displacement": None, "max_error": None}
         return self.model_copy(update=without_errors) if self.frequencies else None

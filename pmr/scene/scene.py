@@ -321,7 +321,7 @@ class Scene(Listed):
 
     @property
     def driven_paths(self) -> dict[str, SignalBase]:
-        """Signals of all paths of the scene's system: `paths`, and the luffing angle in rad if a cylinder holds a base."""
+        """Signals of all paths of the scene's system: `paths`, and the luffing angle in rad if a cylinder holds it."""
         if self.frame is None or self.holding_cylinder is None:
             return self.paths
         return self.paths | {LUFFING: self.frame.angles[0]}
@@ -333,7 +333,7 @@ class Scene(Listed):
         return joint
 
     def extension(self, number: int) -> SignalBase:
-        """Return the distance in m over time from the previous section's tail to that of section `number` (1 or more)."""
+        """Return the distance in m over time from the previous section's tail to that of section `number` (from 1)."""
         joint = self.joint(number)
         if joint.extension is not None:
             return joint.extension

@@ -58,7 +58,7 @@ def check_structure(member: Member) -> None:
 
 
 def _along_the_ground(member: Member) -> None:
-    """Refuse loads along axes of the ground without a moving frame or on models that can't move along x, and moments."""
+    """Refuse loads along ground axes without a moving frame or on models that can't move along x, and moments."""
     for i, load in enumerate(member.part.loads):
         if load.axes == "body":
             continue
