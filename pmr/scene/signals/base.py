@@ -27,8 +27,8 @@ KINK = 1e-6
 class Strand:
     """Pieces p(x) + a sin(q(x)) of the time x since each began; the first holds before it, the last one for ever.
 
-    With a `spread` h > 0 the strand stands for the growth of its rate within h divided by h, and is zero before t = 0;
-    with a negative one for its second rate.
+    With a `spread` h > 0 the strand stands for (u'(t + h/2) - u'(t - h/2)) / h of its value u, from t = 0 on only; with
+    a negative `spread` for its second rate u''.
     """
 
     breaks: Array  # (k,) s: where each piece begins
