@@ -71,7 +71,7 @@ class GrowthError(SimulationError):
         self.rigid_rows = rigid_rows
 
     def refusal(self, step: float, rho_inf: float) -> InputError:
-        """Return this error as an InputError of the scene's key to change: the step (s), rho_inf, or the flexibility."""
+        """Return this error as an InputError of the key to change: step (s), rho_inf or flexibility of the scene."""
         key, value, allowed = "time.step", step, "a smaller one is allowed"
         if self.rigid_rows and rho_inf > 0.0:
             key, value = "time.rho_inf", rho_inf

@@ -44,12 +44,12 @@ def is_name(text: str, longest: int = LONGEST_NAME) -> bool:
 
 
 def no_file(path: Path, what: str = "file") -> str:
-    """Return why no file can be read at `path`: there is no such file, or it is a folder; `what` names the kind of file."""
+    """Return why there is no file to read at `path`: none of this name, or a folder; `what` names its kind."""
     return f"no such {what}" + ", but a folder" * isdir(path)
 
 
 def hint(name: object, names: Iterable[str]) -> str:
-    """Return a question whether the most similar of `names` was meant, with a space at its end; empty if none is similar."""
+    """Return a question whether the most similar of `names` was meant, with a space at its end, or an empty text."""
     close = get_close_matches(str(name), list(names), n=1)
     return f"did you mean {close[0]!r}? " if close else ""
 
@@ -66,7 +66,10 @@ def rounded_down(value: float) -> str:
 
 
 def kind_of(warning: str) -> str:
-    """Return the kind of a warning: its words up to the first punctuation, without numbers, which differ between runs."""
+    """Return the kind of a warning: its words before the first of ``,:;(``, without numbers.
+
+    Numbers differ from run to run.
+    """
     return " ".join(re.split(r"[,:;(]", _NUMBER.sub("", warning), maxsplit=1)[0].split())
 
 

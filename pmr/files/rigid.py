@@ -187,7 +187,7 @@ class Resistance:
         return self._rotations[0]
 
     def held(self) -> Array:
-        """Return h independent rows (h, 6) on rigid motions about the origin; they vanish for motions that K leaves free.
+        """Return h independent rows (h, 6) on rigid motions about the origin, zero for motions that K leaves free.
 
         They are singular vectors of all rows, each divided by its rounding; singular values within rounding count as
         zero.
