@@ -26,6 +26,7 @@ class _Commands(TyperGroup):
     """Group of commands whose wrong use raises an InputError, as any other wrong input does."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse arguments; raises InputError for wrong ones, and prints the help without any."""
         if not args:
             return super().parse_args(ctx, args)  # which prints the help
         try:
@@ -34,6 +35,7 @@ class _Commands(TyperGroup):
             raise _refusal(error, ctx) from None
 
     def invoke(self, ctx: Any) -> Any:
+        """Run the command; raises InputError for wrong use."""
         try:
             return super().invoke(ctx)
         except _UsageError as error:

@@ -46,6 +46,7 @@ class Output(Console):
     failure: OSError | None = None  # the first one
 
     def print(self, *objects: Any, **options: Any) -> None:
+        """Print objects unless printing has failed before; a failure is kept in `failure`."""
         if self.failure is not None:
             return
         try:
@@ -84,6 +85,7 @@ class VisibleText(logging.Formatter):
     """Formatter of log messages that writes control characters as escapes, as `say` does."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802  (the name that logging calls)
+        """Return the message with control characters written as escapes."""
         return visible(super().formatMessage(record))
 
 

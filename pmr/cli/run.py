@@ -284,6 +284,7 @@ class _StageLines:
         self._timer.start()
 
     def __call__(self, stage: str, share: float) -> None:
+        """Note the present stage, and print it once the run has taken `QUIET` s."""
         if share < 1.0:
             self._stage = stage
             if time.monotonic() - self._begin >= QUIET:

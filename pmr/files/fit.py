@@ -354,10 +354,10 @@ def _weight(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
 def sound(M: sp.csr_matrix, body: Resistance) -> tuple[float, float]:
     """Return rough bounds, least and largest, of the speed of sound in the body in m/s; 0 and infinity if unknown.
 
-    Both come from stretching the body, with its whole mass for the least, and for the largest with the median mass at
-    each node, so that a payload does not count.  The least is also at most the median over nodes of the distance to the
-    nearest node times the node's own frequency.  Stiff links and nodes with little mass do not make the bounds too
-    high.
+    Both come from stretching the body: with its whole mass, and for the largest also with the median mass at each node,
+    so that a payload does not count.  The least is at most the median over nodes of the distance to the nearest coupled
+    node times the node's own frequency (rad/s).  Stiff links and nodes with little mass therefore do not make a body
+    too fast.
     """
     row = body.pairs[0]
     apart = (body.edges > 0.0) & (body.direction[row] < 3)

@@ -50,6 +50,7 @@ class GivenMatrices:
     unchecked: bool = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        """Check all fields, and find what supports and springs inside K hold."""
         n = self.K.shape[0]
         for name, A in (("K", self.K), ("M", self.M)):
             self._check_matrix(name, A, n)

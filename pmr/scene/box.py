@@ -32,9 +32,9 @@ class Doubler(Section):
 
 
 class Taper(Section):
-    """Towards an end the profile changes linearly to the one that it has there, about the same axis.
+    """Linear change of the profile towards an end of the box, about the same axis.
 
-    What is not given stays as it is.
+    Dimensions without a value at the end are constant.
     """
 
     length: Length = Field(description="Length over which the profile changes, up to the end")

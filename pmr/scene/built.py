@@ -170,7 +170,7 @@ class Support(Section):
 
     @property
     def held(self) -> tuple[Direction, ...]:
-        """Directions that the support holds, as far as the body's model has them."""
+        """Directions that the support holds; those that the body's model lacks have no effect."""
         return SUPPORTED[self.kind] if self.directions is None else self.directions
 
     @property
@@ -203,7 +203,10 @@ class Slider(Section):
 
 
 def clearance_on(clearances: float | Mapping[Face, float], face: str) -> float:
-    """Return the clearance in m of the pads on a face, from one number for all faces or a mapping by face (else 0)."""
+    """Return the clearance in m of the pads on a face.
+
+    `clearances` is one number for all faces or a mapping by face; a face that the mapping lacks has 0.
+    """
     return (
         next((gap for name, gap in clearances.items() if name == face), 0.0)
         if isinstance(clearances, Mapping)

@@ -199,6 +199,9 @@ def wall_frequency(box: Box, young: float, poisson: float, density: float) -> fl
 
     .. math:: f = \frac{\pi}{2 b^2} \sqrt{\frac{E t^2}{12 \rho (1 - \nu^2)}}
 
+    with width b and thickness t of the wall with the least t / b^2, `young` E in Pa, `poisson` :math:`\nu` and
+    `density` :math:`\rho` in kg/m^3.  It is infinite for a box without flat walls.
+
     Leissa: Vibration of Plates, NASA SP-160, 1969, section 4.1 (a infinite).
     """
     softest = min((side.thickness / side.length**2 for side in box.faces.values()), default=np.inf)

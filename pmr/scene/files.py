@@ -105,7 +105,7 @@ POOLED = ("reduction.snapshots", "reduction.modes", "reduction.positions")
 
 @dataclass(frozen=True)
 class Unused:
-    """A key without effect, the key `by` that decides so ("": the key itself is refused wherever written), and why."""
+    """A key without effect, the key `by` that decides so ("" if none does), and the reason in words."""
 
     key: str
     by: str
@@ -113,7 +113,7 @@ class Unused:
 
 
 def check_unused(file: TomlFile, scene: Scene) -> None:
-    """Refuse the first key without effect that was set as an option, or in the file that also sets the deciding key.
+    """Refuse the first key without effect that is set by an option, or in this file beside the key that decides so.
 
     Keys taken over from a file that this one extends, from the table common to all sections, or from the grid of a
     study may have an effect elsewhere and pass.
@@ -152,7 +152,7 @@ def _stands(data: Any, key: str) -> bool:
 
 
 def _of_body(member: Member, compared: bool) -> Iterator[Unused]:
-    """Yield keys without effect on a body; `compared`: a richer model is compared with, which mesh keys are for."""
+    """Yield keys without effect on a body; `compared`: whether a richer model, which uses shell keys, is compared."""
     model = model_of(member)
     for key in UNUSED.get(model, ()) if member.part.body.model != "auto" else ():
         if model == "beam2d" and key == "body.shear" and not member.part.body.shear:

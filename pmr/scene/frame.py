@@ -48,7 +48,10 @@ class _ByDirection(Section):
 
 
 class Springs(_ByDirection):
-    """Between the machine and what it stands on, whose motion `[frame.base]` has; angles are roll, pitch and yaw."""
+    """Springs between the machine and what it stands on, which moves as `[frame.base]` says.
+
+    Angles are roll, pitch and yaw.
+    """
 
     x: Annotated[Spring, Usual(2e3, 1e14, unit="N/m")] = Field(default=0.0, description="Along X of the ground")
     y: Annotated[Spring, Usual(2e3, 1e14, unit="N/m")] = Field(default=0.0, description="Along Y of the ground")
@@ -59,7 +62,7 @@ class Springs(_ByDirection):
 
 
 class Dampers(_ByDirection):
-    """Beside the springs."""
+    """Dampers parallel to the springs."""
 
     x: Damper = Field(default=0.0, description="Along X of the ground")
     y: Damper = Field(default=0.0, description="Along Y of the ground")
@@ -70,7 +73,7 @@ class Dampers(_ByDirection):
 
 
 class Places(_ByDirection):
-    """Places at which free directions begin."""
+    """Initial displacements of the pivot and initial angles in free directions."""
 
     x: Value = Field(default=0.0, description="Of the pivot along X of the ground")
     y: Value = Field(default=0.0, description="Of the pivot along Y of the ground")
@@ -81,7 +84,7 @@ class Places(_ByDirection):
 
 
 class Rates(_ByDirection):
-    """How fast free directions move at the start."""
+    """Initial velocities of the pivot and initial angular rates in free directions."""
 
     x: Rate = Field(default=0.0, description="Of the pivot along X of the ground")
     y: Rate = Field(default=0.0, description="Of the pivot along Y of the ground")

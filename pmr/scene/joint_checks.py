@@ -205,7 +205,10 @@ def _check_drive(scene: Scene, number: int) -> None:
 
 
 def _gives_way(scene: Scene, number: int) -> None:
-    """Refuse a rigid drive of a section that follows one with a flexible drive, and friction beside flexible ones."""
+    """Refuse a rigid drive of a section that follows one with a flexible drive, and friction beside some drives.
+
+    Friction is refused if the section's drive changes its length, or is flexible together with that of other sections.
+    """
     if not has_tail(member_at(scene, number)):
         return  # nothing holds it along the boom
     key, drive, name = f"sections[{number}].joint", Drive.of(scene, number), scene.names[number]
@@ -264,7 +267,7 @@ def _pressed_at_the_start(scene: Scene, beyond: Sequence[Part], axis: str, turn:
 
 
 def _held_while_sliding(scene: Scene, number: int) -> None:
-    """Refuse supports that hold a travelling section along the boom, and moving pads on the ground."""
+    """Refuse supports that hold a travelling section along the boom, and pads on the ground that move."""
     ranges = {name: path.bounds(0.0, scene.time.end) for name, path in list(scene.paths.items())[:number]}
     moves = next(
         (name for name, (low, high) in ranges.items() if high - low > SLACK * scene.sections[number].length), None

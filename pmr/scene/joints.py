@@ -221,7 +221,7 @@ FileName = Annotated[str, Field(pattern=r"^\w[\w -]*$", max_length=LONGEST_NAME)
 
 
 class OneBody(Section):
-    """A body, x along it and z up, and what is on it."""
+    """A body with x along it and z up, and everything that holds, loads, observes or reduces it."""
 
     body: Body = Field(description="Shape, material and structural model of the section")
     mesh: MeshChoice = Field(default=MeshChoice(), description="Mesh")

@@ -178,7 +178,7 @@ class Usual:
 
     Scales have names: "length", "mass" and "weight" of the section (of the whole boom outside of sections), "reach" and
     "boom" (its mass) of the whole boom, "time" that is simulated, and what a table adds by `Hinted.hint_scales`.  A
-    signal is judged by its largest magnitude; its `unit` stands here.
+    signal is judged by its largest magnitude; `unit` is then the unit of its values.
     """
 
     low: float

@@ -50,10 +50,10 @@ OUTWARDS = {"bottom": ("z", -1.0), "top": ("z", 1.0), "left": ("y", 1.0), "right
 
 @dataclass(frozen=True)
 class Pressed:
-    """Force and moment (T, 6) about the frame's pivot at T times, per unit of the force of a contact with the ground.
+    """Force and moment (T, 6) on the ground per unit of the force of a contact between a body and the ground.
 
-    The force has one of the `names` in the results of a run; without names it is at a point that only a mesh file
-    defines.
+    They are along the boom's axes and about the frame's pivot, at T times.  The force has one of the `names` in the
+    results of a run; without names its position is known only to a mesh file.
     """
 
     names: tuple[str, ...]
@@ -162,7 +162,7 @@ def _ground_contacts(scene: Scene, member: Member, along: Mapping[str, Array]) -
 def _along_cylinder(body: str, cylinder: LuffingCylinder, angle: Array) -> Pressed:
     """Return force and moment per unit of a luffing cylinder's force at luffing angles (T,) in rad.
 
-    They point from lug to foot: a cylinder that pushes the boom up is itself pushed down.
+    The force on the ground points from lug to foot: a cylinder that pushes the boom up pushes the ground down.
     """
     wrench = np.zeros((len(angle), 6))
     wrench[:, [0, 2]] = -cylinder.direction(angle)
@@ -308,10 +308,10 @@ def rope_shares(scene: Scene) -> dict[str, dict[str, float]]:
 
 
 def drive_rows(scene: Scene, forces: Sequence[str]) -> dict[str, Array]:
-    """Return for each section the shares (m,) of the m named forces in the force that moves it along the boom.
+    """Return for each section the factors (m,) of m named forces, whose sum moves the section along the boom.
 
-    That is T of `rope_shares` for a section with a rope or that follows or is followed, else the force of its own
-    cylinder. The row is NaN if the force of one of its cylinders is not among the names.
+    That force is T of `rope_shares` for a section with a rope or that follows or is followed, else the force of its own
+    cylinder.  Factors are NaN if the force of one of its cylinders is not among the names.
     """
     shares = {name: {name: 1.0} for name in scene.names[1:]} | rope_shares(scene)
     rows = {name: np.zeros(len(forces)) for name in shares}

@@ -85,7 +85,8 @@ def candidates(scene: Scene) -> list[Scene]:
     """Return the scenes among which measurements choose a model, from the smallest models to shells.
 
     They have planar beams, beams in space, each with rigid and with flexible walls, and shells, as far as these can
-    carry the scene's loads.  All bodies with the model ``auto`` get the same model.  Empty if no model is open.
+    carry the scene's loads.  All bodies with the model ``auto`` get the same model.  Empty if no body's model is left
+    to measurements.
     """
     open_ = [member for member in members(scene) if is_undecided(member)]
     if not open_:

@@ -84,7 +84,7 @@ class Side:
 
     @property
     def span(self) -> Pair:
-        """Least and largest coordinate across in m of a flat plate, from its point nearest to the axis."""
+        """Least and largest coordinate in m across a flat plate; 0 is the point of its plane nearest to the axis."""
         low, high = sorted(float(self.across @ end) for end in (self.start, self.end))
         return low, high
 
@@ -240,6 +240,7 @@ class BoxProfile(Section):
 
     @model_validator(mode="after")
     def _closes(self) -> BoxProfile:
+        """Refuse chamfers, walls and radii with which the profile does not close."""
         _check_chamfers(self)
         _check_walls(self)
         _check_radii(self)

@@ -35,7 +35,7 @@ SimulatorName = Literal["march", "exudyn", "exudyn-multiplier", "exudyn-callback
 
 
 class TimeChoice(Section):
-    """Generalized-alpha, index 3, constant step."""
+    """Simulated time and steps of the generalized-alpha method (index 3, constant step)."""
 
     end: Annotated[float, Field(gt=0.0, strict=True), Quantity("s", 1e-9, 1e9), Usual(1e-4, 4e3)] = Field(
         description="Simulated time"
@@ -106,7 +106,7 @@ class Recovery(Section):
 
 
 class Repeated(Section):
-    """A line of a load spectrum."""
+    """A line of a load spectrum: a number of cycles with one factor on the stresses."""
 
     cycles: Positive = Field(description="How often the simulated cycle occurs with its stresses times `factor`")
     factor: Positive = Field(default=1.0, description="Factor on all stresses")
@@ -321,14 +321,14 @@ class Budget(_Ordered):
 
 
 class PublishedFrequency(Section):
-    """The first natural frequency of a boom that reaches so far."""
+    """Published first natural frequency of a boom at one reach."""
 
     reach: Length = Field(description="Distance of the tip from the base's tail")
     first: Frequency = Field(description="Lowest natural frequency")
 
 
 class Published(Section):
-    """Figures from a publication, shown beside ours."""
+    """Results from a publication, shown beside ours."""
 
     source: str = Field(description="The publication")
     errors: dict[Pair, dict[Literal["tip", "beam"], Share]] = Field(

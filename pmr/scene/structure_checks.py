@@ -71,7 +71,7 @@ def _along_the_ground(member: Member) -> None:
 
 
 def _places(member: Member) -> None:
-    """Refuse loads, supports and observed positions off the body, and models without nodes on the axis unobserved."""
+    """Refuse loads, supports and observed positions off the body; models other than beams need observed positions."""
     observe, length = member.part.observe, member.part.body.length
     if observe.stations is None and model_of(member) not in BEAMS:
         allowed = "places in m are needed, from observe.start to observe.end: nodes are observed of beams only"
@@ -171,7 +171,7 @@ def _body(member: Member) -> None:
 
 
 def _along_the_box(member: Member, box: Box) -> None:
-    """Refuse variations and frames of a box with models and keys that do not know of them."""
+    """Refuse variations and frames of a box beside models and keys that can't represent them."""
     model, key = model_of(member), "body.box." + " and ".join(box.variations)
     if box.variations and model not in VARYING:
         raise refusal("body.model", model, f"{', '.join(VARYING[:-1])} and {VARYING[-1]} are allowed with {key}")

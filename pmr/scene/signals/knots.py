@@ -72,6 +72,7 @@ class _Knots(SignalBase):
 
     @cached_property
     def _curve(self) -> _Curve:
+        """Curve through the knots with its derivatives."""
         return _Curve(self._coefficients(), self.times, self.values)
 
     def value(self, t: ArrayLike) -> Array:
@@ -121,6 +122,7 @@ class SmoothRamp(_Knots):
     )
 
     def _coefficients(self) -> Array:
+        """Return the coefficients of the transitions between knots, in the order of `_Curve`."""
         duration, rise = self._rises
         transition = np.array(TRANSITIONS[self.degree])
         coefficients = transition[:, None] * rise / duration ** np.arange(len(transition) - 1, -1, -1)[:, None]
@@ -187,6 +189,7 @@ class Table(_Knots):
         return self.interpolation == "linear" or len(self.times) == 2
 
     def _coefficients(self) -> Array:
+        """Return the coefficients of Akima's curve or of straight lines between knots, in the order of `_Curve`."""
         if self._is_straight:
             return super()._coefficients()
         return np.asarray(Akima1DInterpolator(self.times, self.values).c)
