@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from pmr.scene.members import Member
     from pmr.system.system import System
 
-#: Names of one kind that are listed; of more the first and the last.
+#: Most names of one kind that are listed; of more names only the first and the last.
 LISTED = 8
-#: Lowest frequencies that are listed.
+#: Number of lowest frequencies that are listed.
 FREQUENCIES = 4
 _TABLES = ("versions", "scene")  # of a model's provenance
 

@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from pmr.report.blocks import Row
     from pmr.scene import Scene
 
-QUIET = 10.0  # s before which a run prints no stages where there is no terminal: short runs print results alone
-NAMES = 28  # letters on a line of what a figure is called
+QUIET = 10.0  # s that a run takes at least before it prints stages, without a terminal: short runs print results alone
+NAMES = 28  # letters on a line of the name of a quantity
 
 
 def run(

@@ -202,7 +202,7 @@ def _tell_failures(outcome: Outcome) -> None:
 
 
 STUDY = "chart.toml"
-#: Extensions and angles of a study that is written.
+#: Numbers of extensions and of angles in a chart study that `pmr chart` writes.
 EXTENSIONS, ANGLES = 12, 10
 LIMITS = """
 # What may not be passed, each with a factor of yours; without one the chart shows what buckles the boom.

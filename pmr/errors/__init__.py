@@ -9,7 +9,7 @@ from pmr.errors.text import visible
 
 Found = TypeVar("Found")
 WIDEST = 60  # letters of a value that is shown
-#: Share of a range by which a path may lie beyond its ends, as measured paths do: it is then taken at the end.
+#: Share of a range by which a path may exceed its ends, as measured paths do; it is then cut off at the end.
 BEYOND_ENDS = 1e-5
 
 

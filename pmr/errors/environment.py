@@ -26,7 +26,7 @@ from typing import Any
 
 from pmr.errors import InputError, SimulationError
 
-#: Group of entry points, and what each of them has to be.
+#: Groups of entry points, and what an entry point of each group has to be.
 GROUPS = {
     "pmr.models": "a module, or an object, with KINDS of cells and of(body, mesh), as pmr.models.shell has them",
     "pmr.bases": "a function of a full model and a pmr.scene.Reduction that returns this rank's rows of vectors (n, k)",
@@ -141,10 +141,10 @@ def _points_on(path: tuple[str, ...]) -> list[metadata.EntryPoint]:
 
 
 MEMINFO = Path("/proc/meminfo")
-#: Each launcher's name for the number of processes that it started.
+#: Environment variables in which launchers of MPI write the number of processes.
 LAUNCHED = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_STEP_NUM_TASKS")
-#: What Open MPI does in a process that no launcher started: no daemon, no networks, no session folder.  All isolated
-#: processes of a user take the same one, ompi.HOST.UID/jf.0/1/0, and the first to end removes it while others start.
+#: Settings of Open MPI for a process that no launcher started: no daemon, no networks, no session folder.  All isolated
+#: processes of a user share one, ompi.HOST.UID/jf.0/1/0, and the first to end would remove it while others start.
 UNLAUNCHED = {
     "OMPI_MCA_ess_singleton_isolated": "1",
     "OMPI_MCA_pml": "ob1",
@@ -159,7 +159,7 @@ _NUMERICAL = ("numpy", "scipy", "exudyn", "fenics-dolfinx", "petsc4py", "slepc4p
 _REPORTS = "pip install jinja2 matplotlib fonttools weasyprint installs what reports need"
 #: Packages that write reports.
 REPORT = ("jinja2", "matplotlib", "fontTools", "weasyprint")
-#: Packages that only a part of the work needs: what for, and how to get them.
+#: Optional packages: what they are for, and how to install them.
 _NEEDED = {
     "dolfinx": (
         "FEniCSx makes models from forms, all but matrices: apt, conda or pip install '.[fenicsx]' in a checkout has it"
@@ -357,7 +357,7 @@ def _processor() -> str:
     return platform.processor() or platform.machine()
 
 
-#: Called with a stage's name and the share of it that is done.
+#: Function that is called with a stage's name and the share of it that is done, 0 to 1.
 Progress = Callable[[str, float], None]
 
 

@@ -15,7 +15,7 @@ class Former(NamedTuple):
     until: str
 
 
-#: Public names of `pmr` that have another name now, by the old one: the one place where one is said to go.
+#: Public names of earlier versions of `pmr` that have another name now.
 FORMER: Mapping[str, Former] = {}
 
 

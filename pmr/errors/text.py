@@ -10,8 +10,8 @@ from os.path import isdir
 from pathlib import Path
 from typing import Any
 
-#: Characters that steer what shows them instead of being shown: control codes, line ends, marks that turn the direction
-#: of writing or are of no width, halves of surrogate pairs, and those that XML and Unicode exclude.
+#: Control characters, which change how a text is displayed: control codes, line ends, marks that change the direction
+#: of writing or have no width, halves of surrogate pairs, and characters that XML and Unicode exclude.
 _STEERING = re.compile(
     "[\x00-\x1f\x7f-\x9f\xad\u061c\u180e\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\uffff"
     "\ud800-\udfff\U000e0000-\U000e0fff\U000ffffe-\U0010ffff]"

@@ -26,8 +26,8 @@ from pmr.files import npz
 Indices = NDArray[np.int64]
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
-MOST_EXPANSION = 100.0  # of a compressed file; fields that move take a third more than their file,
-ROOM = 2**28  # fields at rest up to a thousand times as much: bytes that any file may claim
+MOST_EXPANSION = 100.0  # most bytes of fields over those of their compressed file; moving fields take 4/3
+ROOM = 2**28  # bytes that any file may claim: fields at rest take up to 1000 times their file
 
 
 @dataclass(frozen=True)

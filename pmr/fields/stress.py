@@ -29,11 +29,12 @@ from pmr.fields.series import Grid
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Relative difference up to which two places share the largest stress: symmetry holds to the round-off of states.
+#: Relative difference up to which two points share the largest stress: symmetry holds to the round-off of states.
 SHARED = 1e-6
-#: Points that are looked at for that.
+#: Most points that may share the largest stress.
 MOST_SHARED = 100
-#: Von Mises' form for plane stress (11, 22, 12), stress in space (xx, yy, zz, yz, xz, xy), a fibre with shear.
+#: Matrix A of von Mises' stress for plane stress (11, 22, 12), stress in space (xx, yy, zz, yz, xz, xy) and a fibre
+#: (normal stress, shear stress).
 PLANE = np.array([[1.0, -0.5, 0.0], [-0.5, 1.0, 0.0], [0.0, 0.0, 3.0]])
 SPATIAL = np.block([[1.5 * np.eye(3) - 0.5, np.zeros((3, 3))], [np.zeros((3, 3)), 3.0 * np.eye(3)]])
 FIBRE = np.diag([1.0, 3.0])
@@ -226,7 +227,7 @@ def _where_largest(values: Array, cell: Indices, cells: int) -> Indices:
     return result
 
 
-#: Share of the largest value of its unit up to which another one is round-off.
+#: Share of the largest value of a unit up to which another value of the unit is round-off.
 ROUND_OFF = 1e-9
 #: Section forces and their units.
 FORCES = {
@@ -237,7 +238,7 @@ FORCES = {
     "bending moment y": "N m",
     "bending moment z": "N m",
 }
-#: Shear forces as derivatives of moments along x, with their sign.
+#: Moment whose derivative along x is a shear force, and the sign.
 SHEAR = {"shear force y": ("bending moment z", -1.0), "shear force z": ("bending moment y", 1.0)}
 
 

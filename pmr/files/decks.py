@@ -13,7 +13,7 @@ from pathlib import Path
 
 from pmr.errors import InputError
 
-#: Linear elements by type: the kind of cell in meshio's words; and the corners of each kind.
+#: Kind of cell, as meshio calls it, of each type of linear element; number of corners of each kind.
 KINDS: Mapping[str, str] = {
     **dict.fromkeys(("T2D2", "T2D2H", "T3D2", "T3D2H", "B21", "B21H", "B31", "B31H", "B31R", "B33"), "line"),
     **dict.fromkeys(("CPS3", "CPE3", "STRI3", "S3", "S3R", "S3RS", "R3D3", "M3D3"), "triangle"),
@@ -24,7 +24,7 @@ KINDS: Mapping[str, str] = {
 CORNERS: Mapping[str, int] = {"line": 2, "triangle": 3, "quad": 4, "tetra": 4, "hexahedron": 8}
 
 
-#: Digits that the number of a node or an element has less than.
+#: Numbers of nodes and elements have fewer digits.
 MOST_DIGITS = 18
 
 
@@ -295,8 +295,8 @@ REFUSED: Mapping[str, str] = {
     "SYSTEM": "nodes in the axes of the whole are allowed",
     **dict.fromkeys(("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SUBSTRUCTURE PATH"), _IN_PLACE),
 }
-#: Axes of single nodes, and what makes coordinates of some nodes depend on those of others: programs leave the
-#: dependent ones out of their matrices.  A mesh has neither.
+#: Keyword for axes of single nodes, and keywords by which coordinates of some nodes depend on those of others:
+#: programs leave the dependent coordinates out of their matrices.
 TURNED = "TRANSFORM"
 CONSTRAINTS = (
     TURNED,

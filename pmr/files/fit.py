@@ -34,24 +34,24 @@ from pmr.files.rigid import DIRECTIONS, ROUNDING_OF_POINTS, Resistance, elastic_
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Steps of Lanczos that look for a negative eigenvalue of a matrix with a diagonal of ones, and how far below zero
-#: rounding may bring one.
+#: Steps of Lanczos' method for the least eigenvalue of a matrix with a diagonal of ones, and the least value that
+#: rounding may explain.
 STEPS, NEGATIVE = 60, -1e-6
-#: Powers of ten that a diagonal entry may be below the middle one: so far below it counts nothing in double precision,
+#: Powers of ten that a diagonal entry may be below the median: smaller ones are negligible in double precision,
 #: squared or not.
 VANISHING = 30
-#: Coordinates up to which all eigenvalues of K are looked at, in half a second.
+#: Most coordinates for which all eigenvalues of K are computed, in half a second.
 DENSE_ALWAYS = 1000
-#: m/s: least and most that sound travels at in what bodies are made of: 500 in soft plastics, 1.8e4 in diamond.
+#: Least and largest speed of sound in a body, m/s: soft plastics have 500, diamond 1.8e4.
 SLOWEST, FASTEST = 250.0, 5e4
-#: kg/m^3: what a body weighs at least, by its convex hull as air, and by what stiffness fills of that, as foam.
+#: Least density in kg/m^3 of a body in its convex hull (air), and in the part that stiffness fills (foam).
 LIGHTEST, LIGHTEST_SOLID = 1.0, 10.0
-#: What is said of matrices of which nothing tells whether they belong to their nodes.
+#: Warning about matrices that can't be checked against their nodes.
 UNCHECKED = (
     "all nodes of the body are beside supports inside its matrices, so order and axes of directions, units and places "
     "could not be held against its stiffness; supports of the scene, in their place, let them be"
 )
-#: Edges of a tetrahedron.
+#: Vertices of the edges of a tetrahedron.
 _EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 
 

@@ -31,7 +31,7 @@ from pmr.files.rigid import DIRECTIONS
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: What readers of SciPy and NumPy raise at files that are cut off or changed; a bad format of Fortran is a SyntaxError.
+#: Errors that readers of SciPy and NumPy raise at damaged files; a bad format of Fortran is a SyntaxError.
 _OF_VALUES = (ValueError, TypeError, LookupError, AttributeError, OverflowError, NotImplementedError, SyntaxError)
 DAMAGED = (*_OF_VALUES, OSError, BadZipFile, zlib.error)
 
@@ -43,7 +43,7 @@ class ForeignFiles:
     #: ``.sti``; ``.mtx`` (Matrix Market, or Abaqus's own), ``.npz`` (SciPy), ``.rb`` or ``.hb`` (Harwell-Boeing); of
     #: Nastran ``.bdf`` or ``.pch`` (DMIG) and ``.op4``, with names that begin with K and M where there are several
     stiffness: Path
-    mass: Path  #: ``.mas``, otherwise as the stiffness
+    mass: Path  #: ``.mas``, or a type of the stiffness's
     #: Node and direction of each row: ``.dof``, lines ``node.direction`` with 1 to 6, or ``.csv``, ``node,direction``;
     #: ``.bdf``, ``.pch`` and Abaqus's ``.mtx`` name them with each entry
     dofs: Path
@@ -71,8 +71,8 @@ class _Nodes:
 
     numbers: Indices
     points: Array
-    groups: dict[str, Indices]  # by numbers
-    constraints: Sequence[tuple[int, str]] = ()  # line and keyword
+    groups: dict[str, Indices]  # numbers of their nodes
+    constraints: Sequence[tuple[int, str]] = ()  # line and keyword of each card
 
 
 def read_foreign(files: ForeignFiles) -> GivenMatrices:

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 FORMAT, FORMAT_VERSION = "pmr-matrices", 1
-#: Share of the largest entry that M and K may differ by from their transposed.
+#: Largest difference of M and K from their transpose, as a share of the largest entry.
 SYMMETRY = 1e-9
 _PARTS = ("data", "indices", "indptr")
 
@@ -37,11 +37,11 @@ class GivenMatrices:
     exist, or if the matrices do not fit the nodes (`pmr.files.fit.misfit`).
     """
 
-    M: sp.csr_matrix  #: (n, n), symmetric; SI units.  Free of the supports that slide
-    K: sp.csr_matrix  #: (n, n), likewise
+    M: sp.csr_matrix  #: (n, n), symmetric; SI units; without the supports that slide
+    K: sp.csr_matrix  #: (n, n), symmetric; SI units; without the supports that slide
     points: Array  #: (N, 3), m
-    node: Indices  #: (n,) node of each coordinate, from 0; along directions without a coordinate it stands still
-    direction: Indices  #: (n,) 0 to 5, as `DIRECTIONS`
+    node: Indices  #: (n,) node of each coordinate, from 0; nodes are fixed along directions without a coordinate
+    direction: Indices  #: (n,) direction of each coordinate, 0 to 5, as `DIRECTIONS`
     groups: Mapping[str, Indices] = field(default_factory=dict)  #: (g,) nodes by name: faces for pads, tail and tip
     source: str = "matrices"  #: File, for messages
     #: (h, 6): rows that vanish for the rigid motions about the origin that supports and springs inside K leave free

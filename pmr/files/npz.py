@@ -69,10 +69,10 @@ def _finite(data: Any) -> Any:
 HEADER = "header"
 OLD_HEADER = "header.json"  # text instead of an array, in results of tasks of version 1
 MOST_MEMBERS = 10_000
-LONGEST_HEADER = 10_000  # bytes of that of one array
-#: Share of its bytes that compressing an array has to save, and entries by which this is decided.
+LONGEST_HEADER = 10_000  # bytes of the header of one array
+#: Share of an array's bytes that compression has to save, and entries of the array by which this is estimated.
 WORTH, SAMPLE = 0.2, 8192
-#: Bytes of a model over those of its file, and bytes that a small one may claim.
+#: Most bytes of a model over those of its file, and bytes that any file may claim.
 MOST_EXPANSION, ROOM = 100.0, 2**24
 #: Readers of an array's header by its version.
 _READ_HEADER: Mapping[tuple[int, int], Any] = {

@@ -17,9 +17,9 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-#: Coordinates up to which dense matrices are decomposed to name the reason of a refusal.
+#: Most coordinates for which dense matrices are decomposed to find the reason of a refusal.
 DENSE = 3000
-#: Two figures, such as places by the size of the body, are the same within this share.
+#: Relative difference up to which two numbers are equal, such as positions as shares of the body's length.
 ALIKE = 1e-2
 
 

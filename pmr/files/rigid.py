@@ -21,13 +21,13 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Of a coordinate: displacements along the axes and rotations about them.
+#: Directions of a coordinate: displacements along the axes and rotations about them.
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 #: Least and largest share of a row's entries by which their sum may differ from zero through rounding alone: files have
 #: nine to sixteen digits, places of nodes are known to a thousandth of a cell's size or better.
 ROUNDING, ROUNDING_OF_POINTS = (1e-13, 1e-8), (1e-11, 1e-3)
-#: Rounding is taken as so many times the share that a quarter of all rows stays below, or three quarters of those that
-#: no support acts on: places of some nodes may have few digits, and those of others none to lose.
+#: Rounding is estimated as this multiple of a quantile of the rows' sums as shares of their entries: of the lower
+#: quartile of all rows, or of the upper quartile of rows without a support for the rounding of points.
 SPREAD = 100.0
 
 

@@ -37,10 +37,10 @@ Made = TypeVar("Made")
 
 
 PART = ".part"
-#: No room, or none for this user, or a file larger than allowed.
+#: Errors of the system for no room, no access, or a file larger than allowed.
 _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.EACCES, errno.EPERM, errno.EISDIR}
 _NO_ROOM |= {errno.ENAMETOOLONG, errno.ENOTDIR, errno.ELOOP}
-#: The disk is full, whatever was to be written: compiled code and drawn meshes too.
+#: Errors of the system for a full disk, whatever was to be written.
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 _fcntl: Any = import_module("fcntl") if util.find_spec("fcntl") else None  # Windows has none
 
@@ -48,7 +48,7 @@ _fcntl: Any = import_module("fcntl") if util.find_spec("fcntl") else None  # Win
 class NotWrittenError(OSError):
     """Something could not be written, and what was there before still is; the message is one line."""
 
-    reason = ""  #: The system's own words; empty where it was not asked
+    reason = ""  #: Message of the system; empty if the error is not the system's
 
 
 def ensure_ordinary(path: Path) -> None:
@@ -291,7 +291,7 @@ def _discard(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
 
 
-#: Files in the folder, two a measurement.
+#: Most files in a user's cache folder, two for each measurement.
 MOST_KEPT = 100
 
 

@@ -11,9 +11,9 @@ from pydantic import Field, ValidationError, model_validator
 from pmr.scene.keys import Distance, Length, Section, Size, Thickness, Usual, of_key
 from pmr.scene.profile import BoxProfile, Cut, Face, Half, WallName
 
-#: Places along a box are that far apart, as a share of its length: beams on shorter elements lose their digits.
+#: Least distance between breaks along a box as a share of its length: beams on shorter elements lose accuracy.
 APART = 1e-3
-#: Round-off of a user's arithmetic, likewise.
+#: Round-off of a user's arithmetic as a share of the box's length.
 SLACK = 1e-9
 HALVES: tuple[Half, ...] = ("bottom", "top")
 
@@ -240,7 +240,7 @@ class Box(BoxProfile):
 
         Raises an error of a doubler's thickness if the profile has no room for it.
         """
-        names: dict[WallName, None] = dict.fromkeys((*self._plates, *HALVES))  # corners take those of halves
+        names: dict[WallName, None] = dict.fromkeys((*self._plates, *HALVES))  # corners are as thick as bottom or top
         walls: dict[WallName, float] = {
             name: profile.thickness(name)
             + sum(doubler.thickness for doubler in doublers.values() if doubler.faces is None or name in doubler.faces)

@@ -38,19 +38,19 @@ from pmr.scene.signals import Constant, Signal, SignalBase, SmoothRamp
 from pmr.scene.structures import BeamSection, Material, Profile, unit_vector
 
 GRAVITY = 9.80665  # m/s^2
-#: The input that the weight of everything drives.
+#: Name of the input of the weight of all bodies.
 WEIGHT = "gravity"
 OwnModel = Literal["auto", "beam2d", "beam3d", "shell", "solid", "matrices"]
 ModelName = Annotated[OwnModel, or_offered("pmr.models"), AS_WORD]
-#: What tells pads of a face apart, if there are two: which side of the middle they are on.
+#: Names of two pads on a face, by their side of its middle: on bottom and top, and on all other faces.
 SIDES, UPWARDS = dict.fromkeys(("bottom", "top"), ("right", "left")), ("lower", "upper")
-#: What each kind of support holds, as far as the body moves that way.
+#: Directions that each kind of support holds; those that a model lacks have no effect.
 SUPPORTED: dict[str, tuple[Direction, ...]] = {
     "pinned": ("x", "y", "z"),
     "clamped": ("x", "y", "z", "rx", "ry", "rz"),
     "roller": ("z",),
 }
-#: Places that every body has, as shares of its length.
+#: Positions of the groups that every body has, as shares of its length.
 ENDS = {"tail": 0.0, "tip": 1.0}
 
 

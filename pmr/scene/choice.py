@@ -22,9 +22,9 @@ from pmr.scene.keys import Direction
 from pmr.scene.members import Member
 from pmr.scene.profile import FACES, Face
 
-#: A wall is taken to answer at once up to this share of its own lowest frequency.
+#: Share of a wall's lowest frequency up to which its response is assumed to be quasi-static.
 QUASI_STATIC = 1.0 / 3.0
-#: Faces at the left and at the right.
+#: Pairs of faces that mirror each other at y = 0.
 SIDES: tuple[tuple[Face, Face], ...] = (("left", "right"), ("bottom left", "bottom right"), ("top left", "top right"))
 
 
@@ -135,7 +135,7 @@ def has_tail(member: Member) -> bool:
 
     It may not where the body has no displacement along x, or a support holds every point of the base's tail along x.
     """
-    # every point of it
+    # a support of every point removes the tail's coordinates along x from the model
     held = any(
         support.on == "tail" and support.points == "all" and "x" in support.held for support in member.part.supports
     )
@@ -262,12 +262,12 @@ class Needs:
     """What a simulation needs of its simulator; rows (pads, supports, sliders) by their names."""
 
     pushing: tuple[str, ...] = ()  #: Rows that only push
-    #: Those of them that neither a pad's stiffness nor residual flexibility lets give way
+    #: Rows that only push and are rigid: neither a pad's stiffness nor residual flexibility lets them give way
     rigid_pushing: tuple[str, ...] = ()
     giving: tuple[str, ...] = ()  #: Rows that give way
     rigid_moving: tuple[str, ...] = ()  #: Rigid rows that travel along a path
     rubbing: tuple[str, ...] = ()  #: Rows with friction
-    machine: tuple[str, ...] = ()  #: Directions in which the machine below moves by itself
+    machine: tuple[str, ...] = ()  #: Directions in which the machine below the boom is free
     rho_inf: float = 0.0  #: Spectral radius at infinite frequency
 
 
@@ -279,11 +279,11 @@ class Capabilities:
     rows_that_give_way: bool = True
     rows_that_rub: bool = False
     machine_that_moves: bool = False
-    reduced_models: bool = True  # it is one of `simulation.simulators`
-    package: str | None = None  # that it needs installed
+    reduced_models: bool = True  # whether it simulates reduced models, as one of `simulation.simulators`
+    package: str | None = None  # package that has to be installed for it
 
 
-#: By the names of `simulation.simulators` and `simulation.full`.
+#: Simulators by their names in `simulation.simulators` and `simulation.full`.
 SIMULATORS = {
     "march": Capabilities(rows_that_push=True, rows_that_rub=True, machine_that_moves=True),
     "exudyn": Capabilities(rows_that_push=True, rows_that_rub=True, package="exudyn"),
@@ -302,7 +302,7 @@ class Asked:
     value: Any
 
 
-#: The full model as a reference.
+#: Key by which a scene asks for the simulation of its full model, as a reference.
 REFERENCE = Asked("scene", "compare.against", ["full"])
 
 

@@ -26,7 +26,7 @@ from pmr.scene.scene import BodyFile, Scene
 from pmr.scene.structure_checks import refusal
 from pmr.scene.tomlfiles import OPTION, Change, Dialect, TomlFile, override, resolve_path
 
-#: Keys of earlier versions and what they are called now.
+#: Keys of earlier versions and their present names.
 MOVED = {
     "body.length": "body.profile.length",
     "body.bending_stiffness": "body.profile.bending_stiffness",
@@ -39,7 +39,7 @@ MOVED = {
     "clamps": "supports (with points = 'all', and kind = 'clamped' or directions)",
     "reduction.support_rows": "reduction.basis ('paper' for 'hold', 'eigenmodes' for 'drop')",
 }
-#: Keys of earlier versions that have no other name now, and what does their work.
+#: Keys of earlier versions without a present name, and what replaces them.
 GONE = dict.fromkeys(
     ("reduction.residual_inertia", "sections.reduction.residual_inertia"),
     "no such key is allowed any more: more of reduction.coordinates do its work",
@@ -84,7 +84,7 @@ def _leave_out(data: Any, keys: Sequence[str]) -> None:
 
 
 _CELLS = ("size", "along", "tail_layer", "cells")
-#: By model, keys that it has no use for.
+#: Keys without effect, by model.
 UNUSED = {
     "beam2d": (*(f"mesh.{key}" for key in _CELLS), "body.shear_correction", "body.shear"),
     "beam3d": (*(f"mesh.{key}" for key in _CELLS), "body.shear_correction"),
@@ -95,11 +95,11 @@ UNUSED = {
         *(f"body.{key}" for key in ("material", "thickness", "regions", "shear", "shear_correction", "walls")),
     ),
 }
-#: What a beam has a use for nevertheless that is pressed on, or compared with, as a shell.
+#: Keys that a beam uses if its walls give way, or if it is compared with a shell.
 OF_WALLS = ("mesh.size", "mesh.along", "body.shear_correction")
-#: What a box loses as a planar beam: geometry, whoever wrote it.
+#: Keys of a box that a planar beam can't represent.
 STIFFENERS = ("body.box.frame_depth", "body.box.frame_thickness")
-#: What only the POD of eigenmodes looks at.
+#: Keys that only the POD of eigenmodes uses.
 POOLED = ("reduction.snapshots", "reduction.modes", "reduction.positions")
 
 
@@ -201,7 +201,7 @@ def _of_simulation(scene: Scene) -> Iterator[Unused]:
         )
 
 
-#: Published figures are those of one scene, not of the ones that extend it.
+#: Rules of scene files; published results belong to one scene, not to those that extend it.
 DIALECT = Dialect(
     "scene file",
     own=("published",),

@@ -29,7 +29,7 @@ from pmr.scene.keys import Direction, Mass, Place, Point, Quantity, Section, Sti
 from pmr.scene.signals import Constant, Signal, SignalBase
 from pmr.scene.structures import ALLOWED_INERTIA, PrincipalMoments, is_inertia
 
-#: Directions in which a machine moves, as `[frame.base]` has them: of the pivot, then roll, pitch and yaw.
+#: Directions in which a machine moves, as keys of `[frame.base]`: displacements of the pivot, roll, pitch and yaw.
 DIRECTIONS: tuple[Direction, ...] = ("x", "y", "z", "rx", "ry", "rz")
 _PerDirection = Field(ge=0.0, strict=True)
 Spring = Annotated[float, _PerDirection, Quantity("N/m, of angles N m/rad", 0.0, 1e15)]
@@ -148,15 +148,15 @@ class Machine(Section):
         return bool(getattr(self.stiffness, direction) or getattr(self.damping, direction))
 
 
-#: An angle of more than a turn, in rad, is more likely meant in degrees.
+#: A full turn in rad: a larger angle is probably in degrees.
 TURN = 2.0 * np.pi
-#: What is usual of motions of the frame: its angles where they are in rad, and where in degrees.
+#: Usual ranges of the frame's motions; angles have one range in rad and one in degrees.
 SHAKEN, MOVED = Usual(1e-3, 100.0, unit="m/s^2"), Usual(0.0, 1e3, unit="m")
 ROCKED, TURNED = Usual(0.0, 2.0, "rad", "rad"), Usual(0.0, 40.0, "rad", "rad")
 RAISED, SLEWED = Usual(1.6, np.inf, "degrees", "degrees"), Usual(3.2, np.inf, "degrees", "degrees")
-#: What inputs are called that accelerate a body with the frame, before the field: ``inertia x``, ``inertia zx``.
+#: Prefix of the inputs by which a moving frame accelerates a body, before the field: ``inertia x``, ``inertia zx``.
 INERTIA = "inertia "
-#: What such an input is.
+#: Meaning of such an input, for messages.
 MINUS_THE_ACCELERATION = "minus the acceleration of the frame, weight included"
 
 

@@ -30,7 +30,7 @@ from pmr.scene.structure_checks import (
 
 #: Round-off of a user's arithmetic.
 SLACK = 1e-9
-#: Cosine of the angle between faces that a pad lies between.
+#: Least cosine of the angle between the two faces that a pad touches.
 PARALLEL = 1.0 - 1e-6
 
 

@@ -37,9 +37,9 @@ from pmr.scene.signals import Constant, Signal, SignalBase
 from pmr.scene.signals.base import Array, Floats, Strand
 from pmr.scene.structures import PointMass, Probe
 
-#: N/m: of a pad along the boom.
+#: Stiffness of a pad along the boom, N/m.
 SHEAR_STIFFNESS = 1e8
-#: m/s: by which friction of a pad falls from that at rest to that of sliding.
+#: Speed in m/s by which the friction of a pad falls from that at rest to that of sliding.
 STRIBECK_SPEED = 0.01
 
 

@@ -39,12 +39,12 @@ from pmr.scene.scene import Scene
 
 Array = NDArray[np.float64]
 
-#: What force and moment at the pivot are called, by their directions, and what the cylinder bears that raises the boom.
+#: Prefix of the names of force and moment at the pivot; names of the luffing moment and of the cylinder's force.
 AT_PIVOT = "pivot"
 MOMENT, CYLINDER = reaction_of(f"{AT_PIVOT} ry"), reaction_of(f"{AT_PIVOT} cylinder")
-#: How near to the lug of a luffing cylinder its support is, and a pin to the pivot, m.
+#: Greatest distance in m of a support from a luffing cylinder's lug that it stands for, and of a pin from the pivot.
 NEAR = 1e-6
-#: Faces that every body has: along which axis out of them, and the sense.
+#: Axis and sign of the outward normal of the faces that every body has.
 OUTWARDS = {"bottom": ("z", -1.0), "top": ("z", 1.0), "left": ("y", 1.0), "right": ("y", -1.0)}
 
 
@@ -131,7 +131,7 @@ def _ground_contacts(scene: Scene, member: Member, along: Mapping[str, Array]) -
         at = member.part.place(support.on)
         for held in support.held:
             if at is None:
-                yield Pressed((), tail)  # a place that only a mesh knows
+                yield Pressed((), tail)  # a position that only a mesh file defines
             elif held in moves:
                 place = tail + [at, 0.0, 0.0]
                 yield Pressed(_names(body, support.row_name(held)), _wrench(place, held))
@@ -147,7 +147,7 @@ def _ground_contacts(scene: Scene, member: Member, along: Mapping[str, Array]) -
                 continue
             box = member.part.body.box
             if box is None:
-                yield Pressed((), tail)  # a face that only a mesh knows
+                yield Pressed((), tail)  # a face that only a mesh file defines
                 continue
             side = box.faces[face]
             place[:, 1:] += across * side.across
@@ -189,7 +189,7 @@ def _wrench(place: Array, direction: str) -> Array:
     return wrench
 
 
-#: Unit force states, what a section's acceleration has to be multiplied with, by its field.
+#: Matrix of axial forces per unit of a section's acceleration, by the field of the acceleration.
 OF_FIELD = {"x": "axial uniform", "xx": "axial linear"}
 
 
@@ -198,15 +198,15 @@ class FrameTerm:
     """A term of the moving frame's equations: its name, the bodies that it acts on, and its matrix."""
 
     name: str
-    bodies: tuple[str, ...]  # one, or the inner and the outer one of a cylinder
-    matrix: str  # of the body; of a cylinder that of `carried`
+    bodies: tuple[str, ...]  # one body, or the inner and the outer body of a cylinder
+    matrix: str  # name of a matrix of the body, or for a cylinder of the body `carried`
     of: str  # `rotation`, `turning`, `carried`, `field`, `load`, `cylinder` (inertia) or `cylinder load`
-    component: str  # ``y`` of a rotation, ``xz`` of what is carried; a field; the name of a load
-    number: int = 0  # of the section that is accelerated
+    component: str  # axis of a rotation; axes ``xz`` of `carried`; a field; the name of a load
+    number: int = 0  # index of the section that is accelerated
     carried: str = ""  # name of the section that a cylinder carries
 
 
-#: Of which kinds a term is that changes the stiffness, by axial forces or by the frame's speed.
+#: Kinds of terms that change the stiffness: all of them, and those by axial forces.
 STRESSES, AXIAL = (
     ("field", "load", "cylinder", "cylinder load", "carried"),
     ("field", "load", "cylinder", "cylinder load"),
@@ -354,7 +354,7 @@ class Drive:
     """Compliance of the cylinder or rope that holds a section along the boom."""
 
     compliance: float  # m/N, where the section's extension is 0
-    lengthening: float = 0.0  # 1/N: by how much that grows with the extension
+    lengthening: float = 0.0  # 1/N: growth of the compliance per m of extension
 
     @classmethod
     def of(cls, scene: Scene, number: int) -> Drive:

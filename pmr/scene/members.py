@@ -15,10 +15,10 @@ from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase
 from pmr.scene.structures import Damping
 
-#: What the row of points on a planar beam is called, and that of a section's tail along the boom.
+#: Names of the row of sliding points on a planar beam, and of the row that holds a section's tail along the boom.
 POINT, TAIL = "deflection", "tail x"
-#: What the rows are called that keep a planar beam straight within an overlap: within the next outer section, and what
-#: of the next inner one is within it.
+#: Names of the rows that keep a planar beam straight in an overlap: where it is within the next outer section, and
+#: where the next inner section is within it.
 WITHIN, AROUND = ("straight within at the tail", "straight within"), ("straight around at the mouth", "straight around")
 STRAIGHT = (*WITHIN, *AROUND)
 #: The input that accelerates a section along the boom.
@@ -56,25 +56,25 @@ class Member:
     """A body of a scene with all inputs of its full model."""
 
     part: Part
-    number: int  # among the scene's sections
-    pads: tuple[PadRing, ...]  # those that stay, and those that move along it, of the joints on either side, too
-    points: tuple[float, ...]  # distances in m ahead of s of points that slide
-    point_names: tuple[str, ...]  # what their rows are called
+    number: int  # index of the section in the scene
+    pads: tuple[PadRing, ...]  # pads at fixed positions and pads that move along it, also of both joints
+    points: tuple[float, ...]  # distances in m of sliding points ahead of s
+    point_names: tuple[str, ...]  # names of the rows of `points`
     bounds: tuple[float, float]  # m: least and largest s
-    travel: tuple[float, float]  # m: stretch of s on which rows are defined
+    travel: tuple[float, float]  # m: range of s on which rows are defined
     gravity: Gravity | None
     frame: Frame | None
     damping: Damping
     recovery: Recovery | None
-    jointed: bool = False  # whether it slides in another body or another one in it
-    # of rings that move: the stretch of s in m where they have rows, where it is not that of all
+    jointed: bool = False  # whether it slides in another body, or another body in it
+    # range of s in m where a moving ring has rows, by name; rings that are not in have the range `travel`
     stretches: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    # of rings whose walls give way: the section of their joint, the first place in m of their centres, and the last one
+    # for rings on walls that give way: the section of their joint, and first and last position in m of their centres
     ways: Mapping[str, tuple[int, float, float]] = field(default_factory=dict)
-    # names of rows that keep it straight in its rigid overlaps, and the end of each overlap that stays, m
+    # position in m of the fixed end of each rigid overlap, by the names of its two rows
     straight: Mapping[tuple[str, str], float] = field(default_factory=dict)
-    cylinder: LuffingCylinder | None = None  # that holds it, along itself
-    others: tuple[Member, ...] = ()  # the other sections, which know no others: where its model is still to be chosen
+    cylinder: LuffingCylinder | None = None  # luffing cylinder that holds the base
+    others: tuple[Member, ...] = ()  # all other sections (with no `others`), if its model is ``auto``
 
     @property
     def signals(self) -> dict[str, SignalBase]:
@@ -185,7 +185,7 @@ def _section(scene: Scene, number: int) -> Member:
 
 def seats(scene: Scene, number: int) -> Iterator[Seat]:
     """Yield the seat of each ring of joints on a section: rings of its own joint, then of the next section's joint."""
-    for k in range(max(number, 1), min(number + 2, len(scene.sections))):  # in which it slides, and what slides in it
+    for k in range(max(number, 1), min(number + 2, len(scene.sections))):  # its own joint and the next section's
         joint, outer = scene.joint(k), scene.sections[k - 1].length
         first, last = scene.extension(k).bounds(0.0, scene.time.end)
         for i, ring in enumerate(joint.tail):

@@ -10,14 +10,14 @@ from pmr.scene.members import members
 from pmr.scene.run_settings import Observe, Reduction, Simulation
 from pmr.scene.scene import Scene
 
-#: From the poorest to the richest.
+#: Structural models from the poorest to the richest.
 ORDER = ("beam2d", "beam3d", "shell")
-#: Coordinates of a body where models are compared, whatever the scene's own reduction, and places that are observed.
+#: For comparisons of models: coordinates of a body, observed positions, and the distance of the first and last
+#: position from the ends as a share of the length.
 COORDINATES, PLACES, FROM_AN_END = 20, 9, 0.05
-#: Of a shell that nobody asked for: how many times as long its cells are beside beams with rigid walls, and how many
-#: rectangles of cells it may have.
+#: For shells that no scene names: length of cells over that of the scene, for beams with rigid walls; most cells.
 COARSE, MOST_RECTANGLES = 2.0, 2500
-#: Seconds that a comparison takes, and that each rectangle of a shell's cells adds: a guess, from boxes of 5 and 6 m.
+#: Estimated time in s of a comparison, and of each cell of its shells; measured with boxes of 5 and 6 m.
 FIXED, EACH = 1.0, 6e-3
 
 

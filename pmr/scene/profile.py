@@ -36,7 +36,7 @@ Pair = tuple[float, float]
 Face = Literal["bottom", "bottom left", "left", "top left", "top", "top right", "right", "bottom right"]
 Half = Literal["bottom", "top"]
 FACES: tuple[Face, ...] = get_args(Face)
-#: Components of a unit vector that are less are none.
+#: Components of a unit vector, and lengths as a share of the larger of width and height, that count as zero.
 NOTHING = 1e-9
 
 
@@ -44,12 +44,12 @@ NOTHING = 1e-9
 class Side:
     """A flat plate of a profile or the arc of a rounded corner; start and end are in counter-clockwise order."""
 
-    name: str  # of its face; of an arc that it is a corner
+    name: str  # of its face; an arc's says that it is a corner
     start: Pair  # (y, z) m on the mid-surface
     end: Pair
     thickness: float  # m
-    centre: Pair | None = None  # of an arc
-    angle: float = 0.0  # rad, of an arc
+    centre: Pair | None = None  # (y, z) m of an arc's centre; None for a plate
+    angle: float = 0.0  # rad, of an arc; 0 for a plate
 
     @property
     def radius(self) -> float:
@@ -100,7 +100,7 @@ class Corner:
 
     name: str
     at: Pair  # (y, z) m
-    thickness: float  # of the thinner one of both, m
+    thickness: float  # of the thinner plate, m
 
 
 @dataclass(frozen=True)
@@ -218,7 +218,6 @@ def _pair(p: Array) -> Pair:
 WallName = Literal["sides", Face]
 Cut = tuple[Distance, Distance]
 CORNERS = "corners"
-#: Lengths that are less, as a share of the larger of width and height, are none.
 
 
 class BoxProfile(Section):

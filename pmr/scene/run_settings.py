@@ -53,9 +53,9 @@ class TimeChoice(Section):
 
 
 class Observe(Section):
-    """Places along the axis at which the motion is compared and drawn, and the tip: the mean of a group at the end.
+    """Positions along the axis at which the motion is compared and drawn, and the tip: the mean of a group at the end.
 
-    Without `start` and `end` the places are a beam's nodes; of more than a thousand nodes every second, third and so
+    Without `start` and `end` the positions are a beam's nodes; of more than a thousand nodes every second, third and so
     on.
     """
 

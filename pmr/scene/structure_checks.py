@@ -25,8 +25,8 @@ from pmr.scene.structures import ALLOWED_INERTIA, is_inertia
 BEAMS = ("beam2d", "beam3d")
 #: Models whose section may vary along the body.
 VARYING = ("beam2d", "beam3d", "shell")
-#: Round-off in the stiffness of a beam in space grows with the fourth power of the number: these leave two digits of
-#: the lowest frequency.  What a planar beam's cost it is said of the run.
+#: Most elements of a beam in space: round-off in its stiffness grows with the fourth power of their number, and these
+#: leave two digits of the lowest frequency.
 MOST_ELEMENTS = 5000
 #: Round-off of a user's arithmetic, as a share of the face.
 SLACK = 1e-9
@@ -303,9 +303,9 @@ def refusal(key: str, value: Any, allowed: str) -> InputError:
     return InputError("scene", key, value, allowed)
 
 
-#: Of a box: what its length is over its smaller side, and that side over its wall.
+#: Allowed ratios of a box: length over smaller side, and smaller side over wall.
 SLENDER, THIN = (0.01, 1e4), (0.0, 1e4)
-#: Of a beam: its length over a section's radius of gyration.
+#: Allowed ratios of a beam's length to the radius of gyration of its section.
 GYRATION = (0.01, 1e6)
 LARGEST_LOAD = 1e120  # N or N m; models are linear in it, their energies are its squares
 

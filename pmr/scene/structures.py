@@ -31,11 +31,11 @@ from pmr.scene.profile import BoxProfile
 Measured = Literal["stress", "strain", "displacement"]
 
 
-#: Share of a moment of inertia that three figures written with some digits may be off.
+#: Relative round-off of moments of inertia that are written with few digits.
 ROUND_OFF = 1e-3
-#: About x, y and z through the centre of mass.
+#: Moments of inertia about x, y and z through the centre of mass, kg m^2.
 PrincipalMoments = Annotated[tuple[Inertia, Inertia, Inertia], Usual(1e-7, 4.0, "inertia")]
-#: What `is_inertia` asks for, in words.
+#: Condition of `is_inertia` in words.
 ALLOWED_INERTIA = "three moments are allowed of which none is larger than the sum of the two others, as in every body"
 
 
@@ -175,7 +175,7 @@ class PointMass(Section):
 
 
 class Probe(Section):
-    """Quantities recorded at the model's point that is nearest to a given one, or as the mean over a group.
+    """Quantities recorded at the model's point that is nearest to a given point, or as the mean over a group.
 
     Probes are signed outputs at every step, of the full and of the reduced model; they need no further simulation.
     """

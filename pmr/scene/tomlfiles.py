@@ -60,11 +60,11 @@ def resolve_path(path: Path, within: str) -> Path:
 #: The file (or option) in which each key of the merged data was written.
 Origins = dict[tuple[str, ...], str]
 OPTION = "--set"
-#: So deep tables and lists may stand within each other, and so many files extend one another.
+#: Most levels of nested tables and lists, and most files that extend one another.
 DEEPEST = 40
 LARGEST = 10**8  # bytes of a file
 LONGEST = 2**63  # TOML's integers have 64 bits
-#: A key of more parts than that; tomllib takes memory by the square of their number.
+#: A dotted key of more words than `DEEPEST`, for which tomllib takes memory by the square of their number.
 _DEEP_KEY = re.compile(
     rf"""(?:^|[{{,])[ \t]*(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){{{DEEPEST}}}""", re.MULTILINE | re.ASCII
 )
@@ -79,11 +79,11 @@ class Dialect:
     references: tuple[str, ...] = ("file",)
     #: Keys that a file which extends this one does not take over.
     own: tuple[str, ...] = ()
-    #: By table, different ways to say the same: a file that writes keys of one takes over none of the others.
+    #: Alternative keys of a table for the same setting: a file that sets some of one takes over none of the others.
     alternatives: Mapping[str, tuple[tuple[str, ...], ...]] = field(default_factory=dict)
-    #: Dotted keys of earlier versions, wherever they stand in lists, and what to write in their place.
+    #: Dotted keys of earlier versions, without indices of lists, and their present names.
     moved: Mapping[str, str] = field(default_factory=dict)
-    #: The same of keys without a successor, and what is said of each.
+    #: Dotted keys of earlier versions without a present name, and the message about each.
     gone: Mapping[str, str] = field(default_factory=dict)
 
 

@@ -23,9 +23,9 @@ __all__ = [
     "Chirp", "Constant", "Ramp", "Signal", "SignalBase", "Sine", "SmoothRamp", "Step", "Sum", "Table",
 ]  # fmt: skip
 
-#: Samples in which a sum of signals is searched for its extremes: a period of its fastest tone, at least, at most.
+#: Samples in which a sum of signals is searched for its extremes: per period of its fastest tone, least and most.
 SAMPLES_A_PERIOD, FEWEST_SAMPLES, MOST_SAMPLES = 64, 20_000, 1_000_000
-#: Crests between samples that are looked at, the highest ones, and how often a third of the way is taken off.
+#: Number of highest crests that are searched between samples, and how often a third of the interval is cut off.
 CRESTS, THIRDS = 256, 40
 
 

@@ -13,13 +13,13 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pmr.scene.keys import Usual
 
 Array = NDArray[np.float64]
-#: A number in the unit of what the signal drives: m of a path, N or N m of a load.
+#: A number in the unit of the signal's path or load: m, N or N m.
 Real = Annotated[float, Field(strict=True, json_schema_extra={"unit": "the unit of what it drives"})]
 Seconds = Annotated[float, Field(strict=True, json_schema_extra={"unit": "s"}), Usual(0.0, 300.0, "time", "s")]
 Hertz = Annotated[float, Field(strict=True, json_schema_extra={"unit": "Hz"})]
 Radians = Annotated[float, Field(strict=True, json_schema_extra={"unit": "rad"}), Usual(0.0, 6.3, unit="rad")]
 Floats = tuple[Real, ...]
-#: Share of a signal's mean rate, from its least value to its largest, that a jump of its rate exceeds.
+#: Least jump of the rate that counts as a kink, as a share of the signal's range over its duration.
 KINK = 1e-6
 
 

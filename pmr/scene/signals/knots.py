@@ -15,7 +15,7 @@ from scipy.interpolate import Akima1DInterpolator, PPoly
 from pmr.errors.text import no_file
 from pmr.scene.signals.base import Array, Floats, Seconds, SignalBase, Strand
 
-#: s, between knots; the shortest step that is allowed.  Slopes between closer ones overflow.
+#: Least distance between knots in s, which is also the shortest allowed time step; closer knots overflow.
 CLOSEST = 1e-12
 
 
@@ -102,7 +102,7 @@ class Ramp(_Knots):
     kind: Literal["ramp"] = Field(default="ramp", description="Straight lines between values")
 
 
-#: Of transitions from 0 to 1 by their degree: coefficients, highest power first.
+#: Coefficients of transitions from 0 to 1 by their degree, highest power first.
 TRANSITIONS = {
     5: (6.0, -15.0, 10.0, 0.0, 0.0, 0.0),
     9: (70.0, -315.0, 540.0, -420.0, 126.0, 0.0, 0.0, 0.0, 0.0, 0.0),
