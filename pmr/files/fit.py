@@ -56,7 +56,7 @@ _EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 
 
 def misfit(M: sp.csr_matrix, body: Resistance) -> tuple[str, str] | None:
-    """Return the first input (``M``, ``K``, ``points``, ``direction``) that does not fit, and the reason; or None."""
+    """Return the input (``M``, ``K``, ``points``, ``direction``) that does not fit first, and the reason; or None."""
     checks: tuple[Callable[[sp.csr_matrix, Resistance], Iterator[tuple[str, str]]], ...] = (
         _vanishing_entries,
         _indefinite,
@@ -81,7 +81,7 @@ def tells_nothing(body: Resistance) -> bool:
 
 
 def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield M or K if its least diagonal entry is negligible beside the median.
+    """Yield ``M`` or ``K``, and the reason, if its least diagonal entry is negligible beside the median entry.
 
     Logarithms are compared: squares of such entries might not be numbers.
     """
@@ -101,7 +101,7 @@ def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str
 
 
 def _indefinite(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield M or K if it has negative eigenvalues."""
+    """Yield ``M`` or ``K``, and the reason, if the matrix has negative eigenvalues."""
     for name, A in (("M", M), ("K", body.K)):
         least = _least_eigenvalue(A)
         if least < NEGATIVE:
@@ -136,7 +136,7 @@ def _least_eigenvalue(A: sp.csr_matrix) -> float:
 
 
 def _unknown_motions(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield the directions if some rigid motion moves no coordinate, or only as other rigid motions do."""
+    """Yield ``direction`` and the reason, if some rigid motion moves no coordinate, or only as other ones do."""
     R = rigid_motions((body.points - body.points.mean(axis=0))[body.node], body.direction)
     R /= np.maximum(np.linalg.norm(R, axis=0), 1e-9 * np.linalg.norm(R))
     independent = list[int]()
@@ -152,7 +152,7 @@ def _unknown_motions(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, 
 
 
 def _parts(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield K if some nodes are joined to the others neither by stiffness nor by the ground."""
+    """Yield ``K`` and the reason, if some nodes are joined to the others neither by stiffness nor by the ground."""
     links = sp.coo_matrix(
         (np.ones(len(body.node)), (body.node, np.arange(len(body.node)))), (len(body.points), body.K.shape[0])
     )
@@ -174,7 +174,7 @@ def _parts(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
 
 
 def _massless(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield M if it equals K, or gives a rigid body no mass along some axis."""
+    """Yield ``M`` and the reason, if it equals K, or gives a rigid body no mass along some axis."""
     if M.nnz == body.K.nnz > len(body.node) and abs(M - body.K).count_nonzero() == 0:
         yield "M", "a mass is allowed: this is the same matrix as the stiffness"
     T = rigid_motions(body.points[body.node], body.direction)[:, :3]
@@ -191,7 +191,10 @@ def _massless(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
 
 
 def _places(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield the points if rows resist a rotation but no translation: nodes are not where K has them."""
+    """Yield the wrong input and the reason, if rows resist a rotation but no translation.
+
+    Nodes are then not where K has them.
+    """
     sums, sizes = body.sums_of_moments
     wrong = np.zeros(len(body.points), dtype=bool)
     wrong[body.node[np.abs(sums).max(axis=1) > ROUNDING_OF_POINTS[1] * sizes]] = True
@@ -209,7 +212,7 @@ def _places(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
 
 
 def _axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield directions or K if rows far from any support resist a translation, and not as a spring does."""
+    """Yield the wrong input and the reason, if rows far from supports resist a translation, and not as a spring does."""
     held = body.grounded & ~body.sprung
     if _is_dense(body):
         wrong = held if held.any() and _left_free(body) > 6 - len(body.held()) else np.zeros_like(held)
@@ -230,7 +233,7 @@ def _axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
 
 
 def _axes_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield the directions if M couples displacements of a node with those of others across axes.
+    """Yield ``direction`` and the reason, if M couples displacements of a node with those of others across axes.
 
     Elements couple displacements of two nodes by m_ij along each axis, near supports too.  It is checked if M has
     displacements alone and at least half of the nodes show no such coupling.
@@ -253,7 +256,7 @@ def _axes_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str
 
 
 def _mechanisms(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield K if it leaves other motions than rigid ones free, or has negative eigenvalues.
+    """Yield ``K`` and the reason, if it leaves other motions than rigid ones free, or has negative eigenvalues.
 
     Only matrices of up to `DENSE_ALWAYS` coordinates are checked.
     """
@@ -278,7 +281,7 @@ def _mechanisms(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]
 
 
 def _centre(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield M if it couples translations along two axes, or its centre of mass is outside of the body.
+    """Yield ``M`` and the reason, if it couples translations, or its centre of mass is outside of the body.
 
     It is checked if no support or spring inside K holds the body.
     """
@@ -309,7 +312,7 @@ def centre_of_mass(J: Array) -> Array:
 
 
 def _sound(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield the points if the speed of sound shows that units of lengths, masses and forces do not go together."""
+    """Yield ``points`` and the reason, if the speed of sound shows that the units of the matrices do not fit."""
     least, most = sound(M, body)
     if most < SLOWEST or least > FASTEST:
         speed, guess = (
@@ -325,7 +328,7 @@ def _sound(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
 
 
 def _weight(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield M if the body is lighter than air in its convex hull, or than foam where stiffness fills the hull.
+    """Yield ``M`` and the reason, if the body is lighter than air in its convex hull, or than foam where it is stiff.
 
     Masses are then probably in t.
     """

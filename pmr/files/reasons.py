@@ -24,10 +24,10 @@ ALIKE = 1e-2
 
 
 def affine_change(body: Resistance) -> tuple[str, str] | None:
-    """Return the reason if directions, axes or units of all points differ from those of K by one linear map.
+    """Return wrong input and reason, if one linear map leads from directions, axes or units of points to those of K.
 
     K leaves u = Q (w x P x) free, with turned or reordered directions Q and stretched points P.  With E = Q P all these
-    motions u = A x have E^T A skew, which E follows from.
+    motions u = A x have E^T A skew, which E follows from.  None if there is no such map.
     """
     x, translations = body.points - body.points.mean(axis=0), body.direction < 3
     fields = np.zeros((len(body.node), 12))
@@ -70,7 +70,7 @@ def affine_change(body: Resistance) -> tuple[str, str] | None:
 
 
 def _describe_axes(E: Array) -> tuple[str, str]:
-    """Return the reason for the linear map E (3, 3) between points and K: units, order of axes, or a rotation."""
+    """Return wrong input and reason for the linear map E (3, 3) between points and K: units, order of axes, rotation."""
     largest = np.abs(E).argmax(axis=1)
     smaller = E.copy()
     smaller[np.arange(3), largest] = 0.0
@@ -102,7 +102,7 @@ def _signs(factors: Array) -> Array:
 
 
 def moved_nodes(body: Resistance, wrong: Mask) -> tuple[str, str] | None:
-    """Return the reason if single nodes of `wrong` (N,) are not where K has them.
+    """Return wrong input and reason, if single nodes of `wrong` (N,) are not where K has them; else None.
 
     The points that K has follow from how these nodes move under rotations of the other nodes.
     """
@@ -132,7 +132,10 @@ def moved_nodes(body: Resistance, wrong: Mask) -> tuple[str, str] | None:
 
 
 def turned_nodes(body: Resistance, wrong: Mask) -> tuple[str, str] | None:
-    """Return the reason if nodes of `wrong` (N,) have axes of their own: they follow translations along turned axes."""
+    """Return wrong input and reason, if nodes of `wrong` (N,) have axes of their own; else None.
+
+    Such nodes follow translations of the other nodes along turned axes.
+    """
     nodes, Q = _rigid_followers(body, wrong, 0, np.tile(np.eye(3), (len(wrong), 1, 1)), ALIKE)
     if not len(nodes) or np.abs(Q @ Q.transpose(0, 2, 1) - np.eye(3)).max() > 1e-3:
         return None
@@ -190,7 +193,7 @@ def _rigid_followers(body: Resistance, wrong: Mask, first: int, expected: Array,
 
 
 def by_direction(body: Resistance) -> tuple[str, str] | None:
-    """Return the reason if rows are ordered by direction instead of node by node."""
+    """Return wrong input and reason, if rows are ordered by direction instead of node by node; else None."""
     count = len(body.node)
     each = count // max(len(np.unique(body.node)), 1)
     if each not in (3, 6) or not np.array_equal(body.direction, np.tile(np.arange(each), count // each)):
@@ -203,7 +206,7 @@ def by_direction(body: Resistance) -> tuple[str, str] | None:
 
 
 def turned_everywhere(body: Resistance) -> tuple[str, str] | None:
-    """Return the reason if K is that of these points with different axes at each node.
+    """Return wrong input and reason, if K is that of these points with different axes at each node; else None.
 
     Its free motions are then z_j = Q_j (1, -[x_j]) A, so that tr(z_j B z_j^T) = 3 + 2 |x_j|^2 with one symmetric B.
     """

@@ -32,10 +32,10 @@ SPREAD = 100.0
 
 
 def rigid_motions(at: Array, component: Indices) -> Array:
-    """Return n coordinates under unit translations along and rotations about x, y, z through the origin, (n, 6).
+    """Return n coordinates under six rigid motions, (n, 6): unit translations along x, y, z and rotations about them.
 
-    Each coordinate is the displacement or rotation `component` (n,), an index of `DIRECTIONS`, at a point of `at` (n,
-    3) in m.
+    The rotations are about axes through the origin.  Each coordinate is the displacement or rotation `component` (n,),
+    an index of `DIRECTIONS`, of a point of `at` (n, 3) in m.
     """
     motions, translations = np.zeros((len(at), 6)), component < 3
     motions[np.arange(len(at)), component] = 1.0

@@ -1,4 +1,4 @@
-"""Checks of a whole scene: time, path, reduction, comparison and simulators, the moving frame and the machine.
+"""Checks of a whole scene, which raise InputError: time, path, reduction, comparison, simulators, frame and machine.
 
 Each check raises an InputError for the first key that contradicts another key; its file is ``"scene"``, which the
 reader of the scene replaces by the file's name.  Checks of a single table are its validators, those of one body are in

@@ -236,7 +236,7 @@ def union_schema(schemas: Sequence[Schema], title: str) -> Schema:
 
 
 def _spoken(node: Any) -> Any:
-    """Return a pydantic schema in draft 7, with units in the descriptions and numbers allowed in place of signals."""
+    """Return a node of a pydantic schema in draft 7, with units in descriptions, and numbers allowed as signals."""
     if isinstance(node, list):
         return [_spoken(entry) for entry in node]
     if not isinstance(node, dict):
@@ -252,7 +252,7 @@ def _spoken(node: Any) -> Any:
 
 
 def _in_part(node: Any) -> Any:
-    """Return a schema in which no key is required and tables may change single entries of lists of tables."""
+    """Return a node of a schema with no key required, in which tables may change single entries of lists of tables."""
     if isinstance(node, list):
         return [_in_part(entry) for entry in node]
     if not isinstance(node, dict):

@@ -1,7 +1,4 @@
-"""Checks of neighbouring sections of a boom: whether they fit into each other, their drives, pads and extensions.
-
-Each check raises an InputError for the first key that contradicts another key of the scene.
-"""
+"""Checks of neighbouring sections of a boom, which raise InputError: their fit, drives, pads and extensions."""
 
 from __future__ import annotations
 

@@ -109,7 +109,7 @@ class Member:
 
 
 def member_at(scene: Scene, number: int = 0) -> Member:
-    """Return the body of section `number`."""
+    """Return section `number` of a scene with all inputs of its full model."""
     if len(scene.sections) == 1:
         return _only_member(scene)
     member = _section(scene, number)
@@ -119,12 +119,12 @@ def member_at(scene: Scene, number: int = 0) -> Member:
 
 
 def members(scene: Scene) -> tuple[Member, ...]:
-    """Return all bodies of a scene, from the base outwards."""
+    """Return all sections of a scene, from the base outwards, each with all inputs of its full model."""
     return tuple(member_at(scene, number) for number in range(len(scene.sections)))
 
 
 def _only_member(scene: Scene) -> Member:
-    """Return the body of a scene that has only one."""
+    """Return the only body of a scene with all inputs of its full model."""
     points, about = scene.points, (scene.gravity, scene.frame, scene.damping, scene.recovery)
     names = tuple(_slider_name(points, at) for at in points)
     return Member(scene.alone, 0, scene.pads, points, names, scene.path_bounds, scene.travel, *about)
@@ -138,10 +138,10 @@ def _slider_name(points: tuple[float, ...], at: float) -> str:
 
 
 def _section(scene: Scene, number: int) -> Member:
-    """Return a body of a boom of several sections, with the pads of both joints that touch it.
+    """Return a section of a boom with all inputs of its full model, such as the pads of both joints that touch it.
 
-    They have one path coordinate s, the position of pads along the section.  Its bounds contain all of these rings at
-    all times, as far as pads fit on the section; each ring has rows over that range, as far as its own length allows.
+    These have one path coordinate s, the position of pads along the section.  Its bounds contain all rings at all
+    times, as far as pads fit on the section; each ring has rows over that range, as far as its own length allows.
     """
     part, seats_here = scene.sections[number], list(seats(scene, number))
     faced = [seat for seat in seats_here if seat.ring.faces is not None]
@@ -234,7 +234,7 @@ def as_pads(ring: JointPads, name: str) -> PadRing:
 
 
 def _pattern(ring: JointPads) -> tuple[object, ...]:
-    """Return faces, positions, length and width of a ring, equal for rings that may share a name."""
+    """Return faces, positions, length and width of a ring as a key that is equal for rings that may share a name."""
     assert ring.faces is not None
     return (tuple((face, tuple(places)) for face, places in sorted(ring.faces.items())), ring.length, ring.width)
 

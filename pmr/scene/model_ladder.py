@@ -53,10 +53,12 @@ def model_comparison(scene: Scene) -> tuple[Scene, Scene, str]:
 
 
 def _default_comparison(scene: Scene) -> tuple[Scene, Scene, str]:
-    """Return what `model_comparison` does for ``compare.richer = 'auto'``.
+    """Return the scene, the scene with shells, and the shells' name, for ``compare.richer = 'auto'``.
 
     Beams with rigid walls are compared with coarse shells.  Beams whose walls give way take the walls' compliance from
     shells with the cells of the scene, and are compared with shells on equal cells, whose error is then in both.
+
+    Raises an InputError if the shells would take long.
     """
     compare = scene.compare.model_copy(update={"richer": ORDER[-1]})
     of_scene, shells, called = model_comparison(scene.model_copy(update={"compare": compare}))

@@ -1,6 +1,7 @@
-"""Checks of one body: its model, loads, supports, pads and sliding points, and proportions that can be computed with.
+"""Checks of one body, which raise InputError: model, loads, supports, pads and sliding points, and proportions.
 
-Each check raises an InputError for the first key that contradicts another key of the body.
+Each check raises an InputError for the first key that contradicts another key of the body; proportions are those with
+which double precision can compute.
 """
 
 from __future__ import annotations
