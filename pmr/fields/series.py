@@ -115,7 +115,7 @@ class Fields:
 
     @classmethod
     def load(cls, file: Path) -> Fields:
-        """Read a file that `save` wrote."""
+        """Return the fields in a file that `save` wrote."""
         data = npz.read(file, MOST_EXPANSION, ROOM)
         return npz.record(cls, npz.rename_keys(data, {"region.": "grid.regions."}))  # as version 0.1 wrote them
 

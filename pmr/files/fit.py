@@ -212,7 +212,7 @@ def _places(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
 
 
 def _axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield the wrong input and the reason, if rows far from supports resist a translation, and not as a spring does."""
+    """Yield wrong input and reason, if rows far from supports resist a translation, and not as a spring does."""
     held = body.grounded & ~body.sprung
     if _is_dense(body):
         wrong = held if held.any() and _left_free(body) > 6 - len(body.held()) else np.zeros_like(held)

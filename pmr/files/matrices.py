@@ -117,7 +117,7 @@ class GivenMatrices:
 
     @classmethod
     def load(cls, path: Path) -> GivenMatrices:
-        """Read a file that `save` wrote; raises InputError if it is missing, of another kind, or not valid."""
+        """Return the matrices in a file that `save` wrote; raises InputError if it is missing, of another kind or damaged."""
         if not isfile(path):
             raise InputError(str(path), "", None, f"{no_file(path)}; pmr matrices writes one")
         try:

@@ -70,7 +70,7 @@ def affine_change(body: Resistance) -> tuple[str, str] | None:
 
 
 def _describe_axes(E: Array) -> tuple[str, str]:
-    """Return wrong input and reason for the linear map E (3, 3) between points and K: units, order of axes, rotation."""
+    """Return wrong input and reason for a linear map E (3, 3) between points and K: units, order of axes, or turn."""
     largest = np.abs(E).argmax(axis=1)
     smaller = E.copy()
     smaller[np.arange(3), largest] = 0.0

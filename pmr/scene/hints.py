@@ -174,9 +174,9 @@ def _scales(scene: Scene) -> dict[str, float]:
 
 
 def _scales_of(part: Part) -> dict[str, float]:
-    """Return length in m, mass in kg and weight in N of a section.
+    """Return length in m, mass in kg and weight in N of a section, by these names.
 
-    All are 0 if its body has an unusual number; the mass is 0 if only a mesh file describes it.
+    All are 0 if its body has an unusual number; mass and weight are 0 if only a mesh file describes it.
     """
     if any(_of_table(part.body, "", {"gravity": GRAVITY})):
         return dict.fromkeys(("length", "mass", "weight"), 0.0)

@@ -311,7 +311,7 @@ def _declarations(section: type[BaseModel], key: str) -> Iterator[Any]:
 
 
 def _annotations(parts: tuple[Any, ...]) -> Iterator[Any]:
-    """Yield the items of metadata and types, and all that are nested in them."""
+    """Yield the items of a field's metadata and types, and all items nested in them."""
     for part in parts:
         yield part
         yield from _annotations((*getattr(part, "__metadata__", ()), *get_args(part)))

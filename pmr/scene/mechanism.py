@@ -117,7 +117,7 @@ def pin_and_cylinder(scene: Scene) -> PinAndCylinder | None:
 def _ground_contacts(scene: Scene, member: Member, along: Mapping[str, Array]) -> Iterator[Pressed]:
     """Yield force and moment per unit of each contact of one body with the ground.
 
-    `along` is that of `pressed_on_ground`.
+    `along` are paths by name at T times, as in `pressed_on_ground`.
     """
     body, moves = scene.names[member.number], directions(member)
     count = len(next(iter(along.values())))
@@ -269,7 +269,10 @@ def _axial_inputs(member: Member) -> Iterator[str]:
 
 
 def _of_cylinder(scene: Scene, number: int, beyond: int, field: str) -> FrameTerm:
-    """Return the term of section `number`'s cylinder that accelerates section `beyond` in a field or against a load."""
+    """Return the term of the axial force in section `number`'s cylinder as it accelerates section `beyond`.
+
+    `field` is the field of the acceleration, or the name of the load against which the cylinder accelerates.
+    """
     inner, outer, carried = (scene.names[k] for k in (number, number - 1, beyond))
     name = f"{cylinder_of(inner)} that carries {carried}, {field}"
     return FrameTerm(name, (inner, outer), OF_FIELD.get(field, "axial tip"), "cylinder", field, number, carried)
@@ -358,7 +361,7 @@ class Drive:
 
     @classmethod
     def of(cls, scene: Scene, number: int) -> Drive:
-        """Return the drive of section `number` (1 or more)."""
+        """Return the compliance of the cylinder or rope that moves section `number` (1 or more)."""
         joint = scene.joint(number)
         if joint.rope is not None:
             length, EA = rope_length(scene, number), joint.rope.strands * joint.rope.EA

@@ -225,7 +225,7 @@ class Scene(Listed):
 
     @model_serializer(mode="wrap")
     def _written(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Return the content to be stored; a body without a name has its keys at the top."""
+        """Return the content of the scene for files; a body without a name has its keys at the top."""
         content: dict[str, Any] = handler(self)
         return content if self.sections[0].name else _at_the_top(content)
 
