@@ -166,7 +166,7 @@ def _keys(file: Path) -> dict[str, object]:
 
 
 def prepare_streams() -> None:
-    """Open closed ones of standard input, output and error, and let standard output take letters that it can't encode.
+    """Open standard input, output and error if they are closed, and let standard output write any letter.
 
     Otherwise a file of results would get the number of a closed stream, and with it what libraries print.  Letters that
     the encoding lacks are written as escapes, as on standard error.

@@ -105,6 +105,6 @@ def new(
 def compile_() -> None:
     """Say that nothing is left to be compiled before a first run: pip has compiled the step.
 
-    This command of earlier versions goes in version 0.2.
+    Version 0.2 removes this command of earlier versions.
     """
     say(out, "nothing is to be compiled: the step was compiled when pmr was installed")

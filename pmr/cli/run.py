@@ -207,7 +207,7 @@ def _save(folder: Path, of_all: Path, report: BackgroundReport, outcome: Outcome
 
 
 def _to(tolerance: str, file: Path) -> list[str]:
-    """Return the overrides for ``--tolerance 1%``: the tolerance, and a reduction among whose models one is chosen.
+    """Return the overrides for ``--tolerance 1%``: the tolerance, and a reduction whose size can be chosen by it.
 
     Sections of a boom have that reduction anyway.  Raises InputError for a tolerance that is no share between 0 and 1.
     """

@@ -117,7 +117,10 @@ class GivenMatrices:
 
     @classmethod
     def load(cls, path: Path) -> GivenMatrices:
-        """Return the matrices in a file that `save` wrote; raises InputError if it is missing, of another kind or damaged."""
+        """Return the matrices in a file that `save` wrote.
+
+        Raises InputError if it is missing, of another kind, or its content is not valid.
+        """
         if not isfile(path):
             raise InputError(str(path), "", None, f"{no_file(path)}; pmr matrices writes one")
         try:

@@ -321,7 +321,7 @@ class Scene(Listed):
 
     @property
     def driven_paths(self) -> dict[str, SignalBase]:
-        """Signals of all paths of the scene's system: `paths`, and the luffing angle in rad if a cylinder holds it."""
+        """Signals of all paths: `paths`, and the luffing angle in rad if a luffing cylinder holds the base."""
         if self.frame is None or self.holding_cylinder is None:
             return self.paths
         return self.paths | {LUFFING: self.frame.angles[0]}

@@ -59,7 +59,7 @@ def check_structure(member: Member) -> None:
 
 
 def _along_the_ground(member: Member) -> None:
-    """Refuse loads along ground axes without a moving frame or on models that can't move along x, and moments."""
+    """Refuse moments about ground axes, and loads along them without a moving frame or motion of the body along x."""
     for i, load in enumerate(member.part.loads):
         if load.axes == "body":
             continue
