@@ -80,8 +80,9 @@ def run(
     sections system.npz.  With recovery it also has fields.npz and fields.pvd, which ParaView opens.  Several scenes
     have one report, and a folder each for all else.
 
-    A run that is killed leaves the old results as they were, or the new ones without their report while it measures
-    last how far mesh and model are off.  The simulation of a full model in PETSc that was interrupted is continued.
+    A run that is killed leaves the old results as they were.  If it is killed in its last step, which measures the
+    errors of mesh and model, it leaves the new results without their report.  The simulation of a full model in PETSc
+    that was interrupted is continued.
 
 
     Examples
