@@ -68,9 +68,9 @@ def described_system(system: System) -> dict[str, str]:
 
 
 def _frequencies(system: System) -> dict[str, str]:
-    """Return the lowest frequencies with all contacts closed, at the first and at the last ends of all paths.
+    """Return lines with the lowest frequencies with all contacts closed, at both ends of all paths.
 
-    A set of ends at which they can't be computed is left out.
+    Ends at which they can't be computed are left out.
     """
     import numpy as np
 

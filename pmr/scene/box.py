@@ -19,7 +19,7 @@ HALVES: tuple[Half, ...] = ("bottom", "top")
 
 
 class Doubler(Section):
-    """Plates on the walls over a part of the length, which then count as that much thicker about the same middle."""
+    """Plates on walls over a part of the length, which are thicker there with the same mid-surface."""
 
     start: Distance = Field(description="Where the plates begin along x")
     end: Length = Field(description="Where the plates end along x")

@@ -55,7 +55,7 @@ ENDS = {"tail": 0.0, "tip": 1.0}
 
 
 class Region(Section):
-    """Material and thickness of a named region of the mesh, where they differ from the rest."""
+    """Material and thickness of a named region of the mesh, where they differ from those of the body."""
 
     material: Material | None = Field(default=None, description="Material of the region")
     thickness: Thickness | None = Field(default=None, description="Thickness of the region, in a shell")
@@ -139,7 +139,7 @@ class MeshChoice(Section):
 class Support(Section):
     """A support that does not slide: it holds some directions of a group's mean motion, or every point of the group.
 
-    On a beam a place is one point, so both are the same; only ``all`` removes the held coordinates from the model.
+    On a beam a group is one point, so both are the same; only ``all`` removes the held coordinates from the model.
     """
 
     name: NameOrNone = Field(default="", description="Name in results and messages")
@@ -215,10 +215,10 @@ def clearance_on(clearances: float | Mapping[Face, float], face: str) -> float:
 
 
 class PadRing(Section):
-    """A ring of pads at one place along the axis; they stay on the body or move along it.
+    """A ring of pads at one position along the axis, which is fixed on the body or moves along it.
 
-    `faces` gives the places of pads across each face in m: y on bottom and top, z on left and right.  On slanted faces
-    they count upwards, from the point of the face that is nearest to the axis.
+    `faces` gives the coordinate of each pad across its face in m: y on bottom and top, z on left and right.  On slanted
+    faces it grows upwards, from the point of the face that is nearest to the axis.
     """
 
     name: Name = Field(description="Name of the ring, with which the names of its pads begin")
@@ -276,7 +276,7 @@ def friction_of(section: str) -> str:
 
 
 class Load(Section):
-    """A force in N (moment in N m) along a direction, spread over a named group or at a place along the axis."""
+    """A force in N (moment in N m) along a direction, spread over a named group or at a position along the axis."""
 
     name: Name = Field(default="F", description="Name of the load in results and exports")
     on: Name | Place = Field(default="tip", description="A named group, or a place along x in m")

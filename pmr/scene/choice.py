@@ -61,12 +61,12 @@ def model_of(member: Member) -> str:
 
 
 def has_giving_walls(member: Member) -> bool:
-    """Whether the chosen model is a beam whose walls give way under pads."""
+    """Whether the chosen model is a beam whose walls are locally flexible under pads."""
     return member.part.body.walls == "give" and model_of(member) in ("beam2d", "beam3d")
 
 
 def has_walls_that_could_give(member: Member) -> bool:
-    """Whether the chosen model is a beam of a box whose walls are rigid under its pads."""
+    """Whether the chosen model is a beam of a box whose walls are rigid under pads, but could be made flexible."""
     body = member.part.body
     return body.box is not None and body.walls == "rigid" and model_of(member) in ("beam2d", "beam3d")
 

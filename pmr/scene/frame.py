@@ -333,7 +333,7 @@ class Frame(Section):
 
     @property
     def leaves_plane(self) -> str | None:
-        """Key of the motion that moves the boom out of a vertical plane; None where no motion does."""
+        """Key within [frame] of the motion that moves the boom out of a vertical plane; None without one."""
         if self.machine is not None:
             return "machine"
         motions = {} if self.base is None else {f"base.{key}": signal for key, signal in self.base.motions.items()}

@@ -150,7 +150,7 @@ class Plate(Section):
 
 
 class PointMass(Section):
-    """A rigid body attached to a named group, or on a beam to a place along it.
+    """A rigid body attached to a named group, or on a beam to a position along it.
 
     With `coupling` `average` it follows the mean motion of the group, which may deform.  With `rigid` the group moves
     with it as a rigid body.

@@ -123,7 +123,7 @@ class Constant(SignalBase):
 
 
 class Step(SignalBase):
-    """``before`` until ``time`` (exclusive), ``after`` from then on."""
+    """Signal with the value ``before`` until ``time`` (exclusive) and ``after`` from then on."""
 
     kind: Literal["step"] = Field(default="step", description="A step")
     time: Seconds = Field(description="Time of the step")
