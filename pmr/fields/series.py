@@ -157,7 +157,7 @@ class FramedBody:
 
     @property
     def omega(self) -> Array:
-        """Lowest m angular frequencies (m,) in rad/s, ascending, with the ground frame fixed and all other frames free."""
+        """Lowest m angular frequencies (m,) in rad/s, ascending, with the ground frame fixed and the others free."""
         values = scipy.linalg.eigh(self.M[6:, 6:], self.K[6:, 6:], eigvals_only=True)[::-1]
         return np.asarray(1.0 / np.sqrt(values[: self.modes]))
 
