@@ -1,4 +1,4 @@
-"""The command line, one module a command."""
+"""The command line of pmr, with one module for each group of commands."""
 
 from pmr.cli.app import main
 

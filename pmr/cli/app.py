@@ -1,4 +1,4 @@
-"""The command line: which commands there are, and what ends them."""
+"""The command line: its commands, and the exit codes of errors."""
 
 from __future__ import annotations
 
@@ -23,9 +23,10 @@ _UsageError: type[Exception] = typer.BadParameter.__mro__[1]  # of click, or of 
 
 
 class _Commands(TyperGroup):
-    """Commands whose wrong use ends in a line like any other wrong input."""
+    """Group of commands whose wrong use raises an InputError, as any other wrong input does."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse arguments; raises InputError for wrong ones, and prints the help without any."""
         if not args:
             return super().parse_args(ctx, args)  # which prints the help
         try:
@@ -34,6 +35,7 @@ class _Commands(TyperGroup):
             raise _refusal(error, ctx) from None
 
     def invoke(self, ctx: Any) -> Any:
+        """Run the command; raises InputError for wrong use."""
         try:
             return super().invoke(ctx)
         except _UsageError as error:
@@ -41,7 +43,7 @@ class _Commands(TyperGroup):
 
 
 def _refusal(error: Any, ctx: Any) -> InputError:
-    """A wrong use in a line: what is missing with its own help, or what click says."""
+    """Return an InputError for wrong use of a command: what is missing, with its help text, or click's message."""
     command, about = (error.ctx or ctx).command_path, getattr(getattr(error, "param", None), "help", None)
     message = error.format_message().rstrip(".")
     if message.startswith("Missing") and about:
@@ -63,6 +65,7 @@ app.command("compile")(compile_)
 
 
 def _version(is_given: bool) -> None:
+    """Print pmr's version and exit, if the option is given."""
     if is_given:
         say(out, f"pmr {environment.versions()['pmr']}")
         raise typer.Exit
@@ -75,11 +78,12 @@ def _before_any_command(
     ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print errors only.")] = False,
 ) -> None:
+    """Set whether errors alone are printed."""
     out.quiet = quiet
 
 
 def main() -> None:
-    """Entry point: a line and exit code 2 for bad input, 1 for a solver that failed."""
+    """Run the command line; exits with code 2 for wrong input and 1 for a failed solver, with a message in one line."""
     prepare_streams()
     warnings.filterwarnings("ignore", "A NumPy version")  # of SciPy; what comes of it is said below
     handler = RichHandler(console=err, show_path=False)

@@ -1,4 +1,4 @@
-"""What the commands share: options, which file is meant, where they print, and the check of where they write."""
+"""Shared parts of the commands: options, resolution of file names, printing, and checks of output files."""
 
 from __future__ import annotations
 
@@ -41,11 +41,12 @@ PLAIN: dict[str, Any] = {"markup": False, "emoji": False, "highlight": False}
 
 
 class Output(Console):
-    """A console that a full disk or a closed stream does not keep from its work: what is computed is stored first."""
+    """A console that goes on silently if it can't print, as on a full disk: results are stored all the same."""
 
     failure: OSError | None = None  # the first one
 
     def print(self, *objects: Any, **options: Any) -> None:
+        """Print objects unless printing has failed before; a failure is kept in `failure`."""
         if self.failure is not None:
             return
         try:
@@ -59,19 +60,20 @@ out, err = Output(**PLAIN), Output(stderr=True, **PLAIN)
 
 
 def say(console: Console, text: str) -> None:
-    """Print a line as it is, neither coloured nor wrapped, what would steer the terminal spelled out."""
+    """Print a text in one line as it is, without colours and wrapping; control characters are written as escapes."""
     console.print(visible(text), soft_wrap=True)
 
 
 def tell(console: Console, text: str) -> None:
-    """Print sentences: broken between words on a terminal, a line where the output goes elsewhere."""
+    """Print sentences, wrapped between words on a terminal, in one line where the output is no terminal."""
     shown = broken(text, console.width, "  ") if console.is_terminal else visible(text)
     console.print(shown, soft_wrap=True)
 
 
 def broken(text: str, width: int, indent: str = "") -> str:
-    """Lines of at most so many letters, broken at spaces alone: a number stays with its unit; all but the first begin
-    with `indent`.
+    """Return a text in lines of at most `width` letters, wrapped at spaces alone: a number stays with its unit.
+
+    All lines but the first begin with `indent`.
     """
     lines = textwrap.wrap(
         visible(text), width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
@@ -80,20 +82,21 @@ def broken(text: str, width: int, indent: str = "") -> str:
 
 
 class VisibleText(logging.Formatter):
-    """Messages as `say` prints them."""
+    """Formatter of log messages that writes control characters as escapes, as `say` does."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802  (the name that logging calls)
+        """Return the message with control characters written as escapes."""
         return visible(super().formatMessage(record))
 
 
 def no_report(error: Exception, folder: Path) -> str:
-    """Explain that everything is computed and stored but the report can't be drawn."""
+    """Return the message that a report can't be drawn while all results are stored in `folder`."""
     reason = " ".join(f"{type(error).__name__}: {error}".split())
     return f"the report can't be drawn ({reason}); the results themselves are in {folder}"
 
 
 def ensure_writable(folder: Path, ours: Sequence[str] = ()) -> None:
-    """Make sure of the folder, and of the files in it that results replace, before anything is computed."""
+    """Create a folder if need be; raise InputError unless it, and files in it that match `ours`, can be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -107,7 +110,7 @@ def ensure_writable(folder: Path, ours: Sequence[str] = ()) -> None:
 
 
 def ensure_file(file: Path, *read: Path) -> None:
-    """Check that a file can be written: it takes the place of an ordinary file, and of none that is read."""
+    """Raise InputError unless a file can be written: it is new or an ordinary file, and none of the files to `read`."""
     ensure_writable(file.parent)
     try:
         ensure_ordinary(file)
@@ -118,7 +121,10 @@ def ensure_file(file: Path, *read: Path) -> None:
 
 
 def scene_file(path: Path) -> Path:
-    """A scene file: the file itself, `scene.toml` in a folder, or a workflow by its name; studies are refused."""
+    """Return a scene file: `path` itself, `scene.toml` in that folder, or a workflow of that name.
+
+    Raises InputError if it is a study.
+    """
     file = _find_file(path, "scene.toml")
     if "kind" in _keys(file):
         raise InputError("command line", "SCENE", str(path), f"that is a study: pmr study {path} computes it")
@@ -126,9 +132,9 @@ def scene_file(path: Path) -> Path:
 
 
 def study_file(path: Path) -> Path:
-    """A study file: the file itself, `study.toml` in a folder, or a workflow by its name; scenes are refused.
+    """Return a study file: `path` itself, `study.toml` in that folder, or a workflow of that name.
 
-    The name of an experiment of the paper stands for its script.
+    The name of an experiment of the paper gives its script.  Raises InputError if the file is a scene.
     """
     from pmr.scene.tomlfiles import experiments
 
@@ -143,13 +149,14 @@ def study_file(path: Path) -> Path:
 
 
 def _find_file(path: Path, within: str) -> Path:
+    """Return a file by its path, the file called `within` in a folder, or a workflow by its name."""
     from pmr.scene.tomlfiles import resolve_path  # what reads scenes takes longer to load than a help text to print
 
     return resolve_path(path, within)
 
 
 def _keys(file: Path) -> dict[str, object]:
-    """Keys of a file; none where it can't be read, which its reader explains better."""
+    """Return the tables of a file; empty if it can't be read, which a later reader reports."""
     from pmr.scene.tomlfiles import tables
 
     try:
@@ -159,10 +166,10 @@ def _keys(file: Path) -> dict[str, object]:
 
 
 def prepare_streams() -> None:
-    """Open what is closed of standard input, output and error, and let the terminal's own encoding do.
+    """Open standard input, output and error if they are closed, and let standard output write any letter.
 
-    A file of results would otherwise get the number of a closed stream, and with it what libraries print.  Letters that
-    the encoding lacks are spelled out by numbers, as on standard error.
+    Otherwise a file of results would get the number of a closed stream, and with it what libraries print.  Letters that
+    the encoding lacks are written as escapes, as on standard error.
     """
     for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
         try:
@@ -176,9 +183,9 @@ def prepare_streams() -> None:
 
 
 def output_failure() -> OSError | None:
-    """Why standard output takes no more, None where it does.
+    """Return the error for which standard output takes no more text; None while it works.
 
-    What it has not taken is dropped, which Python would try to write once more at its end.
+    Text that it has not taken is dropped; else Python would try to write it again at its end.
     """
     try:
         sys.stdout.flush()
@@ -189,7 +196,7 @@ def output_failure() -> OSError | None:
 
 
 def leave(message: str, code: int) -> NoReturn:
-    """Say why, and end this process and all other ranks."""
+    """Print a message on standard error, and end this process and all other ranks with an exit code."""
     say(err, f"pmr: {message}")
     if ranks() > 1:
         sys.modules["mpi4py.MPI"].COMM_WORLD.Abort(code)
@@ -197,12 +204,12 @@ def leave(message: str, code: int) -> NoReturn:
 
 
 def ranks() -> int:
-    """Ranks of this run, without starting MPI for commands that do without it."""
+    """Return the number of MPI ranks of this run, 1 if MPI was not loaded; MPI is not started."""
     mpi = sys.modules.get("mpi4py.MPI")
     return mpi.COMM_WORLD.size if mpi else 1
 
 
 def rank() -> int:
-    """This one's number among them."""
+    """Return the number of this MPI rank, 0 if MPI was not loaded."""
     mpi = sys.modules.get("mpi4py.MPI")
     return mpi.COMM_WORLD.rank if mpi else 0

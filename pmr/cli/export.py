@@ -1,4 +1,4 @@
-"""Commands on models that are stored or of other programs: ``export``, ``flexible``, ``matrices``, ``simulate``."""
+"""Commands on saved models and on models of other programs: ``export``, ``flexible``, ``matrices``, ``simulate``."""
 
 from __future__ import annotations
 
@@ -179,6 +179,7 @@ def matrices(
 
 
 def _held_text(count: int) -> str:
+    """Return a clause about the number of rigid motions that supports and springs in a stiffness hold."""
     if not count:
         return "free to move as a rigid body"
     return f"supports and springs in its stiffness hold {count} of 6 rigid motions"

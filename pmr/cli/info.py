@@ -1,4 +1,7 @@
-"""``pmr info``: the stack in use, or what a file holds, line by line."""
+"""``pmr info``: installed packages, or the content of a file, in lines of a name and a description.
+
+The functions return these lines as a mapping from name to description.
+"""
 
 from __future__ import annotations
 
@@ -23,15 +26,15 @@ if TYPE_CHECKING:
     from pmr.scene.members import Member
     from pmr.system.system import System
 
-#: Names of one kind that are listed; of more the first and the last.
+#: Most names of one kind that are listed; of more names only the first and the last.
 LISTED = 8
-#: Lowest frequencies that are listed.
+#: Number of lowest frequencies that are listed.
 FREQUENCIES = 4
 _TABLES = ("versions", "scene")  # of a model's provenance
 
 
 def described_file(file: Path) -> dict[str, str]:
-    """Describe the content of a file of a reduced model or a system."""
+    """Return the description of a file with a reduced model or a system of bodies."""
     from pmr import ReducedModel
     from pmr.system.saved import read
     from pmr.system.system import System
@@ -44,7 +47,7 @@ def described_file(file: Path) -> dict[str, str]:
 
 
 def described_system(system: System) -> dict[str, str]:
-    """Describe a system of several bodies."""
+    """Return the description of a system of several bodies."""
     scene = system.provenance.get("scene")
     title = scene.get("title", "unknown") if isinstance(scene, dict) else "unknown"
     rows = {
@@ -65,7 +68,10 @@ def described_system(system: System) -> dict[str, str]:
 
 
 def _frequencies(system: System) -> dict[str, str]:
-    """The lowest with all contacts closed, at the first and the last ends of all paths of the scene."""
+    """Return lines with the lowest frequencies with all contacts closed, at both ends of all paths.
+
+    Ends at which they can't be computed are left out.
+    """
     import numpy as np
 
     from pmr.errors import InputError, SimulationError
@@ -86,19 +92,19 @@ def _frequencies(system: System) -> dict[str, str]:
 
 
 def _unit(path: str) -> str:
-    """Unit of a path's coordinate."""
+    """Return the unit of a path's coordinate, m or rad."""
     from pmr.scene.keys import LUFFING
 
     return "rad" if path == LUFFING else "m"
 
 
 def _list_names(names: list[str]) -> str:
-    """List names; of many the first and the last."""
+    """Return names joined by commas; of more than `LISTED` only the first and the last."""
     return ", ".join(names if len(names) <= LISTED else [names[0], "...", names[-1]])
 
 
 def described_scene(scene: scenes.Scene) -> dict[str, str]:
-    """Describe a scene, line by line."""
+    """Return the description of a scene."""
     from pmr.scene.members import members
 
     rows = {"title": scene.title, "hash": scene.hash}
@@ -115,7 +121,7 @@ def described_scene(scene: scenes.Scene) -> dict[str, str]:
 
 
 def _frame(scene: scenes.Scene) -> dict[str, str]:
-    """How a boom is raised and turned."""
+    """Return the description of a boom's moving frame; empty without one."""
     if scene.frame is None:
         return {}
     motions = []
@@ -129,7 +135,7 @@ def _frame(scene: scenes.Scene) -> dict[str, str]:
 
 
 def _describe_body(member: Member) -> dict[str, str]:
-    """A body alone."""
+    """Return the description of the body of a scene that has only one."""
     from pmr.scene.choice import choose, is_undecided
 
     chosen, (low, high), part = choose(member), member.bounds, member.part
@@ -146,7 +152,7 @@ def _describe_body(member: Member) -> dict[str, str]:
 
 
 def _in_a_line(scene: scenes.Scene, member: Member) -> str:
-    """A section: its model, size and coordinates, how far it comes out, what acts on it."""
+    """Return one line about a section: model, size, number of coordinates, range of its extension and loads."""
     from pmr.scene.choice import model_of
 
     words = [f"{model_of(member)}, {_size(member.part.body)}", f"{member.part.reduction.coordinates} coordinates"]
@@ -157,16 +163,19 @@ def _in_a_line(scene: scenes.Scene, member: Member) -> str:
 
 
 def _axis(load: Load) -> str:
+    """Return the axis of a load, with "of the ground" where it is one."""
     return load.direction if load.axes == "body" else f"{load.direction} of the ground"
 
 
 def _loads(member: Member) -> list[str]:
+    """Return name, position and axis of each load of a body, and "gravity" if it has weight."""
     places = [load.on if isinstance(load.on, str) else f"{load.on:g} m" for load in member.part.loads]
     loads = [f"{load.name} on {on} along {_axis(load)}" for load, on in zip(member.part.loads, places, strict=True)]
     return [*loads, *(["gravity"] if member.gravity else [])]
 
 
 def _size(body: scenes.Body) -> str:
+    """Return the dimensions of a body as text."""
     if body.profile is not None:
         return f"{body.profile.length:g} m, EI = {body.profile.bending_stiffness:g} N m^2"
     box = body.box
@@ -182,13 +191,14 @@ def _size(body: scenes.Body) -> str:
 
 
 def _describe_reduction(reduction: scenes.Reduction) -> str:
+    """Return the basis of a reduction as text."""
     pool = f"POD of {reduction.snapshots} x {reduction.modes} eigenmodes"
     basis = pool if reduction.uses_pod else reduction.basis.replace("_", " ")
     return f"{basis} and residual flexibility" if reduction.flexibility else basis
 
 
 def described_model(model: ReducedModel) -> dict[str, str]:
-    """Describe a reduced model, line by line."""
+    """Return the description of a reduced model."""
     import numpy as np
 
     low, high = model.domain
@@ -215,7 +225,7 @@ def described_model(model: ReducedModel) -> dict[str, str]:
 
 
 def _inputs(names: Sequence[str], units: Sequence[str]) -> dict[str, str]:
-    """Inputs with their units, and what those are by which a frame accelerates a body."""
+    """Return the names of inputs with their units, and what the inputs mean by which a frame accelerates bodies."""
     from pmr.scene.frame import INERTIA, MINUS_THE_ACCELERATION
 
     sign = {"inertia inputs": MINUS_THE_ACCELERATION} if any(INERTIA in name for name in names) else {}
@@ -223,7 +233,7 @@ def _inputs(names: Sequence[str], units: Sequence[str]) -> dict[str, str]:
 
 
 def _describe_outputs(model: ReducedModel) -> str:
-    """Numbers and names by unit; of many the first and the last."""
+    """Return number and names of outputs by unit; of more than `LISTED` names only the first and the last."""
     count = len(model.outputs)
     units = model.output_units or ("m",) * count
     names = model.output_names or tuple(f"at {x:g} m" for x in model.output_positions)
@@ -279,7 +289,7 @@ def info(
 
 
 def _estimate_lines(summary: Path) -> dict[str, str]:
-    """Estimated errors of the run that left a model, where its summary stands beside it."""
+    """Return the estimated errors in a run's `summary` file; empty if there is no such file."""
     try:
         estimates = json.loads(summary.read_text(encoding="utf-8"))["estimate"]
         shares = {place: float(estimates[place]) for place in ("tip", "beam") if estimates[place] is not None}

@@ -1,4 +1,4 @@
-"""Commands for a start: ``new``, ``schema``, and ``compile`` of earlier versions."""
+"""Commands to begin with: ``new`` and ``schema``, and ``compile`` of earlier versions."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from pmr.errors.text import hint, visible
 
 
 def scene_schema() -> str:
-    """Schema of a scene file."""
+    """Return the JSON schema of a scene file as text."""
     from pmr.scene.hints import scenes
 
     return json.dumps(scenes(), indent=1) + "\n"
 
 
 def study_schema(*kinds: str) -> str:
-    """Schema of a study file of these kinds, of any by default."""
+    """Return the JSON schema of a study file of the given kinds, by default of all kinds, as text."""
     from pmr.scene.hints import union_schema
     from pmr.studies.files import schemas
 
@@ -65,7 +65,7 @@ TEMPLATES = resources.files("pmr.cli") / "templates"
 
 
 def kinds() -> list[str]:
-    """Kinds of scenes to start from."""
+    """Return the names of the scenes that ``pmr new`` offers."""
     return sorted(file.name.removesuffix(".toml") for file in TEMPLATES.iterdir() if file.name.endswith(".toml"))
 
 
@@ -105,6 +105,6 @@ def new(
 def compile_() -> None:
     """Say that nothing is left to be compiled before a first run: pip has compiled the step.
 
-    This command of earlier versions goes in version 0.2.
+    Version 0.2 removes this command of earlier versions.
     """
     say(out, "nothing is to be compiled: the step was compiled when pmr was installed")

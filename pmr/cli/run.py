@@ -1,4 +1,4 @@
-"""``pmr run``: scenes the whole way."""
+"""``pmr run``: compute scenes from mesh to report."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from pmr.report.blocks import Row
     from pmr.scene import Scene
 
-QUIET = 10.0  # s before which a run prints no stages where there is no terminal: short runs print results alone
-NAMES = 28  # letters on a line of what a figure is called
+QUIET = 10.0  # s that a run takes at least before it prints stages, without a terminal: short runs print results alone
+NAMES = 28  # letters on a line of the name of a quantity
 
 
 def run(
@@ -80,8 +80,9 @@ def run(
     sections system.npz.  With recovery it also has fields.npz and fields.pvd, which ParaView opens.  Several scenes
     have one report, and a folder each for all else.
 
-    A run that is killed leaves the old results as they were, or the new ones without their report while it measures
-    last how far mesh and model are off.  The simulation of a full model in PETSc that was interrupted is continued.
+    A run that is killed leaves the old results as they were.  If it is killed in its last step, which measures the
+    errors of mesh and model, it leaves the new results without their report.  The simulation of a full model in PETSc
+    that was interrupted is continued.
 
 
     Examples
@@ -171,7 +172,7 @@ def run(
 
 
 def _tell_hints(scene: Scene) -> None:
-    """Name numbers of a scene that are not usual, where its run fails: they may be why."""
+    """Print a warning for each unusual number of a scene whose run failed: it may be the reason."""
     from pmr.scene.hints import hints
 
     for hint in hints(scene) if rank() == 0 else ():
@@ -179,9 +180,9 @@ def _tell_hints(scene: Scene) -> None:
 
 
 def _save(folder: Path, of_all: Path, report: BackgroundReport, outcome: Outcome) -> None:
-    """Everything but the report, which comes later: the one that is there belongs to the old results and goes.
+    """Write all results but the report into `folder`, and remove old reports there and in `of_all`.
 
-    So does that of all scenes in the folder `of_all`.
+    `of_all` is the folder of the report about all scenes of the run.
     """
     from pmr.export.paraview import Travelling, write_series
     from pmr.report.blocks import REPORT_FILES
@@ -207,9 +208,9 @@ def _save(folder: Path, of_all: Path, report: BackgroundReport, outcome: Outcome
 
 
 def _to(tolerance: str, file: Path) -> list[str]:
-    """The overrides that ``--tolerance 1%`` stands for: a reduction that holds all models among which is chosen.
+    """Return the overrides for ``--tolerance 1%``: the tolerance, and a reduction whose size can be chosen by it.
 
-    Sections of a boom have no other one.
+    Sections of a boom have that reduction anyway.  Raises InputError for a tolerance that is no share between 0 and 1.
     """
     from pmr.scene import has_sections
 
@@ -227,7 +228,7 @@ def _to(tolerance: str, file: Path) -> list[str]:
 
 
 def _print(outcome: Outcome) -> None:
-    """Print capacity, errors beside published ones, coordinates and solver seconds of a run."""
+    """Print capacity, errors with published ones, coordinates, computing times and warnings of a run."""
     from pmr.report import errors, first_page
 
     result, summary = outcome.result, outcome.result.summary
@@ -257,7 +258,7 @@ def _print(outcome: Outcome) -> None:
 
 
 def _print_errors(error_rows: Sequence[Row]) -> None:
-    """Print the errors, a row each; beside published figures where there are any."""
+    """Print a table of errors, with a column of published numbers if there are any."""
     published = any(row.published for row in error_rows)
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     for head in ("e_NRMS, or largest value", "here", *(("published", "") if published else ())):
@@ -274,7 +275,7 @@ def _print_errors(error_rows: Sequence[Row]) -> None:
 
 
 class _StageLines:
-    """A line on standard error for each stage of a run that takes longer than `QUIET`, as it begins."""
+    """Progress as a line on standard error at the begin of each stage, for runs that take longer than `QUIET`."""
 
     def __init__(self, title: str) -> None:
         self._title, self._begin = title, time.monotonic()
@@ -284,24 +285,29 @@ class _StageLines:
         self._timer.start()
 
     def __call__(self, stage: str, share: float) -> None:
+        """Note the present stage, and print it once the run has taken `QUIET` s."""
         if share < 1.0:
             self._stage = stage
             if time.monotonic() - self._begin >= QUIET:
                 self._print()
 
     def _print(self) -> None:
+        """Print the present stage unless it was printed before."""
         if self._stage and self._stage not in self._printed:
             self._printed.add(self._stage)
             say(err, f"{self._title}: {self._stage}, after {duration(time.monotonic() - self._begin)}")
 
     def stop(self) -> None:
-        """Print nothing from now on."""
+        """Stop printing."""
         self._timer.cancel()
 
 
 @contextmanager
 def _progress(title: str, shown: bool) -> Iterator[Report]:
-    """A bar a stage on the terminal, a line a stage where the output is no terminal; nothing on other ranks."""
+    """Yield a function that shows progress: a bar for each stage on a terminal, elsewhere a line.
+
+    It shows nothing unless `shown`, which is false on all ranks but the first.
+    """
     if shown and not err.is_terminal:
         lines = _StageLines(title)
         try:

@@ -1,4 +1,4 @@
-"""``pmr study`` and ``pmr chart``: progress on a terminal or in a log, and what came out."""
+"""``pmr study`` and ``pmr chart``: progress on a terminal or in a log, and summary of the results."""
 
 from __future__ import annotations
 
@@ -120,7 +120,10 @@ def study(
 def _run_experiment(
     script: Path, out_dir: Path | None, jobs: int | None, overrides: list[str], only: list[str], listed: bool
 ) -> NoReturn:
-    """Run a script of the paper's experiments in a process of its own, and exit with its code."""
+    """Run a script of the paper's experiments in its own process and exit with its code.
+
+    Raises InputError for the options --only and --list, which it does not have.
+    """
     if only or listed:
         allowed = f"a study file is allowed: {script.name} is one script, whose rows are computed in processes"
         raise InputError("command line", "--only" if only else "--list", script.stem, allowed)
@@ -131,6 +134,7 @@ def _run_experiment(
 
 
 def _pool(jobs: int | None) -> AbstractContextManager[workers.Pool | None]:
+    """Return a context with the pool of worker processes; under MPI it is None on ranks that are workers."""
     from pmr.studies import workers
 
     if workers.launched_ranks() == 1:
@@ -142,7 +146,7 @@ def _pool(jobs: int | None) -> AbstractContextManager[workers.Pool | None]:
 
 @contextmanager
 def _watch() -> Iterator[Watch]:
-    """A bar on a terminal; elsewhere a line in the log now and then."""
+    """Yield a function that shows progress: a bar on a terminal, elsewhere a line every `LOGGED_EVERY` s."""
     if not err.is_terminal:
         due = [time.monotonic() + LOGGED_EVERY]
 
@@ -159,6 +163,7 @@ def _watch() -> Iterator[Watch]:
 
 
 def _tell(project: Project, outcome: Outcome) -> None:
+    """Print the table, summary and warnings of each study that has results."""
     from pmr.report.studies.runs import overview
 
     for part in project.parts:
@@ -181,6 +186,7 @@ def _tell(project: Project, outcome: Outcome) -> None:
 
 
 def _tell_failures(outcome: Outcome) -> None:
+    """Print the reasons of runs that failed or are missing, the first `SHOWN_FAILURES` of them."""
     wrong = [
         f"{record.status}: {f'{name}/' if name else ''}{record.key}: {record.reason}"
         for name, results in outcome.results.items()
@@ -196,7 +202,7 @@ def _tell_failures(outcome: Outcome) -> None:
 
 
 STUDY = "chart.toml"
-#: Extensions and angles of a study that is written.
+#: Numbers of extensions and of angles in a chart study that `pmr chart` writes.
 EXTENSIONS, ANGLES = 12, 10
 LIMITS = """
 # What may not be passed, each with a factor of yours; without one the chart shows what buckles the boom.
@@ -247,7 +253,10 @@ def chart(
 
 
 def _study(file: Path, scene: Scene, up_to: float) -> str:
-    """A study over what joints and the luffing angle of a scene go through."""
+    """Return the text of a chart study over the ranges of the scene's extensions and luffing angle.
+
+    `up_to` is the largest load in kg.  Raises InputError if the scene has no luffing angle.
+    """
     if scene.frame is None or scene.frame.luffing is None:
         raise InputError("command line", "SCENE", str(file), "a scene whose [frame] has a luffing angle is allowed")
     if not up_to > 0.0:

@@ -1,4 +1,4 @@
-"""The errors that a user can mend; the command line turns them into one line and exit code 2."""
+"""Errors that a user can correct; the command line turns them into one line and exit code 2."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pmr.errors.text import visible
 
 Found = TypeVar("Found")
 WIDEST = 60  # letters of a value that is shown
-#: Share of a range by which a path may lie beyond its ends, as measured paths do: it is then taken at the end.
+#: Share of a range by which a path may exceed its ends, as measured paths do; it is then cut off at the end.
 BEYOND_ENDS = 1e-5
 
 
@@ -17,7 +17,8 @@ class InputError(ValueError):
     """An input is not possible: a value of a scene, a study, an option or a file.
 
     `source` is the file (or option) with the value.  `key` is the dotted key, such as ``body.length``, or empty if the
-    error is about the whole file.  `value` is the value that was found, and `allowed` says in words what is accepted.
+    error is about the whole file.  `value` is the value that was read (None: not shown), and `allowed` says in words
+    what is accepted.
     """
 
     def __init__(self, source: str, key: str, value: Any, allowed: str) -> None:
@@ -29,14 +30,15 @@ class InputError(ValueError):
         return InputError, (self.source, self.key, self.value, self.allowed)
 
     def found_in(self, source: str) -> InputError:
-        """Return this error for the file or option in which the user wrote the value."""
+        """Return this error with the file or option in which the user wrote the value, if its source is ``"scene"``."""
         return InputError(source, self.key, self.value, self.allowed) if self.source == "scene" else self
 
     def called(self, key: str) -> InputError:
-        """Return this error with the key of a scene as its file writes it."""
+        """Return this error with the key as the scene's file spells it, if its source is ``"scene"``."""
         return InputError(self.source, key, self.value, self.allowed) if self.source == "scene" else self
 
     def _line(self) -> str:
+        """Return the message in one line: source, key, value and what is allowed."""
         text = repr(self.value)
         shown = "" if self.value is None else f" = {text if len(text) <= WIDEST else f'{text[: WIDEST - 3]}...'}"
         where = f"{self.source}: {self.key}{shown}" if self.key else f"{self.source}{shown}"
@@ -44,7 +46,7 @@ class InputError(ValueError):
 
 
 class NotHeldError(InputError):
-    """Something is free to move; `short` says it in a clause: ``"middle and fly can move along y"``."""
+    """Something is free to move; `short` says what in a clause: ``"middle and fly can move along y"``."""
 
     def __init__(self, source: str, key: str, value: Any, allowed: str, short: str) -> None:
         super().__init__(source, key, value, allowed)
@@ -59,9 +61,9 @@ class SimulationError(RuntimeError):
 
 
 class GrowthError(SimulationError):
-    """A motion that grows without bound: most of its energy was put in by neither loads nor moving rows.
+    """A motion grows without bound: most of its energy was put in by neither loads nor moving rows.
 
-    `rigid_rows` names the rigid rows that move, whose multipliers may be the cause.
+    `rigid_rows` are the names of the moving rigid rows, whose multipliers may be the cause.
     """
 
     def __init__(self, message: str, rigid_rows: tuple[str, ...] = ()) -> None:
@@ -69,7 +71,7 @@ class GrowthError(SimulationError):
         self.rigid_rows = rigid_rows
 
     def refusal(self, step: float, rho_inf: float) -> InputError:
-        """Return this error of a scene's own model as a refusal of its step in s or its rho_inf."""
+        """Return this error as an InputError of the key to change: step (s), rho_inf or flexibility of the scene."""
         key, value, allowed = "time.step", step, "a smaller one is allowed"
         if self.rigid_rows and rho_inf > 0.0:
             key, value = "time.rho_inf", rho_inf
@@ -79,11 +81,11 @@ class GrowthError(SimulationError):
 
 
 class ConvergenceError(RuntimeError):
-    """An iterative solver did not converge to what was asked for; the message says what to change."""
+    """An iterative solver did not reach its tolerance; the message says what to change."""
 
 
 class TooManyModesError(ConvergenceError):
-    """More modes were asked for than the `most` that a model has."""
+    """More modes were requested than the `most` that a model has."""
 
     def __init__(self, count: int, most: int) -> None:
         super().__init__(
@@ -97,9 +99,10 @@ class TooManyModesError(ConvergenceError):
 
 
 def on_first(comm: Any, make: Callable[[], Found]) -> Found | None:
-    """Call `make` on rank 0 and return its result there, None on other ranks; collective.  Errors are raised on all.
+    """Call `make` on rank 0; return its result there and None on other ranks; collective.
 
-    Without that the others would wait in the next exchange for a rank that has left.
+    An InputError, SimulationError or ConvergenceError on rank 0 is raised on all ranks: else the others would wait in
+    the next exchange for a rank that has left.
     """
     result, refused = None, None
     if comm.rank == 0:

@@ -1,8 +1,6 @@
-"""What pmr runs on: versions, commit, machine and plug-ins that a result depends on; the clock of its stages.
+"""Environment of a run: versions, commit, machine and plug-ins that a result depends on, and times of its stages.
 
-What a result was made with: versions, commit, machine; the wall seconds of each stage, and its progress.
-
-What other installed packages add: signals, models, bases, export formats and limits, by their entry points.
+Plug-ins are what other installed packages add by entry points: signals, models, bases, export formats and limits.
 """
 
 from __future__ import annotations
@@ -28,7 +26,7 @@ from typing import Any
 
 from pmr.errors import InputError, SimulationError
 
-#: Group of entry points, and what each of them has to be.
+#: Groups of entry points, and what an entry point of each group has to be.
 GROUPS = {
     "pmr.models": "a module, or an object, with KINDS of cells and of(body, mesh), as pmr.models.shell has them",
     "pmr.bases": "a function of a full model and a pmr.scene.Reduction that returns this rank's rows of vectors (n, k)",
@@ -40,9 +38,9 @@ GROUPS = {
 
 @cache
 def plugin_objects(group: str, reserved: frozenset[str]) -> dict[str, Any]:
-    """Objects of a group by their names, of all installed distributions; `reserved` are the names that pmr has itself.
+    """Return the objects of all entry points of a group by name; `reserved` are the names that pmr uses itself.
 
-    Raises InputError where one can't be imported, or its name is taken.
+    Raises InputError if one can't be imported or its name is taken.
     """
     objects: dict[str, Any] = {}
     for point in sorted(_points(group)):
@@ -56,9 +54,10 @@ def plugin_objects(group: str, reserved: frozenset[str]) -> dict[str, Any]:
 
 
 def one_of(group: str, name: str, reserved: frozenset[str]) -> Any:
-    """The object of that name.
+    """Return the object of a group by its name.
 
-    Raises InputError as `plugin_objects`, or where no package has the name: a file may come from another machine.
+    Raises InputError as `plugin_objects`, or if no installed package has the name: a file may come from another
+    machine.
     """
     objects = plugin_objects(group, reserved)
     if name not in objects:
@@ -67,32 +66,33 @@ def one_of(group: str, name: str, reserved: frozenset[str]) -> Any:
 
 
 def plugin_names(group: str) -> set[str]:
-    """Names of all that installed distributions offer; nothing is imported."""
+    """Return the names of all entry points of a group without importing them."""
     return {point.name for point in _points(group)}
 
 
 def plugin_error(group: str, name: str, says: str | None = None) -> InputError:
-    """Return the error of an entry point; without `says`, that it is not what its group expects."""
+    """Return the error of an entry point; `says` is the reason, by default that it is not what its group expects."""
     return InputError("installed plug-ins", group, name, says or f"{GROUPS[group]} is allowed")
 
 
 def plugin_versions() -> list[str]:
-    """Distributions that offer something and their versions: what a result depends on beside `pmr`."""
+    """Return name and version of each distribution with plug-ins, on which results depend beside `pmr`."""
     points = [point for group in GROUPS for point in _points(group)]
     return sorted({f"{point.dist.name} {point.dist.version}" for point in points if point.dist})
 
 
 def plugins_digest() -> str:
-    """Digest of the versions and all files of installed plug-ins: what stored results depend on beside `pmr`.
+    """Return a digest of the versions and all files of installed plug-ins, on which results depend beside `pmr`.
 
-    It holds the packages that entry points name, modules beside those that are single files, and what their
-    distributions list as installed.  Files are read once in a process, as their code is.
+    It covers the packages or modules that entry points name, modules in the same folder as single-file modules, and the
+    files that their distributions list as installed.  Files are read once in a process, as their code is.
     """
     return _code_digest(tuple(sys.path))
 
 
 @cache
 def _code_digest(path: tuple[str, ...]) -> str:
+    """Return the digest of `plugins_digest` for distributions on `path`."""
     points = _points_on(path)
     contents = {content for point in points for content in _contents_of(point)}
     named_by = sorted((point.group, point.name, point.value) for point in points)
@@ -100,7 +100,7 @@ def _code_digest(path: tuple[str, ...]) -> str:
 
 
 def _contents_of(point: metadata.EntryPoint) -> Iterator[tuple[str, str]]:
-    """Names and digests of the files of the package or module that an entry point names, and of its distribution."""
+    """Yield name and digest of each file of an entry point's package or module, and of its distribution."""
     listed = (point.dist.files if point.dist else None) or ()
     files = {Path(str(file.locate())): str(file) for file in listed if ".dist-info/" not in str(file)}
     for place in _places_of(point.module):
@@ -112,7 +112,7 @@ def _contents_of(point: metadata.EntryPoint) -> Iterator[tuple[str, str]]:
 
 
 def _places_of(module: str) -> list[Path]:
-    """Folders of the outermost regular package of a module, or its file; none where it is not there."""
+    """Return the folders of the outermost regular package of a module, or its file; empty if it can't be found."""
     parts = module.split(".")
     for depth in range(1, len(parts) + 1):
         try:
@@ -129,21 +129,22 @@ def _places_of(module: str) -> list[Path]:
 
 
 def _points(group: str) -> list[metadata.EntryPoint]:
+    """Return the entry points of a group."""
     return [point for point in _points_on(tuple(sys.path)) if point.group == group]
 
 
 @cache
 def _points_on(path: tuple[str, ...]) -> list[metadata.EntryPoint]:
-    """Entry points of all groups in the distributions on `path`; Python reads a file of each, so they are read once."""
+    """Return the entry points of all groups in the distributions on `path`, which are read once in a process."""
     points = metadata.entry_points()
     return [point for group in GROUPS for point in points.select(group=group)]
 
 
 MEMINFO = Path("/proc/meminfo")
-#: Each launcher's name for the number of processes that it started.
+#: Environment variables in which launchers of MPI write the number of processes.
 LAUNCHED = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_STEP_NUM_TASKS")
-#: What Open MPI does in a process that no launcher started: no daemon, no networks, no session folder.  All isolated
-#: processes of a user take the same one, ompi.HOST.UID/jf.0/1/0, and the first to end removes it while others start.
+#: Settings of Open MPI for a process that no launcher started: no daemon, no networks, no session folder.  All isolated
+#: processes of a user share one, ompi.HOST.UID/jf.0/1/0, and the first to end would remove it while others start.
 UNLAUNCHED = {
     "OMPI_MCA_ess_singleton_isolated": "1",
     "OMPI_MCA_pml": "ob1",
@@ -158,7 +159,7 @@ _NUMERICAL = ("numpy", "scipy", "exudyn", "fenics-dolfinx", "petsc4py", "slepc4p
 _REPORTS = "pip install jinja2 matplotlib fonttools weasyprint installs what reports need"
 #: Packages that write reports.
 REPORT = ("jinja2", "matplotlib", "fontTools", "weasyprint")
-#: Packages that only a part of the work needs: what for, and how to get them.
+#: Optional packages: what they are for, and how to install them.
 _NEEDED = {
     "dolfinx": (
         "FEniCSx makes models from forms, all but matrices: apt, conda or pip install '.[fenicsx]' in a checkout has it"
@@ -179,9 +180,10 @@ _NEEDED = {
 
 
 def needed(name: str) -> Any:
-    """The package `name`, or a module in it, imported where it is needed.
+    """Import and return the package or module `name` when it is needed.
 
-    Raises InputError if it, or a library that it loads, is missing: what it is for, and the command that installs it.
+    Raises InputError if it, or a library that it loads, is missing; it says what the package does and how to install
+    it.
     """
     try:
         return importlib.import_module(name)
@@ -191,19 +193,19 @@ def needed(name: str) -> Any:
 
 
 def check_installed(name: str) -> None:
-    """Check before long work that a package is there, without an import; raises InputError if it is missing."""
+    """Raise InputError if a package is missing, before long work; the package is not imported."""
     if util.find_spec(name) is None:
         raise InputError("installation", name, None, f"not found; {_NEEDED[name]}")
 
 
 def check_report() -> None:
-    """Check that all packages that reports need are installed."""
+    """Raise InputError if a package that writes reports is missing."""
     for name in REPORT:
         check_installed(name)
 
 
 def unfit(error: Exception) -> str:
-    """Text about packages that can't be loaded, because one is missing or of another version than needed."""
+    """Return the message for an error of packages that can't be loaded: one is missing or has an unsuitable version."""
     problem = f"installation: {' '.join(str(error).split())}; NumPy is {_version('numpy')}, SciPy {_version('scipy')}"
     return f"{problem}: `make setup` puts the versions back that fit together, elsewhere install pmr anew"
 
@@ -221,7 +223,7 @@ def check_temporary() -> None:
 
 
 def check_current_folder() -> None:
-    """Raise InputError where the current folder was removed: names of files lead nowhere, and PETSc does not start."""
+    """Raise InputError if the current folder was removed: relative names of files fail, and PETSc does not start."""
     try:
         os.getcwd()
     except OSError as error:
@@ -230,7 +232,7 @@ def check_current_folder() -> None:
 
 
 def available_memory() -> int | None:
-    """Memory in bytes that this machine can still give; None where it doesn't say."""
+    """Return the available memory of this machine in bytes; None if the system does not say."""
     with suppress(OSError, ValueError, StopIteration):
         line = next(line for line in MEMINFO.read_text().splitlines() if line.startswith("MemAvailable:"))
         return int(line.split()[1]) * 1024
@@ -239,10 +241,10 @@ def available_memory() -> int | None:
 
 @contextmanager
 def without_launcher() -> Iterator[None]:
-    """Let MPI start without looking for others, where no launcher started this process.
+    """Let MPI start in this block without looking for other processes, unless a launcher started this one.
 
-    Open MPI would start a daemon for processes yet to come, and look for fast networks to them: 0.3 s.  What is set by
-    the user stays, and nothing is set for processes that are started later.
+    Open MPI would start a daemon for later processes and look for fast networks, which takes 0.3 s.  Variables that the
+    user has set stay, and the others are removed after the block, so that later processes do not inherit them.
     """
     names = [] if launched() > 1 else [name for name in UNLAUNCHED if name not in os.environ]
     os.environ.update({name: UNLAUNCHED[name] for name in names})
@@ -254,15 +256,15 @@ def without_launcher() -> Iterator[None]:
 
 
 def launched() -> int:
-    """How many processes a launcher of MPI started together, 1 without one.
+    """Return the number of processes that a launcher of MPI started together, 1 without a launcher.
 
-    Raises InputError where a variable of a launcher holds no such number.
+    Raises InputError if a variable of a launcher holds no such number.
     """
     return max(map(_processes, LAUNCHED))
 
 
 def _processes(variable: str) -> int:
-    """Number of processes that a launcher wrote into a variable of the environment; 1 where it is not set."""
+    """Return the number of processes in an environment variable of a launcher; 1 if it is not set."""
     text = os.environ.get(variable, "1")
     if not re.fullmatch("[0-9]{1,9}", text) or int(text) < 1:
         allowed = "the number of processes, which a launcher of MPI sets, is allowed; `unset` removes the variable"
@@ -271,14 +273,14 @@ def _processes(variable: str) -> int:
 
 
 def versions() -> dict[str, str]:
-    """Versions of pmr, Python and the packages that a result depends on."""
+    """Return the versions of pmr, Python and the packages that a result depends on."""
     from pmr import __version__
 
     return {"pmr": __version__, "python": platform.python_version()} | {name: _version(name) for name in _PACKAGES}
 
 
 def commit() -> str | None:
-    """Commit of the checkout that pmr runs from, with a mark where files differ from it; None outside a checkout."""
+    """Return the commit of the checkout that pmr runs from, with " with changes" if files differ; None elsewhere."""
     folder = Path(__file__).resolve().parents[2]
     if not (folder / ".git").exists():
         return None
@@ -292,19 +294,22 @@ def commit() -> str | None:
 
 
 def sources() -> Mapping[str, str]:
-    """Texts of pmr's sources, in Python and C, by path within pmr, as they are now."""
+    """Return the text of each of pmr's source files in Python and C, by its path within pmr."""
     files = sorted(file for kind in ("*.py", "*.c", "*.h") for file in _PMR.rglob(kind))
     return _read(tuple((file, file.stat().st_mtime_ns) for file in files))
 
 
 @lru_cache(1)
 def _read(files: tuple[tuple[Path, int], ...]) -> Mapping[str, str]:
-    """Texts of files, each with the time at which it was changed last."""
+    """Return the texts of files; their times of last change are arguments so that the cache notices changes."""
     return {file.relative_to(_PMR).as_posix(): file.read_text(encoding="utf-8") for file, _ in files}
 
 
 def code_digest(files: Mapping[str, str], leave_out: Sequence[str] = ()) -> str:
-    """Digest of sources, by path within pmr but those that begin with `leave_out`, numerical packages and plug-ins."""
+    """Return a digest of source files, numerical packages and plug-ins.
+
+    `files` are texts by path within pmr; paths that begin with one of `leave_out` are left out.
+    """
     digest = hashlib.sha256()
     for name, text in sorted(files.items()):
         if not name.startswith(tuple(leave_out)):
@@ -316,6 +321,7 @@ def code_digest(files: Mapping[str, str], leave_out: Sequence[str] = ()) -> str:
 
 @cache
 def _version(package: str) -> str:
+    """Return the version of an installed package, or "not installed"."""
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
@@ -323,12 +329,12 @@ def _version(package: str) -> str:
 
 
 def today() -> str:
-    """The date of this machine's clock, year first."""
+    """Return the date of this machine's clock as YYYY-MM-DD."""
     return datetime.date.today().isoformat()
 
 
 def machine() -> dict[str, str]:
-    """Processor, cores available to this process and operating system; no names of hosts or users."""
+    """Return processor, available cores and operating system; names of hosts or users are left out."""
     return {
         "processor": _processor(),
         "cores": str(cores()),
@@ -337,11 +343,12 @@ def machine() -> dict[str, str]:
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _processor() -> str:
+    """Return the name of the processor."""
     cpuinfo = Path("/proc/cpuinfo")
     if sys.platform == "linux" and cpuinfo.exists():
         for line in cpuinfo.read_text().splitlines():
@@ -350,20 +357,23 @@ def _processor() -> str:
     return platform.processor() or platform.machine()
 
 
-#: Called with a stage's name and the share of it that is done.
+#: Function that is called with a stage's name and the share of it that is done, 0 to 1.
 Progress = Callable[[str, float], None]
 
 
 @dataclass
 class Clock:
-    """Times stages by name."""
+    """Clock that measures the wall time of stages by name, in `seconds`, and reports their progress."""
 
     progress: Progress = lambda stage, share: None
     seconds: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[Callable[[float], None]]:
-        """Time a stage, which may come several times; what is yielded takes the share of it that is done."""
+        """Measure a stage, which may come several times; yield a function that takes the share of it that is done.
+
+        A SimulationError in the block gets the stage's name in its message.
+        """
         self.progress(name, 0.0)
         start = time.perf_counter()
         try:

@@ -1,4 +1,4 @@
-"""Names of a package that are imported when they are first asked for; those that have another name now."""
+"""Public names of a package that are imported when they are first used, and names of earlier versions."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from warnings import warn
 
 
 class Former(NamedTuple):
-    """Present name of a public name of earlier versions, and the version in which the old one goes."""
+    """Present name of a public name of earlier versions, and the version that removes the old one."""
 
     now: str
     until: str
 
 
-#: Public names of `pmr` that have another name now, by the old one: the one place where one is said to go.
+#: Public names of earlier versions of `pmr` that have another name now.
 FORMER: Mapping[str, Former] = {}
 
 
@@ -25,11 +25,11 @@ def names_from(
     before: Callable[[], object] | None = None,
     former: Mapping[str, Former] | None = None,
 ) -> Callable[[str], Any]:
-    """`__getattr__` of a package whose names stand at `places`, each ``module:name``.
+    """Return the function `__getattr__` of a package with public names at `places`, each ``module:name``.
 
-    `before` is called before a module is imported, and raises where that would be in vain.  One of the `former` names
-    is answered with what it is called now, and a DeprecationWarning that has both.  An AttributeError that lists the
-    names is raised where one is not among them.
+    `before` is called before a module is imported; it raises an error if the import would fail.  A name in `former`
+    gives the object of its present name and a DeprecationWarning.  For any other name the function raises
+    AttributeError, which lists the names.
     """
 
     def find(name: str) -> Any:

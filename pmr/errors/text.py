@@ -1,4 +1,4 @@
-"""Text that somebody else wrote, made fit for a terminal, a page and a figure; numbers in sentences and in JSON."""
+"""Text of unknown origin made safe for terminals, pages and drawings; numbers in sentences and in JSON."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from os.path import isdir
 from pathlib import Path
 from typing import Any
 
-#: Characters that steer what shows them instead of being shown: control codes, line ends, marks that turn the direction
-#: of writing or are of no width, halves of surrogate pairs, and those that XML and Unicode exclude.
+#: Control characters, which change how a text is displayed: control codes, line ends, marks that change the direction
+#: of writing or have no width, halves of surrogate pairs, and characters that XML and Unicode exclude.
 _STEERING = re.compile(
     "[\x00-\x1f\x7f-\x9f\xad\u061c\u180e\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\uffff"
     "\ud800-\udfff\U000e0000-\U000e0fff\U000ffffe-\U0010ffff]"
@@ -25,7 +25,7 @@ NAMED = f"letters, digits and {' '.join(NAME_SIGNS.strip())} are allowed, {LONGE
 
 
 def visible(text: str) -> str:
-    r"""The text in one line, with characters that steer written as Python escapes them, ``\x1b`` or ``\u202e``.
+    r"""Return the text in one line, with control characters written as Python escapes them, ``\x1b`` or ``\u202e``.
 
     Everything else stays: letters of any script, symbols, brackets and what some programs take for markup.
     """
@@ -33,10 +33,10 @@ def visible(text: str) -> str:
 
 
 def is_name(text: str, longest: int = LONGEST_NAME) -> bool:
-    """Whether all that reads a file (a table, a deck, a script, a page, a path) takes the text for a name, no more.
+    """Whether all programs that read a file (table, deck, script, page, path) read the text as one name.
 
-    That is letters, digits and signs of any script, of ASCII's punctuation only what `NAME_SIGNS` says, in one line
-    that begins with a letter, a digit or _ and leads to no folder above.
+    A name has letters, digits and signs of any script, of ASCII's punctuation only `NAME_SIGNS`.  It is one line that
+    begins with a letter, a digit or _, leads to no folder above, and has at most `longest` characters.
     """
     plain = all(sign.isalnum() or sign in NAME_SIGNS for sign in text if sign.isascii())
     begins = text[:1].isalnum() or text[:1] == "_"
@@ -44,34 +44,37 @@ def is_name(text: str, longest: int = LONGEST_NAME) -> bool:
 
 
 def no_file(path: Path, what: str = "file") -> str:
-    """Why nothing can be read there: no such file, and where that is so that it is a folder."""
+    """Return why there is no file to read at `path`: none of this name, or a folder; `what` names its kind."""
     return f"no such {what}" + ", but a folder" * isdir(path)
 
 
 def hint(name: object, names: Iterable[str]) -> str:
-    """Ask whether the one of the `names` most like `name` was meant, with a space behind it; empty if none is."""
+    """Return a question whether the most similar of `names` was meant, with a space at its end, or an empty text."""
     close = get_close_matches(str(name), list(names), n=1)
     return f"did you mean {close[0]!r}? " if close else ""
 
 
 def rounded(value: float) -> str:
-    """`value` with two significant digits, as a decimal from 1e-4 to 1e6."""
+    """Return `value` with two significant digits, as a decimal number from 1e-4 to 1e6."""
     return f"{float(f'{value:.2g}'):g}"
 
 
 def rounded_down(value: float) -> str:
-    """A positive `value` with two significant digits and not above it: for what is said to be small enough."""
+    """Return a positive `value` rounded down to two significant digits, as a limit that is still small enough."""
     place = floor(log10(value)) - 1
     return f"{float(f'{floor(value / 10.0**place * (1.0 + 1e-12))}e{place}'):g}"
 
 
 def kind_of(warning: str) -> str:
-    """Kind of a warning: its words up to the first stop, without numbers, which differ from run to run."""
+    """Return the kind of a warning: its words before the first of ``,:;(``, without numbers.
+
+    Numbers differ from run to run.
+    """
     return " ".join(re.split(r"[,:;(]", _NUMBER.sub("", warning), maxsplit=1)[0].split())
 
 
 def duration(seconds: float) -> str:
-    """Seconds as people say them."""
+    """Return a time in s as text, in s, min or h."""
     if seconds < 60.0:
         return f"{seconds:.0f} s"
     if seconds < 3600.0:
@@ -80,7 +83,10 @@ def duration(seconds: float) -> str:
 
 
 def not_finite(data: Any, name: str = "") -> Iterator[str]:
-    """Dotted names of all numbers in `data` that are not finite, such as ``errors.reduced_vs_full.tip``."""
+    """Yield the dotted names of all numbers in `data` that are not finite, such as ``errors.reduced_vs_full.tip``.
+
+    `name` is that of `data` itself.
+    """
     if isinstance(data, float) and not isfinite(data):
         yield name
     elif isinstance(data, Mapping):
@@ -92,5 +98,5 @@ def not_finite(data: Any, name: str = "") -> Iterator[str]:
 
 
 def remarks(data: Any) -> list[str]:
-    """A line for each number that is not finite."""
+    """Return a line for each number in `data` that is not finite."""
     return [f"{name} is not finite; in summary.json it is null" for name in not_finite(data)]

@@ -1,14 +1,13 @@
-r"""Grids and fields over them at a few times, axes that move, and bodies as other programs take them.
+r"""Grids and fields over them at several times, axes that move with a boom, and held bodies for other programs.
 
-A body held where its sliders stand, as other programs take it: on frames (superelements) or on nodes.
-
-Where axes that move with a boom are in space.
+A displacement u at a point r of the moving axes becomes in space
 
 .. math:: X = R(t)\, (o(t) + r), \qquad U = R(t)\, u
 
-r and u are a place and a displacement along the moving axes, o is where their origin is from the pivot, along them too.
+with the rotation R of the axes and o, the vector from the pivot to their origin, in components along the moving axes.
 
-What a body looks like, and fields over it at a few times, as pictures and files of them take them.
+A body with its sliders held at one path coordinate is exported on frames (superelements, `FramedBody`) or on nodes
+(`NodalBody`).
 """
 
 from __future__ import annotations
@@ -27,8 +26,8 @@ from pmr.files import npz
 Indices = NDArray[np.int64]
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
-MOST_EXPANSION = 100.0  # of a compressed file; fields that move take a third more than their file,
-ROOM = 2**28  # fields at rest up to a thousand times as much: bytes that any file may claim
+MOST_EXPANSION = 100.0  # most bytes of fields over those of their compressed file; moving fields take 4/3
+ROOM = 2**28  # bytes that any file may claim: fields at rest take up to 1000 times their file
 
 
 @dataclass(frozen=True)
@@ -40,9 +39,9 @@ class Grid:
     cell : ``"line"``, ``"triangle"``, ``"tetra"`` or ``"hexahedron"``
     points : (N, 3) array, m
     cells : (C, k) integer array
-        Points of each cell, in VTK's order.
+        Indices of the k points of each cell, in VTK's order.
     regions : mapping of name to (c,) integer array
-        Named groups of cells.
+        Indices of the c cells of each named region.
     """
 
     cell: str
@@ -51,21 +50,22 @@ class Grid:
     regions: Mapping[str, Indices] = field(default_factory=dict)
 
     def region(self, cell: int) -> str:
-        """Names of the regions that a cell is part of, joined by commas; empty if there are none."""
+        """Return the names of the regions that contain a cell, joined by commas; empty if there are none."""
         return ", ".join(sorted(name for name, cells in self.regions.items() if cell in cells))
 
 
 @dataclass(frozen=True)
 class Boxes:
-    """Boxes that stand beside a body at S times, as its pads do.
+    """P boxes drawn beside a body at S times, such as its pads.
 
     Attributes
     ----------
     names : tuple of str
-        Of the P boxes.
+        Names of the P boxes.
     corners : (S, P, 8, 3) array, m
-        In VTK's order of a hexahedron.
+        Corners of each box at each time, in VTK's order of a hexahedron.
     values : mapping of name to (S, P) array
+        Quantities of each box at each time.
     """
 
     names: tuple[str, ...]
@@ -75,7 +75,7 @@ class Boxes:
 
 @dataclass(frozen=True)
 class Fields:
-    """Displacements and fields over the cells at S times, in single precision.
+    """Displacements and stresses on a grid of N points and C cells at S times, in single precision.
 
     Attributes
     ----------
@@ -83,9 +83,9 @@ class Fields:
     t : (S,) array, s
     displacement : (S, N, 3) array, m
     von_mises : mapping of a face's name to (S, C) array
-        Von Mises' stress in Pa on that face of the cells; empty where no stress is known.
+        Von Mises stress in Pa on that face of the cells; empty where no stress is known.
     stress : mapping of a face and a component to (S, C) array
-        Signed stress in Pa where von Mises' is largest in the cell; empty unless it is asked for.
+        Signed stress in Pa where the von Mises stress is largest in the cell; empty unless the scene asks for it.
     """
 
     grid: Grid
@@ -110,19 +110,19 @@ class Fields:
         return self.grid.cell
 
     def save(self, file: Path) -> None:
-        """Write everything as compressed npz."""
+        """Write all fields to a compressed npz file."""
         npz.write(file, npz.arrays(self), compressed=True)
 
     @classmethod
     def load(cls, file: Path) -> Fields:
-        """Read what `save` wrote."""
+        """Return the fields in a file that `save` wrote."""
         data = npz.read(file, MOST_EXPANSION, ROOM)
         return npz.record(cls, npz.rename_keys(data, {"region.": "grid.regions."}))  # as version 0.1 wrote them
 
 
 @dataclass(frozen=True)
 class Frames:
-    """F frames by name, and their origins (F, 3) in m."""
+    """Names of F frames and their origins `points` (F, 3) in m."""
 
     names: tuple[str, ...]
     points: Array
@@ -130,17 +130,18 @@ class Frames:
 
 @dataclass(frozen=True)
 class FramedBody:
-    """M y'' + C y' + K y = f, y (6 F + m) being six displacements (m) and rotations (rad) of each frame, then m modes.
+    """A body M y'' + C y' + K y = f on F frames, of which the first is the ground.
 
-    The first frame is the ground: what pads and supports at s are attached to.
+    The coordinates y (6 F + m) are three displacements (m) and three rotations (rad) of each frame, then m modes.  The
+    ground frame carries the pads and supports, at the path coordinate s.
 
     Attributes
     ----------
     s : float, m
-        Where the sliders stand.
+        Path coordinate at which the sliders are held.
     places : Frames
     M, C, K : (6 F + m, 6 F + m) arrays, symmetric, SI units
-        K has six rigid motions, those of all frames together.
+        K leaves six rigid motions of all frames together free.
     """
 
     s: float
@@ -156,21 +157,21 @@ class FramedBody:
 
     @property
     def omega(self) -> Array:
-        """The m lowest frequencies (m,) in rad/s with the ground at rest and all other frames free."""
+        """Lowest m angular frequencies (m,) in rad/s, ascending, with the ground frame fixed and the others free."""
         values = scipy.linalg.eigh(self.M[6:, 6:], self.K[6:, 6:], eigvals_only=True)[::-1]
         return np.asarray(1.0 / np.sqrt(values[: self.modes]))
 
 
 @dataclass(frozen=True)
 class Places:
-    """P named places that other bodies and loads act on: the mean over a group, or a section of the body.
+    """P named points of a body that loads and other bodies act on: means over groups, or sections of the body.
 
     Attributes
     ----------
     names : tuple of str
     points : (P, 3) array, m
     displacement, rotation : (P, 3, m) arrays, 1 and 1/m
-        Of the place under each of the body's modes.
+        Displacement and rotation of each point under each of the body's m modes.
     """
 
     names: tuple[str, ...]
@@ -181,21 +182,21 @@ class Places:
 
 @dataclass(frozen=True)
 class NodalBody:
-    """Mass and stiffness on N nodes with three displacements each, node by node, and m modes of it.
+    """Mass and stiffness on N nodes with three displacements each, node by node, and m modes of the body.
 
     Attributes
     ----------
     s : float, m
-        Where the sliders stand.
+        Path coordinate at which the sliders are held.
     points : (N, 3) array, m
-    M, K : sparse (3 N, 3 N)
-        K has the springs of all that gives way at s; what is rigid the modes know.
+    M, K : (3 N, 3 N) sparse matrices
+        K includes the springs of flexible pads and supports at s; rigid ones are not in K, but the modes satisfy them.
     modes : (3 N, m) array
-        The lowest at s, M-orthonormal, in 1/sqrt(kg).
+        Lowest modes at s, M-orthonormal, in 1/sqrt(kg).
     omega : (m,) array, rad/s
-        K on the modes is diag(omega^2).
+        modes^T K modes = diag(omega^2).
     damping : (m, m) array, 1/s
-        D on the modes: not diagonal, as nothing damps what gives way at moving pads.
+        modes^T D modes; not diagonal, as flexible moving pads have no damping.
     places : Places
     """
 
@@ -211,20 +212,34 @@ class NodalBody:
 
 @dataclass(frozen=True)
 class Pose:
-    """Moving axes at S times: their rotation (S, 3, 3) and their origin (S, 3) in m."""
+    """Axes that move, at S times.
+
+    Attributes
+    ----------
+    rotation : (S, 3, 3) array
+        Matrix R from components along the moving axes to components in space.
+    origin : (S, 3) array, m
+        Vector o from the pivot to the origin of the axes, in components along the moving axes.
+    """
 
     rotation: Array
     origin: Array
 
     def places(self, points: ArrayLike) -> Array:
-        """Places (S, n, 3) in m from the pivot in space, of places (S, n, 3) or (n, 3) in the moving axes."""
+        """Return R (p + o) (S, n, 3) in m, positions in space from the pivot, of points p (S, n, 3) or (n, 3) in m.
+
+        The points are in components along the moving axes, from their origin.
+        """
         from_pivot = np.asarray(points, float) + self.origin[:, None, :]
         return np.asarray(np.einsum("sij,snj->sni", self.rotation, from_pivot))
 
     def at(self, k: int, points: ArrayLike) -> Array:
-        """Places (..., 3) in m in space at time number k, of places (..., 3) in the moving axes."""
+        """Return R (p + o) (..., 3) in m, positions in space at time number k, of points p (..., 3) in m.
+
+        The points are in components along the moving axes, from their origin.
+        """
         return self.turned(k, np.asarray(points, float) + self.origin[k])
 
     def turned(self, k: int, vectors: ArrayLike) -> Array:
-        """Vectors (..., 3) in space at time number k, of vectors (..., 3) in the moving axes."""
+        """Return R v (..., 3), in components in space at time number k, of vectors v (..., 3) along the moving axes."""
         return np.asarray(np.asarray(vectors, float) @ self.rotation[k].T)

@@ -1,20 +1,18 @@
 r"""Stresses and section forces as rows on a model's coordinates, and their largest values over time.
 
-Stresses as rows on a model's coordinates, and von Mises' stress over time.
+Stresses of coordinates q, and von Mises' stress of these, are
 
 .. math:: \sigma = S q, \qquad \sigma_v = \sqrt{\sigma^T A\, \sigma}
 
-with S sparse and A the form that von Mises' stress takes in the components at hand.
+with a sparse matrix S and the matrix A of von Mises' stress for the components of :math:`\sigma`.
 
-Section forces along beams as rows on a model's coordinates, and the envelope of histories along a body.
-
-On the face of a section that looks along x, with its principal axes y and z,
+Section forces along beams are integrals over the face of a section that looks along x, with its principal axes y and z,
 
 .. math::
     N = \int \sigma\, dA, \quad M_y = \int z\, \sigma\, dA, \quad M_z = -\int y\, \sigma\, dA, \quad
     V_z = M_y', \quad V_y = -M_z'
 
-From strains alone they are those of loads on nodes; `pmr.reduction.section_forces` adds what acts between.
+From strains alone they are those of loads on nodes; `pmr.reduction.section_forces` adds what acts between nodes.
 """
 
 from __future__ import annotations
@@ -31,11 +29,12 @@ from pmr.fields.series import Grid
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Relative difference up to which two places share the largest stress: symmetry holds to the round-off of states.
+#: Relative difference up to which two points share the largest stress: symmetry holds to the round-off of states.
 SHARED = 1e-6
-#: Points that are looked at for that.
+#: Most points that may share the largest stress.
 MOST_SHARED = 100
-#: Von Mises' form for plane stress (11, 22, 12), stress in space (xx, yy, zz, yz, xz, xy), a fibre with shear.
+#: Matrix A of von Mises' stress for plane stress (11, 22, 12), stress in space (xx, yy, zz, yz, xz, xy) and a fibre
+#: (normal stress, shear stress).
 PLANE = np.array([[1.0, -0.5, 0.0], [-0.5, 1.0, 0.0], [0.0, 0.0, 3.0]])
 SPATIAL = np.block([[1.5 * np.eye(3) - 0.5, np.zeros((3, 3))], [np.zeros((3, 3)), 3.0 * np.eye(3)]])
 FIBRE = np.diag([1.0, 3.0])
@@ -43,22 +42,23 @@ FIBRE = np.diag([1.0, 3.0])
 
 @dataclass(frozen=True)
 class StressRows:
-    """Stresses at P points of a body, c components each.
+    """Stresses at P points of a body as rows on n coordinates, c stress components at each point.
 
     Attributes
     ----------
     rows : (P c, n) sparse matrix, Pa per unit of a coordinate
-        Point by point.
+        Rows of the c components of the first point, then of the second one, and so on.
     mises : (c, c) array
-        A of the module's docstring.
+        Matrix A of the module's docstring.
     components : tuple of str
+        Names of the c components.
     points : (P, 3) array, m
     cell : (P,) integer array
-        The cell of the model's grid that each point belongs to.
+        Number of the cell of the model's grid that each point belongs to.
     faces : tuple of str
-        Where in its cell a point may be: on the outer or inner face of a wall, in its middle; at a section's corner.
+        Positions in a cell: outer or inner face of a wall, its middle, a corner of a section.
     face : (P,) integer array
-        Which of the `faces` each point is on.
+        Index in `faces` of each point.
     """
 
     rows: sp.csr_matrix
@@ -70,26 +70,26 @@ class StressRows:
     face: Indices
 
     def of(self, q: Array) -> Array:
-        """Stresses (S, P, c) in Pa of coordinates (S, n)."""
+        """Return the stresses (S, P, c) in Pa of coordinates q (S, n) at S times."""
         return self.split_by_point((self.rows @ q.T).T)
 
     def split_by_point(self, stresses: Array) -> Array:
-        """Stresses (S, P c) in the order of the rows as (S, P, c)."""
+        """Return stresses (S, P c), in the order of the rows, as (S, P, c)."""
         return np.asarray(stresses).reshape(len(stresses), len(self.points), len(self.components))
 
     def von_mises(self, stresses: Array) -> Array:
-        """Von Mises' stress (S, P) in Pa of stresses (S, P, c)."""
+        """Return von Mises' stress (S, P) in Pa of stresses (S, P, c) in Pa."""
         squares = np.sum((stresses @ self.mises) * stresses, axis=-1)
         return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
     def on(self, face: str) -> Indices:
-        """Numbers of the points on a face."""
+        """Return the indices of the points on a face."""
         return np.flatnonzero(self.face == self.faces.index(face))
 
     def by_cell(self, values: Array, cells: int) -> dict[str, Array]:
-        """The largest of values (S, P) in each cell, (S, cells), for each face.
+        """Return for each face the largest of values (S, P) in each cell, (S, cells).
 
-        A cell without a point on a face takes its largest one anywhere.
+        A cell without a point on a face has its largest value on any face; a cell without points has minus infinity.
         """
         largest_anywhere = _largest(values, self.cell, cells)
         largest = {}
@@ -101,9 +101,10 @@ class StressRows:
         return largest
 
     def components_by_cell(self, stresses: Array, cells: int) -> dict[str, Array]:
-        """Components of stresses (S, P, c) where von Mises' is largest in each cell, (S, cells), by face and name.
+        """Return stress components (S, cells) at the point of each cell with the largest von Mises stress.
 
-        A cell without a point on a face takes its largest one anywhere.
+        Keys are ``"FACE COMPONENT"``; `stresses` are (S, P, c) in Pa.  A cell without a point on a face has the values
+        at its point with the largest von Mises stress on any face.
         """
         mises, components = self.von_mises(stresses), dict[str, Array]()
         largest_anywhere = _where_largest(mises, self.cell, cells)
@@ -119,9 +120,9 @@ class StressRows:
 
 @dataclass(frozen=True)
 class StressPeak:
-    """The largest von Mises stress in Pa: when (s), where (3,) m, on which face of which cell and in which region.
+    """Largest von Mises stress `value` in Pa, its time t in s and position (3,) in m, and its face, cell and region.
 
-    `shared` are other places (3,) m with the same stress at the same time.
+    `shared` are positions (3,) in m of other points with the same stress at that time.
     """
 
     value: float
@@ -133,7 +134,7 @@ class StressPeak:
     shared: tuple[tuple[float, float, float], ...] = ()
 
     def summary(self) -> dict[str, object]:
-        """For summary.json."""
+        """Return the peak as a table for summary.json."""
         return {"value": self.value, "t": self.t, "position": list(self.position), "face": self.face,
                 "cell": self.cell, "region": self.region,
                 "shared": [list(place) for place in self.shared]}  # fmt: skip
@@ -148,9 +149,9 @@ class StressHistory:
     t : (S,) array, s
     largest : (S,) array, Pa
     point : (S,) integer array
-        At which of the stress rows' points.
+        Index of the point of the stress rows where the stress is largest.
     peak : StressPeak
-        The largest of all.
+        Largest stress of all times.
     """
 
     t: Array
@@ -162,10 +163,10 @@ class StressHistory:
 def stress_history(
     rows: StressRows, grid: Grid, t: Array, largest: Array, point: Indices, at_peak: Array | None = None
 ) -> StressHistory:
-    """History with its peak, from the largest stress (S,) in Pa at each time and the point (S,) where it is.
+    """Return the history of the largest stress (S,) in Pa at the points (S,) of `rows` at times t (S,), with its peak.
 
-    With the stresses `at_peak` (P,) of the state with the largest one, places that share it are found too; the first
-    of them in the order of the points is the peak's, whichever round-off prefers.
+    `at_peak` is von Mises' stress (P,) in Pa at the time of the peak.  With it points that share the largest stress are
+    found; the first of them in the order of the points is the peak, so that round-off does not choose.
     """
     k = int(largest.argmax())
     like = np.array([point[k]])
@@ -185,7 +186,10 @@ def stress_history(
 
 
 def peaks_by_region(rows: StressRows, grid: Grid, most: Array, when: Array) -> dict[str, StressPeak]:
-    """The largest stress in each region of a grid, from that at each point (P,) in Pa and when it is there (P,) s."""
+    """Return the stress peak in each named region of a grid.
+
+    `most` (P,) in Pa is the largest stress at each point of `rows`, and `when` (P,) in s its time.
+    """
     peaks = {}
     for name, cells in sorted(grid.regions.items()):
         points = np.flatnonzero(np.isin(rows.cell, cells))
@@ -196,19 +200,26 @@ def peaks_by_region(rows: StressRows, grid: Grid, most: Array, when: Array) -> d
 
 
 def _place(point: Array) -> tuple[float, float, float]:
+    """Return a point (3,) as three floats."""
     x, y, z = (float(c) for c in point)
     return x, y, z
 
 
 def _largest(values: Array, cell: Indices, cells: int) -> Array:
-    """The largest of values (S, p) in each of the cells, (S, cells); minus infinity where there are none."""
+    """Return the largest of values (S, p) at points of the given cells (p,) in each of `cells` cells, (S, cells).
+
+    It is minus infinity in a cell without points.
+    """
     result = np.full((cells, len(values)), -np.inf)
     np.maximum.at(result, cell, values.T)
     return result.T
 
 
 def _where_largest(values: Array, cell: Indices, cells: int) -> Indices:
-    """Which of the p points of values (S, p) is the largest in each of the cells, (S, cells); 0 where there is none."""
+    """Return the index, of p points in the given cells (p,), of the largest of values (S, p) in each cell, (S, cells).
+
+    It is 0 in a cell without points.
+    """
     order = np.argsort(values, axis=1, kind="stable")
     result = np.zeros((len(values), cells), np.int64)
     rows = np.arange(len(values))[:, None]
@@ -216,7 +227,7 @@ def _where_largest(values: Array, cell: Indices, cells: int) -> Indices:
     return result
 
 
-#: Share of the largest value of its unit up to which another one is round-off.
+#: Share of the largest value of a unit up to which another value of the unit is round-off.
 ROUND_OFF = 1e-9
 #: Section forces and their units.
 FORCES = {
@@ -227,15 +238,15 @@ FORCES = {
     "bending moment y": "N m",
     "bending moment z": "N m",
 }
-#: Shear forces as derivatives of moments along x, with their sign.
+#: Moment whose derivative along x is a shear force, and the sign.
 SHEAR = {"shear force y": ("bending moment z", -1.0), "shear force z": ("bending moment y", 1.0)}
 
 
 @dataclass(frozen=True)
 class ForceRows:
-    """Section forces at P places of a beam: `rows` (P, n) in N or N m per unit of a coordinate.
+    """Section forces of a beam as rows on n coordinates: `rows` (P, n) in N or N m per unit of a coordinate.
 
-    Row by row `names` says which force, one of `FORCES`, and `x` (P,) m where.
+    `names` (P,) are the forces, keys of `FORCES`, and `x` (P,) their positions along the beam in m.
     """
 
     rows: sp.csr_matrix
@@ -249,11 +260,16 @@ def force_rows(x: Array, strains: Array, stiffness: dict[str, Array], coordinate
     Parameters
     ----------
     x : (E, 2) array, m
-        Where the ends are.
+        Positions of the two ends of each element.
     strains : (E, 2, v, d) array
-        Of both ends, on the coordinates (E, d), which are numbers below `size`.
+        v strains at both ends per unit of the d coordinates of each element.
     stiffness : dict of str to (v,) or (E, v) array
-        The normal force and moments of unit strains, of all elements or of each; shear forces follow.
+        Normal force, torque and moments by name per unit of each strain, for all elements or each of them.  Shear
+        forces are the derivatives of the moments along the element.
+    coordinates : (E, d) integer array
+        Numbers of each element's coordinates.
+    size : int
+        Number n of coordinates.
     """
     each = (len(strains), strains.shape[2])
     forces = {name: np.einsum("eavd,ev->ead", strains, np.broadcast_to(unit, each)) for name, unit in stiffness.items()}
@@ -271,7 +287,7 @@ def force_rows(x: Array, strains: Array, stiffness: dict[str, Array], coordinate
 
 @dataclass(frozen=True)
 class Envelope:
-    """Smallest and largest values over time of c quantities at N places along a body, and when they are there."""
+    """Smallest and largest values over time of c quantities at N positions along a body, and their times."""
 
     names: tuple[str, ...]  # (c,)
     units: tuple[str, ...]  # (c,)
@@ -282,7 +298,10 @@ class Envelope:
     most_at: Array  # (c, N) s
 
     def extremes(self) -> dict[str, dict[str, Any]]:
-        """Extremes of each quantity by its name: ``unit``, ``min`` and ``max``, each with ``t`` in s and ``x`` in m."""
+        """Return the extremes of each quantity by name: ``unit``, values ``min`` and ``max``, times and positions.
+
+        The times in s are ``t_min`` and ``t_max``, the positions in m ``x_min`` and ``x_max``.
+        """
         extremes_of = {}
         for k, name in enumerate(self.names):
             low, high = int(self.least[k].argmin()), int(self.most[k].argmax())
@@ -295,9 +314,9 @@ class Envelope:
 
 
 class Running:
-    """The envelope of values that come a few times at a time: quantities by `names` (P,) at places `x` (P,) m.
+    """Envelope of P values that are added a few times at once, of quantities `names` (P,) at positions `x` (P,) in m.
 
-    Each quantity has values at each of the places, one or several.
+    Each quantity has one or several values at each of its positions.
     """
 
     def __init__(self, names: tuple[str, ...], x: Array) -> None:
@@ -306,7 +325,7 @@ class Running:
         self._least_at, self._most_at, self._start = np.zeros(len(x)), np.zeros(len(x)), np.inf
 
     def add(self, t: Array, values: Array) -> None:
-        """Values (S, P) at the times t (S,) s."""
+        """Update the envelope with values (S, P) at the times t (S,) in s."""
         self._start = min(self._start, float(t[0]))
         low, high = values.argmin(axis=0), values.argmax(axis=0)
         on = np.arange(values.shape[1])
@@ -315,9 +334,10 @@ class Running:
         self._least, self._most = np.minimum(self._least, values[low, on]), np.maximum(self._most, values[high, on])
 
     def envelope(self, units: dict[str, str]) -> Envelope:
-        """Return the smallest and largest value of each quantity at each place.
+        """Return the smallest and largest value of each quantity in `units` at each position.
 
-        What is round-off beside the largest value of the same unit is zero; what is nothing else is so from the start.
+        Values that are round-off beside the largest value of the same unit become zero.  A quantity that is zero at all
+        times at a position has both extremes at the first time.
         """
         names, x = [name for name in units if name in self._names], np.unique(self._x)
         shape = (len(names), len(x))
@@ -340,4 +360,5 @@ class Running:
 
 
 def _extreme(what: str, value: float, t: float, x: float) -> dict[str, float]:
+    """Return value, time t in s and position x in m of an extreme by the keys ``WHAT``, ``t_WHAT`` and ``x_WHAT``."""
     return {what: float(value), f"t_{what}": float(t), f"x_{what}": float(x)}

@@ -1,1 +1,1 @@
-"""Files that are whole or not there, whatever ends the process that wrote them, and read as data, never obeyed."""
+"""Files that are written in whole or not at all, and readers that treat every file as data of unknown origin."""

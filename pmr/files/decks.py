@@ -1,8 +1,8 @@
-"""Nodes, elements and sets of an input deck of Abaqus or CalculiX; what can't be read is refused by its line.
+"""Nodes, elements and sets of an input deck of Abaqus or CalculiX; unreadable content is refused with its line.
 
-A deck is a sequence of cards: a line with a star, a keyword and options, and the lines of data behind it.  `READERS`
-has a function for each keyword that is read, `REFUSED` the reasons why others are not; keywords that say nothing about
-nodes and elements are in neither, and are passed over.
+A deck is a sequence of cards: a line with a star, a keyword and options, and the lines of data after it.  `READERS`
+has a function for each keyword that is read, `REFUSED` the reasons why some others are refused; further keywords do not
+concern nodes and elements and are ignored.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 
 from pmr.errors import InputError
 
-#: Linear elements by type: the kind of cell in meshio's words; and the corners of each kind.
+#: Kind of cell, as meshio calls it, of each type of linear element; number of corners of each kind.
 KINDS: Mapping[str, str] = {
     **dict.fromkeys(("T2D2", "T2D2H", "T3D2", "T3D2H", "B21", "B21H", "B31", "B31H", "B31R", "B33"), "line"),
     **dict.fromkeys(("CPS3", "CPE3", "STRI3", "S3", "S3R", "S3RS", "R3D3", "M3D3"), "triangle"),
@@ -24,13 +24,13 @@ KINDS: Mapping[str, str] = {
 CORNERS: Mapping[str, int] = {"line": 2, "triangle": 3, "quad": 4, "tetra": 4, "hexahedron": 8}
 
 
-#: Digits that the number of a node or an element has less than.
+#: Numbers of nodes and elements have fewer digits.
 MOST_DIGITS = 18
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line of data."""
+    """A line of data: its number in the file and its fields."""
 
     number: int  # in the file, from 1
     fields: tuple[str, ...]
@@ -38,7 +38,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Card:
-    """A keyword in capital letters, its options by names in capital letters, and its data."""
+    """A card: line number, keyword and names of options in capital letters, and its data lines."""
 
     number: int
     keyword: str
@@ -48,7 +48,7 @@ class Card:
 
 @dataclass(frozen=True)
 class Elements:
-    """Elements of one card: their type, and of each its number, its line in the file and its nodes' numbers."""
+    """Elements of one card: their type, and for each its number, its line in the file and the numbers of its nodes."""
 
     type: str
     numbers: list[int]
@@ -58,7 +58,7 @@ class Elements:
 
 @dataclass
 class Deck:
-    """Content of a deck; sets are by their names in small letters, with members that exist."""
+    """Content of a deck; sets have their names in small letters and members that exist."""
 
     source: str
     nodes: dict[int, tuple[float, float, float]] = field(default_factory=dict)  # by number, in the file's order, m
@@ -70,14 +70,14 @@ class Deck:
     constraints: list[tuple[int, str]] = field(default_factory=list)  # line and keyword of each card of `CONSTRAINTS`
 
     def refusal(self, line: int, why: str) -> InputError:
-        """An error of a line of the file."""
+        """Return the error of a line of the file."""
         return InputError(self.source, f"line {line}", None, why)
 
 
 def read_deck(path: Path) -> Deck:
-    """Nodes, elements and sets of a deck.
+    """Read nodes, elements and sets of a deck.
 
-    Raises InputError with file and line where a card can't be read, or says something that is not read.
+    Raises InputError with file and line if a card can't be read, or has content that pmr does not read.
     """
     deck, parts = Deck(str(path)), _Parts()
     sets = list[Card]()
@@ -97,7 +97,7 @@ def read_deck(path: Path) -> Deck:
 
 
 def _cards(deck: Deck, text: str) -> Iterator[Card]:
-    """Cards of a deck; what stands before the first one is none of its."""
+    """Yield the cards of a deck's text; lines before the first card are ignored."""
     card: tuple[int, str] | None = None
     data = list[Line]()
     for number, line in enumerate(text.splitlines(), 1):
@@ -117,18 +117,20 @@ def _cards(deck: Deck, text: str) -> Iterator[Card]:
 
 
 def _card(number: int, head: str, data: Sequence[Line]) -> Card:
+    """Return the card of line `number` from its head line and its data lines."""
     keyword, *parts = (part.strip() for part in head[1:].split(","))
     options = {name.strip().upper(): value.strip().strip('"') for name, _, value in (o.partition("=") for o in parts)}
     return Card(number, " ".join(keyword.upper().split()), options, tuple(data))
 
 
 class _Parts:
-    """Parts and instances: one of each, in place, is the body; others would share its numbers."""
+    """Instances of parts seen so far: each part may have one, without translation; others would share its numbers."""
 
     def __init__(self) -> None:
         self._instances = dict[str, int]()
 
     def see(self, deck: Deck, card: Card) -> None:
+        """Raise InputError if a card is an instance that is moved, or the second one of its part."""
         if card.keyword != "INSTANCE":
             return
         part = card.options.get("PART", card.options.get("NAME", "")).lower()
@@ -146,6 +148,7 @@ class _Parts:
 
 
 def _read_nodes(deck: Deck, card: Card) -> None:
+    """Add the nodes of a card to the deck."""
     if card.options.get("SYSTEM", "R").upper() != "R":
         allowed = "nodes in rectangular coordinates are allowed"
         raise deck.refusal(card.number, f"SYSTEM={card.options['SYSTEM']} is not read; {allowed}")
@@ -173,6 +176,7 @@ def _read_nodes(deck: Deck, card: Card) -> None:
 
 
 def _read_elements(deck: Deck, card: Card) -> None:
+    """Add the elements of a card to the deck."""
     _refuse_options(deck, card, {"TYPE", "ELSET"})
     block = Elements(card.options.get("TYPE", "").upper(), [], [], [])
     count, parts, begun = CORNERS.get(KINDS.get(block.type, "")), list[int](), 0
@@ -200,7 +204,10 @@ def _read_elements(deck: Deck, card: Card) -> None:
 
 
 def _read_set(deck: Deck, card: Card) -> None:
-    """Members by numbers, names of other sets, first, last and step, or a set of elements that has the nodes."""
+    """Add the members of a set's card to the deck.
+
+    They are numbers, names of other sets, a range (first, last, step), or the nodes of a set of elements.
+    """
     of_nodes = card.keyword == "NSET"
     _refuse_options(deck, card, {"NSET", "ELSET", "GENERATE", "UNSORTED", "INTERNAL", "INSTANCE"})
     sets = deck.node_sets if of_nodes else deck.element_sets
@@ -232,6 +239,7 @@ def _read_set(deck: Deck, card: Card) -> None:
 
 
 def _nodes_of(deck: Deck, card: Card) -> set[int]:
+    """Return the nodes of the set of elements that the card names."""
     name = card.options["ELSET"].lower()
     if name not in deck.element_sets:
         raise deck.refusal(card.number, f"ELSET={card.options['ELSET']} is no set of elements that stands further up")
@@ -246,6 +254,7 @@ def _nodes_of(deck: Deck, card: Card) -> set[int]:
 
 
 def _ensure(deck: Deck, line: Line, card: Card, existing: Set[int], numbers: list[int]) -> None:
+    """Raise InputError for the first of the numbers that does not exist."""
     missing = next((number for number in numbers if number not in existing), None)
     if missing is not None:
         what = "node" if card.keyword == "NSET" else "element"
@@ -253,23 +262,26 @@ def _ensure(deck: Deck, line: Line, card: Card, existing: Set[int], numbers: lis
 
 
 def _set_by_name(deck: Deck, sets: dict[str, set[int]], card: Card, option: str) -> set[int]:
+    """Return the members of the set that an option of a card names, from `sets`; a new empty set if there is none."""
     name = card.options[option]
     deck.spelled.setdefault(name.lower(), name)
     return sets.setdefault(name.lower(), set())
 
 
 def _whole(deck: Deck, line: Line, text: str, what: str) -> int:
+    """Return a text as a whole number; raises InputError, which says `what` is allowed, if it is none."""
     if not _is_number(text):
         raise deck.refusal(line.number, f"{what} is allowed, not {text!r}")
     return int(text)
 
 
 def _is_number(text: str) -> bool:
-    """True for a whole number that nodes and elements may have."""
+    """Whether a text is a whole number that nodes and elements may have."""
     return text.isascii() and text.isdigit() and len(text) < MOST_DIGITS
 
 
 def _refuse_options(deck: Deck, card: Card, allowed: set[str]) -> None:
+    """Raise InputError for the first option of a card that is not allowed."""
     for name in card.options:
         if name and name not in allowed:
             raise deck.refusal(card.number, f"the option {name} of *{card.keyword} is not read")
@@ -283,8 +295,8 @@ REFUSED: Mapping[str, str] = {
     "SYSTEM": "nodes in the axes of the whole are allowed",
     **dict.fromkeys(("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SUBSTRUCTURE PATH"), _IN_PLACE),
 }
-#: Axes of single nodes, and what makes coordinates of some nodes depend on those of others: programs leave the
-#: dependent ones out of their matrices.  A mesh has neither.
+#: Keyword for axes of single nodes, and keywords by which coordinates of some nodes depend on those of others:
+#: programs leave the dependent coordinates out of their matrices.
 TURNED = "TRANSFORM"
 CONSTRAINTS = (
     TURNED,

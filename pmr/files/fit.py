@@ -1,8 +1,10 @@
-"""Whether mass and stiffness of another program belong to the places and directions that are said to be theirs.
+"""Checks whether mass and stiffness matrices of another program belong to their nodes and directions.
 
-A body that nothing holds moves freely as a rigid body of its nodes.  Where K resists that, it does so near coordinates
-that were left out, as supports are, or as springs to ground do.  All else means that rows, directions, axes or places
-of nodes are others than K has, and what they are follows from the motions that K does leave free.
+A body that nothing holds can move as a rigid body of its nodes without resistance of K.  Where K does resist, the nodes
+must be near coordinates that were left out, as at supports, or at springs to ground.  Otherwise rows, directions, axes
+or points are not those of K; what they should be follows from the motions that K leaves free (`pmr.files.reasons`).
+
+Each check yields the input that is wrong (``M``, ``K``, ``points`` or ``direction``) and the reason in words.
 """
 
 from __future__ import annotations
@@ -32,29 +34,29 @@ from pmr.files.rigid import DIRECTIONS, ROUNDING_OF_POINTS, Resistance, elastic_
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Steps of Lanczos that look for a negative eigenvalue of a matrix with a diagonal of ones, and how far below zero
-#: rounding may bring one.
+#: Steps of Lanczos' method for the least eigenvalue of a matrix with a diagonal of ones, and the least value that
+#: rounding may explain.
 STEPS, NEGATIVE = 60, -1e-6
-#: Powers of ten that a diagonal entry may be below the middle one: so far below it counts nothing in double precision,
+#: Powers of ten that a diagonal entry may be below the median: smaller ones are negligible in double precision,
 #: squared or not.
 VANISHING = 30
-#: Coordinates up to which all eigenvalues of K are looked at, in half a second.
+#: Most coordinates for which all eigenvalues of K are computed, in half a second.
 DENSE_ALWAYS = 1000
-#: m/s: least and most that sound travels at in what bodies are made of: 500 in soft plastics, 1.8e4 in diamond.
+#: Least and largest speed of sound in a body, m/s: soft plastics have 500, diamond 1.8e4.
 SLOWEST, FASTEST = 250.0, 5e4
-#: kg/m^3: what a body weighs at least, by its convex hull as air, and by what stiffness fills of that, as foam.
+#: Least density in kg/m^3 of a body in its convex hull (air), and in the part that stiffness fills (foam).
 LIGHTEST, LIGHTEST_SOLID = 1.0, 10.0
-#: What is said of matrices of which nothing tells whether they belong to their nodes.
+#: Warning about matrices that can't be checked against their nodes.
 UNCHECKED = (
     "all nodes of the body are beside supports inside its matrices, so order and axes of directions, units and places "
     "could not be held against its stiffness; supports of the scene, in their place, let them be"
 )
-#: Edges of a tetrahedron.
+#: Vertices of the edges of a tetrahedron.
 _EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 
 
 def misfit(M: sp.csr_matrix, body: Resistance) -> tuple[str, str] | None:
-    """The matrix or map that does not fit and the reason, in words; None where all fit."""
+    """Return the input (``M``, ``K``, ``points``, ``direction``) that does not fit first, and the reason; or None."""
     checks: tuple[Callable[[sp.csr_matrix, Resistance], Iterator[tuple[str, str]]], ...] = (
         _vanishing_entries,
         _indefinite,
@@ -73,13 +75,16 @@ def misfit(M: sp.csr_matrix, body: Resistance) -> tuple[str, str] | None:
 
 
 def tells_nothing(body: Resistance) -> bool:
-    """Whether all nodes are beside supports inside the matrices, so that K says nothing of places and axes."""
+    """Whether all nodes are near supports inside the matrices, so that points and axes can't be checked against K."""
     used = np.unique(body.node)
     return bool(_near_nodes(body, body.lacking.any(axis=1))[used].all())
 
 
 def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Diagonal entries that are nothing beside the others, by logarithms: their squares may be no numbers any more."""
+    """Yield ``M`` or ``K``, and the reason, if its least diagonal entry is negligible beside the median entry.
+
+    Logarithms are compared: squares of such entries might not be numbers.
+    """
     for name, A, what in (("M", M, "mass"), ("K", body.K, "stiffness")):
         diagonal = A.diagonal()
         size = np.log10(diagonal)
@@ -96,6 +101,7 @@ def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str
 
 
 def _indefinite(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+    """Yield ``M`` or ``K``, and the reason, if the matrix has negative eigenvalues."""
     for name, A in (("M", M), ("K", body.K)):
         least = _least_eigenvalue(A)
         if least < NEGATIVE:
@@ -109,7 +115,10 @@ def _indefinite(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]
 
 
 def _least_eigenvalue(A: sp.csr_matrix) -> float:
-    """An upper bound of the least eigenvalue of A with its diagonal scaled to one, by Lanczos from a fixed vector."""
+    """Return an upper bound of the least eigenvalue of A with its diagonal scaled to one.
+
+    It is found by Lanczos' method from a fixed vector.
+    """
     scale = 1.0 / np.sqrt(A.diagonal())
     v = np.random.default_rng(3).standard_normal(A.shape[0])
     v, before, beta = v / np.linalg.norm(v), np.zeros(A.shape[0]), 0.0
@@ -127,7 +136,7 @@ def _least_eigenvalue(A: sp.csr_matrix) -> float:
 
 
 def _unknown_motions(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Rigid motions that no coordinate takes part in, or only as others do."""
+    """Yield ``direction`` and the reason, if some rigid motion moves no coordinate, or only as other ones do."""
     R = rigid_motions((body.points - body.points.mean(axis=0))[body.node], body.direction)
     R /= np.maximum(np.linalg.norm(R, axis=0), 1e-9 * np.linalg.norm(R))
     independent = list[int]()
@@ -143,7 +152,7 @@ def _unknown_motions(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, 
 
 
 def _parts(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Parts that neither stiffness nor ground joins to the rest."""
+    """Yield ``K`` and the reason, if some nodes are joined to the others neither by stiffness nor by the ground."""
     links = sp.coo_matrix(
         (np.ones(len(body.node)), (body.node, np.arange(len(body.node)))), (len(body.points), body.K.shape[0])
     )
@@ -165,6 +174,7 @@ def _parts(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
 
 
 def _massless(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+    """Yield ``M`` and the reason, if it equals K, or gives a rigid body no mass along some axis."""
     if M.nnz == body.K.nnz > len(body.node) and abs(M - body.K).count_nonzero() == 0:
         yield "M", "a mass is allowed: this is the same matrix as the stiffness"
     T = rigid_motions(body.points[body.node], body.direction)[:, :3]
@@ -181,7 +191,10 @@ def _massless(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
 
 
 def _places(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Rows under which no translation but a rotation acts: places of nodes are not those that K has."""
+    """Yield the wrong input and the reason, if rows resist a rotation but no translation.
+
+    Nodes are then not where K has them.
+    """
     sums, sizes = body.sums_of_moments
     wrong = np.zeros(len(body.points), dtype=bool)
     wrong[body.node[np.abs(sums).max(axis=1) > ROUNDING_OF_POINTS[1] * sizes]] = True
@@ -199,7 +212,7 @@ def _places(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
 
 
 def _axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Rows that a translation acts on far from any support, and not as a spring does."""
+    """Yield wrong input and reason, if rows far from supports resist a translation, and not as a spring does."""
     held = body.grounded & ~body.sprung
     if _is_dense(body):
         wrong = held if held.any() and _left_free(body) > 6 - len(body.held()) else np.zeros_like(held)
@@ -220,9 +233,10 @@ def _axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
 
 
 def _axes_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Nodes that a mass of displacements alone couples across axes where it does so at less than half of all nodes.
+    """Yield ``direction`` and the reason, if M couples displacements of a node with those of others across axes.
 
-    Elements couple displacements of two nodes by m_ij along each axis, beside supports too.
+    Elements couple displacements of two nodes by m_ij along each axis, near supports too.  It is checked if M has
+    displacements alone and at least half of the nodes show no such coupling.
     """
     entries, count = M.tocoo(), len(body.points)
     row, column = body.node[entries.row], body.node[entries.col]
@@ -242,7 +256,10 @@ def _axes_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str
 
 
 def _mechanisms(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Motions without stiffness that are not rigid, or with a negative one, of bodies that are small enough to tell."""
+    """Yield ``K`` and the reason, if it leaves other motions than rigid ones free, or has negative eigenvalues.
+
+    Only matrices of up to `DENSE_ALWAYS` coordinates are checked.
+    """
     if body.K.shape[0] > DENSE_ALWAYS:
         return
     values, rounding = _scaled_eigenvalues(body), body.rounding
@@ -264,7 +281,10 @@ def _mechanisms(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]
 
 
 def _centre(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Check that the centre of mass lies within the body, where all displacements are there."""
+    """Yield ``M`` and the reason, if it couples translations, or its centre of mass is outside of the body.
+
+    It is checked if no support or spring inside K holds the body.
+    """
     if len(body.held()):
         return
     R = rigid_motions(body.points[body.node], body.direction)
@@ -286,13 +306,13 @@ def _centre(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
 
 
 def centre_of_mass(J: Array) -> Array:
-    """Centre of mass (3,) in m of the inertia R^T M R (6, 6) of rigid motions about the origin."""
+    """Return the centre of mass (3,) in m from the inertia J = R^T M R (6, 6); R are rigid motions about the origin."""
     moments = np.array([J[1, 5] - J[2, 4], J[2, 3] - J[0, 5], J[0, 4] - J[1, 3]])
     return np.asarray(1.5 * moments / np.trace(J[:3, :3]))
 
 
 def _sound(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Units of lengths, masses and forces that do not go together, by the speed of sound in the body."""
+    """Yield ``points`` and the reason, if the speed of sound shows that the units of the matrices do not fit."""
     least, most = sound(M, body)
     if most < SLOWEST or least > FASTEST:
         speed, guess = (
@@ -308,7 +328,10 @@ def _sound(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
 
 
 def _weight(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Bodies lighter than air by their convex hull, or than any solid by what of it is filled: masses in t."""
+    """Yield ``M`` and the reason, if the body is lighter than air in its convex hull, or than foam where it is stiff.
+
+    Masses are then probably in t.
+    """
     T = rigid_motions(body.points[body.node], body.direction)[:, :3]
     mass, nodes = float(np.diag(T.T @ (M @ T)).max()), np.unique(body.node)
     if not mass < LIGHTEST_SOLID * np.ptp(body.points[nodes], axis=0).prod():
@@ -332,11 +355,12 @@ def _weight(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
 
 
 def sound(M: sp.csr_matrix, body: Resistance) -> tuple[float, float]:
-    """Least and most that the speed of sound in the body may be, in m/s, roughly; 0 and infinity where nothing tells.
+    """Return rough bounds, least and largest, of the speed of sound in the body in m/s; 0 and infinity if unknown.
 
-    By the body as it is stretched, all of its mass counted for the least, and as if each node had the mass of the
-    middle one for the most, so that a payload does not count; by distance and frequency of half the nodes, too.  Links
-    that are stiff and nodes without much mass make no body that is too fast.
+    Both come from stretching the body: with its whole mass, and for the largest also with the median mass at each node,
+    so that a payload does not count.  The least is at most the median over nodes of the distance to the nearest coupled
+    node times the node's own frequency (rad/s).  Stiff links and nodes with little mass therefore do not make a body
+    too fast.
     """
     row = body.pairs[0]
     apart = (body.edges > 0.0) & (body.direction[row] < 3)
@@ -361,22 +385,23 @@ def sound(M: sp.csr_matrix, body: Resistance) -> tuple[float, float]:
 
 
 def _left_free(body: Resistance) -> int:
-    """How many motions a dense K leaves free, of whatever kind."""
+    """Return the number of motions, rigid or not, that a dense K leaves free."""
     return int(np.sum(_scaled_eigenvalues(body) < 1e-13 * len(body.node)))
 
 
 def _scaled_eigenvalues(body: Resistance) -> Array:
-    """Eigenvalues (n,) of K with its diagonal scaled to one, ascending."""
+    """Return the eigenvalues (n,) of K with its diagonal scaled to one, ascending."""
     scale = 1.0 / np.sqrt(body.K.diagonal())
     return np.asarray(np.linalg.eigvalsh(body.K.toarray() * scale * scale[:, None]))
 
 
 def _is_dense(body: Resistance) -> bool:
+    """Whether more than half of the entries of K are stored, and K is small enough to be decomposed."""
     return body.K.nnz > 0.5 * body.K.shape[0] ** 2 and body.K.shape[0] <= DENSE
 
 
 def _without_rotations(body: Resistance) -> Mask:
-    """Nodes (N,) that move, but have no rotation about some axis where most others have one."""
+    """Return a mask (N,) of nodes with displacements that lack a rotation which most nodes have."""
     missing, displaced = np.zeros(len(body.points), dtype=bool), ~body.lacking.any(axis=1)
     for k in range(3, 6):
         rotates = np.bincount(body.node[body.direction == k], minlength=len(body.points)) > 0
@@ -386,9 +411,10 @@ def _without_rotations(body: Resistance) -> Mask:
 
 
 def _supported_nodes(body: Resistance) -> Mask:
-    """Nodes (N,) beside others that are held, as far as forces along the axes say that are.
+    """Return a mask (N,) of nodes near others that lack displacements, whose forces agree with that.
 
-    Under translations along all other axes a node has no forces, or those of a spring of its own.
+    Under translations along the axes that no near node lacks, such a node has no forces, or those of a spring to
+    ground.
     """
     lacks = np.stack([_near_nodes(body, body.lacking[:, k]) for k in range(3)], axis=1)
     springs = np.where(lacks[:, :, None] | lacks[:, None], 0.0, body.blocks)
@@ -399,7 +425,10 @@ def _supported_nodes(body: Resistance) -> Mask:
 
 
 def _near_nodes(body: Resistance, missing: Mask) -> Mask:
-    """Nodes (N,) as near to one of these as to those that K couples them with, or a fifth farther."""
+    """Return a mask (N,) of nodes near one of the `missing` (N,), which is a mask too.
+
+    Near is up to 1.2 times as far as the farthest node that K couples with a node, and half the body's length at most.
+    """
     if not missing.any():
         return np.zeros(len(missing), dtype=bool)
     reach = np.zeros(len(missing))

@@ -1,7 +1,7 @@
-"""Files of other programs: matrices, which coordinate is whose, nodes and named groups.
+"""Files of other programs: matrices, node and direction of each coordinate, nodes and named groups.
 
 CalculiX writes ``*.sti``, ``*.mas`` and ``*.dof`` of a ``*FREQUENCY, SOLVER=MATRIXSTORAGE`` step; nodes and their sets
-stand in its input file, as in Abaqus's.
+are in its input file, as in that of Abaqus.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ from pmr.files.rigid import DIRECTIONS
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: What readers of SciPy and NumPy raise at files that are cut off or changed; a bad format of Fortran is a SyntaxError.
+#: Errors that readers of SciPy and NumPy raise at damaged files; a bad format of Fortran is a SyntaxError.
 _OF_VALUES = (ValueError, TypeError, LookupError, AttributeError, OverflowError, NotImplementedError, SyntaxError)
 DAMAGED = (*_OF_VALUES, OSError, BadZipFile, zlib.error)
 
 
 @dataclass(frozen=True)
 class ForeignFiles:
-    """Files in which another program left its model."""
+    """Files in which another program stored its model."""
 
     #: ``.sti``; ``.mtx`` (Matrix Market, or Abaqus's own), ``.npz`` (SciPy), ``.rb`` or ``.hb`` (Harwell-Boeing); of
     #: Nastran ``.bdf`` or ``.pch`` (DMIG) and ``.op4``, with names that begin with K and M where there are several
     stiffness: Path
-    mass: Path  #: ``.mas``, otherwise as the stiffness
+    mass: Path  #: ``.mas``, or a type of the stiffness's
     #: Node and direction of each row: ``.dof``, lines ``node.direction`` with 1 to 6, or ``.csv``, ``node,direction``;
     #: ``.bdf``, ``.pch`` and Abaqus's ``.mtx`` name them with each entry
     dofs: Path
@@ -53,7 +53,7 @@ class ForeignFiles:
 
 
 def foreign_files(stiffness: Path, mass: Path | None, dofs: Path | None, nodes: Path | None) -> ForeignFiles:
-    """Files of mass, coordinates and nodes, by default beside the stiffness or in its own file."""
+    """Return the files of a model; a file that is None has the default name beside `stiffness`, or is `stiffness`."""
     suffix = stiffness.suffix.lower()
     combined = {".bdf": ("mass", "dofs", "nodes"), ".op4": ("mass",), ".pch": ("mass", "dofs"), ".mtx": ("dofs",)}
     paths = {"mass": mass, "dofs": dofs, "nodes": nodes}
@@ -67,16 +67,18 @@ def foreign_files(stiffness: Path, mass: Path | None, dofs: Path | None, nodes: 
 
 @dataclass(frozen=True)
 class _Nodes:
+    """Nodes of a model: their numbers (N,), points (N, 3) in m and groups, and cards that constrain coordinates."""
+
     numbers: Indices
     points: Array
-    groups: dict[str, Indices]  # by numbers
-    constraints: Sequence[tuple[int, str]] = ()  # line and keyword
+    groups: dict[str, Indices]  # numbers of their nodes
+    constraints: Sequence[tuple[int, str]] = ()  # line and keyword of each card
 
 
 def read_foreign(files: ForeignFiles) -> GivenMatrices:
-    """Matrices and what is known of their coordinates.
+    """Read the matrices of another program and the node and direction of each of their coordinates.
 
-    Raises InputError if a file is missing, of another kind, or does not say what it should, or they do not fit.
+    Raises InputError if a file is missing, of another kind or incomplete, or if the files do not fit each other.
     """
     K, M = _read_with(files.stiffness, _MATRICES | _nastran("K")), _read_with(files.mass, _MATRICES | _nastran("M"))
     pairs, nodes = _read_with(files.dofs, _DOFS), _read_with(files.nodes, _NODES)
@@ -106,7 +108,10 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
 
 
 def _check_constraints(source: str, nodes: _Nodes, pairs: Indices) -> None:
-    """Refuse axes of single nodes, and coordinates that depend on others where some have no row in the matrices."""
+    """Refuse nodes with axes of their own, and constraint cards if some displacements have no row in the matrices.
+
+    `pairs` (n, 2) are the node and direction (from 1) of each row.
+    """
     missing = 3 * len(nodes.numbers) - int(np.isin(pairs[:, 1], (1, 2, 3)).sum())
     for line, keyword in nodes.constraints:
         if keyword == TURNED:
@@ -124,7 +129,7 @@ def _check_constraints(source: str, nodes: _Nodes, pairs: Indices) -> None:
 
 
 def _read_with(path: Path, readers: dict[str, Callable[[Path], object]]) -> Any:
-    """Result of the reader for a file's suffix; an InputError if it can't read the file."""
+    """Return what the reader for a file's suffix returns; raises InputError if it can't read the file."""
     suffix = path.suffix.lower()
     if suffix not in readers:
         raise InputError(str(path), "", None, f"files that end in {', '.join(readers)} are allowed")
@@ -146,10 +151,10 @@ def _read_with(path: Path, readers: dict[str, Callable[[Path], object]]) -> Any:
 
 
 def _symmetric(A: sp.spmatrix) -> sp.csr_matrix:
-    """A matrix of which only one triangle is stored, whole.
+    """Return a whole symmetric matrix from one of which one triangle or all entries are stored.
 
-    Raises UnreadableError if it is not real and square, or so empty that its size is a mistake, and might not fit into
-    memory.
+    Raises UnreadableError if it is not real and square, or has fewer entries than rows: a size by mistake might not fit
+    into memory.
     """
     n = A.shape[0]
     if np.iscomplexobj(A):
@@ -167,6 +172,7 @@ def _symmetric(A: sp.spmatrix) -> sp.csr_matrix:
 
 
 def _triplets(path: Path) -> sp.csr_matrix:
+    """Read a matrix from lines of row, column (from 1) and entry."""
     entries = labelled.table(path, (int, int, float), "row, column and entry")
     rows, columns = (entries[:, k].astype(np.int64) - 1 for k in (0, 1))
     n = int(max(rows.max(), columns.max())) + 1
@@ -174,7 +180,7 @@ def _triplets(path: Path) -> sp.csr_matrix:
 
 
 def _pairs(path: Path, between: str, head: int) -> Indices:
-    """Nodes and directions (n, 2) of the lines behind the first `head` ones."""
+    """Read node and direction (n, 2) from the lines after the first `head` ones, separated by the sign `between`."""
     pairs = list[tuple[int, int]]()
     for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
         parts = line.strip().split(between)
@@ -188,11 +194,13 @@ def _pairs(path: Path, between: str, head: int) -> Indices:
 
 
 def _is_whole(text: str) -> bool:
+    """Whether a text is a whole number that nodes may have."""
     text = text.strip()
     return text.isascii() and text.isdigit() and len(text) < MOST_DIGITS
 
 
 def _nodes_csv(path: Path) -> _Nodes:
+    """Read nodes and groups from a CSV file: node, x, y, z in m and names of groups in each line after the first."""
     numbers, points, groups = list[int](), list[list[float]](), dict[str, list[int]]()
     for at, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
         number, *parts = (part.strip() for part in line.split(","))
@@ -212,12 +220,14 @@ def _nodes_csv(path: Path) -> _Nodes:
 
 
 def _inp(path: Path) -> _Nodes:
+    """Read nodes, sets and constraint cards from an input deck of Abaqus or CalculiX."""
     deck = read_deck(path)
     sets = {name: [*members] for name, members in deck.node_sets.items()}
     return replace(_nodes(list(deck.nodes), [*deck.nodes.values()], sets), constraints=deck.constraints)
 
 
 def _nodes(numbers: list[int], points: Sequence[Sequence[float]], groups: dict[str, list[int]]) -> _Nodes:
+    """Return nodes from their numbers, points and groups; groups without members are left out."""
     if not numbers:
         raise UnreadableError("nodes are allowed: this file has none")
     sets_of_nodes = {name: np.unique(np.array(members, dtype=np.int64)) for name, members in groups.items() if members}
@@ -225,21 +235,24 @@ def _nodes(numbers: list[int], points: Sequence[Sequence[float]], groups: dict[s
 
 
 def _refuse_unknown(source: str, key: str, numbers: Indices, place: dict[int, int], nodes: Path) -> None:
+    """Raise an InputError of `key` for the first of the numbers that is no node; `nodes` is the file of the nodes."""
     unknown = [int(number) for number in numbers if int(number) not in place]
     if unknown:
         raise InputError(source, key, unknown[0], f"nodes that {nodes.name} has are allowed")
 
 
 def _is_labelled(path: Path) -> bool:
+    """Whether the entries of a matrix file name their nodes and directions."""
     return path.suffix.lower() in _DMIG or (path.suffix.lower() == ".mtx" and not _is_market(path))
 
 
 def _is_market(path: Path) -> bool:
+    """Whether a file is of Matrix Market."""
     return path.read_bytes()[:14] == b"%%MatrixMarket"
 
 
 def _market(path: Path) -> sp.csr_matrix:
-    """Read a matrix of Matrix Market, or as Abaqus writes it."""
+    """Read a matrix in the format of Matrix Market, or as Abaqus writes it."""
     if not _is_market(path):
         entries = labelled.read_entries(path)
         return _symmetric(entries.matrix(entries.pairs))
@@ -250,12 +263,13 @@ def _market(path: Path) -> sp.csr_matrix:
 
 
 def _of_bulk(path: Path) -> _Nodes:
+    """Read grid points and sets of a bulk data file of Nastran."""
     bulk = labelled.read_bulk(path)
     return _nodes(bulk.numbers.tolist(), bulk.points.tolist(), {n: nodes.tolist() for n, nodes in bulk.groups.items()})
 
 
 def _nastran(letter: str) -> dict[str, Callable[[Path], object]]:
-    """Readers of the matrix whose name begins with a letter."""
+    """Return readers, by suffix, of the matrix of a Nastran file whose name begins with `letter`."""
     entries = {s: lambda path: labelled.only_matrix(labelled.read_bulk(path).matrices, letter) for s in _DMIG}
     return {**entries, ".op4": lambda path: _symmetric(labelled.only_matrix(labelled.read_output4(path), letter))}
 

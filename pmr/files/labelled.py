@@ -1,6 +1,6 @@
 """Matrices whose entries name node and direction of their row and column, as Abaqus and Nastran write them.
 
-Files of Nastran are read by pyNastran: matrices (DMIG entries, OUTPUT4), grid points and sets of bulk data.
+pyNastran reads the files of Nastran: matrices (DMIG entries, OUTPUT4) and grid points of bulk data.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SQUARE, SYMMETRIC = 1, 6
 
 @dataclass(frozen=True)
 class Entries:
-    """Entries `values` (E,) in the rows and columns of nodes and directions (E, 2)."""
+    """E entries `values` (E,) of a matrix; `rows` and `columns` (E, 2) are node and direction of each entry."""
 
     rows: Indices
     columns: Indices
@@ -33,13 +33,13 @@ class Entries:
 
     @property
     def pairs(self) -> Indices:
-        """All nodes and directions (n, 2), ascending."""
+        """All node and direction pairs (n, 2) of rows and columns, ascending."""
         return np.unique(np.vstack([self.rows, self.columns]), axis=0)
 
     def matrix(self, pairs: Indices) -> sp.csr_matrix:
-        """A symmetric matrix (n, n) in these nodes and directions, which have those of all entries among them.
+        """Return the symmetric matrix (n, n) on the coordinates `pairs` (n, 2), which contain those of all entries.
 
-        Of two entries that mirror each other one may be left out, whichever it is.
+        Of two entries that mirror each other the file may leave out either one.
         """
         number = {(int(node), int(direction)): k for k, (node, direction) in enumerate(pairs)}
         rows, columns = ([number[int(n), int(d)] for n, d in part] for part in (self.rows, self.columns))
@@ -49,7 +49,7 @@ class Entries:
 
 
 class UnreadableError(ValueError):
-    """A file is not of the form that it should have: what is allowed, and the line in which something else stands."""
+    """A file does not have the form that is `allowed`; `line` is the one that differs, 0: the file as a whole."""
 
     def __init__(self, allowed: str, line: int = 0) -> None:
         super().__init__(allowed)
@@ -57,9 +57,9 @@ class UnreadableError(ValueError):
 
 
 def read_entries(path: Path) -> Entries:
-    """Lines ``node, direction, node, direction, entry``: Abaqus's ``*MATRIX OUTPUT``.
+    """Read lines ``node, direction, node, direction, entry``, as Abaqus's ``*MATRIX OUTPUT`` writes them.
 
-    Raises UnreadableError at others.
+    Raises UnreadableError for other lines.
     """
     form = "node, direction, node, direction and entry"
     columns = table(path, (int, int, int, int, float), form, delimiter=",", comment="*")
@@ -70,9 +70,10 @@ def read_entries(path: Path) -> Entries:
 def table(
     path: Path, kinds: Sequence[type], form: str, delimiter: str | None = None, comment: str = "#", head: int = 0
 ) -> Array:
-    """Numbers (e, c) of the lines behind the first `head` ones, each of c numbers of these kinds.
+    """Return the numbers (e, c) of the lines after the first `head` ones, c numbers of the given `kinds` in each line.
 
-    Raises UnreadableError with the first line of another form, or if the file is cut off.
+    `form` describes a line in messages.  Raises UnreadableError with the first line of another form, or if the file is
+    cut off.
     """
     content = path.read_bytes()
     if not content.endswith(b"\n"):
@@ -92,6 +93,7 @@ def table(
 
 
 def _is_row(parts: Sequence[str], kinds: Sequence[type]) -> bool:
+    """Whether texts are as many numbers of the given kinds: whole numbers for int, any number for float."""
     if len(parts) != len(kinds):
         return False
     try:
@@ -119,9 +121,10 @@ CARDS = frozenset(("GRID", "DMIG", "INCLUDE", "ENDDATA"))
 
 
 def read_bulk(path: Path) -> Bulk:
-    """Read the matrices, grid points and sets of a bulk data file.
+    """Read the matrices, grid points and sets of a bulk data file of Nastran.
 
-    Raises InputError if pyNastran is missing, UnreadableError if the file is not read.
+    Raises InputError if pyNastran is missing, UnreadableError if the file can't be read, has complex matrices, or grid
+    points with axes of their own.
     """
     deck = needed("pyNastran.bdf.bdf").BDF(debug=None)
     deck.disable_cards(deck.cards_to_read - CARDS)
@@ -158,7 +161,10 @@ def read_bulk(path: Path) -> Bulk:
 
 
 def _sets(text: Sequence[str], grids: Indices) -> dict[str, Indices]:
-    """Members of each SET1 entry, those of ranges as far as they are grid points."""
+    """Return the members of each SET1 entry by name, such as ``set7``.
+
+    Ranges contain those of their numbers that are in `grids`.
+    """
     sets = dict[str, Indices]()
     for line, fields in _set_entries(text):
         number, *parts = [field for field in fields if field] or [""]
@@ -179,7 +185,7 @@ def _sets(text: Sequence[str], grids: Indices) -> dict[str, Indices]:
 
 
 def _set_entries(text: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
-    """Line and fields of each SET1 entry, of which continuations begin with a blank, a plus, a star or a comma."""
+    """Yield first line and fields of each SET1 entry; its continuations begin with a blank, plus, star or comma."""
     begun, fields = 0, list[str]()
     for number, line in enumerate(text, 1):
         line = line.partition("$")[0].rstrip().expandtabs(8)
@@ -200,7 +206,7 @@ def _set_entries(text: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
 
 
 def read_output4(path: Path) -> dict[str, sp.csr_matrix]:
-    """Matrices of an OUTPUT4 file by name; raises as `read_bulk`."""
+    """Read the matrices of an OUTPUT4 file by name; raises InputError or UnreadableError as `read_bulk`."""
     read = needed("pyNastran.op4.op4").read_op4
     try:
         with redirect_stdout(StringIO()):  # it prints what it can't read
@@ -212,7 +218,7 @@ def read_output4(path: Path) -> dict[str, sp.csr_matrix]:
 
 
 def only_matrix(matrices: dict[str, sp.csr_matrix], letter: str) -> sp.csr_matrix:
-    """The only matrix, or the only one whose name begins with a letter.
+    """Return the only matrix, or the only one whose name begins with `letter`.
 
     Raises UnreadableError if none or several do.
     """

@@ -1,4 +1,4 @@
-"""Mass and stiffness of another program's model, and what is known of its coordinates: one file, checked."""
+"""Mass and stiffness matrices of another program's model with the node and direction of each coordinate, checked."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 FORMAT, FORMAT_VERSION = "pmr-matrices", 1
-#: Share of the largest entry that M and K may differ by from their transposed.
+#: Largest difference of M and K from their transpose, as a share of the largest entry.
 SYMMETRY = 1e-9
 _PARTS = ("data", "indices", "indptr")
 
@@ -33,14 +33,15 @@ class GivenMatrices:
     """M q'' + K q = f of a body whose n coordinates are displacements and rotations of N nodes.
 
     Raises InputError if the matrices are not square, of one size, finite and symmetric, or have a diagonal entry that
-    is not positive.  It is also raised if node, direction or groups refer to a node or direction that does not exist.
+    is not positive.  It is also raised if `node`, `direction` or `groups` refer to a node or direction that does not
+    exist, or if the matrices do not fit the nodes (`pmr.files.fit.misfit`).
     """
 
-    M: sp.csr_matrix  #: (n, n), symmetric; SI units.  Free of the supports that slide
-    K: sp.csr_matrix  #: (n, n), likewise
+    M: sp.csr_matrix  #: (n, n), symmetric; SI units; without the supports that slide
+    K: sp.csr_matrix  #: (n, n), symmetric; SI units; without the supports that slide
     points: Array  #: (N, 3), m
-    node: Indices  #: (n,) node of each coordinate, from 0; along directions without a coordinate it stands still
-    direction: Indices  #: (n,) 0 to 5, as `DIRECTIONS`
+    node: Indices  #: (n,) node of each coordinate, from 0; nodes are fixed along directions without a coordinate
+    direction: Indices  #: (n,) direction of each coordinate, 0 to 5, as `DIRECTIONS`
     groups: Mapping[str, Indices] = field(default_factory=dict)  #: (g,) nodes by name: faces for pads, tail and tip
     source: str = "matrices"  #: File, for messages
     #: (h, 6): rows that vanish for the rigid motions about the origin that supports and springs inside K leave free
@@ -49,6 +50,7 @@ class GivenMatrices:
     unchecked: bool = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        """Check all fields, and find what supports and springs inside K hold."""
         n = self.K.shape[0]
         for name, A in (("K", self.K), ("M", self.M)):
             self._check_matrix(name, A, n)
@@ -85,18 +87,18 @@ class GivenMatrices:
 
     @cached_property
     def _inertia(self) -> Array:
-        """R^T M R (6, 6) of the rigid motions about the origin."""
+        """R^T M R (6, 6) of the rigid motions R about the origin."""
         R = rigid_motions(self.points[self.node], self.direction)
         return np.asarray(R.T @ (self.M @ R))
 
     @property
     def lacks(self) -> bool:
-        """Whether some nodes lack displacements: supports inside the matrices hold them, or no element has them."""
+        """Whether some nodes lack displacements, as supports inside the matrices hold them, or no element has them."""
         return int(np.sum(self.direction < 3)) < 3 * len(self.points)
 
     @property
     def mass(self) -> float:
-        """Total mass in kg, of directions on the mean; what supports inside the matrices took out is missing."""
+        """Total mass in kg, the mean over the three axes; mass at coordinates that the matrices lack is missing."""
         return float(np.trace(self._inertia[:3, :3]) / 3.0)
 
     @property
@@ -105,7 +107,7 @@ class GivenMatrices:
         return centre_of_mass(self._inertia)
 
     def save(self, path: str | Path) -> Path:
-        """Write matrices, points and groups as one npz file, without pickle."""
+        """Write matrices, points and groups to an npz file without pickle; return its path."""
         arrays: dict[str, Any] = {"points": self.points, "node": self.node, "direction": self.direction}
         for name in ("M", "K"):
             arrays |= {f"{name}.{part}": getattr(getattr(self, name), part) for part in _PARTS}
@@ -115,7 +117,10 @@ class GivenMatrices:
 
     @classmethod
     def load(cls, path: Path) -> GivenMatrices:
-        """Read a file of `save`; raises InputError if it is missing, of another kind, or its content is not valid."""
+        """Return the matrices in a file that `save` wrote.
+
+        Raises InputError if it is missing, of another kind, or its content is not valid.
+        """
         if not isfile(path):
             raise InputError(str(path), "", None, f"{no_file(path)}; pmr matrices writes one")
         try:
@@ -138,6 +143,7 @@ class GivenMatrices:
         return cls(M, K, points, node, direction, groups, str(path))
 
     def _check_matrix(self, name: str, A: sp.csr_matrix, n: int) -> None:
+        """Raise an InputError unless matrix A is (n, n), finite and symmetric with a positive diagonal."""
         if A.shape != (n, n) or n == 0:
             raise self._refusal(name, list(A.shape), f"a square matrix of the size of K, {n}, is allowed")
         if not np.isfinite(A.data).all():
@@ -156,6 +162,7 @@ class GivenMatrices:
             raise self._refusal(name, float(diagonal[at]), allowed)
 
     def _refusal(self, key: str, value: Any, allowed: str) -> InputError:
+        """Return the error of a key of the matrices' file."""
         return InputError(self.source, key, value, allowed)
 
 
@@ -167,21 +174,21 @@ def from_matrices(
     node: ArrayLike | None = None,
     direction: ArrayLike | None = None,
 ) -> GivenMatrices:
-    """Check mass and stiffness from another program and make a body of them; its `save` writes a file for scenes.
+    """Check mass and stiffness from another program and return a body of them; its `save` writes a file for scenes.
 
     Parameters
     ----------
     M, K : (n, n) arrays or sparse matrices
         Symmetric; SI units.
     points : (N, 3) array, m
-        z up, the axis along x.
+        Nodes; z up, the axis along x.
     groups : mapping of name to sequence of int, optional
         Nodes of the faces that pads slide on, and of tail and tip: numbers from 0, or a mask of N truth values.
     node, direction : sequences of int, optional
         Node and direction of each coordinate, the direction as 0 to 5 for x, y, z, rx, ry, rz.  Without them all nodes
         have the same three or six coordinates, node by node.
 
-    Raises InputError as `GivenMatrices`.
+    Raises InputError as `GivenMatrices`, and for values of another shape or kind.
     """
     at = _numbers("points", points, lambda A: np.asarray(A, dtype=float))
     M, K = (_numbers(name, A, _real) for name, A in (("M", M), ("K", K)))
@@ -203,7 +210,7 @@ def from_matrices(
 
 
 def whole_numbers(values: ArrayLike) -> Indices:
-    """Convert to integers; raises ValueError if a value is no whole number, or is a truth value."""
+    """Return values (n,) as integers; raises ValueError if one is no whole number, or is a truth value."""
     values = np.asarray(values)
     integers = values.astype(np.int64)
     if values.dtype.kind not in "iuf" or values.ndim != 1 or not np.array_equal(integers, values):
@@ -212,7 +219,7 @@ def whole_numbers(values: ArrayLike) -> Indices:
 
 
 def _members(values: NDArray[Any], count: int) -> Indices:
-    """Numbers of nodes, ascending and each once, of a list or a mask."""
+    """Return the numbers of nodes, ascending and without duplicates, of a list or a mask of `count` truth values."""
     if values.dtype == bool:
         if values.shape != (count,):
             raise ValueError(f"a mask of {count} truth values is allowed, not of {values.shape}")
@@ -221,6 +228,7 @@ def _members(values: NDArray[Any], count: int) -> Indices:
 
 
 def _real(A: Any) -> sp.csr_matrix:
+    """Return a matrix as sparse rows of floats; raises ValueError unless it is real."""
     matrix = sp.csr_matrix(A)
     if matrix.dtype.kind not in "iuf":
         raise ValueError(f"real numbers are allowed, not {matrix.dtype}")
@@ -228,7 +236,7 @@ def _real(A: Any) -> sp.csr_matrix:
 
 
 def _numbers(key: str, values: Any, read: Callable[[Any], Any]) -> Any:
-    """Read values of a key; an InputError of the key if they are not what they should be."""
+    """Return read(values); raises InputError of the key if that fails."""
     try:
         with np.errstate(invalid="ignore"):  # of casts, which are checked
             return read(values)

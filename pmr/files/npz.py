@@ -1,13 +1,12 @@
-"""Arrays, tables and dataclasses in npz files and JSON, read as data, whatever a file claims.
+"""Arrays, tables and dataclasses in npz files and JSON, read safely from files of unknown origin.
 
-npz files of unknown origin: what they claim is compared with what they hold before anything is allocated.
+A zip's directory says how large each member is, and each member's header which shape its array has.  Either may be
+wrong: a file of two megabytes may claim two gigabytes.  `read` compares these claims with the size of the file before
+it allocates anything.
 
-A zip's directory says how large each member is, and each member's header which shape its array has.  Either may lie: a
-file of two megabytes may claim two gigabytes.  Here all of them have to agree with the size of the file.
+JSON has no NaN and no infinity: `json_text` writes them as null, so that every reader of JSON can read it.
 
-JSON that every reader of JSON can read: it knows no NaN and no infinity, which become null.
-
-Frozen dataclasses as named arrays and back: what a file holds of them follows from the types of their fields.
+`arrays` and `record` convert frozen dataclasses to named arrays and back; the types of the fields decide how:
 
 ======================================  ===============================================================
 type of a field                         arrays
@@ -19,7 +18,7 @@ type of a field                         arrays
 ``dict[str, Any]``                      ``name``, text in JSON
 ``Mapping[str, NDArray]``               ``name.key`` for each key
 a dataclass                             ``name.field`` for each field
-any of these or None                    nothing where it is None
+any of these or None                    no array if the value is None
 ======================================  ===============================================================
 
 A field that a file lacks takes its default, so files of earlier versions stay readable.
@@ -51,11 +50,15 @@ T = TypeVar("T")
 
 
 def json_text(data: Any, indent: int | None = None) -> str:
-    """`data` as JSON, null where a number is not finite; raises TypeError at what is no plain value, list or table."""
+    """Return `data` as JSON, with null for each number that is not finite.
+
+    Raises TypeError if it holds anything but numbers, text, truth values, None, lists, tuples and mappings.
+    """
     return json.dumps(_finite(data), indent=indent, allow_nan=False)
 
 
 def _finite(data: Any) -> Any:
+    """Return `data` with None in place of each number that is not finite, in nested tables and lists too."""
     if isinstance(data, float):
         return data if math.isfinite(data) else None
     if isinstance(data, Mapping):
@@ -66,10 +69,10 @@ def _finite(data: Any) -> Any:
 HEADER = "header"
 OLD_HEADER = "header.json"  # text instead of an array, in results of tasks of version 1
 MOST_MEMBERS = 10_000
-LONGEST_HEADER = 10_000  # bytes of that of one array
-#: Share of its bytes that compressing an array has to save, and entries by which this is decided.
+LONGEST_HEADER = 10_000  # bytes of the header of one array
+#: Share of an array's bytes that compression has to save, and entries of the array by which this is estimated.
 WORTH, SAMPLE = 0.2, 8192
-#: Bytes of a model over those of its file, and bytes that a small one may claim.
+#: Most bytes of a model over those of its file, and bytes that any file may claim.
 MOST_EXPANSION, ROOM = 100.0, 2**24
 #: Readers of an array's header by its version.
 _READ_HEADER: Mapping[tuple[int, int], Any] = {
@@ -84,19 +87,19 @@ _DAMAGE = (
 
 
 class DamagedError(ValueError):
-    """A file does not hold what it claims to hold."""
+    """A file does not contain what its directory or headers claim."""
 
 
 def read(
     file: Path, expansion: float = 1.0, room: int = 0, only: Collection[str] | None = None
 ) -> dict[str, NDArray[Any]]:
-    """All arrays of an npz file by name, or those that `only` names.
+    """Read the arrays of an npz file by name: all of them, or those that `only` names.
 
-    The content may take `expansion` times the size of the file, 1 for files that are not compressed, or `room` bytes
-    however small the file is: what is all zeros is compressed to almost nothing.
+    The arrays may take `expansion` times the size of the file (1: not compressed), or `room` bytes if that is more:
+    zeros are compressed to almost nothing.  Nothing larger is ever allocated.
 
-    Raises DamagedError if a size, a shape or a type in it can't be true, a checksum is wrong, or it holds anything but
-    numbers and text; nothing larger than this is ever allocated.
+    Raises DamagedError if a size, a shape or a type in the file can't be true, a checksum is wrong, or an array holds
+    anything but numbers and text.
     """
     try:
         with file.open("rb") as stream, zipfile.ZipFile(stream) as archive:
@@ -113,10 +116,10 @@ def read(
 def write(
     file: Path, arrays: Mapping[str, ArrayLike], header: Mapping[str, Any] | None = None, compressed: bool = False
 ) -> None:
-    """Write an npz file, all of it or nothing, with a header in JSON if there is one; equal arrays give equal bytes.
+    """Write arrays by name to an npz file, in whole or not at all; equal arrays give equal bytes.
 
-    Where it is `compressed`, this goes for arrays that take less by `WORTH` at least: others would only be slower to
-    read.  Raises NotWrittenError if there is no room for it.
+    A `header` is stored as JSON beside them.  With `compressed`, arrays that shrink by the share `WORTH` at least are
+    compressed; others would only be slower to read.  Raises NotWrittenError if there is no room for the file.
     """
     if header is not None:
         arrays = {HEADER: np.array(json_text(header)), **arrays}
@@ -130,13 +133,13 @@ def write(
 
 
 def _shrinks(array: NDArray[Any]) -> bool:
-    """Whether the first `SAMPLE` entries of an array are worth to be compressed."""
+    """Whether compressing the first `SAMPLE` entries of an array saves the share `WORTH` of their bytes at least."""
     sample = array.ravel()[:SAMPLE].tobytes()
     return len(zlib.compress(sample, 1)) < (1.0 - WORTH) * len(sample)
 
 
 def without_header(arrays: dict[str, NDArray[Any]]) -> Any:
-    """The header of a file, taken out of its arrays; raises DamagedError if there is none."""
+    """Remove the header from `arrays`, in place, and return it; raises DamagedError if there is none."""
     try:
         header = arrays.pop(HEADER)
         return json.loads(header.tobytes() if header.dtype == np.uint8 else str(header))
@@ -145,7 +148,10 @@ def without_header(arrays: dict[str, NDArray[Any]]) -> Any:
 
 
 def _members(archive: zipfile.ZipFile, size: int, expansion: float, room: int) -> Sequence[zipfile.ZipInfo]:
-    """Members of an archive in a file of `size` bytes, whose sizes can be true."""
+    """Return the members of an archive in a file of `size` bytes; raises DamagedError if their sizes can't be true.
+
+    `expansion` and `room` are those of `read`.
+    """
     members = archive.infolist()
     if len(members) > MOST_MEMBERS or len({info.filename for info in members}) < len(members):
         raise DamagedError(f"it has {len(members)} members, at most {MOST_MEMBERS} with different names are allowed")
@@ -158,11 +164,12 @@ def _members(archive: zipfile.ZipFile, size: int, expansion: float, room: int) -
 
 
 def _name(info: zipfile.ZipInfo) -> str:
+    """Return the name of the array that a member of the archive holds."""
     return HEADER if info.filename == OLD_HEADER else info.filename.removesuffix(".npy")
 
 
 def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
-    """The array of a member, whose header has to agree with the member's size."""
+    """Read the array of a member; raises DamagedError if its header does not agree with the member's size."""
     if info.filename == OLD_HEADER:
         return np.array(archive.read(info).decode())
     member: Any = archive.open(info)
@@ -184,7 +191,10 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
 
 
 def arrays(record: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
-    """All that a dataclass holds, by name behind `prefix`; raises TypeError if a table holds what JSON doesn't know."""
+    """Return all fields of a dataclass as arrays by name, each name after `prefix`.
+
+    Raises TypeError if a table holds values that JSON does not know.
+    """
     by_name: dict[str, NDArray[Any]] = {}
     cls: Any = type(record)
     for name, hint in _types(cls).items():
@@ -205,9 +215,9 @@ def arrays(record: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
 
 
 def record(cls: Callable[..., T], data: Mapping[str, NDArray[Any]], prefix: str = "") -> T:
-    """The dataclass that `arrays` gave, its numbers in the types that the fields name.
+    """Return the dataclass `cls` from the arrays that `arrays` returned, with numbers in the types of its fields.
 
-    Raises KeyError if something is missing that has no default; TypeError, ValueError if something is of another type.
+    Raises KeyError if a field without a default is missing, TypeError or ValueError if an array is of another type.
     """
     values: dict[str, Any] = {}
     for field in fields(cls):  # type: ignore[arg-type]
@@ -221,7 +231,10 @@ def record(cls: Callable[..., T], data: Mapping[str, NDArray[Any]], prefix: str 
 
 
 def rename_keys(data: Mapping[str, NDArray[Any]], names: Mapping[str, str]) -> dict[str, NDArray[Any]]:
-    """`data` with other beginnings of names, as an earlier version of a file wrote them: the first that fits."""
+    """Return `data` with the first of the prefixes in `names` that a name begins with replaced by its new prefix.
+
+    Earlier versions wrote files with other names.
+    """
     arrays_by_name = {}
     for name, array in data.items():
         old = next((old for old in names if name.startswith(old)), "")
@@ -230,7 +243,14 @@ def rename_keys(data: Mapping[str, NDArray[Any]], names: Mapping[str, str]) -> d
 
 
 def _value(hint: Any, parts: Mapping[str, NDArray[Any]]) -> Any:
-    """A field's value from its arrays, named by what follows the field's own name."""
+    """Return a field's value from its arrays.
+
+    Parameters
+    ----------
+    hint : type of the field, without None
+    parts : mapping
+        Arrays by the rest of their key after the field's name; ``""`` for the array of the field's own name.
+    """
     hint = _spelled_out(hint)
     origin, arguments = get_origin(hint), get_args(hint)
     nested: bool = is_dataclass(hint)
@@ -255,18 +275,19 @@ def _value(hint: Any, parts: Mapping[str, NDArray[Any]]) -> Any:
 
 
 def _spelled_out(hint: Any) -> Any:
-    """`NDArray` as the array that it stands for: from NumPy 2.5 on it is an alias with a type of its own."""
+    """Return the type that NumPy's alias `NDArray` stands for from NumPy 2.5 on; other types unchanged."""
     alias = getattr(get_origin(hint), "__value__", None)
     return hint if alias is None else alias[get_args(hint)]
 
 
 @cache
 def _types(cls: Any) -> dict[str, Any]:
-    """Types of a dataclass's fields, without None."""
+    """Return the types of a dataclass's fields by name, each without its ``None``."""
     hints = get_type_hints(cls)
     return {field.name: _without_none(hints[field.name]) for field in fields(cls)}
 
 
 def _without_none(hint: Any) -> Any:
+    """Return the first type of an optional type that is not None; other types unchanged."""
     types = [part for part in get_args(hint) if part is not NoneType]
     return types[0] if NoneType in get_args(hint) else hint

@@ -1,7 +1,7 @@
-"""Why a stiffness does not fit its nodes: what their places, order, axes or units would have to be.
+"""Reasons why a stiffness does not fit its nodes: what points, order, axes or units would have to be.
 
-Each function takes a body that K resists where it should move freely, and returns the part that is wrong and the
-reason, or None where its own reason is not the true one.
+Each function takes a body that K resists where it should move freely.  It returns the input that is wrong (``points``
+or ``direction``) and the reason in words, or None if its reason does not apply.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-#: Coordinates up to which dense matrices are decomposed to name the reason of a refusal.
+#: Most coordinates for which dense matrices are decomposed to find the reason of a refusal.
 DENSE = 3000
-#: Two figures, such as places by the size of the body, are the same within this share.
+#: Relative difference up to which two numbers are equal, such as positions as shares of the body's length.
 ALIKE = 1e-2
 
 
 def affine_change(body: Resistance) -> tuple[str, str] | None:
-    r"""Directions, axes or units of all places that are others than those of K.
+    """Return wrong input and reason, if one linear map leads from directions, axes or units of points to those of K.
 
-    K leaves u = Q (w x P x) free, with turned or reordered directions Q and stretched places P.  With E = Q P all these
-    motions u = A x have E^T A skew, which E follows from.
+    K leaves u = Q (w x P x) free, with turned or reordered directions Q and stretched points P.  With E = Q P all these
+    motions u = A x have E^T A skew, which E follows from.  None if there is no such map.
     """
     x, translations = body.points - body.points.mean(axis=0), body.direction < 3
     fields = np.zeros((len(body.node), 12))
@@ -70,6 +70,7 @@ def affine_change(body: Resistance) -> tuple[str, str] | None:
 
 
 def _describe_axes(E: Array) -> tuple[str, str]:
+    """Return wrong input and reason for a linear map E (3, 3) between points and K: units, order of axes, or turn."""
     largest = np.abs(E).argmax(axis=1)
     smaller = E.copy()
     smaller[np.arange(3), largest] = 0.0
@@ -96,12 +97,15 @@ def _describe_axes(E: Array) -> tuple[str, str]:
 
 
 def _signs(factors: Array) -> Array:
-    """Signs with as few minus signs as there may be: K is the same for a mirrored body."""
+    """Return the factors (3,), all negated if more than one is negative: K is the same for a mirrored body."""
     return np.asarray(factors if np.sum(factors < 0.0) <= 1 else -factors)
 
 
 def moved_nodes(body: Resistance, wrong: Mask) -> tuple[str, str] | None:
-    """Single nodes whose places are not those that K has: these follow from how the nodes around move with the rest."""
+    """Return wrong input and reason, if single nodes of `wrong` (N,) are not where K has them; else None.
+
+    The points that K has follow from how these nodes move under rotations of the other nodes.
+    """
     length = float(np.ptp(body.points, axis=0).max())
     levers = np.cross(np.eye(3)[None], (body.points - body.points.mean(axis=0))[:, None]).transpose(0, 2, 1)
     nodes, U = _rigid_followers(body, wrong, 3, levers, 1e-4 * length)
@@ -128,7 +132,10 @@ def moved_nodes(body: Resistance, wrong: Mask) -> tuple[str, str] | None:
 
 
 def turned_nodes(body: Resistance, wrong: Mask) -> tuple[str, str] | None:
-    """Nodes whose coordinates are along axes of their own: under translations of the rest they move along these."""
+    """Return wrong input and reason, if nodes of `wrong` (N,) have axes of their own; else None.
+
+    Such nodes follow translations of the other nodes along turned axes.
+    """
     nodes, Q = _rigid_followers(body, wrong, 0, np.tile(np.eye(3), (len(wrong), 1, 1)), ALIKE)
     if not len(nodes) or np.abs(Q @ Q.transpose(0, 2, 1) - np.eye(3)).max() > 1e-3:
         return None
@@ -141,10 +148,10 @@ def turned_nodes(body: Resistance, wrong: Mask) -> tuple[str, str] | None:
 
 
 def turned_alone(body: Resistance) -> Mask:
-    """Nodes (N,) that follow translations of all others along turned axes, which no support makes a node do.
+    """Return a mask (N,) of nodes that follow translations of all others along turned axes, as no support causes.
 
     A node follows with U = -K_nn^-1 sum_j K_nj over the others: U is the identity away from supports, shortens motions
-    beside them, and is another orthogonal matrix of a node with axes of its own.
+    near them, and is another orthogonal matrix for a node with axes of its own.
     """
     turned, T = np.zeros(len(body.points), dtype=bool), body.motions[:, :3]
     order = np.argsort(body.node, kind="stable")
@@ -160,9 +167,12 @@ def turned_alone(body: Resistance) -> Mask:
 
 
 def _rigid_followers(body: Resistance, wrong: Mask, first: int, expected: Array, least: float) -> tuple[Indices, Array]:
-    """Nodes (g,) that don't follow three rigid motions of the rest as `expected` (N, 3, 3), and how they do, (g, 3, 3).
+    """Return the nodes (g,) that do not follow three rigid motions of the others as expected, and how they do.
 
-    The nodes around those that are wrong are among them at first, where they may be on springs, too.
+    The motions are translations for `first` 0 and rotations for 3.  The nodes' displacements under them are `expected`
+    (N, 3, 3), with the motion in the last axis; the second result (g, 3, 3) are the true ones, which differ by more
+    than `least`.  Only nodes of `wrong` (N,) with all displacements are returned; a second pass treats those that
+    follow after all as part of the others.
     """
     displaced = ~body.lacking.any(axis=1)
     motions = rigid_motions((body.points - body.points.mean(axis=0))[body.node], body.direction)[:, first : first + 3]
@@ -183,7 +193,7 @@ def _rigid_followers(body: Resistance, wrong: Mask, first: int, expected: Array,
 
 
 def by_direction(body: Resistance) -> tuple[str, str] | None:
-    """Rows that are not node by node, but all along one direction after those along another."""
+    """Return wrong input and reason, if rows are ordered by direction instead of node by node; else None."""
     count = len(body.node)
     each = count // max(len(np.unique(body.node)), 1)
     if each not in (3, 6) or not np.array_equal(body.direction, np.tile(np.arange(each), count // each)):
@@ -196,7 +206,7 @@ def by_direction(body: Resistance) -> tuple[str, str] | None:
 
 
 def turned_everywhere(body: Resistance) -> tuple[str, str] | None:
-    """Whether K is that of these places, with axes of its own at each node.
+    """Return wrong input and reason, if K is that of these points with different axes at each node; else None.
 
     Its free motions are then z_j = Q_j (1, -[x_j]) A, so that tr(z_j B z_j^T) = 3 + 2 |x_j|^2 with one symmetric B.
     """
@@ -221,5 +231,5 @@ def turned_everywhere(body: Resistance) -> tuple[str, str] | None:
 
 
 def place(x: Array) -> str:
-    """A point (3,) in m as messages show it."""
+    """Return a point (3,) in m as text for messages."""
     return "({}) m".format(", ".join(f"{c + 0.0:.4g}" for c in np.round(x, 9)))

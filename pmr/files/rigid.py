@@ -1,12 +1,12 @@
-r"""Rigid motions of the nodes of a body, and what a stiffness matrix of another program does under them.
+r"""Rigid motions of the nodes of a body, and forces of another program's stiffness matrix under them.
 
-With the motion r of a rigid body about the place of row i, split into a translation t and a rotation w,
+A rigid motion r is split, about the node of row i, into a translation t and a rotation w:
 
 .. math:: (K r)_i = F_i\, t + G_i\, w, \qquad F_i = \sum_j K_{ij}, \qquad
     G_i = \sum_j K_{ij}\, (e_{d(j)} \cdot (w \times (x_j - x_i)))
 
-Both vanish where nothing but the body itself acts on the row.  F is what holds it to the ground and says nothing about
-the places of nodes; G beside a vanishing F says that they are not where K has them.
+Both vanish where nothing but the body itself acts on the row.  F shows what holds it to the ground and does not depend
+on the positions of nodes; G beside a vanishing F shows that nodes are not where K has them.
 """
 
 from __future__ import annotations
@@ -21,20 +21,21 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Of a coordinate: displacements along the axes and rotations about them.
+#: Directions of a coordinate: displacements along the axes and rotations about them.
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 #: Least and largest share of a row's entries by which their sum may differ from zero through rounding alone: files have
 #: nine to sixteen digits, places of nodes are known to a thousandth of a cell's size or better.
 ROUNDING, ROUNDING_OF_POINTS = (1e-13, 1e-8), (1e-11, 1e-3)
-#: Rounding is taken as so many times the share that a quarter of all rows stays below, or three quarters of those that
-#: no support acts on: places of some nodes may have few digits, and those of others none to lose.
+#: Rounding is estimated as this multiple of a quantile of the rows' sums as shares of their entries: of the lower
+#: quartile of all rows, or of the upper quartile of rows without a support for the rounding of points.
 SPREAD = 100.0
 
 
 def rigid_motions(at: Array, component: Indices) -> Array:
-    """Coordinates (n, 6) of unit translations along and rotations about x, y, z through the origin.
+    """Return n coordinates under six rigid motions, (n, 6): unit translations along x, y, z and rotations about them.
 
-    Each is that of a place `at` (n, 3) m along or about the `component` (n,), as `DIRECTIONS` counts them.
+    The rotations are about axes through the origin.  Each coordinate is the displacement or rotation `component` (n,),
+    an index of `DIRECTIONS`, of a point of `at` (n, 3) in m.
     """
     motions, translations = np.zeros((len(at), 6)), component < 3
     motions[np.arange(len(at)), component] = 1.0
@@ -43,9 +44,9 @@ def rigid_motions(at: Array, component: Indices) -> Array:
 
 
 def elastic_energies(K: sp.csr_matrix, R: Array, q: Array) -> Array:
-    """q^T K q (k,) of motions q (n, k) in N m beside what supports and springs inside K have of it.
+    """Return q^T K q (k,) in N m of motions q (n, k) without the part of supports and springs to ground inside K.
 
-    With the rigid motions R (n, r) the ground has K R (R^T K R)^+ R^T K, and the rest leaves all of them free.
+    With the rigid motions R (n, r) that part has the stiffness K R (R^T K R)^+ R^T K, and what remains leaves R free.
     """
     resisted = K @ R
     on_ground = resisted.T @ q
@@ -55,7 +56,7 @@ def elastic_energies(K: sp.csr_matrix, R: Array, q: Array) -> Array:
 
 @dataclass(frozen=True)
 class Resistance:
-    """Forces and moments (n, 3) on rows of K under unit translations and under unit rotations about each row's node.
+    """Forces F and moments G (n, 3) on rows of K under unit translations and under rotations about each row's node.
 
     Entries that are within rounding are zero.
     """
@@ -74,13 +75,13 @@ class Resistance:
 
     @cached_property
     def pairs(self) -> tuple[Indices, Indices, Array]:
-        """Row, column and absolute value of each entry of K."""
+        """Row, column and absolute value of each stored entry of K."""
         entries = self.K.tocoo()
         return entries.row, entries.col, np.abs(entries.data)
 
     @cached_property
     def edges(self) -> Array:
-        """Distance in m between the nodes of each entry of `pairs`."""
+        """Distance in m between the two nodes of each entry of `pairs`."""
         row, column, _ = self.pairs
         squares = np.zeros(len(row))
         for x in self.points[self.node].T:
@@ -88,25 +89,25 @@ class Resistance:
         return np.sqrt(squares)
 
     def on_pattern(self, values: Array) -> sp.csr_matrix:
-        """A matrix (n, n) with these values in place of the entries of `pairs`."""
+        """Return a matrix (n, n) with `values` as the entries of `pairs`; it shares K's indices."""
         return sp.csr_matrix((values, self.K.indices, self.K.indptr), shape=self.K.shape)
 
     @cached_property
     def _translations(self) -> tuple[Array, Array]:
-        """F with its rounding, and what rounding each row may have (n,)."""
+        """F (n, 3) without rounding, and the rounding (n,) of each row."""
         T = self.motions[:, :3]
         return _remove_rounding(self.K @ T, (abs(self.K) @ T).sum(axis=1), ROUNDING, 0.25)
 
     @cached_property
     def grounded(self) -> NDArray[np.bool_]:
-        """Which nodes (N,) have a row that a translation acts on: where supports and springs to ground are."""
+        """Mask (N,) of nodes with a row that resists a translation, as at supports and springs to ground."""
         grounded = np.zeros(len(self.points), dtype=bool)
         grounded[self.node[self.forces.any(axis=1)]] = True
         return grounded
 
     @cached_property
     def lacking(self) -> NDArray[np.bool_]:
-        """Nodes and axes (N, 3) without a displacement among the coordinates: a support, or no part of the body."""
+        """Mask (N, 3) of nodes and axes without a displacement among the coordinates, as at supports."""
         lacking = np.ones((len(self.points), 3), dtype=bool)
         translations = self.direction < 3
         lacking[self.node[translations], self.direction[translations]] = False
@@ -114,17 +115,17 @@ class Resistance:
 
     @cached_property
     def blocks(self) -> Array:
-        """Forces (N, 3, 3) on each node under translations; zero along axes that it has no coordinate for."""
+        """Forces (N, 3, 3) on each node under translations; zero along axes without a coordinate."""
         blocks, translations = np.zeros((len(self.points), 3, 3)), self.direction < 3
         blocks[self.node[translations], self.direction[translations]] = self.forces[translations]
         return blocks
 
     @cached_property
     def sprung(self) -> NDArray[np.bool_]:
-        """Which nodes (N,) are grounded as a spring does it, at the node or at a point within the body's length.
+        """Mask (N,) of grounded nodes held by a spring, at the node or at a point within the body's length of it.
 
-        Forces are then a symmetric matrix S times the point's displacement: F = S, and G = S (w x d) with the point's
-        place d beside the node.
+        Forces are then a symmetric matrix S times the point's displacement: F = S, and G = S (w x d) with the vector d
+        from the node to the point.
         """
         translations = self.direction < 3
         S, G = self.blocks, np.zeros((len(self.points), 3, 3))
@@ -144,7 +145,7 @@ class Resistance:
 
     @cached_property
     def sums_of_moments(self) -> tuple[Array, Array]:
-        """G (n, 3) as it is, and the sizes (n,) of what it is summed from."""
+        """G (n, 3) with its rounding, and the sum (n,) of the magnitudes of its terms."""
         _, column, size = self.pairs
         local = np.where(self.direction[column] < 3, self.edges, 1.0)
         sums, middle = self.K @ self.motions, self.points.mean(axis=0)
@@ -153,7 +154,10 @@ class Resistance:
 
     @cached_property
     def _rotations(self) -> tuple[Array, Array]:
-        """G with its rounding as `_translations`; beside supports, which move their neighbours' rows, as it is."""
+        """G (n, 3) without rounding, and the rounding (n,) of each row.
+
+        Rows at nodes with supports, which move their neighbours' rows, keep their rounding.
+        """
         sums, sizes = self.sums_of_moments
         near_supports = (self.grounded & ~self.sprung)[self.node]
         cleaned, noise = _remove_rounding(sums, sizes, ROUNDING_OF_POINTS, 0.75, ~near_supports)
@@ -166,7 +170,7 @@ class Resistance:
 
     @property
     def rounding(self) -> float:
-        """Share of a row's entries that rounding of K has, as a quarter of all rows have less; 1e-16 at least."""
+        """Rounding of K: lower quartile over rows of F as a share of the row's entries; at least 1e-16."""
         T = self.motions[:, :3]
         sizes = (abs(self.K) @ T).sum(axis=1)
         shares = np.abs(self.K @ T).max(axis=1)[sizes > 0.0] / sizes[sizes > 0.0]
@@ -174,18 +178,19 @@ class Resistance:
 
     @property
     def forces(self) -> Array:
-        """F (n, 3), N/m, or N m/m where the coordinate is a rotation."""
+        """F (n, 3) in N/m, or N m/m where the coordinate is a rotation."""
         return self._translations[0]
 
     @property
     def moments(self) -> Array:
-        """G (n, 3), N/rad or N m/rad."""
+        """G (n, 3) in N/rad, or N m/rad where the coordinate is a rotation."""
         return self._rotations[0]
 
     def held(self) -> Array:
-        """Rows (h, 6), h up to six: what K itself resists of a rigid motion about the origin, which is free at zero.
+        """Return h independent rows (h, 6) on rigid motions about the origin, zero for motions that K leaves free.
 
-        Singular vectors of all rows, each divided by its rounding: what is smaller than that holds nothing.
+        They are singular vectors of all rows, each divided by its rounding; singular values within rounding count as
+        zero.
         """
         (F, of_forces), (G, of_moments) = self._translations, self._rotations
         middle = self.points.mean(axis=0)
@@ -204,7 +209,10 @@ class Resistance:
         return np.asarray(Vt[:rank] @ about_origin)
 
     def _levers(self, about: Array) -> Array:
-        """(n, 3, 3): by how much a unit rotation about each axis through `about` displaces the node of each row."""
+        """Return displacements (n, 3, 3) of each row's node under unit rotations about axes through `about` (3,) in m.
+
+        The last axis is that of the rotation.
+        """
         x = self.points[self.node] - about
         return np.asarray(np.cross(np.eye(3)[None], x[:, None]).transpose(0, 2, 1))
 
@@ -212,9 +220,19 @@ class Resistance:
 def _remove_rounding(
     sums: Array, sizes: Array, limits: tuple[float, float], part: float, free: NDArray[np.bool_] | None = None
 ) -> tuple[Array, Array]:
-    """Sums (n, 3) without those that are rounding, and the rounding (n,) of sums over entries of these `sizes` (n,).
+    """Return sums (n, 3) with those that are rounding set to zero, and the rounding (n,) of each row.
 
-    Of the `free` rows this part has no other sums; where it looks as if it had, rounding is the least there may be.
+    Parameters
+    ----------
+    sums : (n, 3) array
+    sizes : (n,) array
+        Sums of the magnitudes of each row's terms.
+    limits : pair of float
+        Least and largest rounding, as a share of the size.
+    part : float
+        Share of the rows that have no sums but rounding, by whose sums rounding is estimated.
+    free : (n,) mask, optional
+        Rows that the estimate is based on; by default all.
     """
     least, most = limits
     shares = np.divide(np.abs(sums).max(axis=1), sizes, out=np.zeros(len(sums)), where=sizes > 0.0)

@@ -1,22 +1,19 @@
-"""Files and folders that are whole under their name or not there, whoever is killed while they are written.
+"""Files and folders that are written in whole or not at all, even if a process is killed; locks; cached folders.
 
-Several files of one folder that belong together: all of them are the old ones or all are the new ones.
+One file (`replacement`) is written under another name and renamed when it is complete: a kill, a full disk or an error
+leaves what was there before.
 
-The new ones are written into a folder inside the target.  When they are complete it gets another name, in one step:
-from then on they count.  Then they move to where the old ones stand, one after the other, which takes less than a
-millisecond; who is killed meanwhile leaves the rest to who opens the folder next (`finish_swap`).  So the target may
-be the current directory, a symbolic link or the root of a disk, and what else lies in it is not touched.
+Several files of a folder that belong together (`fresh`) are written into a new folder inside the target.  When they are
+complete that folder is renamed in one step: from then on the new files count.  Then they are moved to the names of the
+old ones one by one, which takes less than a millisecond; if the process is killed meanwhile, the next one that opens
+the folder completes the moves (`finish_swap`).  So the target may be the current directory, a symbolic link or the root
+of a disk, and other files in it are not touched.
 
-Files that are whole under their name, or not there: a kill, a full disk or an error leaves what was there before.
+A folder that takes long to compute (`stored`) is made under another name and then renamed.  A lock, which the system
+takes from a process that ends, lets one process make it while the others wait, and tells a folder that a dead process
+left from one that is being made.
 
-Locks on files and folders too, which the system takes from a process that dies.
-
-Folders that take long to make and are stored: whole under their name or not there, whoever is killed meanwhile.
-
-A folder is made under another name and then renamed.  A lock, which the system takes from a process that dies, lets
-one process make it while the others wait for it, and tells what a dead process left from what a living one is making.
-
-Where what serves again is cached for a user.
+`users_folder` is where computed results are cached for a user.
 """
 
 from __future__ import annotations
@@ -40,10 +37,10 @@ Made = TypeVar("Made")
 
 
 PART = ".part"
-#: No room, or none for this user, or a file larger than allowed.
+#: Errors of the system for no room, no access, or a file larger than allowed.
 _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.EACCES, errno.EPERM, errno.EISDIR}
 _NO_ROOM |= {errno.ENAMETOOLONG, errno.ENOTDIR, errno.ELOOP}
-#: The disk is full, whatever was to be written: compiled code and drawn meshes too.
+#: Errors of the system for a full disk, whatever was to be written.
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 _fcntl: Any = import_module("fcntl") if util.find_spec("fcntl") else None  # Windows has none
 
@@ -51,11 +48,11 @@ _fcntl: Any = import_module("fcntl") if util.find_spec("fcntl") else None  # Win
 class NotWrittenError(OSError):
     """Something could not be written, and what was there before still is; the message is one line."""
 
-    reason = ""  #: The system's own words; empty where it was not asked
+    reason = ""  #: Message of the system; empty if the error is not the system's
 
 
 def ensure_ordinary(path: Path) -> None:
-    """Raise NotWrittenError unless `path` is an ordinary file or not there: links, devices and folders are kept."""
+    """Raise NotWrittenError unless `path` is an ordinary file or free: links, devices and folders are not replaced."""
     if path.is_symlink() or (path.exists() and not path.is_file()):
         kind = "a link" if path.is_symlink() else "a folder" if path.is_dir() else "a device or a pipe"
         raise NotWrittenError(f"{path} is {kind}, which is not replaced; a file, or a name that is free, is allowed")
@@ -63,9 +60,9 @@ def ensure_ordinary(path: Path) -> None:
 
 @contextmanager
 def replacement(path: Path) -> Iterator[Path]:
-    """A name to write to, which takes the place of `path` in one step when the block ends without an error.
+    """Yield a temporary path to write to, which replaces `path` in one step if the block ends without an error.
 
-    Raises NotWrittenError as `ensure_ordinary`, or if there is no room; nothing of the new file is left.
+    Raises NotWrittenError as `ensure_ordinary`, or if there is no room; the temporary file is then removed.
     """
     ensure_ordinary(path)
     part = path.with_name(f"{path.name}.{os.getpid()}{PART}")
@@ -81,7 +78,7 @@ def replacement(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def report_full_disk(path: Path) -> Iterator[None]:
-    """Raise NotWrittenError of `path` in place of the system's error where the block finds no room on the disk."""
+    """Raise NotWrittenError of `path` instead of the system's error if the block finds no room or no access."""
     try:
         yield
     except OSError as error:
@@ -94,18 +91,19 @@ def report_full_disk(path: Path) -> Iterator[None]:
 
 
 def flush_file(path: Path) -> None:
-    """Have a file's content on the disk before its name says that it is there."""
+    """Write a file's content to the disk, before its name is made to say that it is complete."""
     with path.open("rb") as file:
         os.fsync(file.fileno())
 
 
 @contextmanager
 def hold_lock(path: Path, wait: bool = True) -> Iterator[bool]:
-    """Hold the lock of a file or folder that is there.
+    """Hold the lock of an existing file or folder during the block; yield whether it is held.
 
-    False where the file system has none, and, with `wait` false, where another process holds it.
+    It is not where the file system has no locks or, with `wait` false, where another process holds the lock; else the
+    call blocks until that process releases it.
 
-    Raises FileNotFoundError if there is nothing of this name.
+    Raises FileNotFoundError if the file or folder does not exist.
     """
     if _fcntl is None:
         yield False
@@ -127,13 +125,13 @@ _NEW, _COMPLETE, _LIST = ".pmr-new-", ".pmr-complete", ".moves.json"
 
 @contextmanager
 def fresh(folder: Path, ours: Sequence[str]) -> Iterator[Path]:
-    """An empty folder to write to; when the block ends without an error its files take the place of `ours`.
+    """Yield an empty folder to write to; if the block ends without an error its files replace `ours` in `folder`.
 
-    These are names, or patterns of names, of all that may ever be written, relative to `folder`, which is made if need
-    be: old files among them that are not written again go.
+    `ours` are names, or patterns of names, of all files that may ever be written, relative to `folder`, which is
+    created if need be.  Old files among them that are not written again are removed.
 
-    Raises NotWrittenError if there is no room: the old files are still there, of the new ones nothing is; ValueError if
-    a file was written whose name is not among `ours`.
+    Raises NotWrittenError if there is no room, and ValueError if a file was written whose name is not among `ours`: the
+    old files then stay, and the new ones are removed.
     """
     with report_full_disk(folder):
         folder.mkdir(parents=True, exist_ok=True)
@@ -156,7 +154,7 @@ def fresh(folder: Path, ours: Sequence[str]) -> Iterator[Path]:
 
 
 def finish_swap(folder: Path) -> None:
-    """Finish what a process that was killed had begun in a folder, and remove what it had not completed."""
+    """Complete the moves that a killed process had begun in a folder, and remove its incomplete new files."""
     new_folders = [path for path in folder.glob(f"{_NEW}*") if path.is_dir()]
     if new_folders or (folder / _COMPLETE).exists():
         with report_full_disk(folder), hold_lock(folder):
@@ -168,12 +166,13 @@ def finish_swap(folder: Path) -> None:
 
 
 def remove_files(folder: Path, ours: Sequence[str]) -> None:
-    """Remove files by their names or patterns."""
+    """Remove the files of a folder with the given names or patterns."""
     for name in _matching_names(folder, ours):
         (folder / name).unlink(missing_ok=True)
 
 
 def _finish(folder: Path) -> None:
+    """Move the files of a complete new folder, if there is one, to their names in `folder`, and remove old files."""
     complete = folder / _COMPLETE
     if not complete.is_dir():
         return
@@ -189,9 +188,9 @@ def _finish(folder: Path) -> None:
 
 
 def _moves(file: Path, folder: Path) -> tuple[list[str], list[str]]:
-    """Files of the folder that are to be moved, and to be removed, whoever wrote the list.
+    """Return the files to be moved into the folder and those to be removed, from a list of unknown origin.
 
-    Raises InputError if it names anything outside of the folder: then no file is touched.
+    Raises InputError if the list names anything outside of the folder; no file has been touched then.
     """
     try:
         moves = json.loads(file.read_text())
@@ -206,6 +205,11 @@ def _moves(file: Path, folder: Path) -> tuple[list[str], list[str]]:
 
 
 def _names(new: Path, folder: Path, ours: Sequence[str]) -> list[str]:
+    """Return the names of all files in `new`, ascending.
+
+    Raises ValueError if one is not among `ours`, NotWrittenError if it would replace something in `folder` that is no
+    ordinary file.
+    """
     names = sorted(path.relative_to(new).as_posix() for path in new.rglob("*") if path.is_file())
     unknown = [name for name in names if not any(fnmatch(name, pattern) for pattern in ours)]
     if unknown:
@@ -216,16 +220,17 @@ def _names(new: Path, folder: Path, ours: Sequence[str]) -> list[str]:
 
 
 def _matching_names(folder: Path, ours: Sequence[str]) -> list[str]:
+    """Return the names of the files in a folder that match names or patterns."""
     paths = [path.relative_to(folder).as_posix() for pattern in ours for path in folder.glob(pattern)]
     return [name for name in paths if not (folder / name).is_dir()]
 
 
 def stored(folder: Path, is_whole: Callable[[Path], bool], make: Callable[[Path], Made], comm: Any) -> Made:
-    """Result of `make`, given `folder` if it is whole, or a new folder that then replaces it; collective.
+    """Return the result of `make`, called with `folder` if it is whole, or with a new folder; collective.
 
-    The folder lies on a disk that all ranks of `comm` see; what rank 0 says counts, which asks `is_whole` whether it
-    holds what it should.  `make` loads from a folder that is whole and fills an empty one; it fails on all ranks or on
-    none, and a folder that was taken for whole and can't be loaded is made anew.
+    The new folder then replaces `folder`.  All ranks of `comm` see its disk.  `is_whole`, asked on rank 0, tells
+    whether the folder is complete.  `make` loads from a whole folder and fills an empty one; it fails on all ranks or
+    on none.  A whole folder that can't be loaded is made again.
 
     Raises OSError on rank 0 if there is no folder to write to.
     """
@@ -241,6 +246,10 @@ def stored(folder: Path, is_whole: Callable[[Path], bool], make: Callable[[Path]
 
 
 def _make_locked(folder: Path, is_whole: Callable[[Path], bool], make: Callable[[Path], Made], comm: Any) -> Made:
+    """Return the result of `make`, called with a new folder; collective.
+
+    Rank 0 holds the folder's lock meanwhile.  If another process has made the folder before, `make` loads from it.
+    """
     if comm.rank > 0:
         result = make(comm.bcast(None))
         comm.barrier()
@@ -267,6 +276,7 @@ def _make_locked(folder: Path, is_whole: Callable[[Path], bool], make: Callable[
 
 
 def _publish(part: Path, folder: Path, is_whole: Callable[[Path], bool]) -> None:
+    """Rename a complete temporary folder to `folder`, which it replaces unless that one is whole by now."""
     for file in part.iterdir():
         with file.open("rb") as content:
             os.fsync(content.fileno())
@@ -277,17 +287,18 @@ def _publish(part: Path, folder: Path, is_whole: Callable[[Path], bool]) -> None
 
 
 def _discard(folder: Path) -> None:
+    """Remove a folder and its content; errors are ignored."""
     shutil.rmtree(folder, ignore_errors=True)
 
 
-#: Files in the folder, two a measurement.
+#: Most files in a user's cache folder, two for each measurement.
 MOST_KEPT = 100
 
 
 def users_folder() -> Path | None:
-    """Cache folder of a user for measurements of structures: ``$PMR_CACHE``, or ``pmr`` in ``~/.cache``.
+    """Return a user's cache folder for measured structures: ``$PMR_CACHE``, or ``pmr`` in ``~/.cache``.
 
-    Of files beyond `MOST_KEPT` the oldest are removed.  None where there can be no such folder.
+    It is created if need be; None if it can't be.  The oldest files beyond `MOST_KEPT` are removed.
     """
     folder = Path(os.environ.get("PMR_CACHE") or Path.home() / ".cache" / "pmr")
     try:

@@ -1,6 +1,6 @@
-"""What is built and what is asked: a scene (SI units, z up), validated and frozen.
+"""Scenes: what is built, how it moves, and what is computed of it (SI units, z up), validated and frozen.
 
-`load` reads a scene file (TOML), follows ``extends``, applies overrides and returns a `Scene`; anything that is not
+`load` reads a scene file (TOML), follows ``extends``, applies overrides and returns a `Scene`.  A value that is not
 allowed raises `pmr.errors.InputError` with file, key, value and what is allowed.
 """
 

@@ -1,4 +1,4 @@
-"""A box boom by its dimensions: its profile, what thickens its walls, how it tapers, and where all of that begins."""
+"""A box boom described by its dimensions: profile, doublers, tapers and frames, and how its section varies along x."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from pydantic import Field, ValidationError, model_validator
 from pmr.scene.keys import Distance, Length, Section, Size, Thickness, Usual, of_key
 from pmr.scene.profile import BoxProfile, Cut, Face, Half, WallName
 
-#: Places along a box are that far apart, as a share of its length: beams on shorter elements lose their digits.
+#: Least distance between breaks along a box as a share of its length: beams on shorter elements lose accuracy.
 APART = 1e-3
-#: Round-off of a user's arithmetic, likewise.
+#: Round-off of a user's arithmetic as a share of the box's length.
 SLACK = 1e-9
 HALVES: tuple[Half, ...] = ("bottom", "top")
 
 
 class Doubler(Section):
-    """Plates on the walls over a part of the length, which then count as that much thicker about the same middle."""
+    """Plates on walls over a part of the length, which are thicker there with the same mid-surface."""
 
     start: Distance = Field(description="Where the plates begin along x")
     end: Length = Field(description="Where the plates end along x")
@@ -32,9 +32,9 @@ class Doubler(Section):
 
 
 class Taper(Section):
-    """Towards an end the profile changes linearly to the one that it has there, about the same axis.
+    """Linear change of the profile towards an end of the box, about the same axis.
 
-    What is not given stays as it is.
+    Dimensions without a value at the end are constant.
     """
 
     length: Length = Field(description="Length over which the profile changes, up to the end")
@@ -51,7 +51,7 @@ class Taper(Section):
 
 @dataclass(frozen=True)
 class Stretch:
-    """A part of a box between two places along it, m, and its profiles there; in between they change linearly."""
+    """Range of a box from `start` to `end`, m along x, in which its profile changes linearly from `first` to `last`."""
 
     start: float
     end: float
@@ -59,16 +59,16 @@ class Stretch:
     last: BoxProfile
 
     def at(self, x: float) -> BoxProfile:
-        """Profile at a place."""
+        """Return the profile at x in m."""
         return interpolate_profile(self.first, self.last, (x - self.start) / (self.end - self.start))
 
     def part(self, start: float, end: float) -> Stretch:
-        """Part of this stretch from one place to another one."""
+        """Return the sub-range of this stretch from `start` to `end`, m."""
         return self if self.first is self.last else Stretch(start, end, self.at(start), self.at(end))
 
     @property
     def tapers(self) -> bool:
-        """Whether the middle of its walls does, not only their thickness."""
+        """Whether the mid-lines of the walls change along the stretch; a change of thickness alone does not count."""
         first, last = (
             [(side.start, side.end, side.centre) for side in profile.sides] for profile in (self.first, self.last)
         )
@@ -76,7 +76,7 @@ class Stretch:
 
 
 def interpolate_profile(first: BoxProfile, last: BoxProfile, share: float) -> BoxProfile:
-    """The profile at a share of the way from one to another one with the same faces."""
+    """Return the profile with dimensions (1 - share) * first + share * last; both have the same faces."""
     if first is last or share == 0.0:
         return first
 
@@ -111,6 +111,7 @@ class Box(BoxProfile):
 
     @model_validator(mode="after")
     def _varies_as_it_can(self) -> Box:
+        """Refuse tapers and doublers that do not fit the box, and positions along x that are too close together."""
         for key, taper in self._tapers.items():
             self._check_taper(key, taper)
         for i, doubler in enumerate(self.doublers):
@@ -132,17 +133,17 @@ class Box(BoxProfile):
 
     @property
     def plate(self) -> float:
-        """Thickness of its frames, m."""
+        """Thickness of the frames in m."""
         return self.frame_thickness or max(self.walls.values())
 
     @property
     def variations(self) -> tuple[str, ...]:
-        """Keys by which its section is not the same all along."""
+        """Keys of the box that make its section vary along x; empty for a uniform box."""
         return tuple(key for key in ("doublers", "tail_taper", "tip_taper") if getattr(self, key))
 
     @property
     def breaks(self) -> list[float]:
-        """Places along x where something begins or ends, its ends too, m."""
+        """Positions along x in m, ascending, where a doubler or taper begins or ends, and both ends of the box."""
         low, high = self.straight
         breaks = [0.0]
         for at in sorted([low, high, *(at for doubler in self.doublers for at in (doubler.start, doubler.end))]):
@@ -152,13 +153,13 @@ class Box(BoxProfile):
 
     @property
     def straight(self) -> tuple[float, float]:
-        """From where to where along x its dimensions are those that it has by itself, m."""
+        """First and last position along x in m between which no taper changes the dimensions."""
         low, high = (0.0 if taper is None else taper.length for taper in (self.tail_taper, self.tip_taper))
         return low, self.length - high
 
     @property
     def parallel(self) -> tuple[float, float]:
-        """From where to where along x its faces are parallel to the axis, m."""
+        """First and last position along x in m between which all faces are parallel to the axis."""
         low, high = self.straight
         tapering = [stretch for stretch in self.stretches if stretch.tapers]
         behind, before = any(stretch.start < low for stretch in tapering), any(part.end > high for part in tapering)
@@ -166,24 +167,27 @@ class Box(BoxProfile):
 
     @property
     def stretches(self) -> list[Stretch]:
-        """Parts along x in which nothing begins or ends."""
+        """Ranges along x between neighbouring `breaks`."""
         return [self._stretch(a, b) for a, b in pairwise(self.breaks)]
 
     def profile_at(self, x: float) -> BoxProfile:
-        """At a place along x; where something begins, what begins."""
+        """Return the profile at x in m with its doublers; at a break, the profile of the stretch that begins there."""
         pairs = list(pairwise(self.breaks))
         return self._stretch(*next((pair for pair in pairs if x < pair[1]), pairs[-1])).at(x)
 
     @property
     def _tapers(self) -> dict[str, Taper]:
+        """Tapers of the box by their keys."""
         tapers = {"tail_taper": self.tail_taper, "tip_taper": self.tip_taper}
         return {key: taper for key, taper in tapers.items() if taper is not None}
 
     @property
     def _plates(self) -> list[Face]:
+        """Names of the faces of the profile."""
         return [edge.face for edge in self.edges]
 
     def _check_taper(self, key: str, taper: Taper) -> None:
+        """Refuse a taper without dimensions, too long, larger at its end than the box, or with other faces."""
         dimensions: dict[str, Any] = taper.model_dump(exclude={"length"}, exclude_none=True)
         if not dimensions:
             raise of_key(key, None, "a dimension at the end is needed: width, height, wall, radius or chamfer")
@@ -207,12 +211,12 @@ class Box(BoxProfile):
             raise of_key(f"{key}.{next(iter(dimensions))}", None, allowed)
 
     def _end(self, taper: Taper) -> BoxProfile:
-        """Profile at the end of a taper."""
+        """Return the profile at the end of a taper."""
         dimensions = {key: getattr(self, key) for key in BoxProfile.model_fields}
         return BoxProfile(**(dimensions | {k: v for k in dimensions if (v := getattr(taper, k)) is not None}))
 
     def _shape(self, x: float) -> BoxProfile:
-        """Profile without doublers."""
+        """Return the profile at x in m without doublers."""
         low, high = self.straight
         if self.tail_taper is not None and x < low:
             return interpolate_profile(self, self._end(self.tail_taper), 1.0 - x / low)
@@ -221,7 +225,7 @@ class Box(BoxProfile):
         return self
 
     def _stretch(self, start: float, end: float) -> Stretch:
-        """Stretch between two places, with the doublers that are there."""
+        """Return the stretch between two neighbouring breaks, m, with the doublers that cover it."""
         middle = (start + end) / 2.0
         doublers = {i: doubler for i, doubler in enumerate(self.doublers) if doubler.start < middle < doubler.end}
         first, last = self._shape(start), self._shape(end)
@@ -232,7 +236,11 @@ class Box(BoxProfile):
         return Stretch(start, end, first, last)
 
     def _thicken(self, profile: BoxProfile, doublers: dict[int, Doubler]) -> BoxProfile:
-        names: dict[WallName, None] = dict.fromkeys((*self._plates, *HALVES))  # corners take those of halves
+        """Return a profile with the thickness of `doublers` (by their number) added to its walls.
+
+        Raises an error of a doubler's thickness if the profile has no room for it.
+        """
+        names: dict[WallName, None] = dict.fromkeys((*self._plates, *HALVES))  # corners are as thick as bottom or top
         walls: dict[WallName, float] = {
             name: profile.thickness(name)
             + sum(doubler.thickness for doubler in doublers.values() if doubler.faces is None or name in doubler.faces)

@@ -1,4 +1,4 @@
-"""What is built: a body, what holds it, what it carries, and what drives it."""
+"""Tables of a scene for bodies, meshes, supports, pads, the slider, loads and weight."""
 
 from __future__ import annotations
 
@@ -38,24 +38,24 @@ from pmr.scene.signals import Constant, Signal, SignalBase, SmoothRamp
 from pmr.scene.structures import BeamSection, Material, Profile, unit_vector
 
 GRAVITY = 9.80665  # m/s^2
-#: The input that the weight of everything drives.
+#: Name of the input of the weight of all bodies.
 WEIGHT = "gravity"
 OwnModel = Literal["auto", "beam2d", "beam3d", "shell", "solid", "matrices"]
 ModelName = Annotated[OwnModel, or_offered("pmr.models"), AS_WORD]
-#: What tells pads of a face apart, if there are two: which side of the middle they are on.
+#: Names of two pads on a face, by their side of its middle: on bottom and top, and on all other faces.
 SIDES, UPWARDS = dict.fromkeys(("bottom", "top"), ("right", "left")), ("lower", "upper")
-#: What each kind of support holds, as far as the body moves that way.
+#: Directions that each kind of support holds; those that a model lacks have no effect.
 SUPPORTED: dict[str, tuple[Direction, ...]] = {
     "pinned": ("x", "y", "z"),
     "clamped": ("x", "y", "z", "rx", "ry", "rz"),
     "roller": ("z",),
 }
-#: Places that every body has, as shares of its length.
+#: Positions of the groups that every body has, as shares of its length.
 ENDS = {"tail": 0.0, "tip": 1.0}
 
 
 class Region(Section):
-    """Material and thickness of a named region of the mesh, where they differ from the rest."""
+    """Material and thickness of a named region of the mesh, where they differ from those of the body."""
 
     material: Material | None = Field(default=None, description="Material of the region")
     thickness: Thickness | None = Field(default=None, description="Thickness of the region, in a shell")
@@ -93,6 +93,7 @@ class Body(Section):
 
     @model_validator(mode="after")
     def _thickness_is_the_walls(self) -> Body:
+        """Refuse a box beside a thickness or a profile, which describe the same."""
         if self.box is not None and self.thickness is not None:
             raise ValueError("give box.wall or thickness, one of them")
         if self.box is not None and self.profile is not None:
@@ -101,7 +102,7 @@ class Body(Section):
 
     @property
     def length(self) -> float | None:
-        """Along x in m, where it is known before a mesh is read."""
+        """Length along x in m of a box or profile; None for a mesh that is read from a file."""
         described = self.box or self.profile
         return described.length if described else None
 
@@ -138,7 +139,7 @@ class MeshChoice(Section):
 class Support(Section):
     """A support that does not slide: it holds some directions of a group's mean motion, or every point of the group.
 
-    On a beam a place is one point, so both are the same; only ``all`` removes the held coordinates from the model.
+    On a beam a group is one point, so both are the same; only ``all`` removes the held coordinates from the model.
     """
 
     name: NameOrNone = Field(default="", description="Name in results and messages")
@@ -162,22 +163,23 @@ class Support(Section):
 
     @model_validator(mode="after")
     def _points_are_rigid(self) -> Support:
+        """Refuse a stiffness of a support that holds every point."""
         if self.points == "all" and self.stiffness != "rigid":
             raise ValueError("points = 'all' is rigid: leave the stiffness out")
         return self
 
     @property
     def held(self) -> tuple[Direction, ...]:
-        """Directions that it holds, as far as the body moves that way."""
+        """Directions that the support holds; those that the body's model lacks have no effect."""
         return SUPPORTED[self.kind] if self.directions is None else self.directions
 
     @property
     def symbol(self) -> str:
-        """How it is drawn: as a clamp where it holds a rotation across the axis, else as a point."""
+        """Name of its symbol in drawings: ``clamped`` if ry or rz is held, ``pinned`` if x is, else ``roller``."""
         return "clamped" if {"ry", "rz"} & set(self.held) else "pinned" if "x" in self.held else "roller"
 
     def row_name(self, direction: str) -> str:
-        """Name of the row of one direction."""
+        """Return the name of the support's row along one direction."""
         if not self.name:
             return f"support {direction} " + (f"on {self.on}" if isinstance(self.on, str) else f"at {self.on:g} m")
         return self.name if len(self.held) == 1 else f"{self.name} {direction}"
@@ -201,7 +203,10 @@ class Slider(Section):
 
 
 def clearance_on(clearances: float | Mapping[Face, float], face: str) -> float:
-    """Clearance of the pads on a face, where one of all is given or several by face, m."""
+    """Return the clearance in m of the pads on a face.
+
+    `clearances` is one number for all faces or a mapping by face; a face that the mapping lacks has 0.
+    """
     return (
         next((gap for name, gap in clearances.items() if name == face), 0.0)
         if isinstance(clearances, Mapping)
@@ -210,10 +215,10 @@ def clearance_on(clearances: float | Mapping[Face, float], face: str) -> float:
 
 
 class PadRing(Section):
-    """A ring of pads at one place along the axis; they stay on the body or move along it.
+    """A ring of pads at one position along the axis, which is fixed on the body or moves along it.
 
-    `faces` gives the places of pads across each face in m: y on bottom and top, z on left and right.  On slanted faces
-    they count upwards, from the point of the face that is nearest to the axis.
+    `faces` gives the coordinate of each pad across its face in m: y on bottom and top, z on left and right.  On slanted
+    faces it grows upwards, from the point of the face that is nearest to the axis.
     """
 
     name: Name = Field(description="Name of the ring, with which the names of its pads begin")
@@ -237,12 +242,12 @@ class PadRing(Section):
     )
 
     def clearance_on(self, face: Face) -> float:
-        """Clearance of the pads on a face, m."""
+        """Return the clearance of the pads on a face, m."""
         return clearance_on(self.clearance, face)
 
     @property
     def places(self) -> list[tuple[str, Face, float]]:
-        """Name, face and place across of each pad."""
+        """Name, face and coordinate across the face in m of each pad."""
         pads = []
         for face, places in self.faces.items():
             for number, across in enumerate(places, start=1):
@@ -256,22 +261,22 @@ class PadRing(Section):
 
 
 def force_of(name: str) -> str:
-    """Name of the force of a pad or slider, whether it is an output or the multiplier of a row."""
+    """Return the name of the force of a pad or slider, which is an output of the model or the multiplier of a row."""
     return f"force of {name}"
 
 
 def reaction_of(name: str) -> str:
-    """Name of the force or moment of a rigid support."""
+    """Return the name of the force or moment of a rigid support."""
     return f"reaction of {name}"
 
 
 def friction_of(section: str) -> str:
-    """Name of the friction along a section's joint, of all its pads together."""
+    """Return the name of the friction force along a section's joint, summed over all of its pads."""
     return f"friction of {section}"
 
 
 class Load(Section):
-    """A force in N (moment in N m) along a direction, spread over a named group or at a place along the axis."""
+    """A force in N (moment in N m) along a direction, spread over a named group or at a position along the axis."""
 
     name: Name = Field(default="F", description="Name of the load in results and exports")
     on: Name | Place = Field(default="tip", description="A named group, or a place along x in m")
@@ -292,7 +297,7 @@ class Load(Section):
 
 
 def _or_inclination(schema: dict[str, Any]) -> None:
-    """An inclination may stand in the place of the direction."""
+    """Allow in a JSON schema, which is changed in place, an inclination instead of a direction."""
     about = "Angle by which the boom is raised, in place of `direction`, which is then (-sin, 0, -cos) of it"
     degrees = {"type": "number", "minimum": -90.0, "maximum": 90.0, "unit": "degrees", "default": None}
     schema["properties"] |= {"inclination": degrees | {"description": about}}
@@ -322,7 +327,7 @@ class Gravity(Section):
 
     @cached_property
     def written_inclination(self) -> float:
-        """In degrees, as a file says it; 0 where it says a direction."""
+        """Inclination in degrees as written in the file; 0 if the file gives a direction."""
         return 0.0
 
     @property
@@ -332,6 +337,7 @@ class Gravity(Section):
     @model_validator(mode="wrap")
     @classmethod
     def _resolve_inclination(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        """Validate a table with an `inclination` in degrees as one with the direction (-sin, 0, -cos) of that angle."""
         if not (isinstance(data, dict) and "inclination" in data):
             return handler(data)
         other_keys, angle = {key: value for key, value in data.items() if key != "inclination"}, data["inclination"]
@@ -345,12 +351,12 @@ class Gravity(Section):
 
     @property
     def raised(self) -> float:
-        """How far x points upwards, in degrees."""
+        """Angle in degrees by which the x axis points upwards."""
         return math.degrees(math.asin(0.0 - self.direction[0]))
 
     @property
     def signal(self) -> SignalBase:
-        """Acceleration in m/s^2 over time."""
+        """Acceleration of the weight in m/s^2 over time."""
         if self.rise == 0.0:
             return Constant(amount=self.acceleration)
         return SmoothRamp(times=(0.0, self.rise), values=(0.0, self.acceleration))

@@ -1,10 +1,8 @@
-"""Checks of a whole scene: time, path, reduction, comparison and simulators, the moving frame and the machine.
+"""Checks of a whole scene, which raise InputError: time, path, reduction, comparison, simulators, frame and machine.
 
-What no section can know by itself but of bodies: sizes, time, path, reduction, comparison and simulators.
-
-What a frame that moves asks of the rest of a scene.
-
-What a machine that moves by itself asks of the rest of a scene.
+Each check raises an InputError for the first key that contradicts another key; its file is ``"scene"``, which the
+reader of the scene replaces by the file's name.  Checks of a single table are its validators, those of one body are in
+`pmr.scene.structure_checks`, those of neighbouring sections in `pmr.scene.joint_checks`.
 """
 
 from __future__ import annotations
@@ -27,7 +25,7 @@ from pmr.scene.structures import Damping
 
 
 def check_machine(scene: Scene, frame: Frame, machine: Machine) -> None:
-    """Refuse what its equations leave out, and simulators without them."""
+    """Refuse settings that the equations of a free machine do not cover, and simulators that do not support one."""
     motions = {} if frame.base is None else frame.base.motions
     for direction in machine.free:
         if direction in motions and not machine.is_sprung(direction):
@@ -51,7 +49,7 @@ def check_machine(scene: Scene, frame: Frame, machine: Machine) -> None:
 
 
 def _check_contacts(scene: Scene) -> None:
-    """Pads hold both ways and do not rub: those that open in parts of a step see no motion of a machine there."""
+    """Refuse pads that only push or have friction: these can't be simulated together with a machine's motion."""
     for number, part in enumerate(scene.sections):
         for k, pads in enumerate(part.pads):
             _check_ring(f"sections[{number}].pads[{k}]", pads.unilateral, 0.0)
@@ -61,6 +59,7 @@ def _check_contacts(scene: Scene) -> None:
 
 
 def _check_ring(key: str, unilateral: bool, friction: float) -> None:
+    """Refuse a ring of pads, of the given key, that only pushes or has friction."""
     if unilateral:
         allowed = "false is allowed beside frame.machine: pads that hold both ways"
         raise refusal(f"{key}.unilateral", True, allowed)
@@ -75,7 +74,11 @@ IN_LINE, SAMPLES = 0.01, 1001
 
 
 def check_frame(scene: Scene) -> None:
-    """Refuse angles that jump or have kinks, gravity that is given twice, and models or references without a frame."""
+    """Refuse a moving frame whose angles jump or have kinks, and settings of the scene that it does not allow.
+
+    These are gravity with a direction of its own, models that can't follow the frame's motion, what second order does
+    not cover, and the ANCF reference.  A scene without a frame passes.
+    """
     frame = scene.frame
     if frame is None:
         return
@@ -119,7 +122,7 @@ def check_frame(scene: Scene) -> None:
 
 
 def _check_cylinder(scene: Scene, frame: Frame) -> None:
-    """A cylinder in line with the pivot carries no moment."""
+    """Refuse a luffing cylinder whose arm about the pivot is zero, or nearly so, at some time: it carries no moment."""
     if frame.cylinder is None:
         return
     if frame.cylinder.stiffness is not None:
@@ -135,7 +138,11 @@ def _check_cylinder(scene: Scene, frame: Frame) -> None:
 
 
 def _check_holding(scene: Scene, frame: Frame) -> None:
-    """What a cylinder that holds the base asks of it: a beam of several sections, and no support in its place."""
+    """Refuse a luffing cylinder with a stiffness unless it can hold the base.
+
+    The base has to be a beam of a boom of several sections with a luffing angle; the lug is on it, and no support is at
+    the lug.
+    """
     key, base = "frame.cylinder.stiffness", members(scene)[0]
     assert frame.cylinder is not None
     if not base.jointed or model_of(base) not in ("beam2d", "beam3d"):
@@ -153,6 +160,7 @@ def _check_holding(scene: Scene, frame: Frame) -> None:
 
 
 def _check_smooth(scene: Scene, key: str, what: str, motion: SignalBase) -> None:
+    """Refuse a motion of the frame, called `what` in the message, whose value or rate jumps while it is simulated."""
     kinks = motion.kinks(scene.time.end)
     jumps = [t for t in motion.breaks if 0.0 < t <= scene.time.end and _jumps(motion, t)]
     if jumps or kinks:
@@ -162,6 +170,7 @@ def _check_smooth(scene: Scene, key: str, what: str, motion: SignalBase) -> None
 
 
 def _jumps(angle: SignalBase, t: float) -> bool:
+    """Whether a signal jumps at t (s), by more than the share `JUMP` of its range from 0 to t."""
     low, high = angle.bounds(0.0, t)
     before, after = angle.value(np.array([np.nextafter(t, -np.inf), t]))
     return bool(abs(after - before) > JUMP * (high - low))
@@ -171,7 +180,7 @@ MOST_STEPS = 1_000_000
 
 
 def check(scene: Scene) -> None:
-    """Refuse a scene whose sections contradict each other, of the key ``"scene"``: its reader names the file."""
+    """Raise an InputError for the first key of a scene that contradicts another one; its file is ``"scene"``."""
     check_sizes(scene)  # first: what others compute with is then finite
     check_time(scene)
     _check_outputs(scene)
@@ -184,6 +193,7 @@ def check(scene: Scene) -> None:
 
 
 def _check_alone(scene: Scene) -> None:
+    """Check the keys of a scene of one body."""
     part = scene.alone
     if part.joint is not None:
         raise refusal("sections[0].joint", None, "a section alone slides in nothing: supports or pads hold it")
@@ -203,13 +213,14 @@ def _check_alone(scene: Scene) -> None:
 
 
 def _fatigue(scene: Scene) -> None:
+    """Refuse fatigue without a probe that measures stress."""
     measured = [measure for part in scene.sections for probe in part.probes for measure in probe.measures]
     if scene.fatigue is not None and "stress" not in measured:
         raise refusal("fatigue", None, "a probe with measures = ['stress'] is needed: damage is that of its stresses")
 
 
 def check_time(scene: Scene) -> None:
-    """Steps make up the time and what is recovered."""
+    """Refuse time steps that do not add up to the simulated time, are too many, or do not divide `recovery.every`."""
     time, recovery = scene.time, scene.recovery
     if time.steps < 1 or abs(time.steps * time.step - time.end) > 1e-9 * time.end:
         raise refusal("time.step", time.step, f"a whole number of steps must make up time.end = {time.end:g} s")
@@ -222,6 +233,7 @@ def check_time(scene: Scene) -> None:
 
 
 def _reduction(scene: Scene) -> None:
+    """Refuse settings of the reduction that exclude each other, and fewer coordinates than constraint rows."""
     choice = scene.reduction
     if choice.basis == "paper" and choice.flexibility:
         allowed = "'eigenmodes' or 'free_modes' is allowed with flexibility: supports then need no coordinates"
@@ -247,6 +259,7 @@ def _reduction(scene: Scene) -> None:
 
 
 def _pool(scene: Scene) -> None:
+    """Refuse more coordinates than the POD has vectors, and positions off the body or not as many as snapshots."""
     choice = scene.reduction
     pool = choice.snapshots * choice.modes
     if choice.coordinates > pool:
@@ -261,7 +274,7 @@ def _pool(scene: Scene) -> None:
 
 
 def _frequency_response(scene: Scene) -> None:
-    """Linear equations in coordinates that are free: rows give way and hold both ways."""
+    """Refuse a frequency response unless all contacts hold both ways and no rigid row constrains the coordinates."""
     choice = scene.reduction
     rigid = bool(scene.points) or any(ring.stiffness == "rigid" for ring in scene.pads)
     rigid = rigid or any(support.stiffness == "rigid" and support.points == "mean" for support in scene.supports)
@@ -273,6 +286,7 @@ def _frequency_response(scene: Scene) -> None:
 
 
 def _comparison(scene: Scene) -> None:
+    """Refuse the ANCF reference of a scene that it can't represent."""
     profile = scene.body.profile
     ancf_can = (
         scene.start == "rest"
@@ -293,7 +307,7 @@ def _comparison(scene: Scene) -> None:
 
 
 def _simulators(scene: Scene) -> None:
-    """Check the simulators as far as that is possible before there is a model."""
+    """Refuse simulators that do not support the scene's rows, as far as these are known before a model is made."""
     choice, (low, high) = scene.reduction, scene.path_bounds
     pushing = tuple(ring.name for ring in scene.pads if ring.unilateral)
     soft = {ring.name for ring in scene.pads if ring.stiffness != "rigid"}
@@ -316,7 +330,7 @@ def _simulators(scene: Scene) -> None:
 
 
 def _check_outputs(scene: Scene) -> None:
-    """Check that accuracy or budget alone is given, and each kind of output once."""
+    """Refuse accuracy beside budget, and an output that one of them lists twice."""
     ordered, key = scene.goal, "accuracy" if scene.accuracy is not None else "budget"
     if scene.accuracy is not None and scene.budget is not None:
         raise refusal("budget", None, "accuracy or budget is allowed, not both")
@@ -325,6 +339,7 @@ def _check_outputs(scene: Scene) -> None:
 
 
 def _accuracy(scene: Scene) -> None:
+    """Refuse accuracy or budget without free modes that have flexibility and an estimate."""
     choice, key = scene.reduction, "accuracy" if scene.accuracy is not None else "budget"
     if scene.goal is None:
         return

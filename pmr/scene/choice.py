@@ -1,10 +1,11 @@
-"""Which structural model a body gets, what it can do, and what each simulator can.
+"""Choice of the structural model of each body, properties that follow from it, and capabilities of the simulators.
 
-The model of a body: the one that its scene names, or for ``auto`` the least that can carry what the scene asks for.
+`choose` takes the model that a scene names, or for ``auto`` the smallest one that can carry loads, pads and outputs
+of the scene.  Whether that model is accurate enough is measured by comparison with a shell (`pmr.pipeline.scenes`),
+not decided here.
 
-Which model is accurate enough is measured beside a shell (`pmr.pipeline.scenes`), not decided here.
-
-What each simulator can do, by the names that scenes give them; what it can't is refused here, and nowhere else.
+`SIMULATORS` lists what each simulator supports, by the names that scenes use; `refuse` raises an InputError for
+everything else.
 """
 
 from __future__ import annotations
@@ -21,22 +22,22 @@ from pmr.scene.keys import Direction
 from pmr.scene.members import Member
 from pmr.scene.profile import FACES, Face
 
-#: A wall is taken to answer at once up to this share of its own lowest frequency.
+#: Share of a wall's lowest frequency up to which its response is assumed to be quasi-static.
 QUASI_STATIC = 1.0 / 3.0
-#: Faces at the left and at the right.
+#: Pairs of faces that mirror each other at y = 0.
 SIDES: tuple[tuple[Face, Face], ...] = (("left", "right"), ("bottom left", "bottom right"), ("top left", "top right"))
 
 
 @dataclass(frozen=True)
 class Choice:
-    """A model and the reasons for it, each a clause."""
+    """Name of a structural model, and the reasons for it, each a clause of a sentence."""
 
     model: str
     reasons: tuple[str, ...]
 
 
 def choose(member: Member) -> Choice:
-    """Choose the model that the scene names, or for ``auto`` the smallest of beam2d, beam3d and shell that serves."""
+    """Return the model that the scene names, or for ``auto`` the smallest of beam2d, beam3d and shell that suffices."""
     if member.part.body.model != "auto":
         return Choice(member.part.body.model, ("the scene names it",))
     if member.part.body.profile is not None:
@@ -49,29 +50,29 @@ def choose(member: Member) -> Choice:
 
 
 def is_undecided(member: Member) -> bool:
-    """Whether measurements are to decide the model: ``auto``, of a box of which a beam can carry what is asked."""
+    """Whether measurements have to choose the model: it is ``auto``, of a box that a beam may represent."""
     body = member.part.body
     return body.model == "auto" and body.box is not None and model_of(member) != "shell"
 
 
 def model_of(member: Member) -> str:
-    """The name of that model."""
+    """Name of the structural model that `choose` returns for a body."""
     return choose(member).model
 
 
 def has_giving_walls(member: Member) -> bool:
-    """Whether the chosen model is a beam whose walls give way under pads."""
+    """Whether the chosen model is a beam whose walls are locally flexible under pads."""
     return member.part.body.walls == "give" and model_of(member) in ("beam2d", "beam3d")
 
 
 def has_walls_that_could_give(member: Member) -> bool:
-    """Whether the chosen model is a beam of a box whose walls are rigid under its pads."""
+    """Whether the chosen model is a beam of a box whose walls are rigid under pads, but could be made flexible."""
     body = member.part.body
     return body.box is not None and body.walls == "rigid" and model_of(member) in ("beam2d", "beam3d")
 
 
 def directions(member: Member) -> tuple[Direction, ...]:
-    """Directions in which a place of the chosen model can move."""
+    """Return the displacements and rotations (x..rz) that a point of the body's model has."""
     if model_of(member) != "beam2d":
         return ("x", "y", "z", "rx", "ry", "rz")
     profile = member.part.body.profile
@@ -79,9 +80,11 @@ def directions(member: Member) -> tuple[Direction, ...]:
 
 
 def parts_of(member: Member, load: Load) -> dict[str, Direction]:
-    """Names of the inputs of a load, and the axis of the body along which each acts.
+    """Return the names of the inputs that a load becomes, and for each the axis of the body along which it acts.
 
-    A force along an axis of the ground has a part along each axis of the body that the frame may turn towards it.
+    A load along an axis of the body is one input of the load's name.  A load along an axis of the ground becomes one
+    input ``"NAME AXIS"`` for each axis of the body that the moving frame may turn towards it, as far as the model has
+    it.
     """
     if load.axes == "body":
         return {load.name: load.direction}
@@ -97,7 +100,7 @@ def parts_of(member: Member, load: Load) -> dict[str, Direction]:
 
 
 def loads_of(member: Member) -> tuple[Load, ...]:
-    """Loads by their inputs, each along an axis of the body."""
+    """Return one load along an axis of the body for each input that the loads of a body become (`parts_of`)."""
     return tuple(
         load.model_copy(update={"name": name, "direction": direction, "axes": "body"})
         for load in member.part.loads
@@ -106,7 +109,10 @@ def loads_of(member: Member) -> tuple[Load, ...]:
 
 
 def is_pinned_beam(member: Member) -> bool:
-    """Whether the scene is a planar beam that a pin at x = 0 and one point that slides hold, and nothing else."""
+    """Whether a body is a planar beam held by nothing but a rigid pin at x = 0 and one sliding point without an offset.
+
+    It has no pads and no point masses.
+    """
     held = [
         (member.part.place(support.on), support.stiffness, set(support.held) & {"x", "z", "ry"})
         for support in member.part.supports
@@ -120,13 +126,16 @@ def is_pinned_beam(member: Member) -> bool:
 
 
 def is_axial(member: Member) -> bool:
-    """Whether a section moves along the boom, so that a cylinder can drive it."""
+    """Whether the body's model has displacements along the boom, so that a cylinder can drive it."""
     return "x" in directions(member)
 
 
 def has_tail(member: Member) -> bool:
-    """Whether a cylinder may act on the tail of a body: its own one, or on the base that of the next section."""
-    # every point of it
+    """Whether a cylinder may act on the tail of a body of a boom: its own or, on the base, that of the next section.
+
+    It may not where the body has no displacement along x, or a support holds every point of the base's tail along x.
+    """
+    # a support of every point removes the tail's coordinates along x from the model
     held = any(
         support.on == "tail" and support.points == "all" and "x" in support.held for support in member.part.supports
     )
@@ -134,12 +143,16 @@ def has_tail(member: Member) -> bool:
 
 
 def is_accelerated(member: Member) -> bool:
-    """Whether extensions alone accelerate a body along the boom."""
+    """Whether a section other than the base is accelerated along the boom by extensions alone, without a frame."""
     return member.number > 0 and has_tail(member) and member.frame is None
 
 
 def inertia_fields(member: Member) -> tuple[str, ...]:
-    """Fields in which the frame accelerates a body: along ``x``; along x, growing with z, ``xz``; none that vanish."""
+    """Return the names of the acceleration fields that a moving frame applies to a body; none without a frame.
+
+    Field ``x`` is uniform along x, ``xz`` acts along x and is proportional to z.  Fields that have no effect on the
+    body's model are left out.
+    """
     if member.frame is None:
         return ()
     turning = "xyz" if member.frame.leaves_plane else "xz"
@@ -153,31 +166,31 @@ def inertia_fields(member: Member) -> tuple[str, ...]:
 
 
 def _has_rotary_inertia(member: Member) -> bool:
-    """Whether a beam's cross-sections, or what is attached to it, have inertia across the axis but for torsion."""
+    """Whether a beam or a mass on it has inertia about axes across the beam, or a mass is off the beam's axis."""
     is_off_axis = [mass.at is not None and mass.at[1:] != (0.0, 0.0) for mass in member.part.masses]
     attached = any(any(mass.inertia) for mass in member.part.masses)
     return attached or any(is_off_axis) or (model_of(member) == "beam3d" and member.part.body.shear)
 
 
 def is_planar(member: Member) -> bool:
-    """Tell whether a section is a planar beam."""
+    """Whether a body is modelled as a planar beam."""
     return model_of(member) == "beam2d"
 
 
 def fewest_rows(member: Member) -> int:
-    """Rows of rigid supports and of points that slide; those of pads come on top."""
+    """Return the number of constraint rows of rigid supports of mean motions and of sliding points, without pads."""
     moves = directions(member)
     rigid = [support for support in member.part.supports if support.stiffness == "rigid" and support.points == "mean"]
     return sum(direction in moves for support in rigid for direction in support.held) + len(member.points)
 
 
 def felt_faces(member: Member) -> tuple[str, ...]:
-    """Faces whose pads the chosen model can feel: nothing moves a planar beam sideways."""
+    """Names of the faces whose pads act on the chosen model: bottom and top of a planar beam, else all faces."""
     return ("bottom", "top") if model_of(member) == "beam2d" else FACES
 
 
 def transverse(member: Member) -> tuple[str, ...]:
-    """Directions in which the chosen model moves across its axis."""
+    """Axes across the body along which the chosen model has displacements: z, and y unless it is a planar beam."""
     return ("z",) if model_of(member) == "beam2d" else ("y", "z")
 
 
@@ -186,6 +199,9 @@ def wall_frequency(box: Box, young: float, poisson: float, density: float) -> fl
 
     .. math:: f = \frac{\pi}{2 b^2} \sqrt{\frac{E t^2}{12 \rho (1 - \nu^2)}}
 
+    with width b and thickness t of the wall with the least t / b^2, `young` E in Pa, `poisson` :math:`\nu` and
+    `density` :math:`\rho` in kg/m^3.  It is infinite for a box without flat walls.
+
     Leissa: Vibration of Plates, NASA SP-160, 1969, section 4.1 (a infinite).
     """
     softest = min((side.thickness / side.length**2 for side in box.faces.values()), default=np.inf)
@@ -193,13 +209,14 @@ def wall_frequency(box: Box, young: float, poisson: float, density: float) -> fl
 
 
 def _stresses(member: Member) -> list[str]:
+    """Reason for a shell where the scene asks for stresses or strains; empty where it does not."""
     measured = {measure for probe in member.part.probes for measure in probe.measures}
     has_stresses = member.recovery is not None and member.recovery.stress or bool(measured & {"stress", "strain"})
     return ["stresses are asked for, which pads and walls decide"] * has_stresses
 
 
 def _walls(member: Member) -> list[str]:
-    """Reasons for which a beam can't stand for the walls."""
+    """Reasons for a shell: loads near the walls' lowest frequency, or frames in the box; empty without any."""
     box, material = member.part.body.box, member.part.body.material
     if box is None:
         return []
@@ -210,13 +227,13 @@ def _walls(member: Member) -> list[str]:
 
 
 def _other_models(member: Member) -> list[str]:
-    """Sections that are no planar beams: all sections are such beams, or none is."""
+    """Reasons for a beam in space from other sections: if one of them is no planar beam, none may be one."""
     models = {section.part.name: choose(section).model for section in member.others}
     return [f"section {name} is no planar beam" for name, model in models.items() if model != "beam2d"]
 
 
 def _lateral(member: Member) -> list[str]:
-    """Reasons for which the motion leaves the vertical plane."""
+    """Reasons for a beam in space: what moves the body out of the vertical plane; empty without any."""
     reasons = [
         f"the load {load.name} acts along {load.direction}"
         for load in member.part.loads
@@ -242,31 +259,31 @@ def _lateral(member: Member) -> list[str]:
 
 @dataclass(frozen=True)
 class Needs:
-    """Needs of a body on its way that a simulator has to meet; rows by their names."""
+    """What a simulation needs of its simulator; rows (pads, supports, sliders) by their names."""
 
     pushing: tuple[str, ...] = ()  #: Rows that only push
-    #: Those of them that neither a pad's stiffness nor residual flexibility lets give way
+    #: Rows that only push and are rigid: neither a pad's stiffness nor residual flexibility lets them give way
     rigid_pushing: tuple[str, ...] = ()
     giving: tuple[str, ...] = ()  #: Rows that give way
     rigid_moving: tuple[str, ...] = ()  #: Rigid rows that travel along a path
     rubbing: tuple[str, ...] = ()  #: Rows with friction
-    machine: tuple[str, ...] = ()  #: Directions in which the machine below moves by itself
+    machine: tuple[str, ...] = ()  #: Directions in which the machine below the boom is free
     rho_inf: float = 0.0  #: Spectral radius at infinite frequency
 
 
 @dataclass(frozen=True)
 class Capabilities:
-    """Capabilities of a simulator; it integrates by generalized-alpha, which damps less than rho_inf says."""
+    """Features that a simulator supports; each of them integrates by generalized-alpha."""
 
     rows_that_push: bool = False
     rows_that_give_way: bool = True
     rows_that_rub: bool = False
     machine_that_moves: bool = False
-    reduced_models: bool = True  # it is one of `simulation.simulators`
-    package: str | None = None  # that it needs installed
+    reduced_models: bool = True  # whether it simulates reduced models, as one of `simulation.simulators`
+    package: str | None = None  # package that has to be installed for it
 
 
-#: By the names of `simulation.simulators` and `simulation.full`.
+#: Simulators by their names in `simulation.simulators` and `simulation.full`.
 SIMULATORS = {
     "march": Capabilities(rows_that_push=True, rows_that_rub=True, machine_that_moves=True),
     "exudyn": Capabilities(rows_that_push=True, rows_that_rub=True, package="exudyn"),
@@ -278,19 +295,22 @@ SIMULATORS = {
 
 @dataclass(frozen=True)
 class Asked:
-    """Place where a simulator is named: file or ``"scene"``, key and value there."""
+    """Key that names a simulator: the file (or ``"scene"``) in which the key is written, the key and its value."""
 
     source: str
     key: str
     value: Any
 
 
-#: The full model as a reference.
+#: Key by which a scene asks for the simulation of its full model, as a reference.
 REFERENCE = Asked("scene", "compare.against", ["full"])
 
 
 def refuse(name: str, needs: Needs, place: Asked | None = None) -> None:
-    """Refuse, by InputError, what the simulator of this name can't do, in a line that names the key that mends it."""
+    """Raise an InputError for the first of the `needs` that the simulator `name` does not support.
+
+    The error says what to change.  `place` is the key that names the simulator; None: ``simulation.simulators``.
+    """
     can, place = SIMULATORS[name], place or Asked("scene", "simulation.simulators", name)
     lacking = {
         "rows_that_push": (needs.pushing, f"knows no rows that only push ({', '.join(needs.pushing)})"),

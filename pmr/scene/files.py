@@ -1,13 +1,9 @@
-"""Reading a scene file: validation, keys without effect, and keys of earlier versions.
+"""Reading of scene files: validation, keys without effect, and keys of earlier versions.
 
-Reading a scene file: what its sections allow, and what no section knows by itself.
+A scene file with a key of an earlier version is refused, with the key's new name or what replaces it.  A scene in saved
+results or in a saved model was valid for the version that wrote it: keys that no longer exist are left out of it.
 
-Keys that a scene file writes and that have no effect on what it describes: who writes one expects some.
-
-Keys of scenes that earlier versions had: the one place where a key is said to have moved, or to be gone.
-
-A scene file with one of them is refused in a line that has the new name, or what does its work now. A scene that stands
-in saved results or in a saved model was run by the version that wrote it: keys that are gone are left out of it.
+Keys that a scene file sets and that have no effect on the scene are refused too: whoever sets one expects an effect.
 """
 
 from __future__ import annotations
@@ -30,7 +26,7 @@ from pmr.scene.scene import BodyFile, Scene
 from pmr.scene.structure_checks import refusal
 from pmr.scene.tomlfiles import OPTION, Change, Dialect, TomlFile, override, resolve_path
 
-#: Keys of earlier versions and what they are called now.
+#: Keys of earlier versions and their present names.
 MOVED = {
     "body.length": "body.profile.length",
     "body.bending_stiffness": "body.profile.bending_stiffness",
@@ -43,7 +39,7 @@ MOVED = {
     "clamps": "supports (with points = 'all', and kind = 'clamped' or directions)",
     "reduction.support_rows": "reduction.basis ('paper' for 'hold', 'eigenmodes' for 'drop')",
 }
-#: Keys of earlier versions that have no other name now, and what does their work.
+#: Keys of earlier versions without a present name, and what replaces them.
 GONE = dict.fromkeys(
     ("reduction.residual_inertia", "sections.reduction.residual_inertia"),
     "no such key is allowed any more: more of reduction.coordinates do its work",
@@ -54,12 +50,14 @@ GONE = dict.fromkeys(
 
 
 def stored_scene(data: Mapping[str, Any], source: str, context: Mapping[str, str] | None = None) -> Scene:
-    """The scene of saved results or of a saved model, of this version or an earlier one; `source` is where it stands.
+    """Return the scene of saved results or of a saved model, of this version or an earlier one.
+
+    `source` names the file in messages, `context` is that of pydantic's validation.
 
     Raises
     ------
     InputError
-        For the first key that no version up to this one had.
+        For the first key that no version up to this one had, or value that is not valid.
     """
     content = deepcopy(dict(data))
     for name in GONE:
@@ -74,7 +72,7 @@ def stored_scene(data: Mapping[str, Any], source: str, context: Mapping[str, str
 
 
 def _leave_out(data: Any, keys: Sequence[str]) -> None:
-    """Take a key out of nested tables, of each entry where they are lists."""
+    """Remove a key, as a list of words, from nested tables in place; lists of tables lose it in each entry."""
     first, *inner_keys = keys
     if isinstance(data, list):
         for entry in data:
@@ -86,7 +84,7 @@ def _leave_out(data: Any, keys: Sequence[str]) -> None:
 
 
 _CELLS = ("size", "along", "tail_layer", "cells")
-#: By model, keys that it has no use for.
+#: Keys without effect, by model.
 UNUSED = {
     "beam2d": (*(f"mesh.{key}" for key in _CELLS), "body.shear_correction", "body.shear"),
     "beam3d": (*(f"mesh.{key}" for key in _CELLS), "body.shear_correction"),
@@ -97,17 +95,17 @@ UNUSED = {
         *(f"body.{key}" for key in ("material", "thickness", "regions", "shear", "shear_correction", "walls")),
     ),
 }
-#: What a beam has a use for nevertheless that is pressed on, or compared with, as a shell.
+#: Keys that a beam uses if its walls give way, or if it is compared with a shell.
 OF_WALLS = ("mesh.size", "mesh.along", "body.shear_correction")
-#: What a box loses as a planar beam: geometry, whoever wrote it.
+#: Keys of a box that a planar beam can't represent.
 STIFFENERS = ("body.box.frame_depth", "body.box.frame_thickness")
-#: What only the POD of eigenmodes looks at.
+#: Keys that only the POD of eigenmodes uses.
 POOLED = ("reduction.snapshots", "reduction.modes", "reduction.positions")
 
 
 @dataclass(frozen=True)
 class Unused:
-    """A key without effect, the key that decides so ("" if it may not be written), and why."""
+    """A key without effect, the key `by` that decides so ("" if none does), and the reason in words."""
 
     key: str
     by: str
@@ -115,10 +113,10 @@ class Unused:
 
 
 def check_unused(file: TomlFile, scene: Scene) -> None:
-    """Refuse the first key without effect that stands beside the key that decides so, or in an option.
+    """Refuse the first key without effect that is set by an option, or in this file beside the key that decides so.
 
-    What a file takes over from one that it extends, sections from what all have in common, and runs from the grid of a
-    study may be of use to others.
+    Keys taken over from a file that this one extends, from the table common to all sections, or from the grid of a
+    study may have an effect elsewhere and pass.
     """
     compared = scene.compare.richer not in ("auto", "none")
     if "sections" not in file.data:
@@ -132,6 +130,7 @@ def check_unused(file: TomlFile, scene: Scene) -> None:
 
 
 def _refuse_any(file: TomlFile, prefix: str, content: Mapping[str, Any], unused_keys: Iterator[Unused]) -> None:
+    """Refuse the first of `unused_keys` that `content` sets; `prefix` is the key of `content` in the file."""
     for unused in unused_keys:
         if not _stands(content, unused.key):
             continue
@@ -142,6 +141,7 @@ def _refuse_any(file: TomlFile, prefix: str, content: Mapping[str, Any], unused_
 
 
 def _stands(data: Any, key: str) -> bool:
+    """Whether nested tables and lists have a dotted key, such as ``joint.tail.0.friction``; False for ""."""
     for word in filter(None, key.split(".")):
         if isinstance(data, list):
             data = dict(zip(map(str, range(len(data))), data, strict=True))
@@ -152,6 +152,7 @@ def _stands(data: Any, key: str) -> bool:
 
 
 def _of_body(member: Member, compared: bool) -> Iterator[Unused]:
+    """Yield keys without effect on a body; `compared`: whether a richer model, which uses shell keys, is compared."""
     model = model_of(member)
     for key in UNUSED.get(model, ()) if member.part.body.model != "auto" else ():
         if model == "beam2d" and key == "body.shear" and not member.part.body.shear:
@@ -173,6 +174,7 @@ def _of_body(member: Member, compared: bool) -> Iterator[Unused]:
 
 
 def _of_joint(scene: Scene, number: int) -> Iterator[Unused]:
+    """Yield keys without effect in the joint of section `number`."""
     joint, name = scene.joint(number), scene.names[number]
     if joint.follows is None:
         yield from (Unused(f"joint.{key}", "", f"{name} follows no other section") for key in ("ratio", "offset"))
@@ -190,6 +192,7 @@ def _of_joint(scene: Scene, number: int) -> Iterator[Unused]:
 
 
 def _of_simulation(scene: Scene) -> Iterator[Unused]:
+    """Yield keys of comparison and simulation without effect."""
     if "ancf" not in scene.compare.against:
         yield Unused("compare.ancf_elements", "compare.against", "compare.against names no ANCF reference")
     if not any(name.startswith("exudyn") for name in (*scene.simulation.simulators, scene.simulation.full)):
@@ -198,7 +201,7 @@ def _of_simulation(scene: Scene) -> Iterator[Unused]:
         )
 
 
-#: Published figures are those of one scene, not of the ones that extend it.
+#: Rules of scene files; published results belong to one scene, not to those that extend it.
 DIALECT = Dialect(
     "scene file",
     own=("published",),
@@ -236,7 +239,10 @@ def load_any(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
 
 
 def vary(path: str | Path, changes: Sequence[Change]) -> Scene:
-    """Load a scene with changes laid over it, one after the other."""
+    """Load a scene with changes laid over its tables in order.
+
+    Published results stay only as far as they hold for the changed scene.
+    """
     file, as_it_stands = _file(path), ""
     with suppress(InputError):  # a change may mend it
         as_it_stands = _scene(file).hash if changes and "published" in file.data else ""
@@ -249,13 +255,13 @@ def vary(path: str | Path, changes: Sequence[Change]) -> Scene:
 
 
 def has_sections(path: str | Path) -> bool:
-    """Whether a file describes a boom of several sections."""
+    """Whether a scene file describes a boom of more than one section."""
     sections = _file(path).data.get("sections")
     return isinstance(sections, list) and len(sections) > 1
 
 
 def beam_scene(path: str | Path) -> Scene:
-    """Load a planar beam that is described by its stiffnesses, on which points slide; others are refused."""
+    """Load a scene of a planar beam with a profile and sliding points; raises InputError for any other scene."""
     scene = load(path)
     if scene.body.profile is None or scene.pads:
         raise InputError(str(path), "body.profile", None, "a scene with a planar beam, without pads, is allowed here")
@@ -263,11 +269,15 @@ def beam_scene(path: str | Path) -> Scene:
 
 
 def _file(path: str | Path) -> TomlFile:
+    """Read a scene file, a folder's ``scene.toml`` or a workflow by its name, with the files that it extends."""
     return TomlFile.read(resolve_path(Path(path), "scene.toml"), DIALECT)
 
 
 def _scene(file: TomlFile) -> Scene:
-    """Scene of either dialect: a body at the top, or sections."""
+    """Return the checked scene of a file in either form: a body at the top, or sections.
+
+    Raises InputError with the file that set the key, and the key as it is written there.
+    """
     scene = file.validate(Scene) if "sections" in file.data else Scene.of(file.validate(BodyFile))
     try:
         check(scene)

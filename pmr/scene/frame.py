@@ -1,19 +1,17 @@
-r"""The moving frame of a boom, luffing and slewing, and the machine below its pivot.
-
-A frame that moves: a boom that is raised (luffing) and turned about the vertical (slewing).
+r"""The moving frame of a boom, which luffs (raises) and slews (turns about the vertical), and the machine below it.
 
 With x along the boom, z up where it lies level, and the angles :math:`\varphi` of luffing and :math:`\psi` of slewing,
 
 .. math::
     \omega = (\dot\psi \sin\varphi,\; -\dot\varphi,\; \dot\psi \cos\varphi)
 
-is the frame's angular velocity in its own axes; the vertical is :math:`(\sin\varphi, 0, \cos\varphi)` there.
+is the frame's angular velocity in its own axes; the vertical is :math:`(\sin\varphi, 0, \cos\varphi)` in these axes.
 
-A base that moves itself (an earthquake, a truck, a ship) carries both: its pivot goes by (x, y, z) along axes of the
-ground, and its own axes turn by :math:`R_Z(r_z) R_Y(r_y) R_X(r_x)`, roll first.  On the ground Z is upwards, and X
-where the boom points at a slewing angle of 0.
+A base that moves (an earthquake, a truck, a ship) carries the frame: the pivot is displaced by (x, y, z) along axes of
+the ground, and the axes of the base are rotated by :math:`R_Z(r_z) R_Y(r_y) R_X(r_x)`, roll first.  On the ground Z is
+upwards, and X where the boom points at a slewing angle of 0.
 
-The machine below the pivot as a rigid body: what of its motion is found, and what acts on it.
+The machine below the pivot is a rigid body whose motion in free directions is computed.
 """
 
 from __future__ import annotations
@@ -31,7 +29,7 @@ from pmr.scene.keys import Direction, Mass, Place, Point, Quantity, Section, Sti
 from pmr.scene.signals import Constant, Signal, SignalBase
 from pmr.scene.structures import ALLOWED_INERTIA, PrincipalMoments, is_inertia
 
-#: Directions in which a machine moves, as `[frame.base]` has them: of the pivot, then roll, pitch and yaw.
+#: Directions in which a machine moves, as keys of `[frame.base]`: displacements of the pivot, roll, pitch and yaw.
 DIRECTIONS: tuple[Direction, ...] = ("x", "y", "z", "rx", "ry", "rz")
 _PerDirection = Field(ge=0.0, strict=True)
 Spring = Annotated[float, _PerDirection, Quantity("N/m, of angles N m/rad", 0.0, 1e15)]
@@ -41,6 +39,8 @@ Rate = Annotated[float, Field(strict=True), Quantity("m/s, of angles frame.unit/
 
 
 class _ByDirection(Section):
+    """Base of tables with one number for each of the six directions of a machine."""
+
     @property
     def given(self) -> dict[str, float]:
         """Values that are not zero, by their directions."""
@@ -48,7 +48,10 @@ class _ByDirection(Section):
 
 
 class Springs(_ByDirection):
-    """Between the machine and what it stands on, whose motion `[frame.base]` has; angles are roll, pitch and yaw."""
+    """Springs between the machine and what it stands on, which moves as `[frame.base]` says.
+
+    Angles are roll, pitch and yaw.
+    """
 
     x: Annotated[Spring, Usual(2e3, 1e14, unit="N/m")] = Field(default=0.0, description="Along X of the ground")
     y: Annotated[Spring, Usual(2e3, 1e14, unit="N/m")] = Field(default=0.0, description="Along Y of the ground")
@@ -59,7 +62,7 @@ class Springs(_ByDirection):
 
 
 class Dampers(_ByDirection):
-    """Beside the springs."""
+    """Dampers parallel to the springs."""
 
     x: Damper = Field(default=0.0, description="Along X of the ground")
     y: Damper = Field(default=0.0, description="Along Y of the ground")
@@ -70,7 +73,7 @@ class Dampers(_ByDirection):
 
 
 class Places(_ByDirection):
-    """Places at which free directions begin."""
+    """Initial displacements of the pivot and initial angles in free directions."""
 
     x: Value = Field(default=0.0, description="Of the pivot along X of the ground")
     y: Value = Field(default=0.0, description="Of the pivot along Y of the ground")
@@ -81,7 +84,7 @@ class Places(_ByDirection):
 
 
 class Rates(_ByDirection):
-    """How fast free directions move at the start."""
+    """Initial velocities of the pivot and initial angular rates in free directions."""
 
     x: Rate = Field(default=0.0, description="Of the pivot along X of the ground")
     y: Rate = Field(default=0.0, description="Of the pivot along Y of the ground")
@@ -100,7 +103,7 @@ class OnMachine(Section):
 
     @property
     def given(self) -> dict[str, SignalBase]:
-        """Signals by their axes."""
+        """Signals that the scene sets, by their axes."""
         return {axis: one for axis in "xyz" if (one := getattr(self, axis)) is not None}
 
 
@@ -126,6 +129,7 @@ class Machine(Section):
 
     @model_validator(mode="after")
     def _of_free_directions(self) -> Self:
+        """Refuse impossible moments of inertia, and values in directions that are not free."""
         if not is_inertia(self.inertia):
             raise of_key("inertia", list(self.inertia), ALLOWED_INERTIA)
         if len(set(self.free)) < len(self.free):
@@ -140,19 +144,19 @@ class Machine(Section):
         return {"inertia": self.mass * scales["reach"] ** 2}
 
     def is_sprung(self, direction: str) -> bool:
-        """Whether a spring or a damper holds it."""
+        """Whether a spring or a damper acts in a direction."""
         return bool(getattr(self.stiffness, direction) or getattr(self.damping, direction))
 
 
-#: An angle of more than a turn, in rad, is more likely meant in degrees.
+#: A full turn in rad: a larger angle is probably in degrees.
 TURN = 2.0 * np.pi
-#: What is usual of motions of the frame: its angles where they are in rad, and where in degrees.
+#: Usual ranges of the frame's motions; angles have one range in rad and one in degrees.
 SHAKEN, MOVED = Usual(1e-3, 100.0, unit="m/s^2"), Usual(0.0, 1e3, unit="m")
 ROCKED, TURNED = Usual(0.0, 2.0, "rad", "rad"), Usual(0.0, 40.0, "rad", "rad")
 RAISED, SLEWED = Usual(1.6, np.inf, "degrees", "degrees"), Usual(3.2, np.inf, "degrees", "degrees")
-#: What inputs are called that accelerate a body with the frame, before the field: ``inertia x``, ``inertia zx``.
+#: Prefix of the inputs by which a moving frame accelerates a body, before the field: ``inertia x``, ``inertia zx``.
 INERTIA = "inertia "
-#: What such an input is.
+#: Meaning of such an input, for messages.
 MINUS_THE_ACCELERATION = "minus the acceleration of the frame, weight included"
 
 
@@ -195,19 +199,20 @@ class BaseMotion(Section):
 
     @model_validator(mode="after")
     def _moves(self) -> Self:
+        """Refuse a base without any motion."""
         if not (self.motions or any(self.accelerations.values())):
             raise ValueError("a motion is needed: x, y, z, rx, ry, rz or acceleration")
         return self
 
     @property
     def motions(self) -> dict[str, SignalBase]:
-        """Displacements in m and angles in the frame's unit, by their keys."""
+        """Displacements in m and angles in the frame's unit over time, by key x to rz; only those that are set."""
         signals = {key: getattr(self, key) for key in DIRECTIONS}
         return {key: signal for key, signal in signals.items() if signal is not None}
 
     @property
     def accelerations(self) -> dict[str, SignalBase]:
-        """Accelerations that are given as such, in m/s^2, by their axes."""
+        """Recorded accelerations in m/s^2 over time, by their axes; only those that are set."""
         signals = {axis: getattr(self.acceleration, axis) for axis in "xyz"}
         return {axis: signal for axis, signal in signals.items() if signal is not None}
 
@@ -233,12 +238,18 @@ class LuffingCylinder(Section):
     )
 
     def raised(self, angle: ArrayLike) -> NDArray[np.float64]:
-        """The lug at luffing angles (...) in rad, (..., 2) m along the axes of the foot."""
+        """Return the lug's positions (..., 2) in m at luffing angles (...) in rad.
+
+        They are x and z from the pivot, along the axes of the foot, which do not luff.
+        """
         sine, cosine, (x, z) = np.sin(angle), np.cos(angle), self.lug
         return np.stack([x * cosine - z * sine, x * sine + z * cosine], axis=-1)
 
     def length(self, angle: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Length in m at luffing angles in rad, and what it grows by for each radian, its arm about the pivot, m."""
+        """Return length L and arm dL / dphi about the pivot, both (...) in m, at luffing angles phi (...) in rad.
+
+        The arm is 0 where the length is 0.
+        """
         lug = self.raised(angle)
         from_foot = lug - self.foot
         length = np.linalg.norm(from_foot, axis=-1)
@@ -246,7 +257,7 @@ class LuffingCylinder(Section):
         return length, np.divide(turned, length, out=np.zeros_like(length), where=length > 0.0)
 
     def direction(self, angle: ArrayLike) -> NDArray[np.float64]:
-        """From the foot to the lug at luffing angles (...) in rad, (..., 2): x and z in the axes of the boom."""
+        """Return unit vectors (..., 2) from foot to lug at luffing angles (...) in rad: x and z in axes of the boom."""
         along_cylinder = self.raised(angle) - self.foot
         along_cylinder = along_cylinder / np.linalg.norm(along_cylinder, axis=-1, keepdims=True)
         sine, cosine = np.sin(angle), np.cos(angle)
@@ -287,6 +298,7 @@ class Frame(Section):
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
+        """Refuse a frame without a motion or without a pivot."""
         if self.luffing is None and self.slewing is None and self.base is None and self.machine is None:
             raise ValueError("an angle is needed: luffing or slewing, or a motion of the base, or a machine")
         if self.pivot is None:
@@ -298,30 +310,30 @@ class Frame(Section):
 
     @property
     def place(self) -> tuple[float, float, float]:
-        """Place of the base's tail from the pivot, m."""
+        """Position (3,) in m of the base's tail from the pivot, in the axes of the boom."""
         assert self.pivot is not None  # as the validator says
         return self.pivot
 
     @property
     def angles(self) -> tuple[SignalBase, SignalBase]:
-        """Luffing and slewing in rad."""
+        """Luffing and slewing angle in rad over time; a constant 0 for an angle that is not set."""
         return self._in_rad(self.luffing), self._in_rad(self.slewing)
 
     @property
     def rocking(self) -> tuple[SignalBase, ...]:
-        """Roll, pitch and yaw of the base in rad; none where it keeps its direction."""
+        """Roll, pitch and yaw of the base in rad over time; empty where the base keeps its direction."""
         motions = {} if self.base is None else self.base.motions
         turned = tuple(self._in_rad(motions.get(axis)) for axis in ("rx", "ry", "rz"))
         return turned if self.machine is not None or {"rx", "ry", "rz"} & set(motions) else ()
 
     @property
     def turns(self) -> bool:
-        """Whether the frame has an angle."""
+        """Whether the frame has any angle: luffing, slewing, or one of the base."""
         return self.luffing is not None or self.slewing is not None or bool(self.rocking)
 
     @property
     def leaves_plane(self) -> str | None:
-        """The key of what moves the boom out of a vertical plane, None where nothing does."""
+        """Key within [frame] of the motion that moves the boom out of a vertical plane; None without one."""
         if self.machine is not None:
             return "machine"
         motions = {} if self.base is None else {f"base.{key}": signal for key, signal in self.base.motions.items()}
@@ -331,34 +343,39 @@ class Frame(Section):
         return next((key for key in ("slewing", *out) if key in motions or (key == "slewing" and self.slewing)), None)
 
     def rotation(self, t: ArrayLike) -> NDArray[np.float64]:
-        """From axes of the boom into those of the base at the times t (T,) s, (T, 3, 3)."""
+        """Return the rotations (T, 3, 3) from axes of the boom to those of the base at times t (T,) in s."""
         luffing, slewing = (np.atleast_1d(angle.value(np.asarray(t))) for angle in self.angles)
         return rotation(luffing, slewing)
 
     def on_ground(self, t: float) -> NDArray[np.float64]:
-        """From axes of the boom into those of the ground at a time in s, (3, 3): the base's rocking included."""
+        """Return the rotation (3, 3) from axes of the boom to those of the ground at time t in s.
+
+        It includes the rotation of the base.
+        """
         roll, pitch, yaw = ([angle.value(np.array([t])) for angle in self.rocking] or np.zeros((3, 1)))[:3]
         s, c = float(np.sin(roll[0])), float(np.cos(roll[0]))
         rolled = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
         return np.asarray(rotation(-pitch, yaw)[0] @ rolled @ self.rotation(t)[0])
 
     def refuse_without_unit(self, key: str, angles: ArrayLike, source: str = "scene") -> None:
-        """Raise an `InputError` of a `key` where `angles` go beyond a turn and the frame does not say their unit."""
+        """Raise an InputError of `key` in `source` if `angles` exceed a full turn and the frame sets no unit."""
         largest = float(np.max(np.abs(angles), initial=0.0))
         if largest > TURN and "unit" not in self.model_fields_set:
             allowed = "its unit has to be said where an angle goes beyond a turn: frame.unit = 'degrees' or 'rad'"
             raise InputError(source, key, float(f"{largest:.4g}"), allowed)
 
     def _in_rad(self, angle: SignalBase | None) -> SignalBase:
+        """Return an angle of the scene as a signal in rad; a constant 0 for None."""
         if angle is None:
             return Constant(amount=0.0)
         return angle if self.unit == "rad" else Linear(signal=angle, ratio=float(np.pi) / 180.0, offset=0.0)
 
 
 def rotation(luffing: NDArray[np.float64], slewing: NDArray[np.float64]) -> NDArray[np.float64]:
-    r"""From axes of the boom into those of the base, :math:`R_Z(\psi) R_Y(-\varphi)` (T, 3, 3), of angles (T,) rad.
+    r"""Return :math:`R_Z(\psi) R_Y(-\varphi)` (T, 3, 3), from axes of the boom to those of the base.
 
-    The base, where it does not rock, has Z upwards, and X where the boom points at a slewing angle of 0.
+    The angles (T,) in rad are :math:`\varphi`, `luffing`, and :math:`\psi`, `slewing`.  A base that does not rotate has
+    Z upwards, and X where the boom points at a slewing angle of 0.
     """
     (c, s), (cz, sz) = (np.cos(luffing), np.sin(luffing)), (np.cos(slewing), np.sin(slewing))
     rows = [[cz * c, -sz, -cz * s], [sz * c, cz, -sz * s], [s, np.zeros_like(s), c]]

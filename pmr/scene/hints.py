@@ -1,15 +1,12 @@
-"""What else is said of keys: hints at unusual numbers, and schemas for editors.
+"""Hints at unusual numbers of a scene, and JSON schemas of scene and study files for editors.
 
-Hints of numbers that are possible but not usual, as those in another unit are.
-
-What is usual of a key is declared on its field (`pmr.scene.keys.Usual`): a range of magnitudes, in the key's unit or
+The usual range of a key is declared on its field (`pmr.scene.keys.Usual`): a range of magnitudes, in the key's unit or
 in multiples of a scale, such as the length of the section.  A table may add scales (`hint_scales`), and numbers that
-are none of its fields (`hint_numbers`).  Nothing is refused here.
+are none of its fields (`hint_numbers`).  Hints refuse nothing: a number may be possible and yet be in another unit.
 
-Schemas of files for editors: what pydantic knows of keys, and what files may say beside it.
-
-A file that `extends` another one need not be complete, a number stands for a constant signal, and entries of lists may
-be changed by their names.  The dialect is JSON Schema's draft 7, which editors of TOML know.
+The schemas are those of pydantic, extended by what files may contain besides: a file that `extends` another one may
+leave out keys, a number stands for a constant signal, and entries of lists may be changed by their names.  The dialect
+is JSON Schema's draft 7, which editors of TOML know.
 """
 
 from __future__ import annotations
@@ -55,7 +52,7 @@ OTHERS: Mapping[str, Mapping[str, float]] = {
 
 @dataclass(frozen=True)
 class _Unusual:
-    """A number outside of its usual range, which is in the number's unit."""
+    """A number outside of its usual range from `low` to `high`, which are in the number's unit."""
 
     key: str
     value: float
@@ -65,12 +62,12 @@ class _Unusual:
 
     @property
     def distance(self) -> float:
-        """Factor by which it is outside."""
+        """Factor by which the magnitude is below `low` or above `high`."""
         return max(self.low / abs(self.value), abs(self.value) / self.high)
 
     @property
     def sentence(self) -> str:
-        """The number, what is usual, and the unit that it may be in."""
+        """Sentence with the key, the number, its usual range, and the unit that it may be in instead."""
         unit = "" if self.unit == "1" else f" {self.unit}"
         usual = f"{self.low:.3g} to {self.high:.3g}{unit}" if self.low else f"up to {self.high:.3g}{unit}"
         if math.isinf(self.high):
@@ -85,7 +82,7 @@ class _Unusual:
 
 
 def hints(scene: Scene) -> list[str]:
-    """A sentence for each key of a scene whose number is not usual."""
+    """Return a sentence for each key of a scene whose number is outside of its usual range."""
     numbers = list(_of_table(scene, "", _scales(scene)))
     for number, part in enumerate(scene.sections):
         key = f"sections[{number}]." if scene.sections[0].name else ""
@@ -94,12 +91,15 @@ def hints(scene: Scene) -> list[str]:
 
 
 def hints_of(table: BaseModel, scene: Scene) -> list[str]:
-    """A sentence for each key of a table beside a scene, such as a study of it, whose number is not usual."""
+    """Return a sentence for each key of `table` with an unusual number; scales are those of the scene.
+
+    The table stands outside of the scene, such as a study of it.
+    """
     return _sentences(_of_table(table, "", _scales(scene)))
 
 
 def _sentences(numbers: Iterable[_Unusual]) -> list[str]:
-    """One for each key, of whichever of its entries is furthest from what is usual."""
+    """Return one sentence for each key, about its most unusual number; keys that differ in indices alone are one."""
     by_key: dict[str, list[_Unusual]] = {}
     for number in numbers:
         by_key.setdefault(re.sub(r"\[\d+\]", "", number.key), []).append(number)
@@ -111,7 +111,7 @@ def _sentences(numbers: Iterable[_Unusual]) -> list[str]:
 
 
 def _of_table(table: BaseModel, key: str, scales: Scales) -> Iterator[_Unusual]:
-    """Find unusual numbers in a table and in those within it; `key` is the table's, with a dot behind it."""
+    """Yield the unusual numbers of a table and of the tables within it; `key` is the table's key and a dot."""
     if isinstance(table, Hinted):
         scales = {**scales, **table.hint_scales(scales)}
         for name, (value, judged_by) in table.hint_numbers.items():
@@ -125,6 +125,10 @@ def _of_table(table: BaseModel, key: str, scales: Scales) -> Iterator[_Unusual]:
 
 
 def _of_value(value: Any, key: str, usual: tuple[Usual, ...], unit: str, scales: Scales) -> Iterator[_Unusual]:
+    """Yield the unusual numbers of a field's value and of all lists and tables nested in it.
+
+    Numbers and signals of the field have the `usual` ranges and the `unit`; tables within it have ranges of their own.
+    """
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         yield from _of_number(float(value), key, usual, unit, scales)
     elif isinstance(value, (tuple, list)):
@@ -141,6 +145,10 @@ def _of_value(value: Any, key: str, usual: tuple[Usual, ...], unit: str, scales:
 
 
 def _of_number(value: float, key: str, usual: tuple[Usual, ...], unit: str, scales: Scales) -> Iterator[_Unusual]:
+    """Yield a number if its magnitude is outside of the range that its usual ranges have in common; never 0.
+
+    Ranges in multiples of a scale that `scales` does not have, or has as 0, are passed over.
+    """
     ranges_of_key = [usual_range for usual_range in usual if not usual_range.scale or scales.get(usual_range.scale)]
     if not (value and ranges_of_key):
         return
@@ -155,7 +163,10 @@ def _of_number(value: float, key: str, usual: tuple[Usual, ...], unit: str, scal
 
 
 def _scales(scene: Scene) -> dict[str, float]:
-    """Scales of the whole boom: reach in m, mass in kg and weight in N (0: unknown), simulated time in s, m/s^2."""
+    """Return the scales of the whole boom: reach in m, mass (``boom``) in kg, weight in N, time in s, gravity in m/s^2.
+
+    Reach, mass or weight is 0 if that of a section is not known.
+    """
     sections = [_scales_of(part) for part in scene.sections]
     lengths, masses, weights = ([scales[name] for scales in sections] for name in ("length", "mass", "weight"))
     reach, mass, weight = (sum(sizes) if all(sizes) else 0.0 for sizes in (lengths, masses, weights))
@@ -163,14 +174,17 @@ def _scales(scene: Scene) -> dict[str, float]:
 
 
 def _scales_of(part: Part) -> dict[str, float]:
-    """Length in m, mass in kg and weight in N of a section; 0 where only a mesh tells, or its numbers are unusual."""
+    """Return length in m, mass in kg and weight in N of a section, by these names.
+
+    All are 0 if its body has an unusual number; mass and weight are 0 if only a mesh file describes it.
+    """
     if any(_of_table(part.body, "", {"gravity": GRAVITY})):
         return dict.fromkeys(("length", "mass", "weight"), 0.0)
     return {"length": part.length, "mass": _mass(part), "weight": GRAVITY * _mass(part)}
 
 
 def _mass(part: Part) -> float:
-    """Mass of a section in kg by its box or profile, without doublers and tapers."""
+    """Return the mass of a section's beam or box in kg without doublers and tapers; 0 for a mesh file."""
     body = part.body
     if body.profile is not None:
         return body.profile.mass_per_length * body.profile.length
@@ -192,12 +206,12 @@ IN_PART = ", in part"
 
 
 def dialects() -> tuple[Schema, Schema]:
-    """The two ways to write a scene: a body at the top of the file, and sections."""
+    """Return the schemas of the two forms of a scene file: a body at the top of the file, and a list of sections."""
     return BodyFile.model_json_schema(), Scene.model_json_schema(mode="validation")
 
 
 def scenes() -> Schema:
-    """The schema of a scene file, of one body or of several sections."""
+    """Return the schema of a scene file with one body or with several sections."""
     body, several = dialects()
     section = {"$ref": f"#/$defs/Part{IN_PART}"}  # what sections have in common is said once
     about = several["properties"]["section"]["description"]
@@ -207,7 +221,7 @@ def scenes() -> Schema:
 
 
 def union_schema(schemas: Sequence[Schema], title: str) -> Schema:
-    """The schema of files that fit one of several pydantic models; parts of one name are the same in all of them."""
+    """Return the schema of files that fit any one of `schemas`; tables of one name are equal in all of these."""
     parts: Schema = {}
     complete, extending = [], []
     for schema in schemas:
@@ -222,7 +236,7 @@ def union_schema(schemas: Sequence[Schema], title: str) -> Schema:
 
 
 def _spoken(node: Any) -> Any:
-    """Rewrite a schema in draft 7, with units where an editor shows them, and numbers for signals."""
+    """Return a node of a pydantic schema in draft 7, with units in descriptions, and numbers allowed as signals."""
     if isinstance(node, list):
         return [_spoken(entry) for entry in node]
     if not isinstance(node, dict):
@@ -238,7 +252,7 @@ def _spoken(node: Any) -> Any:
 
 
 def _in_part(node: Any) -> Any:
-    """Rewrite a schema with nothing required, and with changes of single entries where there are lists of tables."""
+    """Return a node of a schema with no key required, in which tables may change single entries of lists of tables."""
     if isinstance(node, list):
         return [_in_part(entry) for entry in node]
     if not isinstance(node, dict):

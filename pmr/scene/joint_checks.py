@@ -1,9 +1,4 @@
-"""Checks of neighbouring sections: whether they fit, and how far one may slide out of the other.
-
-What no section of a boom can know by itself: whether neighbours fit, and how far one may slide out of the other.
-
-Whether a section fits into the next outer one, with its pads and their play.
-"""
+"""Checks of neighbouring sections of a boom, which raise InputError: their fit, drives, pads and extensions."""
 
 from __future__ import annotations
 
@@ -32,12 +27,12 @@ from pmr.scene.structure_checks import (
 
 #: Round-off of a user's arithmetic.
 SLACK = 1e-9
-#: Cosine of the angle between faces that a pad lies between.
+#: Least cosine of the angle between the two faces that a pad touches.
 PARALLEL = 1.0 - 1e-6
 
 
 def check_fit(scene: Scene, number: int) -> None:
-    """The inner box within the outer one, and the play of its pads within the gap between them."""
+    """Refuse section `number` unless its box fits into that of the section before it, and its pads into the gap."""
     inner, outer = scene.sections[number].body.box, scene.sections[number - 1].body.box
     if inner is None or outer is None:
         return
@@ -63,7 +58,7 @@ def check_fit(scene: Scene, number: int) -> None:
 
 
 def _tail(scene: Scene, number: int, inner: Box, outer: Box) -> None:
-    """The tail of the inner box, farthest in, where the outer one tapers towards its own."""
+    """Refuse an inner box whose tail does not fit into the outer box where this one tapers towards its own tail."""
     first, _ = scene.extension(number).bounds(0.0, scene.time.end)
     low, _ = outer.parallel
     if first >= low:
@@ -79,7 +74,7 @@ def _tail(scene: Scene, number: int, inner: Box, outer: Box) -> None:
 
 
 def _frames(scene: Scene, number: int, inner: Box, outer: Box) -> None:
-    """The inner box slides past frames of the outer one, or does not get there."""
+    """Refuse frames of the outer box that the inner box slides past without enough room."""
     first, _ = scene.extension(number).bounds(0.0, scene.time.end)
     reached = [x for x in outer.frames if x >= first]
     if not reached:
@@ -95,7 +90,10 @@ def _frames(scene: Scene, number: int, inner: Box, outer: Box) -> None:
 
 
 def _play(seat: Seat, key: str, inner: tuple[str, Box], outer: tuple[str, Box]) -> None:
-    """Pads stand on faces of both sections that are parallel, and have no more play than the gap there."""
+    """Refuse pads on faces that are not parallel or that a box lacks, and clearances larger than the gap.
+
+    `inner` and `outer` are name and box of the two sections, `key` that of the ring of pads.
+    """
     (name, section), (around, tube) = inner, outer
     inner_faces, outer_faces = section.faces, tube.faces
     for face in seat.ring.faces or ():
@@ -114,7 +112,7 @@ def _play(seat: Seat, key: str, inner: tuple[str, Box], outer: tuple[str, Box]) 
 
 
 def check_joints(scene: Scene) -> None:
-    """Refuse sections that contradict each other."""
+    """Raise an InputError for the first key of a boom of several sections that contradicts another key."""
     _names(scene)
     for number in range(len(scene.sections)):
         _reduction(scene, number)
@@ -142,6 +140,7 @@ def check_joints(scene: Scene) -> None:
 
 
 def _names(scene: Scene) -> None:
+    """Refuse equal names of sections or of rings at one end, a joint of the base, and sections without a joint."""
     check_names("sections", scene.names)
     if scene.sections[0].joint is not None:
         raise refusal("sections[0].joint", None, "the base slides in nothing: supports or pads hold it")
@@ -154,6 +153,7 @@ def _names(scene: Scene) -> None:
 
 
 def _reduction(scene: Scene, number: int) -> None:
+    """Refuse settings of the reduction, slider and length that a section of a boom can't have."""
     choice, key = scene.sections[number].reduction, f"sections[{number}].reduction"
     if choice.basis != "free_modes" or choice.file is not None:
         allowed = "'free_modes' is allowed, without a file: sections have no common path"
@@ -169,7 +169,10 @@ def _reduction(scene: Scene, number: int) -> None:
 
 
 def _check_drive(scene: Scene, number: int) -> None:
-    """The extension is known, and without jumps."""
+    """Refuse an extension that is not known (sections that follow each other in a circle), or that jumps.
+
+    A rope's length has to be known too, and positive at all times.
+    """
     joint, key = scene.joint(number), f"sections[{number}].joint"
     chain = [scene.names[number]]
     while (follows := scene.joint(scene.names.index(chain[-1])).follows) is not None:
@@ -199,7 +202,10 @@ def _check_drive(scene: Scene, number: int) -> None:
 
 
 def _gives_way(scene: Scene, number: int) -> None:
-    """Check that a section on which others hang gives way together with these."""
+    """Refuse a rigid drive of a section that follows one with a flexible drive, and friction beside some drives.
+
+    Friction is refused if the section's drive changes its length, or is flexible together with that of other sections.
+    """
     if not has_tail(member_at(scene, number)):
         return  # nothing holds it along the boom
     key, drive, name = f"sections[{number}].joint", Drive.of(scene, number), scene.names[number]
@@ -220,7 +226,7 @@ def _gives_way(scene: Scene, number: int) -> None:
 
 
 def _held_at_the_start(scene: Scene, number: int) -> None:
-    """A run begins in equilibrium: play across the boom is taken up by a load, or some pads have none."""
+    """Refuse, for runs that begin in equilibrium, play of pads that no load takes up at t = 0."""
     joint, beyond = scene.joint(number), scene.sections[number:]
     for axis, turn, faces in (("y", "rz", {"left", "right"}), ("z", "ry", {"bottom", "top"})):
         if _pressed_at_the_start(scene, beyond, axis, turn) or (axis == "y" and is_planar(member_at(scene, number))):
@@ -241,7 +247,7 @@ def _held_at_the_start(scene: Scene, number: int) -> None:
 
 
 def _pressed_at_the_start(scene: Scene, beyond: Sequence[Part], axis: str, turn: str) -> bool:
-    """Whether a weight or a load acts on some sections along or about an axis of the boom at t = 0."""
+    """Whether the weight or a load acts along `axis` (y or z) or about `turn` on the sections `beyond` at t = 0."""
     number, gravity, frame = "xyz".index(axis), scene.gravity, scene.frame
     turned = np.eye(3) if frame is None else frame.on_ground(0.0)  # from axes of the boom into those of the ground
     if gravity is not None and gravity.rise == 0.0:
@@ -258,7 +264,7 @@ def _pressed_at_the_start(scene: Scene, beyond: Sequence[Part], axis: str, turn:
 
 
 def _held_while_sliding(scene: Scene, number: int) -> None:
-    """Check that no section that slides is held along the boom by the ground."""
+    """Refuse supports that hold a travelling section along the boom, and pads on the ground that move."""
     ranges = {name: path.bounds(0.0, scene.time.end) for name, path in list(scene.paths.items())[:number]}
     moves = next(
         (name for name, (low, high) in ranges.items() if high - low > SLACK * scene.sections[number].length), None
@@ -276,7 +282,10 @@ def _held_while_sliding(scene: Scene, number: int) -> None:
 
 
 def _slides(scene: Scene, number: int) -> None:
-    """Check an extension as `pmr.system.contacts.Joint.check` does, in the words of a scene."""
+    """Refuse extensions that bring a section behind the next outer one, out of it, or its pads off it.
+
+    The conditions are those of `pmr.system.contacts.Joint.check`.
+    """
     joint, name, outer = scene.joint(number), scene.names[number], scene.names[number - 1]
     path = scene.extension(number)
     (first, last), length = path.bounds(0.0, scene.time.end), scene.sections[number - 1].length
@@ -310,7 +319,7 @@ def _slides(scene: Scene, number: int) -> None:
 
 
 def _pads(scene: Scene, number: int) -> None:
-    """All of every pad stays on the section."""
+    """Refuse pads that do not lie on a section over their whole length at all times, or lie where its box tapers."""
     length = scene.sections[number].length
     touching = list(seats(scene, number))
     points = [seat for seat in touching if seat.ring.faces is None]
@@ -342,7 +351,7 @@ def _pads(scene: Scene, number: int) -> None:
 
 
 def _by_itself(scene: Scene, number: int) -> None:
-    """Check a section as any body, with the keys of the section or of the joint that a ring belongs to."""
+    """Check a section as a body of its own; errors name the key of the section, or of the joint of a ring of pads."""
     part, member = scene.sections[number], member_at(scene, number)
     try:
         check_proportions(part)
@@ -364,6 +373,7 @@ def _by_itself(scene: Scene, number: int) -> None:
 
 
 def _rigid_overlaps_and_friction(scene: Scene) -> None:
+    """Refuse rigid overlaps but of planar beams, and friction of sections that have no coordinates along the boom."""
     for number in range(1, len(scene.sections)):
         if scene.joint(number).rigid_overlap and not is_planar(member_at(scene, number)):
             raise refusal(f"sections[{number}].joint.rigid_overlap", True, "false is allowed but for planar beams")
@@ -375,7 +385,7 @@ def _rigid_overlaps_and_friction(scene: Scene) -> None:
 
 
 def _frequency_response(scene: Scene) -> None:
-    """Linear equations: contacts hold both ways."""
+    """Refuse a frequency response of other sections than the last, or beside pads that only push."""
     for number, part in enumerate(scene.sections):
         if not part.observe.frequency_response:
             continue
@@ -389,6 +399,7 @@ def _frequency_response(scene: Scene) -> None:
 
 
 def _check_nested(scene: Scene) -> None:
+    """Refuse accuracy or budget unless all reductions have flexibility and an estimate."""
     for number, part in enumerate(scene.sections):
         if scene.goal is not None and not part.reduction.estimable:
             allowed = "flexibility and estimate = true are allowed: such models hold all smaller ones"
@@ -396,6 +407,7 @@ def _check_nested(scene: Scene) -> None:
 
 
 def _simulators(scene: Scene) -> None:
+    """Refuse the ANCF reference, and simulators that do not support the scene's rows."""
     if "ancf" in scene.compare.against:
         raise refusal("compare.against", list(scene.compare.against), "['full'] or [] is allowed for sections")
     pushing = tuple(

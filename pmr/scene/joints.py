@@ -1,8 +1,6 @@
-"""A section's own tables, and the joint in which it slides out of the next outer one.
+"""Tables of a section of a boom, and of the joint in which it slides in the next outer section.
 
-Joints in which a section slides out of the next outer one: their pads and cylinder, and what drives them.
-
-A body of a scene as it is written: what it is, what holds it, what it carries, and how its model is reduced.
+The joint has pads at both ends, a cylinder or rope, and what drives it: an extension, an overlap or another section.
 """
 
 from __future__ import annotations
@@ -39,9 +37,9 @@ from pmr.scene.signals import Constant, Signal, SignalBase
 from pmr.scene.signals.base import Array, Floats, Strand
 from pmr.scene.structures import PointMass, Probe
 
-#: N/m: of a pad along the boom.
+#: Stiffness of a pad along the boom, N/m.
 SHEAR_STIFFNESS = 1e8
-#: m/s: by which friction of a pad falls from that at rest to that of sliding.
+#: Speed in m/s by which the friction of a pad falls from that at rest to that of sliding.
 STRIBECK_SPEED = 0.01
 
 
@@ -82,6 +80,7 @@ class JointPads(Section):
 
     @model_validator(mode="after")
     def _only_what_pushes_has_play(self) -> JointPads:
+        """Refuse a clearance of pads that hold both ways, or on faces without pads, and too small a static friction."""
         if self.clearance and not self.unilateral:
             raise ValueError("a clearance goes with unilateral = true")
         if self.static_friction and not 0.0 < self.friction <= self.static_friction:
@@ -96,7 +95,7 @@ class JointPads(Section):
         return self
 
     def clearance_on(self, face: str) -> float:
-        """Clearance of the pads on a face, m."""
+        """Return the clearance of the pads on a face, m."""
         return clearance_on(self.clearance, face)
 
 
@@ -165,6 +164,7 @@ class Joint(Section):
 
     @model_validator(mode="after")
     def _driven_once(self) -> Joint:
+        """Refuse a joint unless exactly one key drives it, and a rope beside a cylinder with a stiffness."""
         if sum(signal is not None for signal in (self.extension, self.overlap, self.follows)) != 1:
             raise ValueError("give extension, overlap or follows, one of them")
         if self.rope is not None and self.cylinder.stiffness != "rigid":
@@ -173,16 +173,16 @@ class Joint(Section):
 
     @property
     def rings(self) -> tuple[JointPads, ...]:
-        """All pads of the joint."""
+        """Rings of pads of the joint, those at the section's tail first."""
         return (*self.tail, *self.mouth)
 
     def first_at(self, rings: tuple[JointPads, ...]) -> float:
-        """Distance in m of the first of some rings from the end that they sit at."""
+        """Return the least distance in m of `rings` from the end of the joint (tail or mouth) at which they sit."""
         return min(ring.at for ring in rings)
 
 
 class Linear(SignalBase):
-    """``offset + ratio * signal``."""
+    """Signal ``offset + ratio * signal``."""
 
     signal: SignalBase
     ratio: float
@@ -221,7 +221,7 @@ FileName = Annotated[str, Field(pattern=r"^\w[\w -]*$", max_length=LONGEST_NAME)
 
 
 class OneBody(Section):
-    """A body, x along it and z up, and what is on it."""
+    """A body with x along it and z up, and everything that holds, loads, observes or reduces it."""
 
     body: Body = Field(description="Shape, material and structural model of the section")
     mesh: MeshChoice = Field(default=MeshChoice(), description="Mesh")
@@ -241,35 +241,35 @@ class OneBody(Section):
 
     @property
     def files(self) -> dict[str, Path]:
-        """Files that the model is made from, by the section that names each."""
+        """Files that the model is made from, by the table that names each: ``mesh`` or ``reduction``."""
         named = {"mesh": self.mesh.file, "reduction": self.reduction.file}
         return {section: file for section, file in named.items() if file is not None}
 
     @property
     def digests(self) -> dict[str, str]:
-        """SHA-256 of what these files hold."""
+        """SHA-256 of the content of each of `files`."""
         return {section: hashlib.sha256(file.read_bytes()).hexdigest() for section, file in self.files.items()}
 
     @property
     def springs(self) -> dict[str, str]:
-        """Supports that give way, in each direction, by name: the unit of their force, or moment."""
+        """Unit of the force or moment in each direction of each support with a stiffness, by the name of its row."""
         held = [(support, d) for support in self.supports if support.stiffness != "rigid" for d in support.held]
         return {support.row_name(d): "N m" if d.startswith("r") else "N" for support, d in held}
 
     @property
     def load_places(self) -> dict[str, float]:
-        """Places of loads along the axis in m, by name, as far as they are known before a mesh is read."""
+        """Positions of loads along the axis in m, by name; loads on groups of a mesh file are left out."""
         places = {load.name: self.place(load.on) for load in self.loads}
         return {name: at for name, at in places.items() if at is not None}
 
     @property
     def length(self) -> float:
-        """Length of the body in m; of a mesh from a file the place where what is observed ends."""
+        """Length of the body in m; of a mesh file that of the observed range, extended to x = 0."""
         observed = self.observe.stations or (0.0,)
         return self.body.length or observed[-1] - min(observed[0], 0.0)
 
     def place(self, on: str | float) -> float | None:
-        """Place along the axis, m; None for groups whose place the mesh decides."""
+        """Return the position along the axis in m of a group or number; None for a group that only the mesh defines."""
         if isinstance(on, str):
             return ENDS[on] * self.body.length if on in ENDS and self.body.length else None
         return on

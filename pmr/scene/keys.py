@@ -1,15 +1,11 @@
-"""What all tables of a scene share: frozen models, numbers with units and bounds, names, and refusals in one line.
+"""Basis of all tables of a scene: frozen models, numbers with units and bounds, names, and error messages in one line.
 
-What all sections of a scene are made of: frozen tables, and numbers that know their unit and their bounds.
+A number has the bounds within which double precision can compute, far from all that is built: models in any consistent
+units pass, and a slip of the pen beyond the bounds is refused before it leads to meaningless results.
 
-The bounds are those of double precision, far from all that is built, so that models in any consistent units pass: what
-lies beyond is a slip of the pen, and ends in figures that mean nothing.
+What pydantic refuses is reported with key, value and what is allowed, or which key was probably meant.
 
-What pydantic refuses, in the words of who wrote the file: key, value and what is allowed, or which key was meant.
-
-What bodies and what belongs to them are called.
-
-Keys whose value is one of our own words, or the name of what an installed package offers.
+Some keys take one of pmr's own words or the name of an object that an installed package offers (`or_offered`).
 """
 
 from __future__ import annotations
@@ -49,13 +45,13 @@ _FEW, _NAMED = 12, 8
 
 
 def of_key(key: str, value: Any, allowed: str) -> PydanticCustomError:
-    """Error that a validator of a whole table raises about one of its keys."""
+    """Return the error that a validator of a whole table raises about one of its keys."""
     return PydanticCustomError(_OF_A_KEY, "{allowed}", {"key": key, "value": value, "allowed": allowed})
 
 
 @dataclass(frozen=True)
 class Refusal:
-    """Location of a value that is refused, the value (None: not shown) and what is allowed."""
+    """A value that is refused: its location, the value (None: not shown) and what is allowed instead."""
 
     location: Location
     value: Any
@@ -63,7 +59,7 @@ class Refusal:
 
     @classmethod
     def of(cls, error: ValidationError, model: type[BaseModel], data: Any) -> Refusal:
-        """The first thing that pydantic refuses of what a file says; unknown keys go first."""
+        """Return the refusal of the first error that pydantic found in `data`; unknown keys come first."""
         errors = error.errors()
         of_table = isinstance(errors[0]["input"], (dict, list)) and errors[0]["type"] == "float_type"
         within = [
@@ -96,7 +92,11 @@ class Refusal:
 
 
 def keys_of(data: Any, location: str = "", name: str = "") -> Iterator[tuple[str, str, str, Any]]:
-    """Keys of nested tables: where each stands, the same without places in lists, the key itself, and its value."""
+    """Yield location, name, key and value of each key of nested tables.
+
+    The location has the indices of lists (``loads[0].signal``), the name has none (``loads.signal``); the key is the
+    last word.  The value is None for tables and lists.  The arguments are location and name of `data` itself.
+    """
     if isinstance(data, list):
         for i, part in enumerate(data):
             yield from keys_of(part, f"{location}[{i}]", name)
@@ -108,14 +108,15 @@ def keys_of(data: Any, location: str = "", name: str = "") -> Iterator[tuple[str
 
 
 def dotted_key(location: Location) -> str:
-    """A key as it is written in messages, as ``loads[0].signal``."""
+    """Return a location as a dotted key, such as ``loads[0].signal``."""
     return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).removeprefix(".")
 
 
 def _unknown(key: str, value: Any, schema: Schema, location: Location) -> str:
-    """Explain an unknown key: which one may be meant, and which keys its table has.
+    """Return an explanation of an unknown key: which key may be meant, and which keys are allowed in its table.
 
-    A key may be meant that it is like, in its table or in all of the file; or, of a table, the same key further down.
+    `location` is that of the table.  A key may be meant that is spelled alike, in the table or elsewhere in the file;
+    if the value is a table, also a key of that name in an inner table.
     """
     parts, tables = schema.get("$defs", {}), [schema]
     for part in location:
@@ -140,14 +141,14 @@ def _unknown(key: str, value: Any, schema: Schema, location: Location) -> str:
 
 
 def _inner(tables: Sequence[Schema], parts: Schema) -> Iterator[tuple[str, Schema]]:
-    """Tables that may stand in some tables, by their names there."""
+    """Yield key and schema of each table that may stand directly in `tables`; `parts` are the named definitions."""
     for table in tables:
         for name, node in table["properties"].items():
             yield from ((name, inner) for inner in _tables(node, parts))
 
 
 def _paths(schema: Schema) -> dict[str, str]:
-    """Each key that a single table of a file may have, and the shortest way to it."""
+    """Return the dotted path of each key that exactly one table of a file's schema has."""
     prefixes_of, visited, ahead = dict[str, list[str]](), list[Schema](), [("", schema)]
     for prefix, node in ahead:  # which grows meanwhile
         for table in _tables(node, schema.get("$defs", {})):
@@ -160,7 +161,7 @@ def _paths(schema: Schema) -> dict[str, str]:
 
 
 def _tables(node: Any, parts: Schema) -> Iterator[Schema]:
-    """Tables with keys of their own that may stand where a node of a schema says."""
+    """Yield the schemas of all tables with keys that a node of a schema allows; `parts` are the named definitions."""
     if isinstance(node, dict):
         if "properties" in node:
             yield node
@@ -177,7 +178,7 @@ class Usual:
 
     Scales have names: "length", "mass" and "weight" of the section (of the whole boom outside of sections), "reach" and
     "boom" (its mass) of the whole boom, "time" that is simulated, and what a table adds by `Hinted.hint_scales`.  A
-    signal is judged by its largest magnitude; its `unit` stands here.
+    signal is judged by its largest magnitude; `unit` is then the unit of its values.
     """
 
     low: float
@@ -187,27 +188,27 @@ class Usual:
 
 
 class Hinted(BaseModel):
-    """A table of a file that tells what is usual of its numbers, beside what their fields declare."""
+    """A table whose numbers have usual ranges that depend on its own content, beside those that its fields declare."""
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
-        """Further scales of its numbers, from those around it."""
+        """Return further scales for the usual ranges of the table's numbers, from the scales around the table."""
         return {}
 
     @property
     def hint_numbers(self) -> dict[str, tuple[float, Usual]]:
-        """Further numbers by their keys, such as those that a file may hold in place of a field."""
+        """Further numbers with their usual ranges, by key, such as those that a file may set instead of a field."""
         return {}
 
 
 class Section(Hinted):
-    """A table of a scene file: frozen, and without keys of its own making."""
+    """A table of a scene file: frozen, without unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """Unit of a number ("1" if it has none), and the smallest and largest one that can be computed with."""
+    """Unit of a number ("1" if it has none), and the smallest and largest value that is allowed."""
 
     unit: str
     low: float
@@ -248,6 +249,7 @@ Component = Annotated[float, _Strict, Quantity("1", -1e300, 1e300)]
 
 
 def _check_name(text: str) -> str:
+    """Return a name; raises ValueError for a text that other programs would not read as a name."""
     if not is_name(text):
         raise ValueError(NAMED)
     return text
@@ -271,6 +273,10 @@ RECORDED = {"files": "names"}
 
 
 def _exists(file: Path, info: ValidationInfo) -> Path:
+    """Return the path of a file that can be read; raises ValueError for another one.
+
+    Names in a recorded scene (`RECORDED`) are returned unchecked.
+    """
     if info.context == RECORDED:
         return file
     if not isfile(file):
@@ -288,29 +294,31 @@ ExistingFile = Annotated[Path, AfterValidator(_exists)]
 
 @cache
 def quantity_of(section: type[BaseModel], key: str) -> Quantity | None:
-    """Unit and bounds of the numbers that a key of a section holds: one, several, or some by name."""
+    """Return unit and bounds of the numbers in a key of a table; None if it holds no numbers with a unit."""
     return next((part for part in _declarations(section, key) if isinstance(part, Quantity)), None)
 
 
 @cache
 def usual_of(section: type[BaseModel], key: str) -> tuple[Usual, ...]:
-    """Usual ranges of these numbers, all of which hold."""
+    """Return the usual ranges of the numbers in a key of a table; a usual number is in all of them."""
     return tuple(part for part in _declarations(section, key) if isinstance(part, Usual))
 
 
 def _declarations(section: type[BaseModel], key: str) -> Iterator[Any]:
+    """Yield all annotations of a key of a table."""
     field = section.model_fields[key]
     yield from _annotations((*field.metadata, field.annotation))
 
 
 def _annotations(parts: tuple[Any, ...]) -> Iterator[Any]:
+    """Yield the items of a field's metadata and types, and all items nested in them."""
     for part in parts:
         yield part
         yield from _annotations((*getattr(part, "__metadata__", ()), *get_args(part)))
 
 
 def check_sizes(part: Section) -> None:
-    """Refuse any number, in a section or in those within it, that is out of its range."""
+    """Raise an InputError for the first number of a table, or of the tables within it, that is out of its bounds."""
     for key, value, quantity in _quantities(part, ""):
         if not quantity.low <= value <= quantity.high:
             raise InputError(
@@ -319,7 +327,10 @@ def check_sizes(part: Section) -> None:
 
 
 def _quantities(part: Any, key: str, quantity: Quantity | None = None) -> Iterator[tuple[str, float, Quantity]]:
-    """Key and value of every number in a section and in those within it, and what is known of it."""
+    """Yield dotted key, value, and unit and bounds of every number in a table and in the tables within it.
+
+    `key` and `quantity` are those of `part` itself.
+    """
     if isinstance(part, (int, float)) and quantity is not None:
         yield key, part, quantity
     elif isinstance(part, (tuple, list)):
@@ -342,17 +353,17 @@ LUFFING, LUFFING_CYLINDER = "luffing", "luffing cylinder"
 
 
 def input_of(body: str, what: str) -> str:
-    """Name of an input of a body among those of all bodies; of a body alone as it is."""
+    """Return the name of a body's input in a system, ``"BODY.WHAT"``; `what` itself for a body alone."""
     return what if body == ALONE else f"{body}.{what}"
 
 
 def named(body: str, what: str) -> str:
-    """Name of something of a body among those of all bodies; of a body alone as it is."""
+    """Return the name of something of a body in a system, ``"BODY: WHAT"``; `what` itself for a body alone."""
     return what if body == ALONE else f"{body}: {what}"
 
 
 def cylinder_of(section: str) -> str:
-    """Name of the contact that drives a section along the boom."""
+    """Return the name of the contact that drives a section along the boom."""
     return f"cylinder of {section}"
 
 
@@ -361,7 +372,10 @@ AS_WORD = PlainSerializer(str)
 
 
 def or_offered(group: str) -> WrapValidator:
-    """For ``Annotated[Literal[...], or_offered(group), AS_WORD]``: names of a group's entry points are allowed, too."""
+    """Return a validator that allows names of a group's entry points beside those of the type itself.
+
+    It is used as ``Annotated[Literal[...], or_offered(group), AS_WORD]``.
+    """
 
     def check(data: Any, check_literal: Callable[[Any], Any]) -> Any:
         return data if isinstance(data, str) and data in environment.plugin_names(group) else check_literal(data)

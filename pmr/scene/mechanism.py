@@ -1,26 +1,25 @@
-r"""What moves a boom: pivot and luffing cylinder, terms of the moving frame, and ropes.
+r"""Forces between a boom and the ground, terms of a moving frame, and ropes that move sections.
 
-What stands between a boom and the ground, and what a unit of its force makes about the pivot of the frame.
+Contacts with the ground: force and moment about the frame's pivot per unit of the force of each contact.
 
-What a frame that moves adds to the equations of small motions, as terms: which matrix of which body, times what.
+A moving frame adds to the equations of small motions the terms
 
 .. math::
     2 \omega_k T_k \dot q + \alpha_k T_k q + (\omega_j \omega_k N_{jk} - |\omega|^2 M)\, q + \sum_j N_j(t)\, K_{g,j}\, q
 
-with the axial force that a section's own acceleration along the boom makes of it, :math:`a_x + A_{xx} x` from its tail
-on, a load along x at its tip, and that of cylinders between two tails: one of length l that pushes with F has
-:math:`-F/(2 l)\, (w_i - w_o)^2`, where F accelerates all that it carries, against the loads along x
-on it.  :math:`M = N_{xx} + N_{yy} + N_{zz}`.
+each of which is named here with its bodies and its matrix.  Axial forces :math:`N_j` come from a section's own
+acceleration along the boom, :math:`a_x + A_{xx} x` from its tail on, from a load along x at its tip, and from
+cylinders between two tails: one of length l that pushes with F has :math:`-F/(2 l)\, (w_i - w_o)^2`, where F
+accelerates all that it carries, against the loads along x on it.  :math:`M = N_{xx} + N_{yy} + N_{zz}`.
 
-Sections that hang on ropes or chains that other ones drive: the force in these, how long and stiff they are.
-
-A rope from the head of section k - 2 over a sheave at the head of section k - 1 to the tail of section k has
+Ropes or chains: a rope from the head of section k - 2 over a sheave at the head of section k - 1 to the tail of
+section k has
 
 .. math:: l = (s_{k-1} + L_{k-1} - L_{k-2}) + (L_{k-1} - s_k), \qquad k = z\, EA / l
 
 with the extensions s, the sections' lengths L and z strands.  Section k goes as far as section k - 1 does,
-:math:`s_k = s_{k-1} + c`, so that l and its stiffness are the same all along the way.  Any other rope, from a winch
-say, is as long as its keys say, :math:`l = l_0 + l' s_k`.
+:math:`s_k = s_{k-1} + c`, so that l and its stiffness are constant.  Any other rope, from a winch say, has the length
+that its keys give, :math:`l = l_0 + l' s_k`.
 """
 
 from __future__ import annotations
@@ -40,33 +39,41 @@ from pmr.scene.scene import Scene
 
 Array = NDArray[np.float64]
 
-#: What force and moment at the pivot are called, by their directions, and what the cylinder bears that raises the boom.
+#: Prefix of the names of force and moment at the pivot; names of the luffing moment and of the cylinder's force.
 AT_PIVOT = "pivot"
 MOMENT, CYLINDER = reaction_of(f"{AT_PIVOT} ry"), reaction_of(f"{AT_PIVOT} cylinder")
-#: How near to the lug of a luffing cylinder its support is, and a pin to the pivot, m.
+#: Greatest distance in m of a support from a luffing cylinder's lug that it stands for, and of a pin from the pivot.
 NEAR = 1e-6
-#: Faces that every body has: along which axis out of them, and the sense.
+#: Axis and sign of the outward normal of the faces that every body has.
 OUTWARDS = {"bottom": ("z", -1.0), "top": ("z", 1.0), "left": ("y", 1.0), "right": ("y", -1.0)}
 
 
 @dataclass(frozen=True)
 class Pressed:
-    """Force and moment (T, 6), by unit of a force that a run has under one of some names."""
+    """Force and moment (T, 6) on the ground per unit of the force of a contact between a body and the ground.
+
+    They are along the boom's axes and about the frame's pivot, at T times.  The force has one of the `names` in the
+    results of a run; without names its position is known only to a mesh file.
+    """
 
     names: tuple[str, ...]
     wrench: Array
 
 
 def pressed_on_ground(scene: Scene, along: Mapping[str, Array]) -> list[Pressed]:
-    """Everything that stands between bodies and the ground, where the scene's paths, by their names, are (T,) m."""
+    """Return force and moment per unit of each contact between bodies and the ground.
+
+    `along` are the scene's paths by name at T times: (T,) m, and the luffing angle (T,) rad of a cylinder with a
+    stiffness.
+    """
     return [pressed for member in members(scene) for pressed in _ground_contacts(scene, member, along)]
 
 
 @dataclass(frozen=True)
 class PinAndCylinder:
-    """A rigid pin at the pivot, and the support across the boom that stands for the luffing cylinder, at its lug.
+    """A rigid pin at the pivot, and the support across the boom at the lug that stands for the luffing cylinder.
 
-    Names of the pin's forces along x and z, and names that the force of the support may have.
+    `pin` are the names of the pin's forces along x and z, `across` the names that the support's force may have.
     """
 
     pin: tuple[str, str]
@@ -74,7 +81,7 @@ class PinAndCylinder:
 
 
 def supports_at_lug(scene: Scene) -> tuple[str, ...]:
-    """Names of supports of the base that stand for the luffing cylinder: across the boom, at its lug."""
+    """Return the names of the base's supports along z alone at the luffing cylinder's lug; empty without a cylinder."""
     if scene.frame is None or scene.frame.cylinder is None:
         return ()
     part, lug = members(scene)[0].part, scene.frame.cylinder.lug[0] - scene.frame.place[0]
@@ -83,12 +90,12 @@ def supports_at_lug(scene: Scene) -> tuple[str, ...]:
 
 
 def forces_of_cylinder(scene: Scene) -> tuple[str, ...]:
-    """Names that the force of a luffing cylinder that holds the base may have."""
+    """Return the names that the force of a luffing cylinder with a stiffness may have."""
     return _names(scene.names[0], LUFFING_CYLINDER)
 
 
 def pin_and_cylinder(scene: Scene) -> PinAndCylinder | None:
-    """Rigid pin and single luffing cylinder that alone hold a base; None for any other base."""
+    """Return the rigid pin at the pivot and the only support at the lug; None if anything else holds the base."""
     at_lug, base = supports_at_lug(scene), members(scene)[0]
     if len(at_lug) != 1 or base.part.pads or (base.points and not base.jointed):
         return None
@@ -108,7 +115,10 @@ def pin_and_cylinder(scene: Scene) -> PinAndCylinder | None:
 
 
 def _ground_contacts(scene: Scene, member: Member, along: Mapping[str, Array]) -> Iterator[Pressed]:
-    """Everything that stands between a body and the ground."""
+    """Yield force and moment per unit of each contact of one body with the ground.
+
+    `along` are paths by name at T times, as in `pressed_on_ground`.
+    """
     body, moves = scene.names[member.number], directions(member)
     count = len(next(iter(along.values())))
     travelled = np.zeros(count) if member.jointed else along[SLIDER]
@@ -121,7 +131,7 @@ def _ground_contacts(scene: Scene, member: Member, along: Mapping[str, Array]) -
         at = member.part.place(support.on)
         for held in support.held:
             if at is None:
-                yield Pressed((), tail)  # a place that only a mesh knows
+                yield Pressed((), tail)  # a position that only a mesh file defines
             elif held in moves:
                 place = tail + [at, 0.0, 0.0]
                 yield Pressed(_names(body, support.row_name(held)), _wrench(place, held))
@@ -137,7 +147,7 @@ def _ground_contacts(scene: Scene, member: Member, along: Mapping[str, Array]) -
                 continue
             box = member.part.body.box
             if box is None:
-                yield Pressed((), tail)  # a face that only a mesh knows
+                yield Pressed((), tail)  # a face that only a mesh file defines
                 continue
             side = box.faces[face]
             place[:, 1:] += across * side.across
@@ -150,7 +160,10 @@ def _ground_contacts(scene: Scene, member: Member, along: Mapping[str, Array]) -
 
 
 def _along_cylinder(body: str, cylinder: LuffingCylinder, angle: Array) -> Pressed:
-    """A luffing cylinder at luffing angles (T,) rad: where it presses the boom up, the boom presses it down."""
+    """Return force and moment per unit of a luffing cylinder's force at luffing angles (T,) in rad.
+
+    The force on the ground points from lug to foot: a cylinder that pushes the boom up pushes the ground down.
+    """
     wrench = np.zeros((len(angle), 6))
     wrench[:, [0, 2]] = -cylinder.direction(angle)
     wrench[:, 3:] = np.cross(np.array([cylinder.lug[0], 0.0, cylinder.lug[1]]), wrench[:, :3])
@@ -158,7 +171,7 @@ def _along_cylinder(body: str, cylinder: LuffingCylinder, angle: Array) -> Press
 
 
 def _names(body: str, what: str) -> tuple[str, ...]:
-    """Names that a force between a body and the ground may have, from a body, a contact or a permanent row."""
+    """Return the names that a force between a body and the ground may have: of a body, a contact or a permanent row."""
     return (
         named(body, force_of(what)),
         force_of(f"{body} {what}"),
@@ -167,7 +180,7 @@ def _names(body: str, what: str) -> tuple[str, ...]:
 
 
 def _wrench(place: Array, direction: str) -> Array:
-    """Force and moment (T, 6) about the pivot of a unit force, or moment, at a place (T, 3) m from it."""
+    """Return force and moment (T, 6) about the pivot of a unit force, or moment, at points (T, 3) m from the pivot."""
     axis, wrench = np.eye(3)["xyz".index(direction[-1])], np.zeros((len(place), 6))
     if direction.startswith("r"):
         wrench[:, 3:] = axis
@@ -176,24 +189,24 @@ def _wrench(place: Array, direction: str) -> Array:
     return wrench
 
 
-#: Unit force states, what a section's acceleration has to be multiplied with, by its field.
+#: Matrix of axial forces per unit of a section's acceleration, by the field of the acceleration.
 OF_FIELD = {"x": "axial uniform", "xx": "axial linear"}
 
 
 @dataclass(frozen=True)
 class FrameTerm:
-    """A term by its name, the bodies that it acts on, and its matrix."""
+    """A term of the moving frame's equations: its name, the bodies that it acts on, and its matrix."""
 
     name: str
-    bodies: tuple[str, ...]  # one, or the inner and the outer one of a cylinder
-    matrix: str  # of the body; of a cylinder that of `carried`
+    bodies: tuple[str, ...]  # one body, or the inner and the outer body of a cylinder
+    matrix: str  # name of a matrix of the body, or for a cylinder of the body `carried`
     of: str  # `rotation`, `turning`, `carried`, `field`, `load`, `cylinder` (inertia) or `cylinder load`
-    component: str  # ``y`` of a rotation, ``xz`` of what is carried; a field; the name of a load
-    number: int = 0  # of the section that is accelerated
+    component: str  # axis of a rotation; axes ``xz`` of `carried`; a field; the name of a load
+    number: int = 0  # index of the section that is accelerated
     carried: str = ""  # name of the section that a cylinder carries
 
 
-#: Of which kinds a term is that changes the stiffness, by axial forces or by the frame's speed.
+#: Kinds of terms that change the stiffness: all of them, and those by axial forces.
 STRESSES, AXIAL = (
     ("field", "load", "cylinder", "cylinder load", "carried"),
     ("field", "load", "cylinder", "cylinder load"),
@@ -201,18 +214,19 @@ STRESSES, AXIAL = (
 
 
 def frame_terms(scene: Scene) -> Iterator[FrameTerm]:
-    """All of them; none without second order."""
+    """Yield all terms of a scene's moving frame; none without a frame or without second order."""
     if scene.frame is not None and scene.frame.second_order:
         yield from _all(scene)
 
 
 def stress_terms(scene: Scene) -> Iterator[FrameTerm]:
-    """Terms that change the stiffness, with second order or without it; none without a frame."""
+    """Yield the terms that change the stiffness, with or without second order; none without a frame."""
     if scene.frame is not None:
         yield from (term for term in _all(scene) if term.of in STRESSES)
 
 
 def _all(scene: Scene) -> Iterator[FrameTerm]:
+    """Yield the terms of each section, then those of cylinders between the tails of sections."""
     for member in members(scene):
         yield from _of_section(scene, member)
     for number, member in enumerate(members(scene)):
@@ -225,11 +239,12 @@ def _all(scene: Scene) -> Iterator[FrameTerm]:
 
 
 def _fields(scene: Scene) -> dict[str, str]:
-    """Fields of acceleration that a frame has: without an angle it accelerates all places alike."""
+    """Return the matrix of each field of axial acceleration of a frame; without an angle only the uniform field."""
     return OF_FIELD if scene.frame is not None and scene.frame.turns else {"x": OF_FIELD["x"]}
 
 
 def _of_section(scene: Scene, member: Member) -> Iterator[FrameTerm]:
+    """Yield the terms that act on one section: rotation, inertia, acceleration along the boom and loads at the tip."""
     assert scene.frame is not None  # of a scene that has terms
     body, slews, turns = scene.names[member.number], scene.frame.leaves_plane is not None, scene.frame.turns
     turning = "xyz" if slews else "y"
@@ -249,27 +264,34 @@ def _of_section(scene: Scene, member: Member) -> Iterator[FrameTerm]:
 
 
 def _axial_inputs(member: Member) -> Iterator[str]:
-    """Names of the inputs that act along a section."""
+    """Return the names of the inputs that act along a section."""
     return (load.name for load in loads_of(member) if load.direction == "x")
 
 
 def _of_cylinder(scene: Scene, number: int, beyond: int, field: str) -> FrameTerm:
+    """Return the term of the axial force in section `number`'s cylinder as it accelerates section `beyond`.
+
+    `field` is the field of the acceleration, or the name of the load against which the cylinder accelerates.
+    """
     inner, outer, carried = (scene.names[k] for k in (number, number - 1, beyond))
     name = f"{cylinder_of(inner)} that carries {carried}, {field}"
     return FrameTerm(name, (inner, outer), OF_FIELD.get(field, "axial tip"), "cylinder", field, number, carried)
 
 
 def tails(member: Member) -> tuple[str, ...]:
-    """Names of what measures the tail of a section across the boom in a frame, where cylinders act."""
+    """Return the names of the outputs of the tail's displacements across the boom.
+
+    They exist in a moving frame where a cylinder acts on the tail; else the result is empty.
+    """
     leans = member.frame is not None and member.jointed and has_tail(member)
     return tuple(f"tail {axis}" for axis in transverse(member)) if leans else ()
 
 
 def rope_shares(scene: Scene) -> dict[str, dict[str, float]]:
-    r"""Shares of the sections' forces along the boom that a rope or cylinder carries, by the section it moves.
+    r"""Return the shares of sections' forces along the boom that each section's rope or cylinder carries, by section.
 
-    :math:`T_j = F_j + \sum_{k\ \mathrm{follows}\ j} r_k T_k`, of each section that follows another one, is followed
-    or hangs on a rope.
+    :math:`T_j = F_j + \sum_{k\ \mathrm{follows}\ j} r_k T_k` with the ratios r, for each section that follows another
+    one, is followed or has a rope.
     """
     names = scene.names[1:]
     follows = {name: scene.joint(k).follows for k, name in enumerate(names, 1)}
@@ -289,10 +311,10 @@ def rope_shares(scene: Scene) -> dict[str, dict[str, float]]:
 
 
 def drive_rows(scene: Scene, forces: Sequence[str]) -> dict[str, Array]:
-    """Forces of what moves each section along the boom: shares (m,) of the forces with these names, by section.
+    """Return for each section the factors (m,) of m named forces, whose sum moves the section along the boom.
 
-    Of a section on ropes, or that others follow, it is T of `rope_shares`, of any other the force of its cylinder; not
-    a number where a cylinder is not among the names.
+    That force is T of `rope_shares` for a section with a rope or that follows or is followed, else the force of its own
+    cylinder.  Factors are NaN if the force of one of its cylinders is not among the names.
     """
     shares = {name: {name: 1.0} for name in scene.names[1:]} | rope_shares(scene)
     rows = {name: np.zeros(len(forces)) for name in shares}
@@ -306,9 +328,9 @@ def drive_rows(scene: Scene, forces: Sequence[str]) -> dict[str, Array]:
 
 
 def rope_length(scene: Scene, number: int) -> float | None:
-    """Length of the rope of a section, 1 or more, in m, where the section's extension is 0.
+    """Return the length in m of the rope of section `number` (1 or more) where the section's extension is 0.
 
-    None without one, or where it goes another way and none is given.
+    None without a rope, or if its length is neither set nor follows from the sections.
     """
     joint = scene.joint(number)
     if joint.rope is None or joint.rope.length is not None:
@@ -320,7 +342,10 @@ def rope_length(scene: Scene, number: int) -> float | None:
 
 
 def longest(scene: Scene, number: int) -> float:
-    """Greatest length of such a rope on the whole way, m; negative where it is used up on the way."""
+    """Return the greatest length in m of a section's rope over the simulated time.
+
+    If the rope runs out it is the least length instead, which is 0 or negative.
+    """
     rope, length = scene.joint(number).rope, rope_length(scene, number)
     assert rope is not None and length is not None  # as the scene's checks say
     ends = [length + rope.lengthens * s for s in scene.extension(number).bounds(0.0, scene.time.end)]
@@ -329,14 +354,14 @@ def longest(scene: Scene, number: int) -> float:
 
 @dataclass(frozen=True)
 class Drive:
-    """How what holds a section along the boom gives way under the force that it bears."""
+    """Compliance of the cylinder or rope that holds a section along the boom."""
 
     compliance: float  # m/N, where the section's extension is 0
-    lengthening: float = 0.0  # 1/N: by how much that grows with the extension
+    lengthening: float = 0.0  # 1/N: growth of the compliance per m of extension
 
     @classmethod
     def of(cls, scene: Scene, number: int) -> Drive:
-        """Drive of a section, 1 or more."""
+        """Return the compliance of the cylinder or rope that moves section `number` (1 or more)."""
         joint = scene.joint(number)
         if joint.rope is not None:
             length, EA = rope_length(scene, number), joint.rope.strands * joint.rope.EA

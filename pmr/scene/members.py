@@ -1,4 +1,4 @@
-"""Each body of a scene with all that its full model is built from, and where contacts of joints sit on it."""
+"""Bodies of a scene with all inputs of their full models, and the positions of joints' contacts on them."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase
 from pmr.scene.structures import Damping
 
-#: What the row of points on a planar beam is called, and that of a section's tail along the boom.
+#: Names of the row of sliding points on a planar beam, and of the row that holds a section's tail along the boom.
 POINT, TAIL = "deflection", "tail x"
-#: What the rows are called that keep a planar beam straight within an overlap: within the next outer section, and what
-#: of the next inner one is within it.
+#: Names of the rows that keep a planar beam straight in an overlap: where it is within the next outer section, and
+#: where the next inner section is within it.
 WITHIN, AROUND = ("straight within at the tail", "straight within"), ("straight around at the mouth", "straight around")
 STRAIGHT = (*WITHIN, *AROUND)
 #: The input that accelerates a section along the boom.
@@ -27,19 +27,23 @@ EXTENSION = "extension"
 
 @dataclass(frozen=True)
 class Ends:
-    """First and last place in m along a section."""
+    """First and last position in m of a range along a section."""
 
     first: float
     last: float
 
     def with_(self, other: Ends) -> Ends:
-        """Return the range that holds both."""
+        """Return the smallest range that contains this one and another one."""
         return Ends(min(self.first, other.first), max(self.last, other.last))
 
 
 @dataclass(frozen=True)
 class Seat:
-    """Seat of a ring of pads on a section: centres from `at.first` to `at.last`, of the joint of section `joint`."""
+    """A ring of pads of a joint on a section that it touches.
+
+    The pads' centres are between `at.first` and `at.last` along the section over the simulated time.  `joint` is the
+    number of the section whose joint the ring belongs to, `key` the ring's key in that joint, such as ``tail[0]``.
+    """
 
     joint: int
     ring: JointPads
@@ -49,42 +53,45 @@ class Seat:
 
 @dataclass(frozen=True)
 class Member:
-    """A body of a scene, and all that its full model is built from."""
+    """A body of a scene with all inputs of its full model."""
 
     part: Part
-    number: int  # among the scene's sections
-    pads: tuple[PadRing, ...]  # those that stay, and those that move along it, of the joints on either side, too
-    points: tuple[float, ...]  # distances in m ahead of s of points that slide
-    point_names: tuple[str, ...]  # what their rows are called
+    number: int  # index of the section in the scene
+    pads: tuple[PadRing, ...]  # pads at fixed positions and pads that move along it, also of both joints
+    points: tuple[float, ...]  # distances in m of sliding points ahead of s
+    point_names: tuple[str, ...]  # names of the rows of `points`
     bounds: tuple[float, float]  # m: least and largest s
-    travel: tuple[float, float]  # m: stretch of s on which rows are defined
+    travel: tuple[float, float]  # m: range of s on which rows are defined
     gravity: Gravity | None
     frame: Frame | None
     damping: Damping
     recovery: Recovery | None
-    jointed: bool = False  # whether it slides in another body or another one in it
-    # of rings that move: the stretch of s in m where they have rows, where it is not that of all
+    jointed: bool = False  # whether it slides in another body, or another body in it
+    # range of s in m where a moving ring has rows, by name; rings that are not in have the range `travel`
     stretches: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    # of rings whose walls give way: the section of their joint, the first place in m of their centres, and the last one
+    # for rings on walls that give way: the section of their joint, and first and last position in m of their centres
     ways: Mapping[str, tuple[int, float, float]] = field(default_factory=dict)
-    # names of rows that keep it straight in its rigid overlaps, and the end of each overlap that stays, m
+    # position in m of the fixed end of each rigid overlap, by the names of its two rows
     straight: Mapping[tuple[str, str], float] = field(default_factory=dict)
-    cylinder: LuffingCylinder | None = None  # that holds it, along itself
-    others: tuple[Member, ...] = ()  # the other sections, which know no others: where its model is still to be chosen
+    cylinder: LuffingCylinder | None = None  # luffing cylinder that holds the base
+    others: tuple[Member, ...] = ()  # all other sections (with no `others`), if its model is ``auto``
 
     @property
     def signals(self) -> dict[str, SignalBase]:
-        """Signal of each load and of the weight, by their names; extensions and a frame drive a section besides."""
+        """Signals of the loads and of the weight by name.
+
+        Extensions and a moving frame drive a section too, by other inputs.
+        """
         return {load.name: load.signal for load in self.part.loads} | self.weight
 
     @property
     def weight(self) -> dict[str, SignalBase]:
-        """Signal of the input of the weight; none in a frame, which turns it."""
+        """Signal of the weight by the name of its input; empty in a moving frame, where other inputs apply it."""
         return {WEIGHT: self.gravity.signal} if self.gravity and self.frame is None else {}
 
     @property
     def content(self) -> str:
-        """Text that is equal for bodies with equal full models: all but their names, and how loads change."""
+        """Text that is equal for bodies with equal full models: it leaves out names and the signals of loads."""
         part = self.part.model_dump_json(exclude={"name": True, "joint": True, "loads": {"__all__": {"signal"}}})
         extended = self.jointed and self.number > 0  # which accelerates it
         moving = sorted(self.stretches.items()), sorted(self.ways.items())
@@ -96,13 +103,13 @@ class Member:
 
     @property
     def joint_rows(self) -> frozenset[str]:
-        """Rows of its joints; all others are between it and the ground."""
+        """Names of the rows between this body and other bodies; all other rows are between it and the ground."""
         pads = [name for ring in self.pads if ring.name in self.stretches for name, _, _ in ring.places]
         return frozenset((*pads, POINT, TAIL, *STRAIGHT)) if self.jointed else frozenset()
 
 
 def member_at(scene: Scene, number: int = 0) -> Member:
-    """A body of a scene."""
+    """Return section `number` of a scene with all inputs of its full model."""
     if len(scene.sections) == 1:
         return _only_member(scene)
     member = _section(scene, number)
@@ -112,26 +119,29 @@ def member_at(scene: Scene, number: int = 0) -> Member:
 
 
 def members(scene: Scene) -> tuple[Member, ...]:
-    """All bodies of a scene, from the base out."""
+    """Return all sections of a scene, from the base outwards, each with all inputs of its full model."""
     return tuple(member_at(scene, number) for number in range(len(scene.sections)))
 
 
 def _only_member(scene: Scene) -> Member:
+    """Return the only body of a scene with all inputs of its full model."""
     points, about = scene.points, (scene.gravity, scene.frame, scene.damping, scene.recovery)
     names = tuple(_slider_name(points, at) for at in points)
     return Member(scene.alone, 0, scene.pads, points, names, scene.path_bounds, scene.travel, *about)
 
 
 def _slider_name(points: tuple[float, ...], at: float) -> str:
+    """Return the name of the row of the sliding point at `at` m ahead of s; `points` are the offsets of all points."""
     if points == (0.0,):
         return "slider"
     return f"slider at s{at:+g} m" if at else "slider at s"
 
 
 def _section(scene: Scene, number: int) -> Member:
-    """Section with the pads of all joints that touch it on one path, its reach; rows share a common stretch.
+    """Return a section of a boom with all inputs of its full model, such as the pads of both joints that touch it.
 
-    So all pads travel where any of them does, as far as the section's ends allow.
+    These have one path coordinate s, the position of pads along the section.  Its bounds contain all rings at all
+    times, as far as pads fit on the section; each ring has rows over that range, as far as its own length allows.
     """
     part, seats_here = scene.sections[number], list(seats(scene, number))
     faced = [seat for seat in seats_here if seat.ring.faces is not None]
@@ -174,8 +184,8 @@ def _section(scene: Scene, number: int) -> Member:
 
 
 def seats(scene: Scene, number: int) -> Iterator[Seat]:
-    """All rings that touch a section, its own joint's first."""
-    for k in range(max(number, 1), min(number + 2, len(scene.sections))):  # in which it slides, and what slides in it
+    """Yield the seat of each ring of joints on a section: rings of its own joint, then of the next section's joint."""
+    for k in range(max(number, 1), min(number + 2, len(scene.sections))):  # its own joint and the next section's
         joint, outer = scene.joint(k), scene.sections[k - 1].length
         first, last = scene.extension(k).bounds(0.0, scene.time.end)
         for i, ring in enumerate(joint.tail):
@@ -188,9 +198,9 @@ def seats(scene: Scene, number: int) -> Iterator[Seat]:
 
 
 def footprint(scene: Scene, ring: JointPads) -> str:
-    """Name of the pads of a ring on the sections that they touch.
+    """Return the name of a ring's pads in the models of the sections that they touch.
 
-    Those of one pattern and size are alike, unless walls give way under them.
+    Rings with equal faces, positions and size share one name, unless walls give way: each ring then has its own.
     """
     if ring.faces is None:
         return POINT
@@ -203,7 +213,10 @@ def footprint(scene: Scene, ring: JointPads) -> str:
 
 
 def _straight_rows(scene: Scene, number: int) -> dict[tuple[str, str], float]:
-    """Rows that keep a section straight in its rigid overlaps: their names, and the end of each that stays, m."""
+    """Return the names of the rows that keep a section straight in its rigid overlaps.
+
+    The value of each pair of names is the position in m along the section of the end of the overlap that does not move.
+    """
     ends = {}
     if number and (joint := scene.joint(number)).rigid_overlap:
         ends[WITHIN] = joint.first_at(joint.tail)
@@ -213,7 +226,7 @@ def _straight_rows(scene: Scene, number: int) -> dict[tuple[str, str], float]:
 
 
 def as_pads(ring: JointPads, name: str) -> PadRing:
-    """A joint's ring as one that moves along a body."""
+    """Return a joint's ring as a ring called `name` that moves along a body."""
     assert ring.faces is not None
     return PadRing(
         name=name, moving=True, faces=ring.faces, length=ring.length, width=ring.width, stiffness=ring.stiffness
@@ -221,9 +234,11 @@ def as_pads(ring: JointPads, name: str) -> PadRing:
 
 
 def _pattern(ring: JointPads) -> tuple[object, ...]:
+    """Return faces, positions, length and width of a ring as a key that is equal for rings that may share a name."""
     assert ring.faces is not None
     return (tuple((face, tuple(places)) for face, places in sorted(ring.faces.items())), ring.length, ring.width)
 
 
 def _everywhere(taken: list[Seat]) -> Ends:
+    """Return the smallest range that contains the ranges of all seats."""
     return Ends(float(np.min([seat.at.first for seat in taken])), float(np.max([seat.at.last for seat in taken])))

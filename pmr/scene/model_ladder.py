@@ -1,4 +1,4 @@
-"""Structural models in the order of what they know, and a scene with its next richer one, to be compared with it."""
+"""Structural models in order of their richness, and scenes with richer models that a scene is compared with."""
 
 from __future__ import annotations
 
@@ -10,22 +10,24 @@ from pmr.scene.members import members
 from pmr.scene.run_settings import Observe, Reduction, Simulation
 from pmr.scene.scene import Scene
 
-#: From the poorest to the richest.
+#: Structural models from the poorest to the richest.
 ORDER = ("beam2d", "beam3d", "shell")
-#: Coordinates of a body where models are compared, whatever the scene's own reduction, and places that are observed.
+#: For comparisons of models: coordinates of a body, observed positions, and the distance of the first and last
+#: position from the ends as a share of the length.
 COORDINATES, PLACES, FROM_AN_END = 20, 9, 0.05
-#: Of a shell that nobody asked for: how many times as long its cells are beside beams with rigid walls, and how many
-#: rectangles of cells it may have.
+#: For shells that no scene names: length of cells over that of the scene, for beams with rigid walls; most cells.
 COARSE, MOST_RECTANGLES = 2.0, 2500
-#: Seconds that a comparison takes, and that each rectangle of a shell's cells adds: a guess, from boxes of 5 and 6 m.
+#: Estimated time in s of a comparison, and of each cell of its shells; measured with boxes of 5 and 6 m.
 FIXED, EACH = 1.0, 6e-3
 
 
 def model_comparison(scene: Scene) -> tuple[Scene, Scene, str]:
-    """The scene with its own models and with richer ones, reduced and observed alike; what the richer one is called.
+    """Return the scene with its own models, the scene with richer models, and the name of the richer model.
 
-    Where the scene asks for none these are shells that take little time.  Raises an `InputError` that says why there
-    is no richer model.
+    Both scenes are reduced and observed alike.  Unless the scene names a richer model it is a shell that takes little
+    time.
+
+    Raises an InputError that says why there is no richer model, or none is asked for.
     """
     if scene.compare.richer == "none":
         raise _none("none", "not measured: compare.richer = 'none' leaves it out")
@@ -51,8 +53,12 @@ def model_comparison(scene: Scene) -> tuple[Scene, Scene, str]:
 
 
 def _default_comparison(scene: Scene) -> tuple[Scene, Scene, str]:
-    """Beside beams with rigid walls shells are coarse; beams whose walls give way have these from shells on the cells
-    of the scene, and are compared with shells on the same ones: what such cells are off by is in both.
+    """Return the scene, the scene with shells, and the shells' name, for ``compare.richer = 'auto'``.
+
+    Beams with rigid walls are compared with coarse shells.  Beams whose walls give way take the walls' compliance from
+    shells with the cells of the scene, and are compared with shells on equal cells, whose error is then in both.
+
+    Raises an InputError if the shells would take long.
     """
     compare = scene.compare.model_copy(update={"richer": ORDER[-1]})
     of_scene, shells, called = model_comparison(scene.model_copy(update={"compare": compare}))
@@ -71,17 +77,18 @@ def _default_comparison(scene: Scene) -> tuple[Scene, Scene, str]:
 
 
 def rectangles(part: Part, by: float) -> float:
-    """Number of cells of a shell, `by` times as long."""
+    """Return the number of cells of a section's shell if cells are `by` times as long as the scene's."""
     assert part.body.box is not None  # as `model_comparison` says
     around, along = by * part.mesh.size, by * (part.mesh.along or part.mesh.size)
     return sum(max(2.0, side.length / around) for side in part.body.box.sides) * part.length / along
 
 
 def candidates(scene: Scene) -> list[Scene]:
-    """Scenes among which measurements decide, from the smallest models to shells; none where all models are known.
+    """Return the scenes among which measurements choose a model, from the smallest models to shells.
 
-    Planar beams, beams in space, each with walls that give way, and shells, as far as they can carry what is asked.
-    All bodies whose model is ``auto`` get the same one.
+    They have planar beams, beams in space, each with rigid and with flexible walls, and shells, as far as these can
+    carry the scene's loads.  All bodies with the model ``auto`` get the same model.  Empty if no body's model is left
+    to measurements.
     """
     open_ = [member for member in members(scene) if is_undecided(member)]
     if not open_:
@@ -96,12 +103,12 @@ def candidates(scene: Scene) -> list[Scene]:
 
 
 def comparable_scene(scene: Scene) -> Scene:
-    """The scene with its models, but places and a reduction by which models can be compared."""
+    """Return the scene with its own models, but with positions and a reduction by which models can be compared."""
     return _with(scene, [model_of(member) for member in members(scene)])
 
 
 def _choose_models(scene: Scene, model: str, walls: str) -> Scene:
-    """Return the scene with this model and these walls wherever none is chosen."""
+    """Return the scene with this model and these walls for all bodies whose model measurements have to choose."""
     parts = []
     for member in members(scene):
         part = member.part
@@ -113,7 +120,7 @@ def _choose_models(scene: Scene, model: str, walls: str) -> Scene:
 
 
 def _sound(scene: Scene) -> bool:
-    """Whether the models can carry what is asked."""
+    """Whether a scene passes all checks."""
     try:
         check(scene)
     except InputError:
@@ -122,13 +129,14 @@ def _sound(scene: Scene) -> bool:
 
 
 def _none(value: str, why: str) -> InputError:
+    """Return the error that says why there is no comparison; `value` is that of ``compare.richer``."""
     return InputError("scene", "compare.richer", value, why)
 
 
 def _with(scene: Scene, models: list[str]) -> Scene:
-    """Return the scene with these models, places that all of them have, and an exact reduction.
+    """Return the scene with one model for each body, positions that all models have, and an accurate reduction.
 
-    Nothing is asked of it but its motion, once.
+    It is simulated once by ``march``; stresses, probes, accuracy and budget are left out.
     """
     parts = []
     for part, model in zip(scene.sections, models, strict=True):

@@ -1,8 +1,6 @@
-r"""Profiles: plates and arcs around a closed cell, and how much room is between two of them.
+r"""Profiles: the flat plates and rounded corners of a closed cross-section, and the gap between two profiles.
 
-The profile of a boom: flat plates around a closed cell, and the arcs of rounded corners between them.
-
-Dimensions are those of the mid-surface.  Seen from the tip y points to the right and z up; one walks around
+Dimensions are those of the mid-surface.  Seen from the tip y points to the right and z up; sides are numbered
 counter-clockwise, from the bottom.  A rectangle loses what a chamfer cuts off its corners, y along and z up, which
 leaves slanted plates::
 
@@ -15,10 +13,8 @@ leaves slanted plates::
               \__________/
     bottom right  bottom   bottom left
 
-Places across a face count from where it is nearest to the axis, y = z = 0: along y on bottom and top, along z on left
-and right, upwards on slanted faces.
-
-Plates around a closed profile, and arcs between them: where they are, and how much room is between two profiles.
+A coordinate across a face is zero at the face's point nearest to the axis y = z = 0.  It grows with y on bottom and
+top, with z on left and right, and upwards on slanted faces.
 """
 
 from __future__ import annotations
@@ -40,24 +36,24 @@ Pair = tuple[float, float]
 Face = Literal["bottom", "bottom left", "left", "top left", "top", "top right", "right", "bottom right"]
 Half = Literal["bottom", "top"]
 FACES: tuple[Face, ...] = get_args(Face)
-#: Components of a unit vector that are less are none.
+#: Components of a unit vector, and lengths as a share of the larger of width and height, that count as zero.
 NOTHING = 1e-9
 
 
 @dataclass(frozen=True)
 class Side:
-    """A flat plate of a profile or the arc of a corner, as one walks around it counter-clockwise."""
+    """A flat plate of a profile or the arc of a rounded corner; start and end are in counter-clockwise order."""
 
-    name: str  # of its face; of an arc that it is a corner
+    name: str  # of its face; an arc's says that it is a corner
     start: Pair  # (y, z) m on the mid-surface
     end: Pair
     thickness: float  # m
-    centre: Pair | None = None  # of an arc
-    angle: float = 0.0  # rad, of an arc
+    centre: Pair | None = None  # (y, z) m of an arc's centre; None for a plate
+    angle: float = 0.0  # rad, of an arc; 0 for a plate
 
     @property
     def radius(self) -> float:
-        """Radius of an arc, m."""
+        """Radius of the mid-line in m; 0 for a flat plate."""
         return 0.0 if self.centre is None else float(np.hypot(*np.subtract(self.start, self.centre)))
 
     @property
@@ -66,49 +62,50 @@ class Side:
         return self.radius * self.angle if self.centre is not None else float(np.hypot(*self._chord))
 
     def cells(self, size: float) -> int:
-        """How many cells of about that size, in m, it is divided into."""
+        """Return the number of cells, two or more, into which a mesh of cell length `size` (m) divides the mid-line."""
         return max(2, round(self.length / size))
 
     @property
     def direction(self) -> Array:
-        """Unit vector (2,) along a flat plate."""
+        """Unit vector (2,) in y and z from the start to the end of a flat plate."""
         return np.asarray(self._chord / np.hypot(*self._chord))
 
     @property
     def normal(self) -> Array:
-        """Unit vector (2,) out of a flat plate."""
+        """Outward unit normal (2,) in y and z of a flat plate."""
         y, z = self.direction
         return np.array([z, -y]) + 0.0
 
     @property
     def across(self) -> Array:
-        """Unit vector (2,) along which places across a flat plate count."""
+        """Unit vector (2,) in y and z along which the coordinate across a flat plate grows."""
         along = self.direction
         return np.asarray(np.abs(along) if abs(along).max() > 1.0 - NOTHING else along * np.sign(along[1]))
 
     @property
     def span(self) -> Pair:
-        """Least and largest place across on a flat plate, m, from the one nearest to the axis."""
+        """Least and largest coordinate in m across a flat plate; 0 is the point of its plane nearest to the axis."""
         low, high = sorted(float(self.across @ end) for end in (self.start, self.end))
         return low, high
 
     @property
     def _chord(self) -> Array:
+        """Vector (2,) in m from the start to the end of the side."""
         return np.subtract(self.end, self.start)
 
 
 @dataclass(frozen=True)
 class Corner:
-    """Corner where two flat plates would meet outside if nothing were rounded."""
+    """Outer corner in which two neighbouring flat plates would meet if it were not rounded."""
 
     name: str
     at: Pair  # (y, z) m
-    thickness: float  # of the thinner one of both, m
+    thickness: float  # of the thinner plate, m
 
 
 @dataclass(frozen=True)
 class Edge:
-    """A face as if its corners were sharp, and the arc that rounds the corner where it starts."""
+    """A face as if its corners were sharp, and the arc that rounds the corner at its start."""
 
     face: Face
     start: Array  # (2,) m
@@ -120,30 +117,30 @@ class Edge:
 
     @cached_property
     def length(self) -> float:
-        """Between the corners, m."""
+        """Length between the sharp corners, m."""
         return math.hypot(*(self.end - self.start))
 
     @cached_property
     def along(self) -> Array:
-        """Unit vector (2,)."""
+        """Unit vector (2,) in y and z from start to end."""
         return np.asarray((self.end - self.start) / self.length)
 
     @property
     def out(self) -> Array:
-        """Unit vector (2,) out of the profile."""
+        """Outward unit normal (2,) in y and z."""
         return np.array([self.along[1], -self.along[0]])
 
     def turn(self, before: Edge) -> float:
-        """Angle of the corner where it starts, rad."""
+        """Return the angle in rad between the directions of the edge `before` and of this one, at this one's start."""
         return math.acos(max(-1.0, min(1.0, float(before.along @ self.along))))
 
     def trim(self, before: Edge) -> float:
-        """Length that the arc at this corner takes from both plates, m."""
+        """Length in m by which the arc at this edge's start shortens this edge and the edge `before`."""
         return self.radius * math.tan(self.turn(before) / 2.0)
 
 
 def sides_of(edges: Sequence[Edge], nothing: float) -> tuple[Side, ...]:
-    """Flat plates longer than `nothing`, and arcs."""
+    """Return the flat plates and arcs of a profile in order; flat plates not longer than `nothing` (m) are left out."""
     sides = list[Side]()
     for k, edge in enumerate(edges):
         after = edges[(k + 1) % len(edges)]
@@ -158,7 +155,7 @@ def sides_of(edges: Sequence[Edge], nothing: float) -> tuple[Side, ...]:
 
 
 def corners_of(edges: Sequence[Edge]) -> tuple[Corner, ...]:
-    """Corners of a profile as if all were sharp."""
+    """Return the outer corners of a profile in order, as if all were sharp."""
     corners = list[Corner]()
     for k, edge in enumerate(edges):
         before = edges[k - 1]
@@ -171,9 +168,10 @@ def corners_of(edges: Sequence[Edge]) -> tuple[Corner, ...]:
 
 
 def gaps(inner: Sequence[Side], outer: Sequence[Side]) -> dict[str, float]:
-    """Between what is outside a profile and inside one around it, by face of the outer one, corners as others, m.
+    """Return the gap in m between the outside of an inner profile and the inside of an outer one, by side.
 
-    Negative: so far it stands out.
+    Keys are the names of the outer profile's faces and rounded corners.  A negative gap is an overlap; it is infinite
+    where no point of the inner profile faces a rounded corner.
     """
     places = [place for k in range(len(inner)) for place in _outside(inner, k)]
     gap_of_face = dict[str, float]()
@@ -189,7 +187,11 @@ def gaps(inner: Sequence[Side], outer: Sequence[Side]) -> dict[str, float]:
 
 
 def _outside(sides: Sequence[Side], k: int) -> list[Array]:
-    """Points outside a side: the mitred corner where it meets a flat plate, else its ends, and places on an arc."""
+    """Return points (2,) in m on the outside of side number k of a profile.
+
+    Those of an arc are 33 along it.  A flat plate has the mitred corner with the next plate, or both of its ends if an
+    arc follows.
+    """
     side, after = sides[k], sides[(k + 1) % len(sides)]
     out = side.thickness / 2.0
     if side.centre is not None:
@@ -203,19 +205,19 @@ def _outside(sides: Sequence[Side], k: int) -> list[Array]:
 
 
 def _faces(arc: Side, arm: Array) -> bool:
-    """Whether a direction from an arc's centre leads to the arc."""
+    """Whether the vector `arm` (2,) from an arc's centre lies within the arc's angle."""
     middle = np.add(arc.start, arc.end) / 2.0 - np.asarray(arc.centre)
     return bool(middle @ arm >= np.cos(arc.angle / 2.0) * np.hypot(*middle) * np.hypot(*arm) - 1e-12)
 
 
 def _pair(p: Array) -> Pair:
+    """Return an array (2,) as two floats."""
     return float(p[0]), float(p[1])
 
 
 WallName = Literal["sides", Face]
 Cut = tuple[Distance, Distance]
 CORNERS = "corners"
-#: Lengths that are less, as a share of the larger of width and height, are none.
 
 
 class BoxProfile(Section):
@@ -237,6 +239,7 @@ class BoxProfile(Section):
 
     @model_validator(mode="after")
     def _closes(self) -> BoxProfile:
+        """Refuse chamfers, walls and radii with which the profile does not close."""
         _check_chamfers(self)
         _check_walls(self)
         _check_radii(self)
@@ -244,7 +247,7 @@ class BoxProfile(Section):
 
     @property
     def edges(self) -> list[Edge]:
-        """Faces as if all corners were sharp."""
+        """Faces as if all corners were sharp, in counter-clockwise order; faces without a length are left out."""
         b, h = self.width / 2.0, self.height / 2.0
         (y0, z0), (y1, z1) = self.cut("bottom"), self.cut("top")
         right = [(-b + y1, h), (-b, h - z1), (-b, -h + z0)]
@@ -259,22 +262,22 @@ class BoxProfile(Section):
 
     @property
     def sides(self) -> tuple[Side, ...]:
-        """Plates and arcs, around the profile."""
+        """Flat plates and arcs in counter-clockwise order."""
         return sides_of(self.edges, self.negligible)
 
     @property
     def faces(self) -> dict[str, Side]:
-        """Flat plates, by their names."""
+        """Flat plates by the names of their faces."""
         return {side.name: side for side in self.sides if side.centre is None}
 
     @property
     def corners(self) -> tuple[Corner, ...]:
-        """Corners of the plates, around the profile; rounded ones as if they were sharp."""
+        """Outer corners in counter-clockwise order; rounded ones as if they were sharp."""
         return corners_of(self.edges)
 
     @property
     def walls(self) -> dict[str, float]:
-        """Thickness in m by face, or of all."""
+        """Thickness in m by the name of each face and arc; if all are equal, one entry with the key ``""``."""
         each = {side.name: side.thickness for side in self.sides}
         return each if len(set(each.values())) > 1 else {"": next(iter(each.values()))}
 
@@ -284,7 +287,10 @@ class BoxProfile(Section):
         return NOTHING * max(self.width, self.height)
 
     def thickness(self, face: str) -> float:
-        """Thickness of the plate on a face, m; of bottom and top also that of rounded corners there."""
+        """Return the thickness in m of the plate on a face; 0 if `wall` has no entry for it.
+
+        The rounded corners at the bottom and at the top are as thick as the faces ``bottom`` and ``top``.
+        """
         if not isinstance(self.wall, dict):
             return self.wall
         by_name = {str(name): wall for name, wall in self.wall.items()}
@@ -292,16 +298,17 @@ class BoxProfile(Section):
         return by_name.get(face, by_name.get(half, 0.0))
 
     def radius_at(self, half: Half) -> float:
-        """Radius of the corners at the bottom or at the top, m."""
+        """Return the radius in m of the corners at the bottom or at the top."""
         return self.radius.get(half, 0.0) if isinstance(self.radius, dict) else self.radius
 
     def cut(self, half: Half) -> Pair:
-        """Off the corners at the bottom or at the top, along y and z, m."""
+        """Return the lengths in m along y and z that the chamfers cut off the corners at the bottom or at the top."""
         cut = self.chamfer.get(half, 0.0) if isinstance(self.chamfer, dict) else self.chamfer
         return cut if isinstance(cut, tuple) else (cut, cut)
 
 
 def _check_chamfers(profile: BoxProfile) -> None:
+    """Refuse chamfers along one axis alone, wider than half the width, or together higher than the profile."""
     cuts = profile.cut("bottom"), profile.cut("top")
     wide = any(bool(y) != bool(z) or y > profile.width / 2.0 + profile.negligible for y, z in cuts)
     if wide or sum(z for _, z in cuts) > profile.height + profile.negligible:
@@ -313,6 +320,7 @@ def _check_chamfers(profile: BoxProfile) -> None:
 
 
 def _check_walls(profile: BoxProfile) -> None:
+    """Refuse walls without a thickness, of faces that the profile does not have, or too thick to leave room inside."""
     edges, half = profile.edges, min(profile.width, profile.height) / 2.0
     faces = [edge.face for edge in edges]
     if isinstance(profile.wall, dict):
@@ -331,12 +339,12 @@ def _check_walls(profile: BoxProfile) -> None:
 
 
 def _mitre(edge: Edge, other: Edge, angle: float) -> float:
-    """Length that an edge lacks inside where it meets another one, m."""
+    """Length in m by which an edge is shorter inside than at its mid-line, at a corner of `angle` rad with `other`."""
     return float((other.thickness - edge.thickness * np.cos(angle)) / (2.0 * np.sin(angle)))
 
 
 def _check_radii(profile: BoxProfile) -> None:
-    """Arcs have an inside, and plates enough length for them."""
+    """Refuse radii of at most half the wall, and radii whose arcs are longer than the plates beside them allow."""
     edges = profile.edges
     for half in ("bottom", "top"):
         r, wall, most = profile.radius_at(half), profile.thickness(half), np.inf

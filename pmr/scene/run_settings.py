@@ -1,4 +1,4 @@
-"""What a run does: time steps, what is observed, how a model is reduced, who simulates it, what it is compared with."""
+"""Tables of a scene for a run: time steps, observed outputs, reduction, simulators, and comparison."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ SimulatorName = Literal["march", "exudyn", "exudyn-multiplier", "exudyn-callback
 
 
 class TimeChoice(Section):
-    """Generalized-alpha, index 3, constant step."""
+    """Simulated time and steps of the generalized-alpha method (index 3, constant step)."""
 
     end: Annotated[float, Field(gt=0.0, strict=True), Quantity("s", 1e-9, 1e9), Usual(1e-4, 4e3)] = Field(
         description="Simulated time"
@@ -48,13 +48,14 @@ class TimeChoice(Section):
 
     @property
     def steps(self) -> int:
+        """Number of time steps."""
         return round(self.end / self.step)
 
 
 class Observe(Section):
-    """Places along the axis at which the motion is compared and drawn, and the tip: the mean of a group at the end.
+    """Positions along the axis at which the motion is compared and drawn, and the tip: the mean of a group at the end.
 
-    Without `start` and `end` the places are a beam's nodes; of more than a thousand nodes every second, third and so
+    Without `start` and `end` the positions are a beam's nodes; of more than a thousand nodes every second, third and so
     on.
     """
 
@@ -74,19 +75,20 @@ class Observe(Section):
 
     @model_validator(mode="after")
     def _both_ends(self) -> Observe:
+        """Refuse one end of the observed range without the other."""
         if (self.start is None) != (self.end is None):
             raise ValueError("start and end are allowed together; without them a beam's nodes are observed")
         return self
 
     @property
     def stations(self) -> tuple[float, ...] | None:
-        """Places along the axis, m; None for a beam's nodes."""
+        """Observed positions along the axis in m; None for a beam's nodes."""
         if self.start is None or self.end is None:
             return None
         return tuple(float(x) for x in np.linspace(self.start, self.end, self.count))
 
     def tip_along(self, direction: str) -> str:
-        """Name of the output of the tip's displacement along y or z."""
+        """Return the name of the output of the tip's displacement along `direction`, y or z."""
         return f"{self.tip} {direction}"
 
 
@@ -104,7 +106,7 @@ class Recovery(Section):
 
 
 class Repeated(Section):
-    """A line of a load spectrum."""
+    """A line of a load spectrum: a number of cycles with one factor on the stresses."""
 
     cycles: Positive = Field(description="How often the simulated cycle occurs with its stresses times `factor`")
     factor: Positive = Field(default=1.0, description="Factor on all stresses")
@@ -126,13 +128,14 @@ class Fatigue(Section):
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Fatigue:
+        """Refuse cycles beside a spectrum."""
         if self.spectrum and "cycles" in self.model_fields_set:
             raise ValueError("give cycles or spectrum, one of them")
         return self
 
     @property
     def lines(self) -> tuple[Repeated, ...]:
-        """Lines of the spectrum."""
+        """Lines of the load spectrum; without one, a single line with the number of cycles."""
         return self.spectrum or (Repeated(cycles=self.cycles),)
 
 
@@ -189,6 +192,7 @@ class Reduction(Section):
     @model_validator(mode="before")
     @classmethod
     def _flexibility_goes_with_free_modes(cls, data: Any) -> Any:
+        """Fill in the defaults of free modes: flexibility, and with it 6 coordinates."""
         if isinstance(data, dict) and data.get("residual_inertia") is False:  # of a scene that a file records
             data = {key: value for key, value in data.items() if key != "residual_inertia"}
         if not isinstance(data, dict) or data.get("basis", "free_modes") != "free_modes":
@@ -203,17 +207,17 @@ class Reduction(Section):
 
     @property
     def given(self) -> bool:
-        """Tell whether the vectors come from a file or from a function of an installed package."""
+        """Whether the basis comes from a file or from a function of an installed package."""
         return self.basis != "free_modes" and not self.uses_pod
 
     @property
     def extendable(self) -> bool:
-        """Whether modes beyond the coordinates may be kept, whose flexibility is known apart from the rest."""
+        """Whether modes beyond the coordinates may be kept, with their flexibility apart from that of all others."""
         return self.basis == "free_modes" and self.flexibility and not self.ports
 
     @property
     def estimable(self) -> bool:
-        """Whether what the modes leave out is kept by its inertia, too, with which the error is estimated."""
+        """Whether the inertia of the modes that are left out is kept too, by which the error is estimated."""
         return self.extendable and self.estimate
 
 
@@ -244,6 +248,7 @@ class Simulation(Section):
     @field_validator("simulators")
     @classmethod
     def _different(cls, simulators: tuple[str, ...]) -> tuple[str, ...]:
+        """Refuse a simulator that is listed twice."""
         if len(set(simulators)) < len(simulators):
             raise ValueError("each simulator once is allowed")
         return simulators
@@ -270,6 +275,8 @@ class Compare(Section):
 
 
 class _Ordered(Section):
+    """Base of `Accuracy` and `Budget`: the outputs whose errors count."""
+
     outputs: tuple[OutputKind, ...] = Field(
         default=("beam", "tip"), min_length=1, description="Outputs whose errors have to be small enough"
     )
@@ -307,20 +314,21 @@ class Budget(_Ordered):
 
     @model_validator(mode="after")
     def _one(self) -> Budget:
+        """Refuse a budget unless exactly one limit is set."""
         if sum(limit is not None for limit in (self.coordinates, self.microseconds_per_step, self.real_time)) != 1:
             raise ValueError("give coordinates, microseconds_per_step or real_time, one of them")
         return self
 
 
 class PublishedFrequency(Section):
-    """The first natural frequency of a boom that reaches so far."""
+    """Published first natural frequency of a boom at one reach."""
 
     reach: Length = Field(description="Distance of the tip from the base's tail")
     first: Frequency = Field(description="Lowest natural frequency")
 
 
 class Published(Section):
-    """Figures from a publication, shown beside ours."""
+    """Results from a publication, shown beside ours."""
 
     source: str = Field(description="The publication")
     errors: dict[Pair, dict[Literal["tip", "beam"], Share]] = Field(
@@ -337,6 +345,6 @@ class Published(Section):
 
     @property
     def of_any_motion(self) -> Published | None:
-        """Published figures that hold for a scene with changed keys: frequencies; errors are those of one motion."""
+        """Published frequencies without errors, which hold for one motion alone; None without frequencies."""
         without_errors: dict[str, Any] = {"errors": {}, "max_displacement": None, "max_error": None}
         return self.model_copy(update=without_errors) if self.frequencies else None

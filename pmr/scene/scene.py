@@ -1,9 +1,4 @@
-"""A scene: everything that a run is made from, bodies from the base out and what is asked of them.
-
-The bodies of a scene, and what is said of a body alone.
-
-What is asked of all bodies of a scene together.
-"""
+"""The scene: the bodies from the base outwards, and the settings of a run about all of them."""
 
 from __future__ import annotations
 
@@ -77,7 +72,7 @@ class Whole(Section):
     @model_validator(mode="before")
     @classmethod
     def _begun(cls, data: Any) -> Any:
-        """Fill in the start, and a weight that fits it: what begins in equilibrium has its weight from the start."""
+        """Fill in the default start, and for a start in equilibrium a weight that acts from t = 0."""
         if not isinstance(data, Mapping):
             return data
         sections = data.get("sections", ())
@@ -90,13 +85,16 @@ class Whole(Section):
 
 
 class Listed(Whole):
-    """Bodies from the base out; keys of a body are those of a body alone, and an InputError where there are several."""
+    """Bodies from the base outwards; properties such as `body` and `loads` are those of the only body.
+
+    They raise InputError if there are several bodies.
+    """
 
     sections: Annotated[tuple[Part, ...], Field(min_length=1)] = Field(description="From the base out")
 
     @property
     def alone(self) -> Part:
-        """The only body; an InputError is raised where there are several."""
+        """The only body of the scene; raises InputError if there are several."""
         if len(self.sections) > 1:
             allowed = "a scene of one body is allowed here; pmr run takes booms of several sections"
             raise InputError("scene", "sections", None, allowed)
@@ -142,7 +140,7 @@ class Listed(Whole):
 
     @property
     def signals(self) -> dict[str, SignalBase]:
-        """Signal of each input of the model, by its name, as users of Exudyn give them to `add_sliding_body`."""
+        """Signal of each input of the only body's model by name, as users of Exudyn pass them to `add_sliding_body`."""
         weight = {WEIGHT: self.gravity.signal} if self.gravity else {}
         return {load.name: load.signal for load in self.loads} | weight
 
@@ -153,12 +151,12 @@ class Listed(Whole):
 
     @property
     def travel(self) -> tuple[float, float]:
-        """Smallest and largest s in m that the model is made for."""
+        """Smallest and largest s in m for which the model is made."""
         return self.slider.travel or self.path_bounds
 
     @property
     def points(self) -> tuple[float, ...]:
-        """Distances ahead of s, m, of the points that slide: none where pads do."""
+        """Distances of the sliding points ahead of s in m; empty where pads slide."""
         if self.slider.offsets is not None:
             return self.slider.offsets
         return () if any(ring.moving for ring in self.pads) else (0.0,)
@@ -175,7 +173,7 @@ class BodyFile(OneBody, Whole):
 
 
 def _with_common(schema: dict[str, Any]) -> None:
-    """Describe in the schema once which keys all sections share."""
+    """Describe in a JSON schema, which is changed in place, the table of keys that all sections share."""
     about = "Keys that every section has unless it has its own"
     schema["properties"]["section"] = {"type": "object", "description": about, "default": {}}
 
@@ -191,6 +189,7 @@ class Scene(Listed):
     @model_validator(mode="before")
     @classmethod
     def _of_either_dialect(cls, data: Any) -> Any:
+        """Return the fields of a scene, from a body at the top of a file or from sections and their shared keys."""
         if not isinstance(data, Mapping):
             return data
         if "sections" not in data:
@@ -211,11 +210,12 @@ class Scene(Listed):
 
     @classmethod
     def of(cls, written: BodyFile) -> Self:
-        """The scene of a body that a file describes at its top."""
+        """Return the scene of a body that a file describes at its top."""
         return cls.model_validate(cls._fields_of(written))
 
     @staticmethod
     def _fields_of(written: BodyFile) -> dict[str, Any]:
+        """Return the fields of a scene of one body without a name."""
         # a body that is alone has no name
         part = Part.model_construct(name=ALONE, **{key: getattr(written, key) for key in OneBody.model_fields})
         return {key: getattr(written, key) for key in Whole.model_fields} | {"sections": (part,)}
@@ -225,11 +225,12 @@ class Scene(Listed):
 
     @model_serializer(mode="wrap")
     def _written(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Return the content of the scene for files; a body without a name has its keys at the top."""
         content: dict[str, Any] = handler(self)
         return content if self.sections[0].name else _at_the_top(content)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a copy with some fields changed; keys of a body are those of a body alone."""
+        """Return a copy with some fields changed; keys of a body change the only body."""
         changed = dict(update or {})
         of_body = {key: changed.pop(key) for key in OF_A_BODY & set(changed)}
         if of_body:
@@ -238,9 +239,9 @@ class Scene(Listed):
 
     @property
     def hash(self) -> str:
-        """Digest of what decides the result, equal for equal results: all but title, published figures, simulators.
+        """Digest of the keys that decide the results: all but title, published numbers and simulators.
 
-        A key at its default counts as one that is not there: what was computed stays valid when there is a new key.
+        Keys at their default value are left out, so that stored results stay valid when a new version adds a key.
         """
         left_out = {"title", "published", "simulation"}
         content = self.model_dump(mode="json", exclude=left_out, exclude_defaults=True)
@@ -263,9 +264,9 @@ class Scene(Listed):
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """Record of the scene in a saved model: ``scene``, ``scene_hash``, ``files``.
+        """Record of the scene in a saved model: ``scene``, ``scene_hash`` and ``files`` (SHA-256 by table).
 
-        Files are named without their folders, and by the SHA-256 of what they hold.
+        Files are named without their folders.
         """
         content = self.model_dump(mode="json", exclude={"published"})
         if len(self.sections) == 1:
@@ -277,7 +278,7 @@ class Scene(Listed):
         return {"scene": content, "scene_hash": self.hash, "files": files}
 
     def spelled(self, key: str) -> str:
-        """A key of the scene as its file writes it: keys of a body alone stand at the top, or in its section."""
+        """Return a key of the scene as its file spells it: keys of the only body at the top, or in its section."""
         if len(self.sections) > 1:
             return key
         if not self.sections[0].name:
@@ -285,7 +286,7 @@ class Scene(Listed):
         return f"sections[0].{key}" if re.split(r"\W", key)[0] in OF_A_BODY else key
 
     def key_of(self, number: int, key: str) -> str:
-        """A key of one of the bodies as the file writes it; what all bodies have in common stands at the top."""
+        """Return a key of section `number` as its file spells it; keys about all bodies are at the top."""
         return self.spelled(f"sections[{number}].{key}") if re.split(r"\W", key)[0] in OF_A_BODY else key
 
     # -- all bodies
@@ -297,42 +298,42 @@ class Scene(Listed):
 
     @property
     def bodies(self) -> Mapping[str, Part]:
-        """Bodies of the scene by their names, from the base out."""
+        """Bodies of the scene by name, from the base outwards."""
         return dict(zip(self.names, self.sections, strict=True))
 
     @property
     def goal(self) -> run_settings.Accuracy | run_settings.Budget | None:
-        """Accuracy or budget that decides coordinates and step in place of the scene; None without."""
+        """Accuracy or budget by which coordinates and step are chosen; None if the scene sets these itself."""
         return self.accuracy or self.budget
 
     @property
     def paths(self) -> dict[str, SignalBase]:
-        """Extension in m over time of each section but the base, by its name, or the path of a body alone."""
+        """Extension in m over time of each section but the base by its name, or s of the only body as ``"slider"``."""
         if len(self.sections) == 1:
             return {SLIDER: self.slider.path}
         return {self.names[k]: self.extension(k) for k in range(1, len(self.sections))}
 
     @property
     def holding_cylinder(self) -> LuffingCylinder | None:
-        """Luffing cylinder that holds the base along itself; None where supports hold it."""
+        """Luffing cylinder with a stiffness, which holds the base at its lug; None where supports hold it."""
         cylinder = None if self.frame is None else self.frame.cylinder
         return cylinder if cylinder is not None and cylinder.stiffness is not None else None
 
     @property
     def driven_paths(self) -> dict[str, SignalBase]:
-        """Signals of all paths of its system: those of `paths`, and the angle in rad that a cylinder turns with."""
+        """Signals of all paths: `paths`, and the luffing angle in rad if a luffing cylinder holds the base."""
         if self.frame is None or self.holding_cylinder is None:
             return self.paths
         return self.paths | {LUFFING: self.frame.angles[0]}
 
     def joint(self, number: int) -> Joint:
-        """In which a section, 1 or more, slides."""
+        """Return the joint in which section `number` (1 or more) slides."""
         joint = self.sections[number].joint
         assert joint is not None  # as the checks say
         return joint
 
     def extension(self, number: int) -> SignalBase:
-        """How far the tail of a section, 1 or more, is ahead of that of the one before it, m over time."""
+        """Return the distance in m over time from the previous section's tail to that of section `number` (from 1)."""
         joint = self.joint(number)
         if joint.extension is not None:
             return joint.extension
@@ -342,16 +343,16 @@ class Scene(Listed):
         return Linear(signal=followed, ratio=joint.ratio, offset=joint.offset)
 
     def reach(self, t: ArrayLike) -> Array:
-        """Reach of the tip along the boom from the tail of the base, m, at the times t."""
+        """Return the distances in m along the boom from the base's tail to the tip at the times t in s; shape of t."""
         tails = [self.extension(number).value(t) for number in range(1, len(self.sections))]
         return np.asarray(np.sum([np.zeros_like(np.asarray(t, float)), *tails], axis=0) + self.sections[-1].length)
 
     def along(self, t: ArrayLike) -> Array:
-        """Path coordinate of a body alone, or reach of sections, m, at the times t."""
+        """Return s of the only body, or `reach` of several sections, in m at the times t in s; shape of t."""
         return self.reach(t) if len(self.sections) > 1 else np.asarray(self.slider.path.value(t))
 
     def without_loads(self) -> Self:
-        """The scene with nothing but zeros for loads: what its modes depend on."""
+        """Return the scene with all loads zero, weight from t = 0 and no recovery: its modes depend on nothing else."""
         nothing = {"signal": Constant(amount=0.0)}
         parts = (
             part.model_copy(update={"loads": tuple(load.model_copy(update=nothing) for load in part.loads)})
@@ -362,7 +363,7 @@ class Scene(Listed):
 
 
 def _at_the_top(content: dict[str, Any]) -> dict[str, Any]:
-    """Content of a scene of one body, with the keys of the body at the top."""
+    """Return the content of a scene of one body with the keys of the body at the top; `content` is changed."""
     sections = content.pop("sections", [])
     for section in sections:
         content |= {key: value for key, value in section.items() if key in OF_A_BODY}
@@ -370,9 +371,10 @@ def _at_the_top(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def _lay_over(common: Mapping[str, Any], part: Mapping[str, Any]) -> dict[str, Any]:
-    """A section laid over what all have in common; of the ways to drive a joint it takes over none but its own.
+    """Return the tables of a section laid over those common to all sections.
 
-    What does not follow has no rope.
+    If the section drives its joint itself it takes over no extension, overlap or follows, and if it follows none also
+    no rope.
     """
     joint = part.get("joint")
     ways = {"extension", "overlap", "follows"}

@@ -1,8 +1,7 @@
-"""Checks of a body and what is on it, and of sizes that double precision can carry.
+"""Checks of one body, which raise InputError: model, loads, supports, pads and sliding points, and proportions.
 
-What no section can know by itself of a body and what is on it.
-
-Sizes and proportions of bodies, loads and paths that a computation in double precision can carry.
+Each check raises an InputError for the first key that contradicts another key of the body; proportions are those with
+which double precision can compute.
 """
 
 from __future__ import annotations
@@ -27,15 +26,15 @@ from pmr.scene.structures import ALLOWED_INERTIA, is_inertia
 BEAMS = ("beam2d", "beam3d")
 #: Models whose section may vary along the body.
 VARYING = ("beam2d", "beam3d", "shell")
-#: Round-off in the stiffness of a beam in space grows with the fourth power of the number: these leave two digits of
-#: the lowest frequency.  What a planar beam's cost it is said of the run.
+#: Most elements of a beam in space: round-off in its stiffness grows with the fourth power of their number, and these
+#: leave two digits of the lowest frequency.
 MOST_ELEMENTS = 5000
 #: Round-off of a user's arithmetic, as a share of the face.
 SLACK = 1e-9
 
 
 def check_structure(member: Member) -> None:
-    """Refuse a body that can't carry what is on it."""
+    """Raise an InputError for the first key of a body, or of what is on it, that contradicts another key."""
     _body(member)
     check_names("pads", (name for ring in member.pads for name, _, _ in ring.places))
     for key in ("loads", "masses", "probes"):
@@ -60,7 +59,7 @@ def check_structure(member: Member) -> None:
 
 
 def _along_the_ground(member: Member) -> None:
-    """Axes of the ground are known in a frame, and a force along them acts along the body too."""
+    """Refuse moments about ground axes, and loads along them without a moving frame or motion of the body along x."""
     for i, load in enumerate(member.part.loads):
         if load.axes == "body":
             continue
@@ -73,7 +72,7 @@ def _along_the_ground(member: Member) -> None:
 
 
 def _places(member: Member) -> None:
-    """A box's ends are known before it is drawn; a mesh that is read says itself where it ends."""
+    """Refuse loads, supports and observed positions off the body; models other than beams need observed positions."""
     observe, length = member.part.observe, member.part.body.length
     if observe.stations is None and model_of(member) not in BEAMS:
         allowed = "places in m are needed, from observe.start to observe.end: nodes are observed of beams only"
@@ -90,7 +89,7 @@ def _places(member: Member) -> None:
 
 
 def _points(member: Member) -> None:
-    """Points that slide: on planar beams, on the body, and beside its supports."""
+    """Refuse sliding points of other models than planar beams, beside moving pads, off the body, or at a support."""
     model, length = model_of(member), member.part.body.length
     if not member.points:
         return
@@ -118,6 +117,7 @@ def _points(member: Member) -> None:
 
 
 def _travel(member: Member) -> None:
+    """Refuse a travel of sliding points, or one that does not contain the slider's path."""
     slider = member.part.slider
     if slider is None or slider.travel is None:
         return
@@ -131,6 +131,7 @@ def _travel(member: Member) -> None:
 
 
 def _body(member: Member) -> None:
+    """Refuse keys of body and mesh that contradict each other or the body's model."""
     body, file, model = member.part.body, member.part.mesh.file, model_of(member)
     if body.profile is not None and model != "beam2d":
         raise refusal("body.model", model, "auto or beam2d is allowed with body.profile")
@@ -171,7 +172,7 @@ def _body(member: Member) -> None:
 
 
 def _along_the_box(member: Member, box: Box) -> None:
-    """Sections that vary along a box take a model that knows of it."""
+    """Refuse variations and frames of a box beside models and keys that can't represent them."""
     model, key = model_of(member), "body.box." + " and ".join(box.variations)
     if box.variations and model not in VARYING:
         raise refusal("body.model", model, f"{', '.join(VARYING[:-1])} and {VARYING[-1]} are allowed with {key}")
@@ -186,7 +187,7 @@ def _along_the_box(member: Member, box: Box) -> None:
 
 
 def _frames(box: Box) -> None:
-    """Check the frames of a beam; the shell's and solid's mesh does so for cells."""
+    """Refuse frames of a beam that are not in order within the box, or do not fit into its profile."""
     places = (0.0, *box.frames, box.length)
     if any(b <= a for a, b in pairwise(places)):
         allowed = f"ascending places within 0 and {box.length:g} m are allowed"
@@ -199,7 +200,7 @@ def _frames(box: Box) -> None:
 
 
 def _walls(member: Member) -> None:
-    """Walls that give way are those of a box, under pads that have a place on a face."""
+    """Refuse walls that give way without a box, or of a beam without pads on faces."""
     box, key = member.part.body.box, "body.walls"
     if box is None:
         raise refusal(key, "give", "'rigid' is allowed without body.box: nothing says how thick the walls are")
@@ -210,7 +211,7 @@ def _walls(member: Member) -> None:
 
 
 def _planar(member: Member) -> None:
-    """A planar beam knows x, z and the rotation about y; what holds it along others does nothing."""
+    """Refuse loads, pads and weight that a planar beam can't feel: it has x, z and the rotation about y alone."""
     planar_directions = directions(member)
     for i, load in enumerate(member.part.loads):
         if load.direction not in planar_directions:
@@ -235,7 +236,7 @@ def _planar(member: Member) -> None:
 
 
 def _pads(member: Member) -> None:
-    """A pad may not lie beside its face or leave it in part, at any time; faces that are read check themselves."""
+    """Refuse pads beside their face, or that leave it at any time; faces of a mesh file are checked with the mesh."""
     length, box = member.part.body.length, member.part.body.box
     for i, ring in enumerate(member.pads):
         if length is not None:
@@ -246,6 +247,7 @@ def _pads(member: Member) -> None:
 
 
 def _check_along(member: Member, length: float, ring: PadRing, key: str) -> None:
+    """Refuse a ring of pads, of the given key, that leaves its faces along the axis at some position of the slider."""
     low, high = member.travel if ring.moving else (0.0, 0.0)
     start, end = low + ring.at - ring.length / 2.0, high + ring.at + ring.length / 2.0
     slack, box = SLACK * length, member.part.body.box
@@ -266,6 +268,7 @@ def _check_along(member: Member, length: float, ring: PadRing, key: str) -> None
 
 
 def _check_across(box: Box, ring: PadRing, place: tuple[str, Face, float], key: str) -> None:
+    """Refuse a pad (name, face, coordinate across in m), of the given key, that is not within a flat face."""
     name, face, across = place
     faces = box.faces
     if face not in faces:
@@ -283,33 +286,33 @@ def _check_across(box: Box, ring: PadRing, place: tuple[str, Face, float], key: 
 
 
 def check_names(key: str, names: Iterable[str]) -> None:
-    """Refuse two that are called the same."""
+    """Raise an InputError of `key` if two of the names are equal."""
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise refusal(key, twice[0], "names that differ are allowed")
 
 
 def check_reserved(key: str, names: Iterable[str], reserved: Iterable[str]) -> None:
-    """Refuse a name by which the program looks up what it makes itself, in a list of the scene."""
+    """Raise an InputError if one of the names in the list `key` is reserved for an input that pmr adds."""
     for i, name in enumerate(names):
         if name in reserved:
             raise refusal(f"{key}[{i}].name", name, "another name is allowed: this one is that of an input built in")
 
 
 def refusal(key: str, value: Any, allowed: str) -> InputError:
-    """Error of a scene's key; the reader of the file names the file."""
+    """Return the error of a key of a scene; the reader of the file adds the file's name."""
     return InputError("scene", key, value, allowed)
 
 
-#: Of a box: what its length is over its smaller side, and that side over its wall.
+#: Allowed ratios of a box: length over smaller side, and smaller side over wall.
 SLENDER, THIN = (0.01, 1e4), (0.0, 1e4)
-#: Of a beam: its length over a section's radius of gyration.
+#: Allowed ratios of a beam's length to the radius of gyration of its section.
 GYRATION = (0.01, 1e6)
 LARGEST_LOAD = 1e120  # N or N m; models are linear in it, their energies are its squares
 
 
 def check_loads(part: OneBody, end: float) -> None:
-    """Refuse loads that no computation in double precision can carry until `end` s."""
+    """Refuse loads too large, between 0 and `end` (s), to compute with in double precision."""
     for i, load in enumerate(part.loads):
         with np.errstate(all="ignore"):
             largest = float(np.abs(load.signal.bounds(0.0, end)).max())
@@ -319,7 +322,7 @@ def check_loads(part: OneBody, end: float) -> None:
 
 
 def check_proportions(part: OneBody) -> None:
-    """Refuse dimensions in proportions that no computation in double precision can carry."""
+    """Refuse dimensions of a body in proportions that can't be computed with in double precision."""
     box, section, profile = part.body.box, part.body.section, part.body.profile
     if profile is not None and profile.axial_stiffness is not None:
         radius = float(np.sqrt(profile.bending_stiffness / profile.axial_stiffness))
@@ -337,13 +340,14 @@ def check_proportions(part: OneBody) -> None:
 
 
 def _check_ratio(key: str, ratio: float, allowed: tuple[float, float], what: str) -> None:
+    """Refuse a ratio outside of the range `allowed`; `what` names it in the message."""
     if not allowed[0] <= ratio <= allowed[1]:
         ratio_allowed = f"a ratio of {what} from {allowed[0]:g} to {allowed[1]:g} is allowed, here it is {ratio:.3g}"
         raise refusal(key, None, ratio_allowed)
 
 
 def jump_of(path: SignalBase, least: float) -> str | None:
-    """Describe where a signal in m first jumps by more than `least`; None where it does not."""
+    """Return a description of a signal's first jump by more than `least`, both in m; None without one."""
     at = np.array(path.breaks)
     # All at once: one call costs as much as the signal has knots, and a file of them has thousands.
     before, after = path.value(np.nextafter(at, -np.inf)), path.value(at)

@@ -1,4 +1,4 @@
-"""What bodies are made of: materials, thicknesses, sections, profiles; what is attached to them, or followed there."""
+"""Tables for materials, plates, cross-sections and profiles of bodies, and for point masses, damping and probes."""
 
 from __future__ import annotations
 
@@ -31,21 +31,24 @@ from pmr.scene.profile import BoxProfile
 Measured = Literal["stress", "strain", "displacement"]
 
 
-#: Share of a moment of inertia that three figures written with some digits may be off.
+#: Relative round-off of moments of inertia that are written with few digits.
 ROUND_OFF = 1e-3
-#: About x, y and z through the centre of mass.
+#: Moments of inertia about x, y and z through the centre of mass, kg m^2.
 PrincipalMoments = Annotated[tuple[Inertia, Inertia, Inertia], Usual(1e-7, 4.0, "inertia")]
-#: What `is_inertia` asks for, in words.
+#: Condition of `is_inertia` in words.
 ALLOWED_INERTIA = "three moments are allowed of which none is larger than the sum of the two others, as in every body"
 
 
 def is_inertia(moments: tuple[float, float, float]) -> bool:
-    """Whether a body can have these principal moments of inertia: none exceeds the sum of the two others."""
+    """Whether a body can have these principal moments of inertia: none exceeds the sum of the other two."""
     return max(moments) <= (1.0 + ROUND_OFF) * (sum(moments) - max(moments))
 
 
 def unit_vector(direction: tuple[float, float, float]) -> tuple[float, float, float]:
-    """The direction alone, as it is if of unit length to round-off; raises ValueError if it is zero or not finite."""
+    """Return a direction as a vector of unit length; unchanged if its length is 1 to round-off.
+
+    Raises ValueError if it is zero or not finite.
+    """
     largest = max(map(abs, direction))
     if not 0.0 < largest < math.inf:
         raise ValueError("a direction is allowed: three numbers, not all of them zero")
@@ -70,12 +73,12 @@ class Material(Section):
 
     @property
     def shear_modulus(self) -> float:
-        """G = E / (2 (1 + nu)) in Pa."""
+        """Shear modulus G = E / (2 (1 + nu)) in Pa."""
         return self.young / (2.0 * (1.0 + self.poisson))
 
 
 def _or_ratio(schema: dict[str, Any]) -> None:
-    """A ratio at two frequencies may stand in the place of mass and stiffness."""
+    """Allow in a JSON schema, which is changed in place, a ratio at two frequencies instead of mass and stiffness."""
     hertz = {"type": "number", "exclusiveMinimum": 0.0, "unit": "Hz"}
     about = "Damping ratio at the two frequencies"
     ratio = {"type": "number", "minimum": 0.0, "unit": "1", "description": about, "default": None}
@@ -108,7 +111,7 @@ class Damping(Section):
 
     @cached_property
     def written_ratio(self) -> float:
-        """The damping ratio as a file says it; 0 where it says mass and stiffness."""
+        """Damping ratio as written in the file; 0 if the file gives mass and stiffness."""
         return 0.0
 
     @property
@@ -118,6 +121,7 @@ class Damping(Section):
     @model_validator(mode="wrap")
     @classmethod
     def _ratio(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        """Validate a table with `ratio` and `frequencies` as one with the factors of mass and stiffness that follow."""
         if not (isinstance(data, dict) and {"ratio", "frequencies"} & set(data)):
             return handler(data)
         try:
@@ -146,7 +150,7 @@ class Plate(Section):
 
 
 class PointMass(Section):
-    """A rigid body attached to a named group, or on a beam to a place along it.
+    """A rigid body attached to a named group, or on a beam to a position along it.
 
     With `coupling` `average` it follows the mean motion of the group, which may deform.  With `rigid` the group moves
     with it as a rigid body.
@@ -171,7 +175,7 @@ class PointMass(Section):
 
 
 class Probe(Section):
-    """Quantities recorded at the model's point that is nearest to a given one, or as the mean over a group.
+    """Quantities recorded at the model's point that is nearest to a given point, or as the mean over a group.
 
     Probes are signed outputs at every step, of the full and of the reduced model; they need no further simulation.
     """
@@ -194,6 +198,7 @@ class Probe(Section):
 
     @model_validator(mode="after")
     def _one_place(self) -> Probe:
+        """Refuse a probe unless it has a point or a group, not both, and measures that differ."""
         if (self.at is None) == (self.on is None):
             raise ValueError("give at or on, one of them")
         if len(set(self.measures)) < len(self.measures):
@@ -218,7 +223,7 @@ class Profile(Section):
     axial: Switch = Field(default=False, description="Whether the beam has axial coordinates")
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
-        """EI of a cantilever that would sag by its length; EA of a beam in which waves travel with 1 m/s along it."""
+        """Return EI of a cantilever that sags by its length, and EA of a beam in which waves travel at 1 m/s."""
         return {
             "sag": self.mass_per_length * scales["gravity"] * self.length**3 / 8.0,
             "mass per length": self.mass_per_length,
@@ -226,6 +231,7 @@ class Profile(Section):
 
     @model_validator(mode="after")
     def _axial_needs_stiffness(self) -> Profile:
+        """Refuse axial coordinates without an axial stiffness."""
         if self.axial and self.axial_stiffness is None:
             raise ValueError("axial = true needs axial_stiffness in N")
         return self
@@ -288,6 +294,7 @@ class Beam3DBody(Section):
 
     @model_validator(mode="after")
     def _described_once(self) -> Beam3DBody:
+        """Refuse a beam unless it has a section or a profile, not both, and shear areas if shear deforms it."""
         if (self.section is None) == (self.profile is None):
             raise ValueError("give section or profile, one of them")
         if self.shear and self.section is not None and None in (self.section.shear_area_y, self.section.shear_area_z):

@@ -1,9 +1,4 @@
-"""Input files in TOML: workflows by name, ``extends``, overrides, and errors that name file, key and value.
-
-Input files in TOML: ``extends``, overrides, validation, and errors in one line that names file, key and value.
-
-The workflows that come with the package, by their names.
-"""
+"""Input files in TOML: workflows by name, ``extends``, overrides, validation, and errors with file, key and value."""
 
 from __future__ import annotations
 
@@ -31,26 +26,27 @@ _HERE = Path(str(resources.files("pmr")))
 
 
 def workflows() -> dict[str, Path]:
-    """All of them: in an installed package below it, in a checkout beside it."""
+    """Return the files of the workflows that come with pmr, by name; in a checkout they are beside the package."""
     folders = (_HERE.parent / "workflows", _HERE / "workflows")
     return {file.stem: file for folder in folders for file in (*folder.glob("*/*.toml"), *folder.glob("*.toml"))}
 
 
 def experiments() -> dict[str, Path]:
-    """Scripts of the paper's experiments by their names; each has a function ``main``."""
+    """Return the scripts of the paper's experiments by name; each has a function ``main``."""
     files = [file for folder in (_HERE.parent, _HERE) for file in (folder / "workflows" / "paper").glob("*.py")]
     return {file.stem: file for file in files if "__main__" in file.read_text(encoding="utf-8")}
 
 
 def workflow(name: str) -> Path | None:
-    """The file of a workflow, if there is one of this name."""
+    """Return the file of a workflow by its name; None if there is none."""
     return workflows().get(name.removesuffix(".toml"))
 
 
 def resolve_path(path: Path, within: str) -> Path:
-    """The file itself, the one called `within` in a folder, or a workflow by its name; else what was asked for.
+    """Return the file `path`, the file called `within` in the folder `path`, or the workflow of that name.
 
-    A folder of results that is called as a workflow doesn't hide it.
+    If there is none of these it returns `path`, whose reader reports the error.  A folder of results with the name of a
+    workflow does not hide the workflow.
     """
     try:
         if path.is_dir() and (path / within).is_file():
@@ -64,11 +60,11 @@ def resolve_path(path: Path, within: str) -> Path:
 #: The file (or option) in which each key of the merged data was written.
 Origins = dict[tuple[str, ...], str]
 OPTION = "--set"
-#: So deep tables and lists may stand within each other, and so many files extend one another.
+#: Most levels of nested tables and lists, and most files that extend one another.
 DEEPEST = 40
 LARGEST = 10**8  # bytes of a file
 LONGEST = 2**63  # TOML's integers have 64 bits
-#: A key of more parts than that; tomllib takes memory by the square of their number.
+#: A dotted key of more words than `DEEPEST`, for which tomllib takes memory by the square of their number.
 _DEEP_KEY = re.compile(
     rf"""(?:^|[{{,])[ \t]*(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){{{DEEPEST}}}""", re.MULTILINE | re.ASCII
 )
@@ -76,24 +72,24 @@ _DEEP_KEY = re.compile(
 
 @dataclass(frozen=True)
 class Dialect:
-    """How one kind of file is read: its name in messages, as ``"scene file"``, and what keys of it mean."""
+    """Rules by which one kind of file is read, and its name in messages, such as ``"scene file"``."""
 
     name: str
     #: Keys, at any depth, that hold the name of a file (or a list of names), relative to the file they stand in.
     references: tuple[str, ...] = ("file",)
     #: Keys that a file which extends this one does not take over.
     own: tuple[str, ...] = ()
-    #: By table, different ways to say the same: a file that writes keys of one takes over none of the others.
+    #: Alternative keys of a table for the same setting: a file that sets some of one takes over none of the others.
     alternatives: Mapping[str, tuple[tuple[str, ...], ...]] = field(default_factory=dict)
-    #: Dotted keys of earlier versions, wherever they stand in lists, and what to write in their place.
+    #: Dotted keys of earlier versions, without indices of lists, and their present names.
     moved: Mapping[str, str] = field(default_factory=dict)
-    #: The same of keys without a successor, and what is said of each.
+    #: Dotted keys of earlier versions without a present name, and the message about each.
     gone: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Change:
-    """Nested tables to lay over a file, and where they were written, which is named if a value is refused."""
+    """Nested tables to lay over a file, and their source (a file or option) for messages about refused values."""
 
     tables: Mapping[str, Any]
     source: str
@@ -101,7 +97,7 @@ class Change:
 
 @dataclass
 class TomlFile:
-    """Content of a file and of everything that it extends, and where each key was written."""
+    """Content of a file merged with all files that it extends, and the source of each key."""
 
     path: Path
     dialect: Dialect
@@ -110,21 +106,24 @@ class TomlFile:
 
     @classmethod
     def read(cls, path: str | Path, dialect: Dialect) -> TomlFile:
-        """Read a file; its ``extends`` key names a base file, relative to it, or a workflow; its own keys count."""
+        """Read a file and all files that it extends; keys of the file override those of the files it extends.
+
+        ``extends`` names a file relative to this one, or a workflow.
+        """
         file = cls(Path(path), dialect, {})
         file.data = file._with_base(file.path, extending=())
         return file
 
     def apply(self, change: Change) -> None:
-        """Lay a change over the data; one that is meant for an entry of a list that isn't there is refused."""
+        """Lay a change over the data, in place; raises InputError for a change of a list entry that does not exist."""
         self._forget_alternatives(self.data, change.tables)
         _merge(self.data, deepcopy(dict(change.tables)), change.source, self.origins)
 
     def validate(self, model: type[Model]) -> Model:
-        """The data as a pydantic model.
+        """Return the data as a pydantic model.
 
-        Raises InputError for the first key that has moved or gone, else the first value that is refused, unknown keys
-        first.
+        Raises InputError for the first key that has moved or gone, else for the first value that is refused, unknown
+        keys first.
         """
         for location, name, _, value in keys_of(self.data):
             if name in self.dialect.moved:
@@ -141,7 +140,7 @@ class TomlFile:
             ) from None
 
     def origin(self, key: str | Sequence[str | int]) -> str:
-        """The file (or option) that wrote a key last, or something in its table, or the nearest one above it."""
+        """Return the file or option that last set a key or a key in its table, else that of the nearest outer table."""
         words = tuple(re.findall(r"\w+", key) if isinstance(key, str) else map(str, key))
         inside = [
             source for key_of_origin, source in self.origins.items() if words and key_of_origin[: len(words)] == words
@@ -150,6 +149,7 @@ class TomlFile:
         return (inside[-1:] or above or [str(self.path)])[0]
 
     def _with_base(self, path: Path, extending: tuple[Path, ...]) -> dict[str, Any]:
+        """Return the tables of a file merged over those that it extends; `extending` are the files that lead to it."""
         what = self.dialect.name
         data = tables(path, what)
         if path.resolve() in extending:
@@ -176,7 +176,7 @@ class TomlFile:
         return base
 
     def _forget_alternatives(self, base: dict[str, Any], update: Mapping[str, Any]) -> None:
-        """Drop from a base what an update says in another way."""
+        """Remove from `base`, in place, the keys that `update` replaces by an alternative way to describe the same."""
         for table, ways in self.dialect.alternatives.items():
             old, new = base.get(table), update.get(table)
             if not (isinstance(old, dict) and isinstance(new, Mapping)):
@@ -188,7 +188,10 @@ class TomlFile:
 
 
 def override(text: str) -> Change:
-    """The change that ``"section.key=value"`` asks for, the value in TOML notation or a bare word."""
+    """Return the change of ``"section.key=value"``, with the value in TOML notation or as a bare word.
+
+    Raises InputError for a text of another form.
+    """
     key, equals, value = text.partition("=")
     keys = key.strip().split(".")
     if not equals or not all(keys) or len(keys) > DEEPEST:
@@ -205,14 +208,17 @@ def override(text: str) -> Change:
 
 
 def laid_over(base: Mapping[str, Any], update: Mapping[str, Any]) -> dict[str, Any]:
-    """Tables over others, as a file lies over the one that it extends."""
+    """Return the tables of `base` with those of `update` merged over them; both arguments stay unchanged."""
     merged = deepcopy(dict(base))
     _merge(merged, deepcopy(dict(update)), "scene", {})
     return merged
 
 
 def tables(path: Path, what: str) -> dict[str, Any]:
-    """Read the tables of one file, nothing merged; an InputError is raised if it is missing, or no TOML."""
+    """Return the tables of one file as it is, without the files that it extends.
+
+    Raises InputError if it is missing or not TOML; `what` names the kind of file in the message.
+    """
     if not isfile(path):
         close = hint(path.stem, workflows()) if path.name == str(path) else ""
         close = f"a change of a key stands behind {OPTION}" if "=" in path.name else close
@@ -228,7 +234,7 @@ def tables(path: Path, what: str) -> dict[str, Any]:
 
 
 def _parse(text: str) -> dict[str, Any]:
-    """Parse TOML; a ValueError is raised for other texts, and for what is too deep or too long."""
+    """Return the tables of a TOML text; raises ValueError if it is not TOML, or too deep or long."""
     with suppress(RecursionError):
         if not _DEEP_KEY.search(text) and not _is_too_deep(data := tomllib.loads(text)):
             return data
@@ -236,7 +242,7 @@ def _parse(text: str) -> dict[str, Any]:
 
 
 def _is_too_deep(data: Any, depth: int = DEEPEST) -> bool:
-    """Whether tables and lists stand too deep within each other; raises ValueError at integers of over 64 bits."""
+    """Whether tables and lists are nested more than `depth` deep; raises ValueError for integers of over 64 bits."""
     if isinstance(data, int) and not -LONGEST <= data < LONGEST:
         raise ValueError("integers of 64 bits are allowed")
     inner = data.values() if isinstance(data, dict) else data if isinstance(data, list) else None
@@ -244,7 +250,7 @@ def _is_too_deep(data: Any, depth: int = DEEPEST) -> bool:
 
 
 def _anchor(data: Any, folder: Path, references: tuple[str, ...]) -> None:
-    """Names of files are relative to the file in which they stand."""
+    """Make names of files absolute or relative to `folder`, in place, for all keys called as one of `references`."""
     for value in data.values() if isinstance(data, dict) else data if isinstance(data, list) else ():
         _anchor(value, folder, references)
     for key in set(references) & set(data if isinstance(data, dict) else ()):
@@ -257,9 +263,10 @@ def _anchor(data: Any, folder: Path, references: tuple[str, ...]) -> None:
 def _merge(
     base: dict[str, Any], update: Mapping[str, Any], source: str, origins: Origins, prefix: tuple[str, ...] = ()
 ) -> None:
-    """Tables are merged key by key, except signals (anything with a kind), which replace each other whole.
+    """Merge `update` into `base`, in place, and note `source` in `origins` for each key.
 
-    A table over a list changes the list's entries: its keys are their names, or their numbers from 0 on.
+    Tables are merged key by key; signals (tables with a kind) replace each other as a whole.  A table over a list
+    changes the list's entries: its keys are their names, or their numbers from 0 on.  `prefix` is the key of `base`.
     """
     for key, value in update.items():
         location, old = (*prefix, key), base.get(key)
@@ -280,7 +287,10 @@ def _merge(
 
 
 def _entry(entries: list[Any], name: str, place: tuple[str, str, Any]) -> int:
-    """Number of the entry of a list that is called so; `place` is where it was asked for: source, key, value."""
+    """Return the number of a list's entry by its name or number; `place` is source, key and value for messages.
+
+    Raises InputError if there is no such entry.
+    """
     source, key, value = place
     names = [entry.get("name") if isinstance(entry, dict) else None for entry in entries]
     tables = [number for number, entry in enumerate(entries) if isinstance(entry, dict)]
@@ -300,7 +310,7 @@ def _entry(entries: list[Any], name: str, place: tuple[str, str, Any]) -> int:
 
 
 def _leaf(key: str, value: Any) -> tuple[str, Any]:
-    """Dotted key and value at the end of tables that hold one key each."""
+    """Return dotted key and value of the innermost table, of tables that hold one key each."""
     while isinstance(value, Mapping) and len(value) == 1:
         ((part, value),) = value.items()
         key = f"{key}.{part}"

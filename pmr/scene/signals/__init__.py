@@ -23,9 +23,9 @@ __all__ = [
     "Chirp", "Constant", "Ramp", "Signal", "SignalBase", "Sine", "SmoothRamp", "Step", "Sum", "Table",
 ]  # fmt: skip
 
-#: Samples in which a sum of signals is searched for its extremes: a period of its fastest tone, at least, at most.
+#: Samples in which a sum of signals is searched for its extremes: per period of its fastest tone, least and most.
 SAMPLES_A_PERIOD, FEWEST_SAMPLES, MOST_SAMPLES = 64, 20_000, 1_000_000
-#: Crests between samples that are looked at, the highest ones, and how often a third of the way is taken off.
+#: Number of highest crests that are searched between samples, and how often a third of the interval is cut off.
 CRESTS, THIRDS = 256, 40
 
 
@@ -60,8 +60,9 @@ class Sum(SignalBase):
         return max(term.highest_frequency(start, end) for term in self.terms)
 
     def bounds(self, start: float, end: float) -> tuple[float, float]:
-        """Sampled, and sought between the samples about an extreme; a tone too fast for that is taken to meet every
-        value of the rest.
+        """Return the smallest and largest value within [start, end] s, from samples and a search around their extremes.
+
+        A tone too fast to be sampled is assumed to meet every value of the other terms: its bounds are added.
         """
         fast: list[SignalBase] = []
         slow: list[SignalBase] = []
@@ -77,7 +78,7 @@ class Sum(SignalBase):
         return float(low), float(high)
 
     def _samples(self, parts: list[SignalBase], start: float, end: float) -> Array:
-        """Times (S,) in s, breaks and a moment before each of them included."""
+        """Return sample times (S,) in s, with the breaks and the last number before each of them."""
         fastest = max(part.highest_frequency(start, end) for part in parts)
         count = 1 + min(MOST_SAMPLES, max(FEWEST_SAMPLES, int(SAMPLES_A_PERIOD * fastest * (end - start))))
         breaks = np.array([b for b in self.breaks if start <= b <= end])
@@ -86,11 +87,15 @@ class Sum(SignalBase):
 
 
 def _total(parts: Sequence[SignalBase], t: Array) -> Array:
+    """Return the sum of the signals at the times t (S,) in s."""
     return np.asarray(np.sum([part.value(t) for part in parts], axis=0))
 
 
 def _largest(f: Callable[[Array], Array], t: Array, values: Array) -> float:
-    """The largest value of f, of its `values` at ascending t (S,) and about the highest crests among these."""
+    """Return the largest value of a function f, from its `values` (S,) at ascending t (S,) and near their crests.
+
+    The interval around each of the highest `CRESTS` crests is searched by thirds.
+    """
     before, at, after = values[:-2], values[1:-1], values[2:]
     crests = np.flatnonzero((at >= before) & (at >= after))
     bend = np.minimum(before[crests] - 2.0 * at[crests] + after[crests], -np.finfo(float).tiny)
@@ -106,13 +111,14 @@ def _largest(f: Callable[[Array], Array], t: Array, values: Array) -> float:
 
 
 def _number_is_constant(data: Any) -> Any:
+    """Return the table of a constant signal for a number; anything else unchanged."""
     if isinstance(data, (int, float)) and not isinstance(data, bool):
         return {"kind": "constant", "amount": data}
     return data
 
 
 def _of_another_package(data: Any, check: Callable[[Any], SignalBase]) -> SignalBase:
-    """A signal whose kind an installed plug-in adds, imported when a scene asks for it; all others as they are."""
+    """Return a signal of a kind that an installed plug-in adds, imported now; `check` validates all other kinds."""
     if not isinstance(data, dict) or data.get("kind") in (None, *_OWN):
         return check(data)
     offered = environment.plugin_objects("pmr.signals", _OWN)

@@ -1,4 +1,4 @@
-"""What every signal can do, and those that a formula says: constants, steps and what oscillates."""
+"""Base class of all signals, and signals given by a formula: constants, steps, sines and chirps."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pmr.scene.keys import Usual
 
 Array = NDArray[np.float64]
-#: A number in the unit of what the signal drives: m of a path, N or N m of a load.
+#: A number in the unit of the signal's path or load: m, N or N m.
 Real = Annotated[float, Field(strict=True, json_schema_extra={"unit": "the unit of what it drives"})]
 Seconds = Annotated[float, Field(strict=True, json_schema_extra={"unit": "s"}), Usual(0.0, 300.0, "time", "s")]
 Hertz = Annotated[float, Field(strict=True, json_schema_extra={"unit": "Hz"})]
 Radians = Annotated[float, Field(strict=True, json_schema_extra={"unit": "rad"}), Usual(0.0, 6.3, unit="rad")]
 Floats = tuple[Real, ...]
-#: Share of a signal's mean rate, from its least value to its largest, that a jump of its rate exceeds.
+#: Least jump of the rate that counts as a kink, as a share of the signal's range over its duration.
 KINK = 1e-6
 
 
 @dataclass(frozen=True)
 class Strand:
-    """Pieces p(x) + a sin(q(x)) of the time x since each began; the first goes on before it, the last one for ever.
+    """Pieces p(x) + a sin(q(x)) of the time x since each began; the first holds before it, the last one for ever.
 
-    With a `spread` h > 0 it counts by how fast its rate grows within h, and is none before t = 0; with one less than 0
-    by its second rate.
+    With a `spread` h > 0 the strand stands for (u'(t + h/2) - u'(t - h/2)) / h of its value u, from t = 0 on only; with
+    a negative `spread` for its second rate u''.
     """
 
     breaks: Array  # (k,) s: where each piece begins
@@ -45,14 +45,17 @@ class SignalBase(BaseModel):
 
     @abstractmethod
     def value(self, t: ArrayLike) -> Array:
-        """Value at the times ``t``; same shape as ``t``."""
+        """Return the values at the times t in s; shape of t."""
 
     @abstractmethod
     def rate(self, t: ArrayLike) -> Array:
-        """Time derivative at the times ``t``; at a kink the one of the interval that begins there."""
+        """Return the time derivatives at the times t in s, shape of t; at a kink those of the interval that begins."""
 
     def second_rate(self, t: ArrayLike) -> Array:
-        """Second time derivative at the times ``t``; at a break the one of the interval that begins there."""
+        """Return the second time derivatives at times t in s, shape of t; at a break those of the interval that begins.
+
+        Raises NotImplementedError for a kind of signal without them.
+        """
         raise NotImplementedError(f"nobody needs the second rate of {type(self).__name__}")
 
     @property
@@ -61,7 +64,7 @@ class SignalBase(BaseModel):
         return ()
 
     def kinks(self, end: float) -> dict[float, float]:
-        """By how much its rate jumps, at each time in s within (0, end] at which it does."""
+        """Return by how much the rate jumps at each time in s within (0, end] at which it does."""
         at = np.array([b for b in self.breaks if 0.0 < b <= end])
         if not len(at):
             return {}
@@ -71,26 +74,27 @@ class SignalBase(BaseModel):
 
     @property
     def parts(self) -> tuple[SignalBase, ...]:
-        """The signals that this one is the sum of."""
+        """Signals whose sum this one is; itself unless it is a sum."""
         return (self,)
 
     @property
     def strands(self) -> tuple[Strand, ...]:
-        """Pieces of polynomials and sines whose sum it is; a NotImplementedError is raised where it is none."""
+        """Pieces of polynomials and sines whose sum the signal is; raises NotImplementedError if it is no such sum."""
         raise NotImplementedError(f"{type(self).__name__} is no sum of polynomials and sines")
 
     def on_steps(self, step: float) -> SignalBase:
-        """The signal on steps of this length in s: another one where its value depends on them."""
+        """Return the signal for time steps of length `step` in s: itself unless its value depends on them."""
         return self
 
     def highest_frequency(self, start: float, end: float) -> float:
-        """Frequency in Hz of the fastest tone within [start, end]; 0 where the signal is no tone."""
+        """Return the frequency in Hz of the fastest tone within [start, end] s; 0 for a signal without tones."""
         return 0.0
 
     def bounds(self, start: float, end: float) -> tuple[float, float]:
-        """Smallest and largest value within [start, end].
+        """Return the smallest and largest value within [start, end] s.
 
-        What holds here: a value is extreme at an end or at a break, on one side of it or the other.
+        This method is right for signals that are extreme at the ends or at a break, on either side of it; others
+        override it.
         """
         breaks = [b for b in self.breaks if start <= b <= end]
         before = [max(start, float(np.nextafter(b, -np.inf))) for b in breaks]
@@ -119,7 +123,7 @@ class Constant(SignalBase):
 
 
 class Step(SignalBase):
-    """``before`` until ``time`` (exclusive), ``after`` from then on."""
+    """Signal with the value ``before`` until ``time`` (exclusive) and ``after`` from then on."""
 
     kind: Literal["step"] = Field(default="step", description="A step")
     time: Seconds = Field(description="Time of the step")
@@ -154,6 +158,7 @@ class Sine(SignalBase):
     offset: Real = Field(default=0.0, description="Mean value")
 
     def _angle(self, t: ArrayLike) -> Array:
+        """Return the argument of the sine in rad at the times t in s."""
         return 2.0 * np.pi * self.frequency * np.asarray(t, dtype=float) + self.phase
 
     def value(self, t: ArrayLike) -> Array:
@@ -193,6 +198,7 @@ class Chirp(SignalBase):
 
     @model_validator(mode="after")
     def _knots(self) -> Chirp:
+        """Refuse times that do not increase, and frequencies that are negative or not as many as times."""
         if np.any(np.diff(self.times) <= 0.0):
             raise ValueError("times must increase")
         if len(self.times) != len(self.frequencies):
@@ -202,10 +208,11 @@ class Chirp(SignalBase):
         return self
 
     def frequency(self, t: ArrayLike) -> Array:
-        """Instantaneous frequency in Hz."""
+        """Return the instantaneous frequency in Hz at the times t in s."""
         return np.interp(np.asarray(t, dtype=float), self.times, self.frequencies)
 
     def _angle(self, t: ArrayLike) -> Array:
+        """Return the argument of the sine in rad at the times t in s."""
         t = np.asarray(t, dtype=float)
         knots, f = np.array(self.times), np.array(self.frequencies)
         cycles = np.concatenate([[0.0], np.cumsum(np.diff(knots) * (f[1:] + f[:-1]) / 2.0)])
@@ -248,7 +255,7 @@ class Chirp(SignalBase):
 
 
 def _extremes(amplitude: float, first: float, last: float) -> tuple[float, float]:
-    """Smallest and largest amplitude sin(angle) for angles in rad that grow from `first` to `last`."""
+    """Return the smallest and largest amplitude * sin(angle) for angles in rad from `first` up to `last`."""
     values = [amplitude * np.sin(first), amplitude * np.sin(last)]
     for crest, value in ((0.25, amplitude), (0.75, -amplitude)):
         if np.floor(last / (2.0 * np.pi) - crest) > np.floor(first / (2.0 * np.pi) - crest):

@@ -1,4 +1,4 @@
-"""Signals through values given at times: ramps, and tables read from files."""
+"""Signals through values at given times: ramps, and tables read from files."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from scipy.interpolate import Akima1DInterpolator, PPoly
 from pmr.errors.text import no_file
 from pmr.scene.signals.base import Array, Floats, Seconds, SignalBase, Strand
 
-#: s, between knots; the shortest step that is allowed.  Slopes between closer ones overflow.
+#: Least distance between knots in s, which is also the shortest allowed time step; closer knots overflow.
 CLOSEST = 1e-12
 
 
 class _Curve:
-    """A piecewise polynomial through knots, held before the first and after the last, and its rates.
+    """A piecewise polynomial through knots with two derivatives, constant before the first and after the last knot.
 
-    Made once, as a simulator may ask step by step.  Compared by identity, so that two signals that are equal stay so
-    once one of them has been evaluated.
+    It is made once, as a simulator may evaluate it step by step.  It is compared by identity, so that two equal signals
+    stay equal once one of them has been evaluated.
     """
 
     def __init__(self, coefficients: Array, times: Floats, values: Floats) -> None:
@@ -36,7 +36,7 @@ class _Curve:
 
 
 class _Knots(SignalBase):
-    """Values given at increasing times, held before the first and after the last; straight lines in between."""
+    """Values at increasing times, constant before the first and after the last; straight lines in between."""
 
     times: tuple[Seconds, ...] = Field(min_length=2, description="Increasing times")
     values: Floats = Field(min_length=2, description="Values at these times")
@@ -44,12 +44,14 @@ class _Knots(SignalBase):
     @field_validator("times")
     @classmethod
     def _increasing(cls, times: Floats) -> Floats:
+        """Refuse times that do not increase by at least `CLOSEST`."""
         if not np.all(np.diff(times) >= CLOSEST):
             raise ValueError(f"times must increase, by at least {CLOSEST:g} s")
         return times
 
     @model_validator(mode="after")
     def _same_length(self) -> _Knots:
+        """Refuse times and values of different number."""
         if len(self.times) != len(self.values):
             raise ValueError(f"{len(self.times)} times but {len(self.values)} values; give as many of each")
         return self
@@ -60,16 +62,17 @@ class _Knots(SignalBase):
 
     @property
     def _rises(self) -> tuple[Array, Array]:
-        """How long each interval between two knots is, and by how much the value rises."""
+        """Durations in s of the intervals between knots, and rises of the value in them."""
         return np.diff(self.times), np.diff(self.values)
 
     def _coefficients(self) -> Array:
-        """Coefficients of the curve between knots, in the order of `_Curve`."""
+        """Return the coefficients of the polynomials between knots, in the order of `_Curve`."""
         duration, rise = self._rises
         return np.array([rise / duration, self.values[:-1]])
 
     @cached_property
     def _curve(self) -> _Curve:
+        """Curve through the knots with its derivatives."""
         return _Curve(self._coefficients(), self.times, self.values)
 
     def value(self, t: ArrayLike) -> Array:
@@ -81,7 +84,7 @@ class _Knots(SignalBase):
         return (Strand(curve.x[:-1], curve.c.T),)
 
     def bounds(self, start: float, end: float) -> tuple[float, float]:
-        """Least and largest value of a signal that rises or falls all the way between two knots."""
+        """Return the smallest and largest value within [start, end] s of a signal that is monotonic between knots."""
         inside = [value for t, value in zip(self.times, self.values, strict=True) if start <= t <= end]
         values = [*self.value([start, end]), *inside]
         return float(min(values)), float(max(values))
@@ -99,7 +102,7 @@ class Ramp(_Knots):
     kind: Literal["ramp"] = Field(default="ramp", description="Straight lines between values")
 
 
-#: Of transitions from 0 to 1 by their degree: coefficients, highest power first.
+#: Coefficients of transitions from 0 to 1 by their degree, highest power first.
 TRANSITIONS = {
     5: (6.0, -15.0, 10.0, 0.0, 0.0, 0.0),
     9: (70.0, -315.0, 540.0, -420.0, 126.0, 0.0, 0.0, 0.0, 0.0, 0.0),
@@ -119,6 +122,7 @@ class SmoothRamp(_Knots):
     )
 
     def _coefficients(self) -> Array:
+        """Return the coefficients of the transitions between knots, in the order of `_Curve`."""
         duration, rise = self._rises
         transition = np.array(TRANSITIONS[self.degree])
         coefficients = transition[:, None] * rise / duration ** np.arange(len(transition) - 1, -1, -1)[:, None]
@@ -127,7 +131,7 @@ class SmoothRamp(_Knots):
 
 
 def _or_file(schema: dict[str, Any]) -> None:
-    """A file may stand in the place of times and values."""
+    """Allow in a JSON schema, which is changed in place, a file instead of times and values."""
     about = "CSV file with two columns, time in s and value, in place of times and values"
     schema["properties"]["file"] = {"type": "string", "format": "path", "description": about, "default": None}
     schema["required"] = []
@@ -149,6 +153,7 @@ class Table(_Knots):
     @model_validator(mode="before")
     @classmethod
     def _read(cls, data: Any) -> Any:
+        """Read times and values from a table's file; raises ValueError if it is not two columns of numbers."""
         if not (isinstance(data, dict) and "file" in data):
             return data
         content = dict(data)
@@ -180,9 +185,11 @@ class Table(_Knots):
 
     @property
     def _is_straight(self) -> bool:
+        """Whether the values are joined by straight lines."""
         return self.interpolation == "linear" or len(self.times) == 2
 
     def _coefficients(self) -> Array:
+        """Return the coefficients of Akima's curve or of straight lines between knots, in the order of `_Curve`."""
         if self._is_straight:
             return super()._coefficients()
         return np.asarray(Akima1DInterpolator(self.times, self.values).c)
