@@ -79,7 +79,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Contact:
-    """Contact between two places, or a place and the ground; a positive force pushes the inner body against `direction`.
+    """Contact between two places, or one and the ground; a positive force pushes the inner body against `direction`.
 
     An InputError is raised for values that are not allowed.
     """
@@ -190,7 +190,7 @@ class Joint:
 
     @property
     def contacts(self) -> tuple[Contact, ...]:
-        """Contacts of all pads, for a `System`: those at the tail of the inner section, then those at the outer mouth."""
+        """Contacts of all pads: of those at the tail of the inner section, then of those at the outer mouth."""
         at_tail = [
             (pad, Place(self.inner, pad.row, pad.from_end), Place(self.outer, pad.row, pad.from_end, self.path))
             for pad in self.tail
@@ -244,7 +244,7 @@ class Compliance:
 
     @classmethod
     def of(cls, contacts: Sequence[Contact]) -> Compliance:
-        """Compliance of a system's contacts; an InputError is raised if one bears shares of a contact that does not exist."""
+        """Compliance of a system's contacts; an InputError is raised if one bears a contact that does not exist."""
         names = [contact.name for contact in contacts]
         S = np.eye(len(contacts))
         for k, contact in enumerate(contacts):
@@ -276,7 +276,7 @@ class Compliance:
         return np.asarray(forces @ self.constant + np.einsum("tm,qmn,tq->tn", forces, self.slopes, s))
 
     def work(self, forces: Array, s: Array) -> Array:
-        """Work (T - 1,) in J that drums do on the boom in each step, from forces (T, m) in N and paths at s (T, Q) in m.
+        """Work (T - 1,) in J of drums on the boom in each step, from forces (T, m) in N and paths at s (T, Q) in m.
 
         Each step has the mean of the forces at its two ends.
         """
@@ -340,7 +340,7 @@ class Friction:
         return borne
 
     def moments(self, friction: Array, forces: Array) -> Array:
-        """Moments (..., m) in N m by the friction (..., n) in N of the pads: times their arms, signed as the pads' forces.
+        """Moments (..., m) in N m of the pads' friction (..., n) in N: times arm and sign of the force of each pad.
 
         `forces` (..., m) in N are those of all contacts.
         """

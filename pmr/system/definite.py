@@ -83,8 +83,8 @@ def first_singular(A: Array, B: Array, near: float = np.nan, up_to: float = np.i
 def _singular_above(A: Array, B: Array, low: float) -> float | None:
     """First P above `low` at which A + P B is singular, for positive definite A; None if that is not found.
 
-    It is not found if A + low B is not positive definite, if the iteration does not converge, or if the matrix is not
-    positive definite a little below the result.
+    It is not found if A + low B is not positive definite, if the iteration does not converge or reaches a shape x with
+    x^T B x >= 0, or if the matrix is not positive definite a little below the result.
     """
     factor, failed = scipy.linalg.lapack.dpotrf(A + low * B, lower=1)
     if failed:
@@ -154,7 +154,7 @@ def dependence_of_rows(C: Array, names: Sequence[str]) -> Dependence:
 
 
 def dependence_of_flexibility(F: Array, names: Sequence[str]) -> Dependence:
-    """Dependence of rows by their symmetric flexibility F (m, m): the lowest eigenvalue after scaling F to a unit diagonal.
+    """Dependence of rows by their symmetric flexibility F (m, m), scaled to a unit diagonal: its lowest eigenvalue.
 
     If diagonal entries are not positive, the measure is 0 and only these rows are named.
     """
