@@ -119,7 +119,7 @@ class Kernel:
 
 
 def pointer(array: Array | None) -> Any:
-    """Address of an array for the kernel, NULL for None; the caller has to keep the array as long as the address is used."""
+    """Address of an array for the kernel, NULL for None; the caller has to keep the array while it is used."""
     return ffi.NULL if array is None else ffi.cast("double *", array.ctypes.data)
 
 

@@ -18,7 +18,7 @@ class Signal(Protocol):
 
     @property
     def strands(self) -> tuple[Any, ...]:
-        """Pieces of polynomials and sines whose sum is the signal; a NotImplementedError is raised if it is no such sum."""
+        """Pieces of polynomials and sines whose sum is the signal; a NotImplementedError if it is no such sum."""
 
 
 class Signals:

@@ -271,11 +271,12 @@ class State:
         return further
 
     def evaluate(self, at: ArrayLike, seed: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None) -> dict[str, Array]:
-        """Accelerations (modes,), outputs (o,), further (further,) and forces (forces,) by these names, in continuous time.
+        """Accelerations (modes,), outputs (o,), further (further,) and forces (forces,), by these names.
 
-        They belong to z and v of the state under drivers (N,), or motions (3, n) of a frame, `at`; the state is not
-        changed.  With a `seed` of drivers or motions, z and v (modes,), they are the directional derivatives of these
-        quantities along it, with closed contacts staying closed.
+        They belong to z and v of the state, in continuous time, under drivers (N,) or motions (3, n) of a frame, `at`.
+        Rigid contacts and friction have the forces of the last step.  The state is not changed.  With a `seed` of
+        drivers or motions, z and v (modes,), they are the directional derivatives of these quantities along it, with
+        closed contacts staying closed.
         """
         kernel = self.kernel
         sizes = {"accelerations": kernel.modes, "outputs": kernel.outputs}
@@ -295,7 +296,7 @@ class State:
         return values
 
     def linearize(self, u: ArrayLike) -> Jacobian:
-        """Derivatives of the next step to drivers u (N,), with contacts staying open or closed and pads stuck or sliding.
+        """Derivatives of the next step to drivers u (N,); contacts stay open or closed and pads stuck or sliding.
 
         The state is not changed.
         """
@@ -410,7 +411,7 @@ def _rows(rows: Integers | None, count: int) -> Any:
 
 
 class BoundStep:
-    """Steps of a state for loops in Python, with pointers that are found once; each call returns an error code, 0 if none.
+    """Steps of a state for loops in Python, with pointers that are found once; calls return an error code, 0 if none.
 
     `step` takes a step to `motions` (3, n) of the frame, of each of which the first `rows` (n,) rows count; without a
     frame, to the drivers u (N,) in the first row of `motions` (3, N), which `step_by_rates` follows along cubics with
