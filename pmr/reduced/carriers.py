@@ -126,7 +126,10 @@ class CarrierFlexibility:
         return Flexibility(C.quadratic_form(self.rows), C.times(self.inputs), outputs, self.direct, self.energy)
 
     def joined(self, U: Array, modes: EnrichmentModes, share: Array) -> CarrierFlexibility:
-        """Return the flexibility with share_j phi_j phi_j^T added for each mode j; the modes measure U (K, c) on carriers."""
+        """Return the flexibility plus share_j phi_j phi_j^T for c modes phi_j, which measure U (K, c) on the carriers.
+
+        `share` (c,) is 1 / omega^2 for modes that are truncated, its negative for modes that become coordinates.
+        """
         scaled = share[:, None] * modes.B
         return CarrierFlexibility(
             rows=self.rows + symmetric(U * share @ U.T),
@@ -166,7 +169,7 @@ class Answers:
         return np.asarray((self.load @ U)[:, None] / modes.stiffness[:, None] ** powers)
 
     def joined(self, U: Array, modes: EnrichmentModes, sign: float) -> Answers:
-        """Return the responses with the modes added to R, or removed where `sign` is -1; U and `modes` as for `shares`."""
+        """Return the responses with modes added to R, or removed where `sign` is -1; U and `modes` as for `shares`."""
         shares = self.shares(U, modes)
         return replace(
             self,
@@ -180,7 +183,7 @@ class Answers:
 
 @dataclass(frozen=True)
 class CarriedRows:
-    """The m rows of a body with r coordinates on K carriers, and what the coordinates leave out between the carriers."""
+    """The m rows of a body with r coordinates on K carriers, with the flexibility that the coordinates leave out."""
 
     AXES: ClassVar = {"values": "Kr", "enrichment": "Kc"}
 
@@ -247,7 +250,7 @@ class CarriedRows:
         return replace(self._joined(beyond, modes, 1.0), values=values, enrichment=np.hstack([beyond, self.enrichment]))
 
     def extended(self, modes: EnrichmentModes) -> CarriedRows:
-        """Return the rows with the first enrichment modes, which are the `modes`, as last coordinates: undo `truncated`."""
+        """Return the rows with the first enrichment modes, which are `modes`, as last coordinates: undo `truncated`."""
         back, enrichment = self.enrichment[:, : modes.count], self.enrichment[:, modes.count :]
         return replace(self._joined(back, modes, -1.0), values=np.hstack([self.values, back]), enrichment=enrichment)
 

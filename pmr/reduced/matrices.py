@@ -28,9 +28,10 @@ from pmr.constraints.polynomials import columns
 
 @dataclass(frozen=True)
 class Rayleigh:
-    """Rayleigh damping D = alpha M + beta K with alpha in 1/s, beta in s; zeta = (alpha / omega + beta omega) / 2 in each mode.
+    """Rayleigh damping D = alpha M + beta K, alpha in 1/s and beta in s.
 
-    Bathe: Finite Element Procedures, 1996, section 9.3.3.
+    The damping ratio of a mode is zeta = (alpha / omega + beta omega) / 2.  Bathe: Finite Element Procedures, 1996,
+    section 9.3.3.
     """
 
     alpha: float
@@ -75,14 +76,14 @@ AXIAL = {
     "axial linear": UnitLoad(stretch=1.0),
     "axial tip": UnitLoad(force=_E[0]),
 }
-#: Unit loads of the matrices of geometric stiffness by bending: unit acceleration across the axis, 1 N across at the tip.
+#: Unit loads of the matrices of geometric stiffness by bending: a unit acceleration, or 1 N at the tip, along y or z.
 BENDING = {f"bending uniform {_AXES[k]}": UnitLoad(acceleration=_E[k]) for k in (1, 2)}
 BENDING |= {f"bending tip {_AXES[k]}": UnitLoad(force=_E[k]) for k in (1, 2)}
 STATES = AXIAL | BENDING
 
 
 def _linear(j: int, k: int) -> Iterator[tuple[Array, str]]:
-    """Terms (S, rigid motion) of the field x_k e_j, one for each axis c other than k.
+    """Pairs of S and a rigid motion, either of which gives the field x_k e_j; one for each axis c other than k.
 
     The rotation about axis c moves the third component b by x_k or -x_k, so S is e_j e_b^T with this sign.
     """
@@ -92,9 +93,9 @@ def _linear(j: int, k: int) -> Iterator[tuple[Array, str]]:
             yield np.cross(_E[c], _E[k])[b] * np.outer(_E[j], _E[b]), f"r{_AXES[c]}"
 
 
-#: Inputs M e_j of constant acceleration fields e_j, in m/s^2: pairs of S and the rigid motion whose product is the field.
+#: Inputs M e_j of constant acceleration fields e_j, in m/s^2: S and the rigid motion u with S u = e_j.
 CONSTANT = {f"inertia {axis}": ((np.outer(_E[j], _E[j]), axis),) for j, axis in enumerate(_AXES)}
-#: Inputs M x_k e_j ("inertia jk") of linear acceleration fields, in 1/s^2: such pairs, one for each of two rigid motions.
+#: Inputs M x_k e_j ("inertia jk") of linear acceleration fields, in 1/s^2: two such pairs with S u = x_k e_j.
 LINEAR = {f"inertia {_AXES[j]}{_AXES[k]}": tuple(_linear(j, k)) for j in range(3) for k in range(3)}
 
 
