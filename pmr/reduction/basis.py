@@ -138,7 +138,7 @@ def pod(
 
 
 def modal_basis(modes: Snapshots) -> Basis:
-    """Basis of eigenmodes without changes: they are M-orthonormal, so their singular values in the mass product are 1."""
+    """Basis of eigenmodes as they are: M-orthonormal, so all singular values in the mass product are 1."""
     return Basis(modes.S, np.ones(modes.S.getSize()[1]), "mass")
 
 
@@ -285,7 +285,7 @@ def without_rows(model: ReducedModel, numbers: Sequence[int]) -> ReducedModel:
 
 
 def with_held_coordinates(model: ReducedModel) -> ReducedModel:
-    """Return the model with a row for each one that was left out, which holds one coordinate, from the last one on."""
+    """Return the model with a row for each one left out, which holds one coordinate, from the last one backwards."""
     count = len(model.left_out)
     held = np.zeros((len(model.rows.c), model.rows.c.shape[1], count, model.size))
     held[-1, :, range(count), model.size - 1 - np.arange(count)] = 1.0

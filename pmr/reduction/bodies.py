@@ -107,7 +107,10 @@ class Reduction:
 
     @property
     def snapshots(self) -> Array | Mapping[str, Array]:
-        """Snapshots (n, k) from which the basis of a single body is made, or by name of each section; same on every rank."""
+        """Snapshots (n, k) from which the basis of a single body is made, or those of each section by its name.
+
+        They are the same on every rank.
+        """
         pools = {
             name: self._whole(name, np.array(body.snapshots.S.getDenseArray())) for name, body in self.bodies.items()
         }
@@ -165,7 +168,7 @@ def as_asked(scene: Scene, bodies: Mapping[str, ReducedBody]) -> dict[str, Reduc
 
 
 def join_bodies(scene: Scene, bodies: Mapping[str, ReducedBody]) -> System:
-    """System of a scene's bodies as they are simulated; `on_modes` has their models on modes alone, for error estimates."""
+    """System of a scene's bodies as they are simulated; `on_modes` has their models on modes alone."""
     bodies = as_asked(scene, bodies)
     joined_system = system_of(scene, {name: body.model for name, body in bodies.items()})
     on_modes = {name: body.modal for name, body in bodies.items() if body.modal is not body.model and body.tells_errors}
