@@ -177,12 +177,15 @@ class View:
             self.stress_rows = self.forces.stresses
 
     def displacements(self, q: Array) -> Array:
-        """Displacements (S, N, 3) in m of the grid's N points, from this rank's rows q (S, n_local) of the coordinates."""
+        """Displacements (S, N, 3) in m of the grid's N points, from this rank's rows q (S, n_local) of the states."""
         values = self._sum_over_ranks(self._points, q)
         return values.reshape(len(values), len(self.grid.points), 3)
 
     def stresses(self, q: Array, acting: BodyStates | None = None) -> Stresses:
-        """Stresses at S times from this rank's rows q (S, n_local); for a beam under what is `acting` on it, None for nothing."""
+        """Stresses at S times, from this rank's rows q (S, n_local) of the states.
+
+        A beam's section forces include the loads and contact forces `acting` on it; None if nothing acts.
+        """
         along = None if self.forces is None else self.forces.of(np.hstack(self.comm.allgather(q)), acting)
         if self.stress_rows is None:
             return Stresses(along, None)
@@ -302,7 +305,7 @@ def in_blocks(q: Array) -> Iterator[Array]:
 
 @dataclass(frozen=True)
 class Recovered:
-    """What is recorded of the reduced model, and of the full one; None if its states are not known."""
+    """Records of a body's reduced model and of its full one, which is None if the full model's states are not known."""
 
     reduced: Seen
     full: Seen | None

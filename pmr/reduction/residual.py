@@ -254,7 +254,7 @@ def _add_flexibility(reduced: ReducedModel, flexibility: Flexibility) -> Reduced
 
 
 def _with_flexibility(reduced: ReducedModel, flexibility: Flexibility) -> ReducedModel:
-    """Return the model with that flexibility; with the floor of `_with_floor` unless the basis consists of eigenmodes."""
+    """Return the model with that flexibility; with the floor of `_with_floor` unless its basis is eigenmodes."""
     flexible = replace(reduced, flexibility=flexibility)
     return flexible if is_modal(flexible) else _with_floor(flexible)
 

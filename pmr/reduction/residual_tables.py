@@ -89,7 +89,10 @@ class ResidualFlexibility:
         return bool(np.all(far <= KEPT * size))
 
     def apply(self, g: Array) -> Array:
-        """This rank's rows (n_local, k) of R g in m, for loads g (n_local, k) in N, which may be overwritten; collective."""
+        """This rank's rows (n_local, k) of R g in m, for loads g (n_local, k) in N; collective.
+
+        g may be overwritten.
+        """
         g = np.asfortranarray(g)
         subtract(g, self._dual, inner(self._basis, g, self._comm))
         x = np.asfortranarray(self._body.solve(g))
@@ -233,7 +236,7 @@ def load_pairs(shared: SharedCarriers, inputs: int) -> sp.csr_matrix:
 
 
 class OnCarriers:
-    """Values on carriers, inputs and outputs of the responses to loads: for pairs of a pattern, or for all pairs (None)."""
+    """Values of the responses to loads on carriers, inputs and outputs: for pairs of a pattern, or for all (None)."""
 
     def __init__(self, model: FullModel, carriers: sp.csr_matrix, pattern: Pattern) -> None:
         self._rows, self._outputs = carrier_loads(model, carriers).T.tocsr(), Measured(local_csr(model.outputs).T)
