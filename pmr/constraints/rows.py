@@ -227,6 +227,7 @@ class Rows:
 
     @property
     def names(self) -> tuple[str, ...]:
+        """Names of the rows."""
         return tuple(row.name for row in self.rows)
 
     @property

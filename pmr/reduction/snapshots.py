@@ -121,8 +121,8 @@ def eigenmode_snapshots(model: FullModel, scene: Scene) -> Snapshots:
 #: Work of a load or row on a mode, over its largest work on any mode, up to which it does not excite the mode.
 UNREACHED = 1e-8
 
-#: Measure of `_bent`, over the largest of all modes, up to which axial forces do not bend a mode; and the number of such
-#: modes that are expected among the others.
+#: Square root of the measure of `_bent`, over that of the most bent mode, up to which axial forces do not bend a mode;
+#: and number of such modes that are expected among the others.
 UNBENT, SPARE = 1e-6, 4
 
 #: Smallest share of each rigid-body mode in the span of the computed modes; 1 - 1e-8 on a beam of 2000 elements.

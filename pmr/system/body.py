@@ -32,7 +32,10 @@ Array = NDArray[np.float64]
 
 
 class Observed(Protocol):
-    """Body with o outputs."""
+    """Body with o outputs: at `output_positions` (o,) in m, with names, units and kinds (`pmr.results.response`).
+
+    Names, units and kinds are empty for models that don't have them.
+    """
 
     @property
     def output_positions(self) -> Array: ...
@@ -51,7 +54,26 @@ class OnCarriers(Protocol):
 
 
 class Body(Protocol):
-    """Interface of a system's bodies, whether one process stores their matrices or several do."""
+    """Interface of a system's bodies, whether one process stores their matrices or several do.
+
+    Attributes
+    ----------
+    input_names, row_names : tuples of str
+    row_compliance : (m,) array, m/N
+        Compliance 1/k of each row's pad; 0 for a rigid row.
+    row_clearance : (m,) array, m
+        Clearance of each row that only pushes; NaN for rows that hold both ways.
+    moving : list of int
+        Numbers of the rows that depend on s.
+    held : dict of int to int
+        Coordinate that each support on a single coordinate holds, by the number of its row.
+    lasting : tuple of str
+        Names of the rows that are rigid, hold both ways, don't depend on s, and combine several coordinates.
+    domain : (float, float), m
+        Lowest and highest path coordinate for which the rows are defined.
+    carriers : OnCarriers or None
+        The rows on carriers; None for a body that has tables over its path instead.
+    """
 
     @property
     def input_names(self) -> tuple[str, ...]: ...
@@ -166,36 +188,47 @@ class WithRows:
 
     @property
     def row_compliance(self) -> Array:
+        """Compliance 1/k (m,) of each row's pad, in m/N; 0 where the row is rigid."""
         return self.rows.compliance
 
     @property
     def row_clearance(self) -> Array:
+        """Clearance (m,) in m of each row that only pushes; NaN where a row holds both ways."""
         return self.rows.clearance
 
     @property
     def row_names(self) -> tuple[str, ...]:
+        """Names of the rows."""
         return self.rows.names
 
     @property
     def domain(self) -> tuple[float, float]:
+        """Lowest and highest path coordinate in m at which every row is defined."""
         return self.rows.domain
 
     @property
     def moving(self) -> list[int]:
+        """Numbers of the rows that depend on s: the sliders."""
         return self.rows.moving
 
     @property
     def held(self) -> dict[int, int]:
+        """Coordinate that each support on a single coordinate holds, by the number of its row."""
         return self.rows.held
 
     @property
     def lasting(self) -> tuple[str, ...]:
+        """Names of the fixed rows that combine several coordinates."""
         return self.rows.lasting
 
 
 @dataclass(frozen=True)
 class FullBody(WithRows):
-    """Full model with n coordinates on one process, sparse: what the full-order reference simulates."""
+    """Full model on one process, sparse: what the full-order reference simulates.
+
+    It has n coordinates, i inputs, o outputs and m rows: M, D, K (n, n), B (n, i), `outputs` (o, n).  The other fields
+    are those of `pmr.fullmodel.model.FullModel`.
+    """
 
     M: sp.csr_matrix
     D: sp.csr_matrix
@@ -215,6 +248,7 @@ class FullBody(WithRows):
 
     @property
     def size(self) -> int:
+        """Number of coordinates n."""
         return int(self.M.shape[0])
 
     @property
