@@ -36,9 +36,10 @@ def within_domain(s: ArrayLike, low: float, high: float, what: str) -> Array:
 
 
 def evaluate(table: PPoly, s: ArrayLike, derivative: int = 0, what: str = "slider") -> Array:
-    """Values of a piecewise polynomial, or of its derivative of that order, at s in m: ``s.shape + table.c.shape[2:]``.
+    """Values ``(*s.shape, *shape)`` of a table, or of its derivative of that order, at s in m.
 
-    A ValueError that names `what` is raised where s lies outside the table's breaks.
+    `shape` is that of the table's values.  A ValueError that names `what` is raised where s lies outside the table's
+    breaks.
     """
     return np.asarray(table(within_domain(s, table.x[0], table.x[-1], what), nu=derivative))
 
@@ -70,9 +71,9 @@ def _powers(x: Array, count: int) -> Array:
 
 
 def _sum_powers(table: PPoly, interval: Indices, powers: Array, x: Array) -> Array:
-    """Sum over the p powers of the coefficients on each time's interval, times `powers` (p, T), times x (T, r): (T, m).
+    """Values (T, m) of a table times x (T, r): coefficients times `powers` (p, T) times x, summed over the p powers.
 
-    Successive times on the same interval (T,) are computed together.
+    `interval` (T,) is the interval of each time.  Successive times on the same interval are computed together.
     """
     count, _, m, r = table.c.shape
     products, few = np.empty((len(x), m)), m < r  # multiply the powers by A x (m,) or by x (r,): by the fewer entries

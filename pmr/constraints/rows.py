@@ -44,9 +44,10 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Row:
-    """One constraint row C(s) (n,) of a full model with n coordinates, on K carriers of which each interval touches d.
+    """One constraint row C(s) = b(s) U of a full model, on K carriers: the rows of U (K, n), which b(s) (K,) weights.
 
-    On ``[breaks[j], breaks[j + 1]]``
+    Each interval of s touches d of the carriers.  On ``[breaks[j], breaks[j + 1]]``
+
     ``C(s) = sum_l sum_p coefficients[p, j, l] (s - breaks[j])**(degree - p) carriers[touched[j, l]]``.
     """
 
@@ -130,10 +131,7 @@ class Row:
 
     @cached_property
     def held(self) -> int | None:
-        """Number of the coordinate that C is, which the row holds at zero; None for any other row.
-
-        Only rows that are `fixed` hold a coordinate.
-        """
+        """Number of the coordinate that the row holds at zero; None unless it is `fixed` and does only that."""
         if not self.fixed:
             return None
         C = self.at(self.breaks[0])
@@ -283,7 +281,7 @@ class Rows:
 
 @dataclass(frozen=True)
 class SharedCarriers:
-    """Rows on K common carriers."""
+    """Rows on K common carriers: row C(s) = b(s) U with the same U (K, n) for all."""
 
     # (K, n): each carrier once; or the single coordinates that they touch, where these are less than half as many
     carriers: sp.csr_matrix
@@ -342,7 +340,7 @@ AT_ONCE = 2**20
 
 @dataclass(frozen=True)
 class RowPolynomials:
-    """Coefficients of m rows on the w carriers that they touch together on each of k intervals."""
+    """Weights b(s) of m rows, on the w carriers that they touch together on each of k intervals, out of K."""
 
     breaks: Array  # (k + 1,) m
     touched: Indices  # (k, w): numbers of the carriers

@@ -117,7 +117,7 @@ class Outputs:
 
 
 def in_modes(system: System, forms: Mapping[str, Modal], supports: Sequence[Supports] = ()) -> Combined:
-    """System of the bodies in their modes, with rings of pads combined; a system on one path loses its carriers.
+    """System of the bodies in their modes, with rings of pads combined; without carriers if it is on one path.
 
     With `supports`, one for each body, their reactions are additional outputs behind those of each body.
     """

@@ -57,9 +57,9 @@ class Modal(Protocol):
 
 @dataclass(frozen=True)
 class Supports:
-    """Reactions of a body's h rigid supports to n coordinates, r modes and i inputs.
+    """Reactions of a body's h rigid supports, by its n coordinates, r modes, their rates and i inputs.
 
-    h is 0 if the body does not record what its contacts press on the supports.
+    h is 0 if the body does not record the forces of its contacts on the supports.
     """
 
     names: tuple[str, ...]  # of the outputs

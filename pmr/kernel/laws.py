@@ -139,7 +139,7 @@ class SchemeFactors(NamedTuple):
     With the acceleration-like variable a and the acceleration z'', a step begins with the prediction a* = a_from_share
     a + a_from_force z'', v* = v + v_from_share a + v_from_force z'' and z* = z + h v + z_from_share a + z_from_force
     z''.  The acceleration of the step adds gain, v_gain and z_gain times itself to a*, v* and z*.  The same factors
-    apply to a force per unit of inertia and its share in a.
+    apply to a force and its share in a.
     """
 
     h: float

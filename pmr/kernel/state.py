@@ -35,7 +35,7 @@ class Failure(IntEnum):
 
 
 class StepError(SimulationError):
-    """A step or start that failed: the error code, and the number of the contact that causes it, -1 if it is none."""
+    """A step or start that failed, with the error code and the number of the contact that causes it; -1 if none does."""
 
     def __init__(self, message: str, failure: Failure, contact: int) -> None:
         super().__init__(message)
@@ -235,7 +235,7 @@ class State:
     def advance_sampled(
         self, u: Array, per: int, record: Record, first: int = 0, every: int = 1, parts: Integers | None = None
     ) -> tuple[int, int]:
-        """Take steps with samples u (steps per + 1, N) of the drivers; return how many were taken, and `needed`.
+        """Take steps with samples u (steps * per + 1, N) of the drivers; return how many were taken, and `needed`.
 
         There are `per` samples in each step, the first where the last step ended.  It stops before a step that needs
         more substeps than there are samples; `needed` is their number, 0 if all steps were taken.  The other arguments

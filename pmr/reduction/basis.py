@@ -50,7 +50,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Basis:
-    """Basis of r vectors for all path coordinates of a full model with n coordinates."""
+    """Basis of r vectors for a full model with n coordinates, the same for all path coordinates."""
 
     V: PETSc.Mat  # dense (n, r), orthonormal in `product`; the largest entry of each column is positive
     sigma: Array  # (k,): all singular values of the pool, descending, those beyond r too

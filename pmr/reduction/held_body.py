@@ -249,7 +249,7 @@ def _not_held() -> InputError:
 
 
 def _named_places(scene: Scene, model: StructuralModel) -> list[str | float]:
-    """Points where loads act and the tip, each once, although several loads may act there."""
+    """Points where loads act, and the tip; points that coincide are listed once."""
     points: dict[str | float, Array] = {}
     for place in (*(load.on for load in scene.loads), scene.observe.tip):
         point = model.centroid(place)

@@ -253,8 +253,8 @@ def _remove_rigid_modes(held: FullModel, Z: Array, modes: Modes) -> Modes:
 def _bent(model: FullModel, stress: Sequence[Any], modes: Modes, which: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Which of the modes with numbers `which` are bent by axial forces, of the geometric stiffnesses `stress`.
 
-    The measure is the work of each such matrix G on the mode and the modes before `which`, over the mode's own
-    stiffness.
+    Mode k is measured by the sum of (phi_k^T G phi_j)^2 / omega_k^2 over these matrices G and all modes j before
+    `which`.
     """
     bending = np.zeros(len(which))
     for G in stress:

@@ -26,7 +26,9 @@ SHIFT = 1.0
 class Assembly:
     """Equations of all bodies on the n coordinates that no support holds, as sparse matrices.
 
-    The system has m contacts, i inputs, o outputs and k terms that vary in time.
+    The system has m contacts, i inputs, o outputs and k terms that vary in time.  The rows of the contacts are C (m, n)
+    and what belongs to them (`ContactRows`); they depend on the coordinates x (sides,) in m of the places of all
+    contacts on their bodies, in the order of `System.sides`.
     """
 
     def __init__(self, system: System) -> None:

@@ -73,12 +73,12 @@ class ContactRows:
 
     @cached_property
     def answers(self) -> Array:
-        """F^-1 C and F^-1 H side by side, (m, n + i), for one time."""
+        """Responses F^-1 C and F^-1 H side by side, (m, n + i), at one time: contact forces by unit coordinates and inputs."""
         return np.asarray(np.linalg.solve(self.F, np.hstack([self.C, self.H])))
 
     @property
     def rigid(self) -> NDArray[np.bool_]:
-        """Which contacts ([T,] m) are rigid."""
+        """Which contacts ([T,] m) are rigid but for round-off of F."""
         return is_round_off(self.F)
 
 
@@ -118,7 +118,7 @@ class CompliantRows:
     def check(self, s: Array) -> None:
         """Raise a SimulationError if F(s) = G(s) + 1/k is singular at one of the path coordinates s (T,) in m.
 
-        It is where a slider is at a support, or two sliders are at one point.
+        F is singular where a slider is at a support, or two sliders are at one point.
         """
         if not self.numbers:
             return

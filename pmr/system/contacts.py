@@ -165,7 +165,7 @@ class Joint:
     r"""Pads between two neighbouring sections of a telescope.
 
     The tail of the inner section is at s on the outer section of length L_out.  A pad at a distance d from the inner
-    tail, and a pad at d from the outer mouth, have the places
+    tail, and a pad at d from the outer mouth, have the coordinates
 
     .. math:: x_{in} = d,\; x_{out} = s + d \qquad \text{and} \qquad x_{in} = L_{out} - d - s,\; x_{out} = L_{out} - d
 
@@ -174,8 +174,9 @@ class Joint:
     inner, outer : str
         Bodies of the system.
     inner_length, outer_length : float, m
+        Lengths of these sections.
     path : str
-        Name of the path s(t): the place of the inner tail on the outer section, in m from the outer tail.
+        Name of the path s(t): the position of the inner tail on the outer section, in m from the outer tail.
     tail, mouth : tuples of JointPad
         Pads that move with the tail of the inner section, and pads that stay at the mouth of the outer one.
     """
@@ -349,11 +350,17 @@ class Friction:
         return pad_moments
 
     def gaps(self, friction: Array) -> Array:
-        """Compression (..., m) in m of the joints' cylinders by the friction (..., n) in N of the pads; else zero."""
+        """Compression (..., m) in m of the joints' cylinders by the friction (..., n) in N of the pads.
+
+        It is zero for all other contacts.
+        """
         return self.gaps_of(self.totals(friction))
 
     def gaps_of(self, totals: Array) -> Array:
-        """Compression (..., m) in m of the joints' cylinders by the joints' friction (..., J) in N; else zero."""
+        """Compression (..., m) in m of the joints' cylinders by the joints' friction (..., J) in N.
+
+        It is zero for all other contacts.
+        """
         gaps, driven = np.zeros((*totals.shape[:-1], self.count)), self.cylinders >= 0
         gaps[..., self.cylinders[driven]] = (self.gives * totals)[..., driven]
         return gaps
