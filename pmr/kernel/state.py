@@ -35,7 +35,7 @@ class Failure(IntEnum):
 
 
 class StepError(SimulationError):
-    """A step or start that failed, with the error code and the number of the contact that causes it; -1 if none does."""
+    """A step or start that failed: its error code, and the number of the contact that causes it, -1 if none does."""
 
     def __init__(self, message: str, failure: Failure, contact: int) -> None:
         super().__init__(message)

@@ -107,7 +107,7 @@ def _in_a_frame(extended_model: ReducedModel, model: ReducedModel, loads: Array,
     size, p = len(next(iter(carriers.matrices.values()))), len(carriers.spanned)
     row_loads, X = loads if p else np.zeros_like(loads), np.zeros((size, r + a))
     X[:r, :r], X[size - n : size - n + count, r:] = np.eye(r), turned
-    if modes is not None:  # which have joined the answers
+    if modes is not None:  # enrichment modes, which the responses of `answers` contain
         on_modes = (carriers.enrichment.T @ row_loads[:K] + modes.B @ row_loads[K:]) / modes.stiffness[:, None]
         shares = 0.0 if answers is None else answers.shares(carriers.enrichment, modes)[:, :count] @ turned
         X[r : r + c, r:] = on_modes + shares
@@ -131,7 +131,7 @@ def _extend_reactions(model: ReducedModel, reactions: Reactions, answers: Answer
     """Reactions of the model with combinations `turned` (k, a) of the first k responses as its last coordinates."""
     assert model.carriers is not None
     r, count, of_all = model.size, len(turned), answers.supports
-    if model.enrichment is not None:  # the modes that the largest basis has beside the model's
+    if model.enrichment is not None:  # modes of the largest basis that are no coordinates of the model
         joined = reactions.inertia[:, r : r + model.enrichment.count]
         of_all = of_all + joined @ answers.shares(model.carriers.enrichment, model.enrichment)
     inertia = of_all[:, :count] @ turned
@@ -161,7 +161,7 @@ def with_attachment_modes(
         raise ValueError("attachment modes need flexibility and inertia on carriers, as section_model gives them")
     R, S, answers = _on_loads(carriers.flexibility), _on_loads(carriers.inertia), carriers.answers
     G = _principal(S, sp.csr_matrix(loads), left_out)
-    measured, inertia_measured = R @ G, S @ G  # of the answers, and of what their inertia moves
+    measured, inertia_measured = R @ G, S @ G  # values of the responses, and of the responses to their inertia
     outputs = np.hstack([carriers.flexibility.outputs, carriers.flexibility.direct]) @ G
     K, M = G.T @ measured, G.T @ inertia_measured
     if answers is not None and answers.inertia.any():

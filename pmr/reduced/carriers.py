@@ -208,20 +208,20 @@ class CarriedRows:
 
     @classmethod
     def of(cls, rows: Sequence[Row], values: Array, flexibility: CarrierFlexibility | None = None) -> CarriedRows:
-        """Rows on common carriers, on which the coordinates measure `values` (K, r); without enrichment modes."""
+        """Rows on common carriers, on which the coordinates have the values U V (K, r), `values`; no enrichment modes."""
         breaks, touched, coefficients = (
             {str(k): getattr(row, name) for k, row in enumerate(rows)} for name in ("breaks", "touched", "coefficients")
         )
         return cls(np.asarray(values), breaks, touched, coefficients, np.zeros((len(values), 0)), flexibility)
 
     def row(self, number: int, name: str) -> Row:
-        """Row with that number, under that name, on the r coordinates."""
+        """Row with that number, under that name, as a row of the r coordinates with the carriers U V."""
         k = str(number)
         return Row(name, self.breaks[k], self._sparse, self.touched[k], self.coefficients[k])
 
     @cached_property
     def _sparse(self) -> sp.csr_matrix:
-        """Values of the coordinates on the carriers as a sparse matrix."""
+        """`values` as a sparse matrix: the carriers of `row`."""
         return sp.csr_matrix(self.values)
 
     def polynomials(self, breaks: Array) -> RowPolynomials:

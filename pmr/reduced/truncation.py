@@ -108,7 +108,7 @@ def is_modal(model: ReducedModel) -> bool:
     """Whether the coordinates are M-orthonormal modes in ascending order, with K and D diagonal."""
     if np.any(np.abs(model.M - np.eye(model.size)) > MODAL):
         return False
-    # Equal frequencies, those of rigid motions among them, stand in the order that round-off gives them.
+    # round-off decides on the order of equal frequencies, those of rigid motions among them
     ascending = np.all(np.diff(np.diagonal(model.K)) >= -_round_off(model.K))
     return bool(ascending) and _is_diagonal(model.K) and _is_diagonal(model.D)
 

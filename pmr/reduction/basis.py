@@ -100,11 +100,11 @@ def pod(
     snapshots : Snapshots
         The pool.
     size : int or None
-        Number of vectors r, at most the numerical rank of the pool; None for this rank.
+        Number of vectors r, at most the numerical rank of the pool; None for as many as this rank.
     product : ``"euclidean"`` or ``"mass"``
         In which the vectors are orthonormal.
     solver : ``"auto"``, ``"dense"`` or ``"slepc"``
-        LAPACK on rank 0 (reproducible), or Gram-Schmidt on the distributed matrix.  ``auto`` takes the one that the
+        LAPACK on process 0 (reproducible), or Gram-Schmidt on the distributed matrix.  ``auto`` takes the one that the
         snapshots' solver would take.
     rigid_count : int
         Rigid-body modes that the caller puts before these vectors; they count as coordinates in the error's message.

@@ -99,8 +99,8 @@ class Reduction:
     def basis(self) -> Array | Mapping[str, Array]:
         """Basis V (n, r) of a single body, or of each section by its name; the same on every rank.
 
-        Its columns are the vectors that the coordinates multiply, without those of a section's cylinder.  Under MPI
-        every rank has all rows.
+        Its columns are the vectors that the coordinates multiply, those of a section's cylinder modes last; modes
+        without inertia (`pmr.reduced.attachment`) are not among them.  Under MPI every rank has all rows.
         """
         bases = {name: self._whole(name, self._recovery(name).V) for name in self.bodies}
         return bases.get(ALONE, bases)

@@ -93,7 +93,7 @@ def content_of(model: FullModel) -> str:
 
 
 def structure_in(scene: Scene) -> str:
-    """JSON text of a scene without what no reduction depends on: the sections `ASKED`, the path and the loads' signals.
+    """JSON text of a scene without all that no reduction depends on: the keys `ASKED`, paths and signals of loads.
 
     The content of files that the scene names is not included.
     """
@@ -253,7 +253,7 @@ class Cache:
     ) -> None:
         """Write arrays to `file`, and a model or system to its own file; on rank 0 only.
 
-        Nothing but a warning follows if there is no room.
+        If there is no room, a warning is logged.
         """
         if self.model.comm.rank != 0:
             return

@@ -48,7 +48,7 @@ Array = NDArray[np.float64]
 class FreeBody:
     """Z, M Z and K^+ of a model, factorised for the first solve, and again for the first one after `drop`.
 
-    Collective.
+    All of its methods are collective.
     """
 
     def __init__(self, model: FullModel, choice: str = "auto") -> None:

@@ -59,8 +59,8 @@ class Snapshots:
 def node_set(nodes: int, snapshots: int) -> NDArray[np.int64]:
     """Node numbers, counted from 1, at which the paper holds the slider; the first node is never among them.
 
-    The number is floor(nodes / 2) for one snapshot, and floor(2 + (nodes - 2) k / (snapshots - 1)), k = 0 ... snapshots
-    - 1, for more.
+    For one snapshot it is node floor(nodes / 2); for more, nodes floor(2 + (nodes - 2) k / (snapshots - 1)), k = 0 ...
+    snapshots - 1.
     """
     if snapshots == 1:
         return np.array([nodes // 2])
@@ -70,9 +70,9 @@ def node_set(nodes: int, snapshots: int) -> NDArray[np.int64]:
 def positions(scene: Scene, model: FullModel) -> Array:
     """Path coordinates (snapshots,) in m at which the scene asks for snapshots.
 
-    ``nodes`` stands for the paper's node set, with the first slider on nodes for which all sliders are on the beam,
-    ``path`` for even spacing over the travelled part of the path; or they are listed.  An InputError is raised if two
-    snapshots are at the same node.
+    They are listed in the scene, or named: ``nodes`` is the paper's node set, among the nodes on which the first slider
+    may be while all sliders are on the beam; ``path`` spaces them evenly over the travelled part of the path.  An
+    InputError is raised if two snapshots are at the same node.
     """
     choice, count = scene.reduction.positions, scene.reduction.snapshots
     if choice == "nodes":
@@ -153,7 +153,7 @@ def free_modes(
     The solver is ``"auto"``, ``"dense"`` or ``"slepc"``.  A `body` of this model and solver keeps its factor for
     further use.  An InputError is raised if `count` is out of range, a ConvergenceError if too few modes converge.
     """
-    # One more tells whether flexibility is left; a mesh of which all modes are computed at once is asked for more.
+    # one more shows whether flexibility is left; of a mesh whose modes are all computed at once more are requested
     rigid = sum(not row.fixed and row.compliance == 0.0 for row in model.rows.rows)
     spare = max(1, rigid if is_dense(model, solver) else 1)
     stress = [A for name, A in model.matrices.items() if name.startswith("axial")] if stressed and enrichment else []

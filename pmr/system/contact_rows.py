@@ -73,7 +73,7 @@ class ContactRows:
 
     @cached_property
     def answers(self) -> Array:
-        """Responses F^-1 C and F^-1 H side by side, (m, n + i), at one time: contact forces by unit coordinates and inputs."""
+        """Contact forces F^-1 C and F^-1 H (m, n + i), side by side, by unit coordinates and inputs; at one time."""
         return np.asarray(np.linalg.solve(self.F, np.hstack([self.C, self.H])))
 
     @property

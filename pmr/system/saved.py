@@ -68,7 +68,7 @@ class _Header:
     provenance: dict[str, Any]
     terms: tuple[_TermHeader, ...] = ()
     on_modes: tuple[str, ...] = ()
-    same: Mapping[str, str] = field(default_factory=dict)  # where an array stands that is left out
+    same: Mapping[str, str] = field(default_factory=dict)  # name of the equal array that is stored, by an array's name
 
 
 _HEADER = TypeAdapter(_Header)
