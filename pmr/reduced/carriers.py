@@ -208,7 +208,7 @@ class CarriedRows:
 
     @classmethod
     def of(cls, rows: Sequence[Row], values: Array, flexibility: CarrierFlexibility | None = None) -> CarriedRows:
-        """Rows on common carriers, on which the coordinates have the values U V (K, r), `values`; no enrichment modes."""
+        """Rows on common carriers, on which the coordinates have the `values` U V (K, r); no enrichment modes."""
         breaks, touched, coefficients = (
             {str(k): getattr(row, name) for k, row in enumerate(rows)} for name in ("breaks", "touched", "coefficients")
         )

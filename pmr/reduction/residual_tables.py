@@ -205,7 +205,7 @@ class AnyTwo:
         return self._all
 
     def put(self, rows: Indices, columns: Indices, values: Array) -> None:
-        """Store this rank's part of `values` (L, columns) for the loads with the numbers `columns`; `rows` are all loads."""
+        """Store this rank's part of `values` (L, columns) for the loads numbered `columns`; `rows` are all loads."""
         self._found[:, columns] = values
 
     def total(self, comm: Any) -> Array:
