@@ -116,7 +116,7 @@ def _in_a_frame(extended_model: ReducedModel, model: ReducedModel, loads: Array,
     matrices = {name: X.T @ A @ X for name, A in carriers.matrices.items()}
     ports = {name: row @ X for name, row in carriers.ports.items()}
     reactions = extended_model.reactions
-    if reactions is not None:  # of files of earlier versions the work on these vectors is not known
+    if reactions is not None:  # files of earlier versions don't have the work on these vectors
         worked = {name: A @ X[: A.shape[1]] for name, A in reactions.matrices.items()}
         reactions = replace(reactions, matrices=worked)
     return replace(

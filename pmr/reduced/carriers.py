@@ -187,7 +187,7 @@ class CarriedRows:
 
     AXES: ClassVar = {"values": "Kr", "enrichment": "Kc"}
 
-    values: Array  # U V (K, r): what the coordinates measure on the carriers
+    values: Array  # U V (K, r): values of the coordinates on the carriers
     # b(x) of each row, by its number, "0" and on, as `pmr.constraints.rows.Row` has it
     breaks: Mapping[str, Array]
     touched: Mapping[str, Indices]

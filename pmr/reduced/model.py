@@ -71,9 +71,9 @@ class ReducedModel:
     M, D, K : (r, r) arrays
         Symmetric; units follow from the basis (module docstring).
     B : (r, i) array
-        One column for each input; inputs are forces in N (or moments in N m).
+        Generalised forces of unit inputs, one column each; inputs are in `input_units`, mostly N (or N m).
     outputs : (o, r) array
-        Outputs at `output_positions`: transverse displacements in m, in space also forces of pads.
+        Outputs by each coordinate, such as transverse displacements in m at `output_positions` and forces of pads in N.
     rows : PPoly with values (m, r)
         C(s), exact between its breaks; s in m.
     input_names, row_names : tuples of str
@@ -87,13 +87,13 @@ class ReducedModel:
     provenance : dict
         How the model was made: scene hash, basis, versions.
     pads : (m,) array, m/N, or None
-        Compliance 1/k of each row's pad; None where all are rigid.
+        Compliance 1/k of each row's pad, 0 for a rigid one; None if all are rigid.
     flexibility : Flexibility, optional
         Residual flexibility: the quasi-static response that the coordinates leave out.
     enrichment : EnrichmentModes, optional
         The first modes that the basis leaves out; the error is estimated with them (`pmr.compare.estimate`).
     clearance : (m,) array, m, or None
-        Play of a row that only pushes, NaN where a row holds both ways; None where all do.
+        Displacement at which a row that only pushes closes, NaN for rows that hold both ways; None if all do.
     rayleigh : Rayleigh, optional
         Factors of Rayleigh damping, if D is of this kind.
     carriers : CarriedRows, optional
@@ -103,12 +103,12 @@ class ReducedModel:
     section : SectionOf, optional
         The boom of which this is a section.
     ports : mapping of str to (r,) array
-        Motion of a place where connectors may be attached, for each coordinate: ``"tip z"`` in m, ``"tip ry"`` in rad.
+        Motion, by each coordinate, of a point where connectors may be attached: ``"tip z"`` in m, ``"tip ry"`` in rad.
     matrices : mapping of str to (r, r) array
         V^T A V of the terms of a moving frame and of axial forces, by the names of `pmr.reduced.matrices`; matrices
         that are zero are left out.
     rigid_work : (k, i) array, optional
-        Work of the inputs on the body's k rigid motions: translations along the axes, rotations about axes through
+        Work of unit inputs on the body's k rigid motions: translations along the axes, rotations about axes through
         the tail.
     quasi_static : (q,) array of int
         Numbers of coordinates without inertia in simulators (`pmr.reduced.attachment`); M has their inertia.

@@ -246,7 +246,7 @@ def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, An
     choice = scene.reduction
     if enrichment_of(scene, choice, body.model):
         reduced_body = section_model(body, basis, provenance, choice.coordinates)
-        check_independence(reduced_body)  # on one path all rows are
+        check_independence(reduced_body)  # as all rows have the same path coordinate
         return reduced_body
     if choice.flexibility:
         return flexible_model(body, basis, provenance)

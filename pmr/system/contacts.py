@@ -144,7 +144,7 @@ class JointPad:
     """Pad of a joint; `direction` and the fields below it are those of `Contact`."""
 
     name: str
-    row: str  # what it measures, on both sections
+    row: str  # name of the row that measures it, on both sections
     from_end: float  # m: distance from the tail or mouth at which it is
     direction: float = 1.0
     compliance: float = 0.0
