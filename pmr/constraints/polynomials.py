@@ -1,7 +1,7 @@
-"""Algebra of piecewise polynomials in the path coordinate s whose values are numbers, rows or matrices; exact.
+"""Algebra of piecewise polynomials in the path coordinate s (in m), whose values are numbers, rows or matrices; exact.
 
-A table T(s) is a `scipy.interpolate.PPoly`: coefficients (powers, intervals, *shape), the highest power first, between
-breaks (intervals + 1,) in m.
+A table T(s) is a `scipy.interpolate.PPoly` with coefficients (powers, intervals, *shape), the highest power first, and
+breaks (intervals + 1,) in m; `shape` is that of its values.
 """
 
 from __future__ import annotations
@@ -17,12 +17,16 @@ from pmr.errors import BEYOND_ENDS
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-#: Products of powers and entries of x that are formed at once.
+#: Most products of powers and entries of x that `_sum_powers` forms at once.
 AT_ONCE = 2**18
 
 
 def within_domain(s: ArrayLike, low: float, high: float, what: str) -> Array:
-    """`s` as an array within [low, high], or a ValueError that says by how much it lies outside."""
+    """Return `s` (any shape) in m as an array clipped to [low, high].
+
+    Values beyond an end by round-off are clipped.  A ValueError that names `what` and the worst value is raised for
+    others, and for values that are not finite.
+    """
     s = np.asarray(s, dtype=float)
     slack = BEYOND_ENDS * (high - low)
     if s.size and not (s.min() >= low - slack and s.max() <= high + slack):
@@ -32,14 +36,20 @@ def within_domain(s: ArrayLike, low: float, high: float, what: str) -> Array:
 
 
 def evaluate(table: PPoly, s: ArrayLike, derivative: int = 0, what: str = "slider") -> Array:
-    """Values of a piecewise polynomial at s, refused outside its domain; shape ``s.shape + table.c.shape[2:]``."""
+    """Values ``(*s.shape, *shape)`` of a table, or of its derivative of that order, at s in m.
+
+    `shape` is that of the table's values.  A ValueError that names `what` is raised where s lies outside the table's
+    breaks.
+    """
     return np.asarray(table(within_domain(s, table.x[0], table.x[-1], what), nu=derivative))
 
 
 def apply_table(table: PPoly, s: Array, x: Array, derivative: int = 0) -> Array:
-    """A(s_t) x_t, (T, m), for a table with values (m, r), s (T,) m and x (T, r); or with a derivative of A.
+    """Product A(s_t) x_t (T, m) for a table A with values (m, r), s (T,) in m and x (T, r), at all T times.
 
-    A ValueError is raised where s leaves the table's domain.  SciPy would keep the values of all steps at once.
+    With a `derivative` of 1 or more, that derivative of A with respect to s is used instead of A.  A ValueError is
+    raised where s leaves the table's domain.  The matrices A(s_t) of all times are never stored at once, as `PPoly`
+    would do.
     """
     table = table if derivative == 0 else table.derivative(derivative)
     s = within_domain(s, table.x[0], table.x[-1], "slider")
@@ -48,12 +58,12 @@ def apply_table(table: PPoly, s: Array, x: Array, derivative: int = 0) -> Array:
 
 
 def _interval(table: PPoly, s: Array) -> Indices:
-    """(T,): the number of the table's interval at each s."""
+    """Number (T,) of the table's interval in which each s (T,) lies."""
     return np.searchsorted(table.x[1:-1], s, side="right")
 
 
 def _powers(x: Array, count: int) -> Array:
-    """(count, T): powers of x, the highest first; `numpy.vander` takes several times as long."""
+    """Powers (count, T) of x (T,), the highest, count - 1, first; `numpy.vander` takes several times as long."""
     powers = np.ones((count, len(x)))
     for k in range(count - 1, 0, -1):
         np.multiply(powers[k], x, out=powers[k - 1])
@@ -61,12 +71,12 @@ def _powers(x: Array, count: int) -> Array:
 
 
 def _sum_powers(table: PPoly, interval: Indices, powers: Array, x: Array) -> Array:
-    """Sum coefficients on each step's interval times `powers` (p, T) times x (T, r), to (T, m).
+    """Values (T, m) of a table times x (T, r): coefficients times `powers` (p, T) times x, summed over the p powers.
 
-    Steps in a row on the same interval are taken at once.
+    `interval` (T,) is the interval of each time.  Successive times on the same interval are computed together.
     """
     count, _, m, r = table.c.shape
-    products, few = np.empty((len(x), m)), m < r  # powers take what the table measures, or what it takes: the fewer
+    products, few = np.empty((len(x), m)), m < r  # multiply the powers by A x (m,) or by x (r,): by the fewer entries
     most, first = max(1, AT_ONCE // max(1, count * min(m, r))), 0
     for end in [*(np.flatnonzero(np.diff(interval)) + 1), len(x)]:
         while first < end:
@@ -86,16 +96,19 @@ def _sum_powers(table: PPoly, interval: Indices, powers: Array, x: Array) -> Arr
 
 
 def contributions(table: PPoly) -> Array:
-    """Coefficients (p, k, ...) times their interval's length to the matching power: the most that each adds."""
+    """Coefficients (p, k, ...) of p powers on k intervals, each times the interval's length to the matching power.
+
+    This is the largest contribution of each power to the values on its interval, in the unit of the values.
+    """
     powers = np.arange(len(table.c) - 1, -1, -1)
     size = np.diff(table.x)[None, :] ** powers[:, None]
     return np.asarray(table.c * size.reshape(*size.shape, *[1] * (table.c.ndim - 2)))
 
 
 def product(A: PPoly, B: PPoly, W: Array | None = None) -> PPoly:
-    """A(s) W B(s)^T, values (m, n), of tables on the same breaks with values (m, r) and (n, q).
+    """Table A(s) W B(s)^T, values (m, n), of tables A (m, r) and B (n, q) on the same breaks.
 
-    W is a matrix (r, q), the diagonal (r,) of one, or the identity where it is left out.
+    W is a matrix (r, q), the diagonal (r,) of a matrix, or None for the identity; in these two cases q = r.
     """
     result = np.zeros((len(A.c) + len(B.c) - 1, A.c.shape[1], A.c.shape[2], B.c.shape[2]))
     for p, Ap in enumerate(A.c):
@@ -106,54 +119,63 @@ def product(A: PPoly, B: PPoly, W: Array | None = None) -> PPoly:
 
 
 def times(A: PPoly, X: Array) -> PPoly:
-    """A(s) X, values (m, n), for a table with values (m, r) and X (r, n)."""
+    """Table A(s) X, values (m, n), for a table A with values (m, r) and a matrix X (r, n)."""
     return PPoly(np.ascontiguousarray(A.c @ X), A.x)
 
 
 def transpose(A: PPoly) -> PPoly:
-    """A(s)^T."""
+    """Table A(s)^T, values (n, m), for a table A with values (m, n)."""
     return PPoly(np.ascontiguousarray(A.c.swapaxes(2, 3)), A.x)
 
 
 def total(A: PPoly, B: PPoly, factor: float = 1.0) -> PPoly:
-    """A(s) + factor B(s) of tables on the same domain, whatever their breaks and degrees."""
+    """Table A(s) + factor B(s) of two tables with values of the same shape.
+
+    Breaks and degrees may differ; the result has the domain of A.
+    """
     A, B = align_tables(A, B)
     return PPoly(A.c + factor * B.c, A.x)
 
 
 def columns(table: PPoly, which: slice | Sequence[int]) -> PPoly:
-    """The chosen columns of the values."""
+    """Table of the columns `which` of a table with values (m, n); the table itself if these are all in their order."""
     if _all(which, table.c.shape[3]):
         return table
     return PPoly(np.ascontiguousarray(table.c[..., which]), table.x)
 
 
 def select_rows(table: PPoly, which: slice | Sequence[int] | Indices) -> PPoly:
-    """The chosen rows of the values (m, n)."""
+    """Table of the rows `which` of a table with values (m, n); the table itself if these are all in their order."""
     if _all(which, table.c.shape[2]):
         return table
     return PPoly(np.ascontiguousarray(table.c[:, :, which]), table.x)
 
 
 def _all(which: slice | Sequence[int] | Indices, count: int) -> bool:
-    """Whether these are all, in their order."""
+    """Whether `which` selects all of `count` indices in their order."""
     return np.array_equal(np.arange(count)[which], np.arange(count))
 
 
 def stack_tables(tables: Sequence[PPoly], domain: tuple[float, float]) -> PPoly:
-    """Tables with their own breaks and values (r,) as the rows of one with values (m, r) within `domain`."""
+    """Stack m tables with values (r,) and any breaks as the rows of one table with values (m, r) on `domain` in m."""
     common = align_tables(*tables, domain=domain)
     return PPoly(np.stack([table.c for table in common], axis=2), common[0].x)
 
 
 def side_by_side(*tables: PPoly) -> PPoly:
-    """The columns of all tables, values (m, n_1 + n_2 + ...)."""
+    """Table (m, n_1 + n_2 + ...) of the columns of all tables, with values (m, n_1), (m, n_2) and so on.
+
+    It has the domain of the first table.
+    """
     common = align_tables(*tables)
     return PPoly(np.concatenate([table.c for table in common], axis=3), common[0].x)
 
 
 def align_tables(*tables: PPoly, domain: tuple[float, float] | None = None) -> list[PPoly]:
-    """Return these tables on common breaks and of the same degree within `domain`, by default that of the first one."""
+    """Return these tables on common breaks and with the same degree, exact.
+
+    They cover `domain`, (lowest, highest) s in m; None stands for the domain of the first table.
+    """
     if domain is None and all(np.array_equal(table.x, tables[0].x) for table in tables):
         breaks = tables[0].x
         return [PPoly(c, breaks) for c in same_degree(*(table.c for table in tables))]
@@ -163,13 +185,16 @@ def align_tables(*tables: PPoly, domain: tuple[float, float] | None = None) -> l
 
 
 def same_degree(*coefficients: Array) -> list[Array]:
-    """Coefficients with zeros before those of lower degree."""
+    """Arrays of coefficients, each preceded by zeros up to the highest degree among them."""
     most = max(map(len, coefficients))
     return [np.concatenate([np.zeros((most - len(c), *c.shape[1:])), c]) for c in coefficients]
 
 
 def common_breaks(tables: Sequence[PPoly], domain: tuple[float, float]) -> Array:
-    """Breaks (k + 1,) in m within `domain`, such that every table is a polynomial between two of them."""
+    """Breaks (k + 1,) in m that cover `domain` and between which every table is a single polynomial.
+
+    Breaks closer to the one before than 1e-12 of the domain's length are left out.
+    """
     low, high = domain
     inner = np.concatenate([table.x for table in tables])
     breaks = np.unique(np.concatenate([[low, high], inner[(inner > low) & (inner < high)]]))
@@ -179,7 +204,10 @@ def common_breaks(tables: Sequence[PPoly], domain: tuple[float, float]) -> Array
 
 
 def refine_table(table: PPoly, breaks: Array, degree: int | None = None) -> PPoly:
-    """Return this piecewise polynomial on finer breaks, its degree raised to `degree`: exact."""
+    """Return this piecewise polynomial on finer `breaks`, with zeros before its coefficients up to `degree`; exact.
+
+    The breaks have to hold all those of the table within their range.  None leaves the degree as it is.
+    """
     source = interval_around(breaks, table.x)
     c = table.c[:, source].copy()
     x = (breaks[:-1] - table.x[source]).reshape(-1, *[1] * (c.ndim - 2))
@@ -192,21 +220,21 @@ def refine_table(table: PPoly, breaks: Array, degree: int | None = None) -> PPol
 
 
 def interval_around(fine: Array, coarse: Array) -> NDArray[np.int64]:
-    """Number (k,) of the coarse interval around each of k finer ones."""
+    """Number (k,) of the interval of `coarse` breaks (j + 1,) that holds each interval of `fine` breaks (k + 1,)."""
     middle = (fine[1:] + fine[:-1]) / 2.0
     return np.clip(np.searchsorted(coarse, middle, side="right") - 1, 0, len(coarse) - 2)
 
 
 @lru_cache(maxsize=32)  # pads of a ring have the same few, at many places
 def bump(degree: int, knot: float) -> PPoly:
-    r"""Centred cardinal B-spline b with knots `knot` apart, H, and as its integral; zero outside its knots.
+    r"""Centred cardinal B-spline b with knots `knot` = H apart, and with the integral H; zero outside its knots.
 
-    That of degree 3 is C2, and for any s, after division by p,
+    The spline of degree 3 is C2.  At points x_k with spacing H / p the values, divided by p, satisfy for any s
 
     .. math:: \sum_k b(x_k - s) = 1, \qquad \sum_k b(x_k - s)\, x_k = s, \qquad x_k = x_0 + k H / p,\; p = 1, 2, \dots
 
-    Sums of it over a lattice move as a rigid body does.  De Boor: A Practical Guide to Splines, rev. ed., 2001, chapter
-    IX (Marsden's identity).
+    So sums of it over a lattice move as a rigid body does.  De Boor: A Practical Guide to Splines, rev. ed., 2001,
+    chapter IX (Marsden's identity).
     """
     knots = (np.arange(degree + 2) - (degree + 1) / 2.0) * knot
     spline = PPoly.from_spline(BSpline.basis_element(knots, extrapolate=False).tck)
@@ -215,6 +243,6 @@ def bump(degree: int, knot: float) -> PPoly:
 
 
 def value_or_zero(spline: PPoly, x: Array) -> Array:
-    """The spline at x of any shape; zero outside its knots."""
+    """Values of the spline at x (any shape), zero outside its knots."""
     within = (x > spline.x[0]) & (x < spline.x[-1])
     return np.where(within, spline(np.where(within, x, 0.0)), 0.0)

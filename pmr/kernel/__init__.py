@@ -1,1 +1,1 @@
-"""The compiled step of reduced bodies and their contacts (docs/kernel.md)."""
+"""Compiled time steps of reduced bodies and their contacts (docs/kernel.md)."""

@@ -1,4 +1,4 @@
-"""Blocks of named arrays, as the kernel reads a system from (src/system.c has the layout of their bytes)."""
+"""Blocks of named arrays, from which the kernel reads a system (src/system.c has the layout of their bytes)."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 MAGIC = b"PMRSYS2\n"
-#: Bytes that an array begins on a multiple of, and that the heads of a block and of each array take.
+#: Alignment of arrays in bytes, and size of the block's header and of each array's header.
 LINE = 64
 _INTEGERS, _NUMBERS, _BYTES = range(3)
 _HEAD, _ARRAY = struct.Struct("=8siiqQ32x"), struct.Struct("=40siiqq")
 
 
 def pack(arrays: Mapping[str, NDArray[Any] | str]) -> bytearray:
-    """Pack arrays of integers, of real numbers, and texts; without its checksum, for which eight bytes are left."""
+    """Pack arrays of integers or real numbers, and texts, into a block whose checksum is still zero (see `seal`)."""
     at, heads, parts = LINE * (1 + len(arrays)), bytearray(), list[tuple[int, bytes]]()
     for name, array in arrays.items():
         kind, content, count = _encode(array)
@@ -34,17 +34,17 @@ def pack(arrays: Mapping[str, NDArray[Any] | str]) -> bytearray:
 
 
 def lines(names: Iterable[str]) -> str:
-    """Names as a text of plain letters, one a line; what else they have is escaped as in Python."""
+    """Text of ASCII letters with one name per line; other letters are escaped as in Python."""
     return "\n".join(name.encode("unicode_escape").decode("ascii") for name in names)
 
 
 def seal(block: bytearray, checksum: int) -> None:
-    """Write the checksum of the bytes behind the head into a block."""
+    """Write `checksum`, that of the bytes behind the first `LINE`, into a block, in place."""
     block[24:32] = struct.pack("=Q", checksum)
 
 
 def _encode(array: NDArray[Any] | str) -> tuple[int, bytes, int]:
-    """Kind, bytes and number of entries."""
+    """Kind (`_INTEGERS`, `_NUMBERS` or `_BYTES`), bytes and number of entries of an array or text."""
     if isinstance(array, str):
         text = array.encode()
         return _BYTES, text, len(text)
@@ -54,7 +54,10 @@ def _encode(array: NDArray[Any] | str) -> tuple[int, bytes, int]:
 
 
 def unpack(block: bytes) -> dict[str, NDArray[Any] | str]:
-    """Read the arrays of a block back; nothing is checked, which the kernel does."""
+    """Arrays and texts of a block by name, the reverse of `pack`, unchecked and without their shapes.
+
+    Integers are int32, real numbers float64.
+    """
     _, _, count, _, _ = _HEAD.unpack_from(block)
     arrays = dict[str, NDArray[Any] | str]()
     for k in range(count):

@@ -1,6 +1,6 @@
-"""How the kernel is compiled: `setup.py` takes `ffi` from here, as the module ``pmr.kernel._native``.
+"""How the kernel is compiled: `setup.py` takes `ffi` from this module and builds ``pmr.kernel._native``.
 
-In place, where the package is used from its folder: ``python setup.py -q build_ext --inplace``.
+To build it in place, for a package that is used from its folder: ``python setup.py -q build_ext --inplace``.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ BEGIN, END = "/* ---- from here on cffi reads this file: declarations only ---- 
 
 
 def declarations(header: str) -> str:
-    """Declarations of the interface that cffi reads."""
+    """Part of the header between `BEGIN` and `END`, which cffi can read."""
     return header.partition(BEGIN)[2].partition(END)[0]
 
 

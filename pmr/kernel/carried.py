@@ -1,4 +1,4 @@
-"""A machine that carries the frame of a boom and moves by itself (src/machine.c)."""
+"""Machines that carry the frame of a boom and move by themselves (src/machine.c)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int32]
 
 
-#: Why a machine's step fails at step k, t s, where its boom's does not.
+#: Why step k of a machine, at t in s, fails though that of its boom does not.
 REASONS = {
     lib.PMR_LOST: "the machine's motion is not found at step {k}, t = {t:g} s",
     lib.PMR_UPRIGHT: "the machine pitches by 90 degrees at t = {t:g} s, where roll and yaw turn about one axis",
@@ -26,7 +26,10 @@ REASONS = {
 
 @dataclass(frozen=True)
 class Machine:
-    """A machine and the boom that it carries, and what drives both over T steps, as `pmr_machine` has them."""
+    """A machine with the boom that it carries, and their excitation over T steps.
+
+    The fields are those of `pmr_machine` (src/pmr_kernel.h), where their shapes and units are.
+    """
 
     axes: Integers
     free: Integers
@@ -57,10 +60,10 @@ class Machine:
 
 
 class Carried:
-    """A machine and its boom, and what is recorded of both at T steps; `state` is the boom's.
+    """Simulation of a machine with its boom, and what is recorded of the machine at T steps; `state` is the boom's.
 
-    An InputError is raised for a boom that it can't carry: on a frame without a base that moves, with contacts that
-    only push, in steps of several parts or with energy.
+    An InputError is raised for a boom that a machine can't carry: on a frame without a base that moves, with contacts
+    that only push, or with settings of several substeps or of energy.
     """
 
     def __init__(self, state: State, machine: Machine) -> None:
@@ -84,20 +87,22 @@ class Carried:
         self._carried = ffi.gc(out[0], lib.pmr_carried_close)
         steps, inertial = len(machine.motions), len(machine.inertial)
         self.number = 0
-        self.motion = np.zeros((steps, 3, 6))  # of its directions, with rates and second rates
-        self.held = np.zeros((steps, 6))  # N, N m: what holds directions that are not free
-        self.springs = np.zeros((steps, 6))  # of springs and dampers
-        self.momenta = np.zeros((steps, 6))  # linear, angular, about the ground's origin
-        self.inertia = np.zeros((steps, inertial))  # inputs by which the frame accelerates the boom
+        self.motion = np.zeros((steps, 3, 6))  # directions, their rates and second rates
+        self.held = np.zeros((steps, 6))  # N, N m: forces that hold directions which are not free
+        self.springs = np.zeros((steps, 6))  # N, N m: forces of springs and dampers
+        self.momenta = np.zeros((steps, 6))  # linear momentum; angular momentum about the ground's origin
+        self.inertia = np.zeros((steps, inertial))  # values of the inputs by which the frame accelerates the boom
 
     def _record(self, first: int) -> Any:
+        """Pointers to the rows of the recorded arrays from row `first` on."""
         names = ("motion", "held", "springs", "momenta", "inertia")
         return ffi.new("pmr_carried_record *", {name: pointer(getattr(self, name)[first:]) for name in names})
 
     def needed(self, motion: Array, z: Array, v: Array, a: Array) -> Array:
-        """Forces (6,) that hold the machine at t = 0 where it moves as (3, 6) and the boom's modes as z, v, a.
+        """Forces (6,) in N and N m that hold the machine at t = 0, by its directions x, y, z, roll, pitch and yaw.
 
-        A StepError is raised where contacts that give way depend on each other.
+        It has the `motion` (3, 6): directions in m and rad, rates, second rates; the boom's modes are at z, their rates
+        v and accelerations a (modes,).  A StepError is raised if compliant contacts depend on each other.
         """
         forces, arrays = np.zeros(6), [np.ascontiguousarray(array, float) for array in (motion, z, v, a)]
         failed = lib.pmr_carried_needed(self._carried, *map(pointer, arrays), pointer(forces))
@@ -105,9 +110,10 @@ class Carried:
         return forces
 
     def start(self, motion: Array, z: Array, v: Array) -> None:
-        """Begin at t = 0 with motion (3, 6), whose second rates of free directions are found; errors as for `advance`.
+        """Begin at t = 0 with the machine's `motion` (3, 6), and the boom's modes at z with rates v (modes,).
 
-        Where it stands is the first row of what is recorded.
+        The second rates of free directions are computed.  The initial state is recorded in row 0.  Errors are raised as
+        by `advance`.
         """
         self.number = 0
         arrays = [np.ascontiguousarray(array, float) for array in (motion, z, v)]
@@ -115,11 +121,11 @@ class Carried:
         self._raise_unless_done(failed, 0)
 
     def advance(self, count: int) -> None:
-        """Take steps and record them; `number` is that of the last.
+        """Take `count` steps and record each in the row of its number; `number` is then that of the last step.
 
-        An InputError is raised for more steps than there are motions, a StepError where the boom's step fails, a
-        SimulationError where the machine's motion is not found, or it stands upright; both stay where the last step
-        ended.
+        An InputError is raised for more steps than there are motions, a StepError if the boom's step fails, and a
+        SimulationError if the machine's motion is not found or it pitches by 90 degrees.  After an error both are at
+        the end of the last whole step.
         """
         taken, first, left = ffi.new("int64_t *"), self.number + 1, len(self.motion) - 1 - self.number
         if not 0 <= count <= left:
@@ -129,6 +135,7 @@ class Carried:
         self._raise_unless_done(failed, self.number + 1)
 
     def _raise_unless_done(self, failed: int, k: int) -> None:
+        """Raise the error of step k for the kernel's error code `failed`, if it is one."""
         if failed in REASONS:
             raise SimulationError(REASONS[failed].format(k=k, t=k * self.state.settings.step))
         self.state.raise_unless_done(failed, f"step {k}")

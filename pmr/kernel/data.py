@@ -1,4 +1,4 @@
-"""A system as the arrays of one block, which the kernel, a file and an FMU share (src/internal.h says what each is)."""
+"""Arrays of a system, as one block that kernel, file and FMU share (src/internal.h describes each array)."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SystemData:
-    """Arrays of a system by their names, and what its numbers mean."""
+    """Arrays of a system by name, and the meaning of the numbers in them."""
 
     arrays: dict[str, NDArray[Any] | str]
-    used_modes: NDArray[np.int64]  # (r,): where modes stand among all, and not what fills them up
-    modes: dict[str, slice]  # of each body, filled up
+    used_modes: NDArray[np.int64]  # (r,): numbers of the bodies' modes among all modes, of which others are padding
+    modes: dict[str, slice]  # modes of each body among all, padding included
     rows: Arrangement
     further: tuple[tuple[str, str, bool], ...]  # name and unit of each further output, and whether it is a motion
 
@@ -45,9 +45,9 @@ class SystemData:
 def system_data(
     system: System, forms: Mapping[str, Modal], frame: Frame | None = None, reduced: Combined | None = None
 ) -> SystemData:
-    """Write a system whose bodies have these modal forms, and a frame that moves, as arrays.
+    """Write a system as the kernel's arrays, from the modal forms of its bodies by name and its moving frame, if any.
 
-    `reduced` is what `in_modes` makes of both, where that is there already; without reactions of supports.
+    `reduced` is the result of `in_modes` if the caller has it; the arrays are then without reactions of supports.
     """
     supports = [supports_of(system, name, form, reduced is None) for name, form in forms.items()]
     reduced = reduced or in_modes(system, forms, supports)
@@ -81,7 +81,7 @@ def system_data(
 
 @dataclass(frozen=True)
 class Outputs:
-    """Which of the bodies' outputs are outputs of the system, and which are reactions of supports behind them."""
+    """Numbers of the system's outputs and of the reactions of supports among all outputs of the bodies."""
 
     outputs: NDArray[np.int64]
     reactions: NDArray[np.int64]
@@ -89,7 +89,7 @@ class Outputs:
 
     @classmethod
     def of(cls, rows: Arrangement, supports: Sequence[Supports]) -> Outputs:
-        """Outputs of bodies whose last ones are reactions of these supports."""
+        """Split the outputs of bodies, of which the last ones are the reactions of these supports."""
         counts = [
             part.outputs.stop - part.outputs.start - len(of.names)
             for part, of in zip(rows.parts, supports, strict=True)
@@ -102,21 +102,24 @@ class Outputs:
         return cls(np.concatenate(outputs), np.concatenate(reactions), tuple(counts))
 
     def split(self, array: Array) -> tuple[Array, Array]:
-        """Columns (., outputs) and (., reactions), each filled up by a register more than they need."""
+        """Columns (any, outputs) and (any, reactions) of an array (any, both), padded with zeros.
+
+        They are padded to whole registers, and by one more register.
+        """
         parts = (array[:, numbers] for numbers in (self.outputs, self.reactions))
         first, second = (np.pad(_fill_rows(columns, columns.shape[1]), ((0, 0), (0, LANES))) for columns in parts)
         return first, second
 
     def before(self, part: Part) -> tuple[int, int]:
-        """First output and first reaction of a body."""
+        """Number of the first output of a body among all outputs, and of its first reaction among all reactions."""
         first, second = (np.searchsorted(numbers, part.outputs.start) for numbers in (self.outputs, self.reactions))
         return int(first), int(second)
 
 
 def in_modes(system: System, forms: Mapping[str, Modal], supports: Sequence[Supports] = ()) -> Combined:
-    """The system in its bodies' modes, with rings of pads as few contacts; on one path without carriers.
+    """System of the bodies in their modes, with rings of pads combined; without carriers if it is on one path.
 
-    With `supports` of all bodies their reactions are outputs behind those of each body.
+    With `supports`, one for each body, their reactions are additional outputs behind those of each body.
     """
     bodies = {}
     for number, (name, form) in enumerate(forms.items()):
@@ -131,7 +134,7 @@ def in_modes(system: System, forms: Mapping[str, Modal], supports: Sequence[Supp
 def _sizes(
     system: System, modal: System, rows: Arrangement, motions: int, outputs: int
 ) -> dict[str, NDArray[Any] | str]:
-    """The number of everything, in the order in which `read_arrays` of src/system.c takes it."""
+    """Sizes of the system in the order in which `read_arrays` of src/system.c reads them."""
     m, pads = len(modal.contacts), len(rows.F) - len(modal.contacts)
     inputs, order = rows.parts[-1].inputs.stop, np.arange(len(rows.F))
     single = len(rows.blocks) == len(rows.parts) == 1 and np.array_equal(rows.blocks[0].numbers, order) and m and inputs
@@ -156,17 +159,18 @@ def _sizes(
 
 
 def _is_diagonal(A: Array) -> bool:
+    """Whether a matrix is exactly diagonal."""
     return bool(np.count_nonzero(A - np.diag(np.diagonal(A))) == 0)
 
 
 def _fill_rows(array: Array, width: int) -> Array:
-    """Rows filled up with zeros to whole registers of `width` entries."""
+    """Array with its last axis padded with zeros to `width` entries, rounded up to whole registers."""
     missing = round_up(width) - array.shape[-1]
     return np.pad(np.asarray(array, float), [(0, 0)] * (array.ndim - 1) + [(0, missing)])
 
 
 def _bodies(rows: Arrangement, split: Outputs) -> dict[str, NDArray[Any] | str]:
-    """Modes, inputs and outputs of all bodies."""
+    """Arrays of the modes, inputs and outputs of all bodies."""
     last = rows.parts[-1]
     r, i, o = last.modes.stop, last.inputs.stop, last.outputs.stop
     D, B, shapes, direct, energy = (np.zeros(shape) for shape in ((r, r), (i, r), (r, o), (i, o), (i, round_up(i))))
@@ -196,7 +200,7 @@ def _bodies(rows: Arrangement, split: Outputs) -> dict[str, NDArray[Any] | str]:
 
 
 def _contacts(system: System, rows: Arrangement, split: Outputs) -> dict[str, NDArray[Any] | str]:
-    """Constant arrays of the contacts: their rows, which of them push, and ropes that get longer."""
+    """Constant arrays of the contacts: rows, clearances, which of them push, and ropes that lengthen."""
     m, moments = len(system.contacts), len(rows.F) - len(system.contacts)
     clearance = np.pad(system.clearance, (0, moments), constant_values=np.nan)
     slopes = np.pad(system.compliance.slopes, ((0, 0), (0, moments), (0, moments)))
@@ -220,7 +224,7 @@ def _contacts(system: System, rows: Arrangement, split: Outputs) -> dict[str, ND
 
 
 def _blocks(rows: Arrangement, split: Outputs) -> dict[str, NDArray[Any] | str]:
-    """Blocks and pairs of them, the tables of all one after the other."""
+    """Arrays of the blocks of rows and of pairs of blocks; the tables of all blocks follow each other."""
     parts: dict[str, list[NDArray[Any]]] = {
         name: [np.zeros(0, np.int64 if name in ("block_rows", "touched") else np.float64)]
         for name in ("breaks", "block_rows", "touched", "weights", "between", *(f"table_{what}" for what in "CGSHXR"))
@@ -268,24 +272,27 @@ def _blocks(rows: Arrangement, split: Outputs) -> dict[str, NDArray[Any] | str]:
 
 
 def _at_least(c: Array, powers: int) -> Array:
-    """Coefficients with zeros before the highest of them, up to so many powers."""
+    """Coefficients with zeros before the highest power, so that there are at least so many powers."""
     return np.concatenate([np.zeros((max(powers - len(c), 0), *c.shape[1:])), c])
 
 
 def _carriers(rows: tuple[Row, ...]) -> NDArray[np.int64]:
-    """Numbers of the carriers that rows touch, ascending."""
+    """Numbers of the carriers that the rows touch, ascending."""
     return np.unique(np.concatenate([np.zeros(0, np.int64), *(row.touched.ravel() for row in rows)]))
 
 
 def _widen(row: Row, width: int, carriers: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array]:
-    """Which of the carriers (intervals, width) a row touches, and with what (intervals, powers, width)."""
+    """Index in `carriers` of those that a row touches (intervals, width), and coefficients (intervals, powers, width).
+
+    Both are padded to `width`: by the last carrier, and by zeros.
+    """
     missing = width - row.touched.shape[1]
     touched = np.searchsorted(carriers, np.pad(row.touched, ((0, 0), (0, missing)), "edge"))
     return touched, np.pad(row.coefficients, ((0, 0), (0, 0), (0, missing))).swapaxes(0, 1)
 
 
 def _terms(system: System, rows: Arrangement) -> dict[str, NDArray[Any] | str]:
-    """Matrices of terms as registers of four rows: those that no term touches are left out."""
+    """Matrices of terms as registers of `LANES` rows by one column; registers that no term touches are left out."""
     r = rows.parts[-1].modes.stop
     where = {
         name: range(part.modes.start, part.modes.start + part.body.size)
@@ -317,7 +324,7 @@ def _terms(system: System, rows: Arrangement) -> dict[str, NDArray[Any] | str]:
 
 
 def _friction(rows: Arrangement) -> dict[str, NDArray[Any] | str]:
-    """Pads that rub, joint by joint."""
+    """Arrays of the pads with friction, joint by joint."""
     friction, nothing = rows.friction, np.zeros(0, np.int64)
     if friction is None:
         numbers = ("joint_paths", "joint_cylinders", "pad_contacts")

@@ -1,13 +1,13 @@
-r"""A frame that moves, and further outputs of a system: reactions of rigid supports, the tip, the luffing cylinder.
+r"""Arrays of a moving frame and of further outputs: reactions of rigid supports, the tip, the luffing cylinder.
 
-With the motions of `pmr.reduced.matrices` and :math:`P = \Phi^T M X X^T` a body presses on its rigid supports with
+With the motions Phi of `pmr.reduced.matrices` and :math:`P = \Phi^T M X X^T` a body presses on its rigid supports with
 
 .. math::
     \lambda_f = (\Phi^T - P) B f - (\Phi^T D - P D) X \dot z - (\Phi^T K - P K) X z - (C \Phi - C P^T)^T \lambda
         - \sum_k c_k (\Phi^T - P) (G_k X z + V_k X \dot z)
 
-so each is an output of modes, loads and multipliers, to which rates and terms add.  `pmr_frame_outputs` of src/frame.c
-has the equations of the others.
+so each of these forces is an output of modes, loads and multipliers, plus contributions of rates and terms.
+`pmr_frame_outputs` of src/frame.c has the equations of the tip and the cylinder.
 """
 
 from __future__ import annotations
@@ -40,24 +40,27 @@ NEGLIGIBLE = 1e-13
 
 
 class Modal(Protocol):
-    """A body in its own modes (`pmr.simulation.modal.ModalForm`)."""
+    """A body in its own r modes (`pmr.simulation.modal.ModalForm`)."""
 
     @property
     def body(self) -> ReducedModel:
-        """M = 1, K diagonal."""
+        """Reduced model in modes, with M = 1 and K diagonal."""
 
     @property
     def X(self) -> Array:
-        """Modes (n, r): q = X z."""
+        """Modes (n, r) by which the original coordinates are q = X z."""
 
     @property
     def rows(self) -> tuple[int, ...]:
-        """Numbers of the rows that `body` has, among the original's."""
+        """Numbers, among the rows of the original body, of the rows that `body` has."""
 
 
 @dataclass(frozen=True)
 class Supports:
-    """Reactions of a body's h rigid supports; h is 0 where the body does not tell what its contacts press on them."""
+    """Reactions of a body's h rigid supports, by its n coordinates, r modes, their rates and i inputs.
+
+    h is 0 if the body does not record the forces of its contacts on the supports.
+    """
 
     names: tuple[str, ...]  # of the outputs
     units: tuple[str, ...]
@@ -68,7 +71,7 @@ class Supports:
 
 
 def supports_of(system: System, name: str, form: Modal, output: bool = True) -> Supports:
-    """Reactions of a body's rigid supports in its modes; none where they are not wanted."""
+    """Reactions of a body's rigid supports in its modes; none if `output` is false or they are not known."""
     body, X, r = system.bodies[name], form.X, form.body.size
     reactions = body.reactions if isinstance(body, ReducedModel) else None
     carried = reactions is not None and reactions.carried is not None and body.carriers is not None
@@ -88,7 +91,7 @@ def supports_of(system: System, name: str, form: Modal, output: bool = True) -> 
 
 
 def with_reactions(system: System, name: str, form: Modal, modal: ReducedModel, supports: Supports) -> ReducedModel:
-    """The body in its modes with reactions as outputs behind its own, by modes, loads and multipliers."""
+    """Return the body in its modes, `modal`, with reactions as outputs behind its own."""
     body = system.bodies[name]
     if not supports.names or not isinstance(body, ReducedModel):
         return modal
@@ -117,10 +120,12 @@ def with_reactions(system: System, name: str, form: Modal, modal: ReducedModel, 
 
 
 def _sizes(body: ReducedModel) -> tuple[int, int, int]:
+    """Number of rows, inputs and outputs of a body."""
     return len(body.row_names), len(body.input_names), len(body.outputs)
 
 
 def _no_flexibility(body: ReducedModel) -> Flexibility:
+    """Residual flexibility of zeros, on the breaks of the body's rows."""
     m, i, o = _sizes(body)
     rows, inputs, outputs = (
         PPoly(np.zeros((1, len(body.rows.x) - 1, *shape)), body.rows.x) for shape in ((m, m), (m, i), (o, m))
@@ -131,7 +136,10 @@ def _no_flexibility(body: ReducedModel) -> Flexibility:
 def support_arrays(
     system: System, supports: Sequence[Supports], forms: Sequence[Modal], modes: Sequence[slice], width: int
 ) -> Arrays:
-    """Arrays by which rates and terms add to reactions; `modes` are the padded columns of each body."""
+    """Arrays by which rates and terms contribute to reactions.
+
+    `modes` are the padded slices of the modes of each body, `width` is the padded number of reactions.
+    """
     r = modes[-1].stop
     rates, first = np.zeros((r, width)), np.cumsum([0, *(len(of.names) for of in supports)])
     for of, place, at in zip(supports, modes, first, strict=False):
@@ -164,18 +172,20 @@ def support_arrays(
 
 @dataclass(frozen=True)
 class Cylinder:
-    """Forces that make the moment which the luffing cylinder bears."""
+    """Forces from which the force of the luffing cylinder follows, by their moments about the pivot."""
 
-    hinges: tuple[float, ...]  # m: x and z of foot and lug
-    sources: tuple[int, ...]  # (K,): numbers among outputs, reactions and forces of contacts, one after the other
-    moments: Array  # (K, 1 + P): moment about the pivot of a unit of each, m, and what 1 m of each path adds
-    pin: tuple[int, int, int]  # reactions of a pin along x and z, -1 for none, and the source of the support at the lug
+    hinges: tuple[float, ...]  # m: x and z of the foot, x and z of the lug
+    sources: tuple[int, ...]  # (K,): numbers of the forces among all outputs, reactions and contact forces
+    moments: Array  # (K, 1 + P): moment of each unit force about the pivot in m, and its change by 1 m of each path
+    pin: tuple[int, int, int]  # numbers of a pin's reactions along x and z (-1: none), and of the force at the lug
 
 
 def luffing_cylinder(scene: Scene, paths: Sequence[str], numbers: Mapping[str, int], outputs: int) -> Cylinder | None:
-    """Luffing cylinder; None without hinges, where it holds the base, or a force on the ground has no number.
+    """Luffing cylinder of a scene; None if there are no hinges, it holds the base, or a force has no number.
 
-    The force of a cylinder that holds the base is that of a contact.
+    `numbers` has the numbers of outputs, reactions and contact forces by name; `outputs` is how many outputs there
+    are.  All forces on the ground with a moment about the pivot are needed.  The force of a cylinder that holds the
+    base is that of a contact.
     """
     if scene.frame is None or scene.frame.cylinder is None or scene.holding_cylinder is not None:
         return None
@@ -203,7 +213,10 @@ def luffing_cylinder(scene: Scene, paths: Sequence[str], numbers: Mapping[str, i
 def frame_output_arrays(
     scene: Scene | None, system: System, paths: Sequence[str], reactions: Sequence[str], motions: int
 ) -> tuple[Arrays, list[str]]:
-    """Arrays of the tip and the cylinder of a scene with a frame, empty ones without; names of further outputs."""
+    """Arrays of the tip and the luffing cylinder, and names of all further outputs, `reactions` first.
+
+    The arrays are empty if there is no `scene` with a frame, or no `motions` drive it.
+    """
     integers, names = np.zeros(0, np.int64), list[str]()
     arrays: Arrays = dict.fromkeys(("tip_numbers", "cylinder_sources", "cylinder_pin"), integers)
     arrays |= dict.fromkeys(("tip_place", "cylinder_hinges", "cylinder_moments"), np.zeros(0))
@@ -242,7 +255,7 @@ class Frame(Protocol):
 
     @property
     def scene(self) -> Scene:
-        """Scene that the frame is of."""
+        """Scene that the frame belongs to."""
 
     @property
     def drivers(self) -> tuple[str, ...]:
@@ -250,23 +263,26 @@ class Frame(Protocol):
 
     @property
     def quantities(self) -> tuple[tuple[str | int, ...], ...]:
-        """All that the products have, (q,)."""
+        """Quantities (q,) that occur in the products: the kind of each, then its numbers or name."""
 
     @property
     def factors(self) -> NDArray[np.float64]:
-        """Factors (p,) of all products."""
+        """Constant factor (p,) of each product."""
 
     @property
     def numbers(self) -> NDArray[np.int64]:
-        """Numbers (p, 3) of the quantities in each product."""
+        """Numbers (p, 3) of the three quantities in each product."""
 
     @property
     def first(self) -> NDArray[np.int64]:
-        """First product of each input and term, (i + K + 1,)."""
+        """Number of the first product of each of i inputs, then of each of K terms, (i + K + 1,); p at the end."""
 
 
 def frame_arrays(frame: Frame | None, paths: Sequence[str]) -> dict[str, NDArray[Any] | str]:
-    """Arrays of a frame whose system travels on these paths; an InputError is raised where it knows one of them not."""
+    """Arrays of a frame for a system with these paths; empty without one.
+
+    An InputError is raised if the frame has no motion for one of the paths.
+    """
     nothing = np.zeros(0, np.int64)
     if frame is None:
         integers = ("frame_angles", "frame_paths", "quantity_list", "products", "first_product")
@@ -286,7 +302,11 @@ def frame_arrays(frame: Frame | None, paths: Sequence[str]) -> dict[str, NDArray
 
 
 def _quantity(quantity: tuple[str | int, ...], numbers: dict[str, int]) -> list[int]:
-    """Kind and two numbers; what is a motion by its name is one by its number."""
+    """Number of a quantity's kind in `KINDS`, and two numbers, zero where not used.
+
+    Gravity, named loads and motions of the base become the kind ``motion`` with the number of the motion.  Gravity and
+    motions of the base that the scene does not have become a ``reach`` over no paths, which is zero.
+    """
     kind, *of = quantity
     if kind in ("gravity", "load", "shaken"):
         name = "gravity" if kind == "gravity" else AXES[int(of[0])] if kind == "shaken" else str(of[0])

@@ -22,12 +22,12 @@ Integers = NDArray[np.int32]
 
 
 def variant() -> str:
-    """Name of the code that this processor runs: avx2, sse2, vectors or plain."""
+    """Name of the kernel's code that runs on this processor: avx2, sse2, vectors or plain."""
     return str(ffi.string(lib.pmr_variant()).decode())
 
 
 def checksum(content: bytes | bytearray) -> int:
-    """Checksum of the bytes of a block behind its head."""
+    """Checksum of `content`: of the bytes of a block behind the first `LINE`."""
     return int(lib.pmr_checksum(ffi.from_buffer(content), len(content)))
 
 
@@ -37,7 +37,7 @@ class Kernel:
     Attributes
     ----------
     modes, contacts, forces, inputs, outputs, paths, terms, pads, drivers, motions, pushing, further : int
-        Sizes as in `pmr_sizes`.
+        Sizes as in `pmr_sizes` (src/pmr_kernel.h); `modes` includes padding.
     """
 
     modes: int
@@ -54,7 +54,7 @@ class Kernel:
     further: int
 
     def __init__(self, block: bytes | bytearray) -> None:
-        """Open a block; an InputError is raised where it is none, or is damaged."""
+        """Copy and open a block; an InputError is raised if the bytes are no block of this kernel, or are damaged."""
         self._block = _aligned_bytes(block)
         out, why = ffi.new("pmr_system **"), ffi.new(f"char[{lib.PMR_MESSAGE}]")
         if lib.pmr_system_open(ffi.from_buffer(self._block), len(self._block), out, why):
@@ -73,9 +73,9 @@ class Kernel:
         frame: Frame | None = None,
         reduced: Combined | None = None,
     ) -> Kernel:
-        """Make one of a system whose bodies have these modal forms (`pmr.simulation.modal.modal_form`).
+        """Kernel of a system whose bodies have these modal forms by name (`pmr.simulation.modal.modal_form`).
 
-        With a frame that moves (`pmr.simulation.moving.MovingFrame`) its motions drive it.  `reduced` as for
+        With a moving `frame` (`pmr.simulation.moving.MovingFrame`) the frame's motions drive it.  `reduced` is that of
         `pmr.kernel.data.system_data`.
         """
         data = system_data(system, forms, frame, reduced)
@@ -85,22 +85,22 @@ class Kernel:
 
     @classmethod
     def read(cls, path: Path) -> Kernel:
-        """Read one that `write` wrote; an InputError is raised where the file is none, or is damaged."""
+        """Kernel from a file that `write` wrote; an InputError is raised if the file is no such file, or is damaged."""
         return cls(path.read_bytes())
 
     def write(self, path: Path) -> None:
-        """Write its bytes."""
+        """Write the block of the system to a file."""
         path.write_bytes(self.block)
 
     @property
     def block(self) -> bytes:
-        """Bytes that it was made from."""
+        """Bytes of the block that the system was opened from."""
         return self._block.tobytes()
 
     def frame_drivers(self, motions: ArrayLike) -> tuple[Array, Array]:
-        """Drivers u (N,) that motions (3, n) of the frame make, and their derivatives (N, 3, n).
+        """Drivers u (N,) for motions (3, n) of the frame, and derivatives (N, 3, n) of the drivers by the motions.
 
-        An InputError is raised for a system without a frame.
+        The rows of `motions` are values, rates and second rates.  An InputError is raised for a system without a frame.
         """
         at = np.ascontiguousarray(motions, float)
         if not self.motions or at.shape != (3, self.motions):
@@ -111,7 +111,7 @@ class Kernel:
         return u, derivatives
 
     def names(self, kind: Literal["drivers", "motions", "outputs", "further", "contacts", "forces"]) -> tuple[str, ...]:
-        """Names in their order."""
+        """Names of that kind in the order of their numbers; empty if there are none."""
         count = ffi.new("size_t *")
         text = lib.pmr_system_names(self._system, kind.encode(), count)
         lines = ffi.buffer(text, count[0])[:].split(b"\n") if count[0] else []
@@ -119,17 +119,17 @@ class Kernel:
 
 
 def pointer(array: Array | None) -> Any:
-    """Address of an array for the kernel, which has to stay as long as that; NULL of none."""
+    """Address of an array for the kernel, NULL for None; the caller has to keep the array while it is used."""
     return ffi.NULL if array is None else ffi.cast("double *", array.ctypes.data)
 
 
 def integer_pointer(array: Integers | None) -> Any:
-    """Address of an array of integers, likewise."""
+    """Address of an array of integers for the kernel, NULL for None, with the condition of `pointer`."""
     return ffi.NULL if array is None else ffi.cast("int32_t *", array.ctypes.data)
 
 
 def _aligned_bytes(block: bytes | bytearray) -> NDArray[np.uint8]:
-    """A copy that begins on a multiple of `LINE`."""
+    """Copy of the block at an address that is a multiple of `LINE`, read only."""
     room = np.empty(len(block) + LINE, np.uint8)
     first = -room.ctypes.data % LINE
     array = room[first : first + len(block)]

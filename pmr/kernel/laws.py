@@ -1,4 +1,4 @@
-"""Laws of the compiled kernel by themselves, for statics, charts and other simulators (src/pmr_kernel.h)."""
+"""Laws of the compiled kernel as functions, for statics, charts and other simulators (src/pmr_kernel.h)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ Mask = NDArray[np.bool_]
 
 
 class ContactError(SimulationError):
-    """A complementarity problem without a solution; `row` is the contact that depends on those before it, or None."""
+    """A complementarity problem without a solution.
+
+    `row` is the number of the contact that depends on those before it; None if the search did not end.
+    """
 
     row: int | None = None
 
@@ -31,14 +34,16 @@ def solve_contact(A: Array, b: Array, pushes: Mask, closed: Mask) -> tuple[Array
     A : (m, m) array, m/N
         Symmetric and positive definite.
     b : (m,) array, m
-        How far contacts come out beyond their clearances without forces.
+        Displacements of the contacts beyond their clearances without forces.
     pushes, closed : (m,) arrays
-        Contacts that only push, and which of them the search begins with as closed ones.
+        Contacts that only push, and those that are closed where the search begins.
 
     Returns
     -------
     forces : (m,) array, N
+        lambda.
     closed : (m,) array
+        Contacts that are closed, with w = 0.
 
     Raises
     ------
@@ -69,26 +74,32 @@ def solve_contact(A: Array, b: Array, pushes: Mask, closed: Mask) -> tuple[Array
 
 
 class ContactSearch:
-    """Search for the closed contacts where the caller solves for their forces; `solve_contact` makes the same one."""
+    """Search for the closed contacts, for callers that solve for their forces; the same as that of `solve_contact`."""
 
     def __init__(self) -> None:
         self._state = ffi.new("pmr_search *")
 
     def change(self, closed: Mask, wrong: Mask) -> Mask:
-        """Closed contacts (m,) of the next solve, where some are on the wrong side: they pull, or overlap."""
+        """Contacts (m,) that are closed in the next solve, from those that were `closed` and those that are `wrong`.
+
+        A contact is wrong if it is closed and pulls, or if it is open and overlaps.
+        """
         changes = np.array(wrong, np.int32)
         lib.pmr_choose_changes(len(changes), integer_pointer(changes), self._state)
         return np.asarray(closed ^ changes.astype(bool))
 
 
 class FixedPoint:
-    """Iterates (n,) of a fixed point x = phi(x), extrapolated by generalized conjugate residuals.
+    """Iterates x (n,) of a fixed point x = phi(x), extrapolated by generalized conjugate residuals.
 
-    Of a linear phi they end after as many times as its derivative has distinct eigenvalues, however large these are.
+    For a linear phi they converge after as many iterates as its derivative has distinct eigenvalues, of any size.
     """
 
     def __init__(self, size: int, most: int = 32, add_up: Callable[[float], float] | None = None) -> None:
-        """Store `most` directions; `add_up` adds up inner products where each rank has a part of an iterate."""
+        """Begin without iterates, for n = `size` numbers, with at most `most` stored directions.
+
+        Where each rank has a part of the iterates, `add_up` adds up an inner product over the ranks.
+        """
         count = 4 * -(-size // 4)
         room = np.zeros((4 + 2 * most) * count + LINE // 8)
         first = -room.ctypes.data % LINE // 8
@@ -109,11 +120,11 @@ class FixedPoint:
             self._state.sum = self._add = ffi.callback("void(double *, void *)", add, onerror=store_error)
 
     def restart(self) -> None:
-        """Forget all iterates before, as where phi has become another function."""
+        """Discard all iterates before, as needed if phi has become another function."""
         lib.pmr_restart(self._state)
 
     def next(self, x: Array, phi: Array) -> Array:
-        """The iterate (n,) after x (n,), whose phi(x) (n,) is given."""
+        """Return the iterate (n,) that follows x (n,), for `phi` = phi(x) (n,); an error of `add_up` is raised."""
         self._rows[0, : self._size], self._rows[1, : self._size] = x, phi - x
         lib.pmr_extrapolate(self._state)
         if self._raised is not None:
@@ -125,9 +136,10 @@ class FixedPoint:
 class SchemeFactors(NamedTuple):
     """Factors of generalized-alpha with steps of `h` s.
 
-    With the acceleration-like variable a and the acceleration z'', a step begins with a* = a_from_share a +
-    a_from_force z'', v* = v + v_from_share a + v_from_force z'' and z* = z + h v + z_from_share a + z_from_force z''.
-    Its acceleration adds gain, v_gain and z_gain times itself to these.  Likewise for a force and its share in a.
+    With the acceleration-like variable a and the acceleration z'', a step begins with the prediction a* = a_from_share
+    a + a_from_force z'', v* = v + v_from_share a + v_from_force z'' and z* = z + h v + z_from_share a + z_from_force
+    z''.  The acceleration of the step adds gain, v_gain and z_gain times itself to a*, v* and z*.  The same factors
+    apply to a force and its share in a.
     """
 
     h: float
@@ -143,17 +155,17 @@ class SchemeFactors(NamedTuple):
 
     @classmethod
     def of(cls, step: float, rho_inf: float) -> SchemeFactors:
-        """Factors of a step in s with the spectral radius `rho_inf` at infinite frequency."""
+        """Factors for a step in s, with the spectral radius `rho_inf` (0 to 1) at infinite frequency."""
         factors = ffi.new("pmr_factors *")
         lib.pmr_scheme_factors(step, rho_inf, factors)
         return cls(*(getattr(factors, name) for name in cls._fields))
 
 
 class JointCylinder(NamedTuple):
-    """Cylinder of a joint whose pads rub, as a step has it that ends with the multiplier `force`."""
+    """Cylinder of a joint whose pads have friction, at the end of a step that ends with the multiplier `force`."""
 
     gives: float = 0.0  # m/N: 1/k; 0 of a rigid one or none
-    compliance: float = 0.0  # m/N: its diagonal entry of the matrix A of the multipliers
+    compliance: float = 0.0  # m/N: diagonal entry of the cylinder in the matrix A of the multipliers
     force: float = 0.0  # N
     friction: float = 0.0  # N: sum of the pads' friction under which `force` was found
     drive: float = 0.0  # N: force plus friction at the end of the last step
@@ -168,7 +180,7 @@ def slide_pads(
     speed: float,
     cylinder: JointCylinder,
 ) -> tuple[Array, Array]:
-    """Friction (n,) N of a joint's pads at the end of a step, and limits (n,) N at which they slide.
+    """Friction (n,) in N of a joint's pads at the end of a step, and the friction (n,) in N at which they slide.
 
     Parameters
     ----------
@@ -177,9 +189,11 @@ def slide_pads(
     laws : (n, 3) array
         Constants of the pads' laws of friction (`pmr.system.contacts.friction_law`).
     forces, old : (n,) arrays, N
-        With which pads press, and their friction at the end of the last step (`pmr.system.contacts`).
+        Forces of the pads, and their friction at the end of the last step (`pmr.system.contacts`).
     displacement, speed : float
-        By which the path has moved in the step, in m, and how fast, in m/s.
+        Change of the path coordinate in the step, in m, and its rate, in m/s.
+    cylinder : JointCylinder
+        The joint's cylinder, which gives way to the friction.
     """
     arrays = [np.ascontiguousarray(array, float) for array in (stiffness, laws, forces, old)]
     limits, new = np.zeros((2, len(old)))

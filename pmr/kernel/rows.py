@@ -1,13 +1,14 @@
-r"""Rows of a system's contacts as the kernel evaluates them: tables of what travels along one path on one body.
+r"""Rows of a system's contacts as the kernel evaluates them: tables of sides that travel along one path on one body.
 
 With the sides of a contact, each of them :math:`b_a(x_a) U` on its body's carriers (`pmr.reduced.carriers`),
 
 .. math::
     C = C_0 + \sum_k C_k(s_k), \qquad F = F_0 + \sum_k G_k(s_k) + \sum_{k < l} w_k(s_k)\, R\, w_l(s_l)^T
 
-over the blocks k of sides that travel along one path on one body.  Sides that stay are in the constants.  The last sum
-is over blocks of one body on different paths.  A body alone whose contacts share one path is one block with its own
-tables.  Behind the m contacts stand the n pads that rub (`pmr.system.contacts`), each with the row C' of its contact.
+over the blocks k of sides that travel along one path on one body.  Sides that don't travel are in the constants C_0 and
+F_0.  The last sum is over blocks of one body on different paths.  A single body whose contacts share one path is one
+block with the body's own tables.  Rows m to m + n, behind those of the m contacts, belong to the n pads with friction
+(`pmr.system.contacts`): each is the row C' of its contact, on which a moment acts.
 """
 
 from __future__ import annotations
@@ -29,28 +30,28 @@ from pmr.system.system import Side, System
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-#: Modes of each body are filled up with zeros to a multiple of this.
+#: Numbers in a register: the modes of each body are padded with zeros to a multiple of it.
 LANES = 4
 
 
 def round_up(count: int) -> int:
-    """`count` rounded up to whole registers."""
+    """Smallest multiple of `LANES` that is at least `count`."""
     return count + -count % LANES
 
 
 @dataclass(frozen=True)
 class Part:
-    """A body in its modes, and where its modes, inputs and outputs stand among all."""
+    """A body in its modes, and the slices of its modes, inputs and outputs among those of all bodies."""
 
     number: int
     body: ReducedModel
-    modes: slice  # filled up
+    modes: slice  # padding included
     inputs: slice
     outputs: slice
 
     @property
     def flexibility(self) -> CarrierFlexibility:
-        """Residual flexibility between the carriers of the body; zeros where it has none."""
+        """Residual flexibility between the carriers of the body; zeros if it has none."""
         carriers = self.body.carriers
         assert carriers is not None  # as `System` checks
         K, i, o = len(carriers.values), len(self.body.input_names), len(self.body.outputs)
@@ -59,7 +60,7 @@ class Part:
 
     @property
     def values(self) -> Array:
-        """Values (K, modes) of the modes on the body's carriers, filled up to whole registers."""
+        """Values (K, modes) of the modes on the K carriers of the body, padded with zeros to whole registers."""
         assert self.body.carriers is not None
         values = self.body.carriers.values
         return np.pad(values, ((0, 0), (0, round_up(values.shape[1]) - values.shape[1])))
@@ -67,29 +68,29 @@ class Part:
 
 @dataclass(frozen=True)
 class Block:
-    """Tables of the rows along one path on one body, on common breaks, with values of q sides."""
+    """Tables for q sides along one path on one body, on common breaks, and w sides that don't travel on this body."""
 
     part: Part
     path: int
-    numbers: Indices  # (q,): of the sides' rows
-    stays: Indices  # (w,): of the rows of the sides that stay on this body
+    numbers: Indices  # (q,): numbers of the sides' rows
+    stays: Indices  # (w,): numbers of the rows of sides on this body that don't travel
     rows: PPoly  # C (q, modes)
     between: PPoly  # G (q, q) m/N
-    staying: PPoly  # G (q, w) m/N, with what stays
+    staying: PPoly  # G (q, w) m/N, between the sides of the block and those that don't travel
     inputs: PPoly  # H (q, i) m/N
     outputs: PPoly  # X (q, o) m/N
-    on_carriers: tuple[Row, ...] = ()  # the sides on these breaks, where another path travels on the body too
+    on_carriers: tuple[Row, ...] = ()  # rows of the sides on these breaks; empty unless the body has several paths
 
 
 @dataclass(frozen=True)
 class Arrangement:
-    """Rows of m contacts, and of n pads among them that rub."""
+    """Rows of m contacts and n pads with friction, as constants and blocks."""
 
     parts: tuple[Part, ...]
     paths: tuple[str, ...]
-    ranges: tuple[tuple[float, float], ...]  # m
+    ranges: tuple[tuple[float, float], ...]  # m: lowest and highest s of each path
     blocks: tuple[Block, ...]
-    C: Array  # (m + n, modes): of what stays, as all that follows
+    C: Array  # (m + n, modes): constant part of the rows, as in F, H and X
     F: Array  # (m + n, m + n) m/N, with the contacts' compliance
     H: Array  # (m + n, i) m/N
     X: Array  # (m + n, o) m/N
@@ -97,7 +98,7 @@ class Arrangement:
 
     @property
     def gives(self) -> Array:
-        """By how much each row gives way at most, wherever it is, (m + n,) in m/N."""
+        """Upper bound (m + n,) in m/N of the flexibility of each row over its path."""
         most = np.abs(np.diagonal(self.F))
         for block in self.blocks:
             most[block.numbers] += np.diagonal(np.abs(contributions(block.between)).sum(axis=0).max(axis=0))
@@ -105,7 +106,7 @@ class Arrangement:
 
 
 def arrange(system: System) -> Arrangement:
-    """Arrange the rows of a system whose bodies are in their modes; flexibility that is round-off is left out."""
+    """Arrange the rows of a system whose bodies are in their modes; flexibility that is round-off becomes zero."""
     rows, m = _with_round_off(system), len(system.contacts)
     rigid = np.zeros(len(rows.F), bool)
     rigid[:m] = is_round_off(np.diag(rows.gives[:m]), system.largest_flexibility)
@@ -114,7 +115,7 @@ def arrange(system: System) -> Arrangement:
 
 
 def _cleared(block: Block, rigid: NDArray[np.bool_]) -> Block:
-    """The block without flexibility of the rows (m + n,) that are rigid."""
+    """Return the block without the flexibility of the rows that are rigid, (m + n,)."""
     on, staying = rigid[block.numbers], block.staying.c.copy()
     if not on.any() and not rigid[block.stays].any():
         return block
@@ -130,6 +131,7 @@ def _cleared(block: Block, rigid: NDArray[np.bool_]) -> Block:
 
 
 def _with_round_off(system: System) -> Arrangement:
+    """Arrange the rows of a system, with flexibility that is round-off."""
     parts, friction = _parts(system), Friction.of(system.contacts)
     F = np.pad(system.compliance.constant, (0, 0 if friction is None else len(friction.pads)))
     size = {what: getattr(parts[-1], what).stop for what in ("modes", "inputs", "outputs")}
@@ -161,6 +163,7 @@ def _with_round_off(system: System) -> Arrangement:
 
 
 def _parts(system: System) -> tuple[Part, ...]:
+    """Bodies of a system with the slices of their modes, inputs and outputs among those of all."""
     parts, r, i, o = list[Part](), 0, 0, 0
     for number, body in enumerate(system.reduced.values()):
         modes, inputs, outputs = round_up(body.size), len(body.input_names), len(body.outputs)
@@ -170,7 +173,7 @@ def _parts(system: System) -> tuple[Part, ...]:
 
 
 def _block_of_tables(system: System, part: Part) -> Block:
-    """All contacts of a body alone on one path, by its own tables."""
+    """Block of all contacts of a single body on one path, from the body's own tables."""
     body, flexibility = part.body, part.body.flexibility
     tables = (
         [body.rows] if flexibility is None else [body.rows, flexibility.rows, flexibility.inputs, flexibility.outputs]
@@ -199,7 +202,10 @@ def _block_on_path(
     stays: Indices,
     weights: Array,
 ) -> Block:
-    """Sides on one path as a block, beside those that stay and their weights (w, K)."""
+    """Block of the `sides` on one path of a body, over `domain` in m.
+
+    Sides on the body that don't travel have the rows `stays` (w,) and the weights `weights` (w, K) on the K carriers.
+    """
     rows = [_along_path(system, side) for side in sides]
     breaks = common_breaks([PPoly(row.coefficients, row.breaks) for row in rows], domain)
     rows = [row.refined(breaks) for row in rows]
@@ -221,25 +227,25 @@ def _block_on_path(
 
 
 def _rubbing_sides(system: System, friction: Friction | None) -> list[Side]:
-    """Sides of pads that rub, on which their moments act, numbered behind the contacts."""
+    """Sides of pads with friction, on which moments act, with the numbers of rows behind the contacts."""
     pads = [] if friction is None else friction.pads.tolist()
     m = len(system.contacts)
     return [Side(m + k, s.place, s.sign) for k, pad in enumerate(pads) for s in system.sides if s.contact == pad]
 
 
 def _row(system: System, side: Side) -> Row:
-    """Row of a side in x: of one that a moment acts on, C'."""
+    """Row of a side as a function of the coordinate x on the body; C' for a side that a moment acts on."""
     row = system.row(side.place)
     return row if side.contact < len(system.contacts) else row.slope
 
 
 def _staying_weights(system: System, side: Side) -> Array:
-    """Weights (K,) of a side that stays, with its sign."""
+    """Weights (K,) of the carriers in the row of a side that does not travel, with the side's sign."""
     return np.asarray(side.sign * _row(system, side).weights(side.place.at).toarray()[0])
 
 
 def _along_path(system: System, side: Side) -> Row:
-    """Row of a side over its path coordinate s, x = at + rate s, with its sign."""
+    """Row of a side as a function of the path coordinate s, with x = at + rate s, times the side's sign."""
     row, place = _row(system, side), side.place
     c, breaks, touched = row.coefficients, row.breaks, row.touched
     if place.rate < 0.0:  # the intervals begin at their other end
@@ -258,4 +264,5 @@ def _along_path(system: System, side: Side) -> Row:
 
 
 def _zeros(breaks: Array, shape: tuple[int, ...]) -> PPoly:
+    """Table of zeros with values of that shape."""
     return PPoly(np.zeros((1, len(breaks) - 1, *shape)), breaks)

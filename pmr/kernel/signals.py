@@ -1,4 +1,4 @@
-"""Signals over time as the kernel evaluates them: pieces of polynomials and of sines."""
+"""Signals over time as the kernel evaluates them: sums of pieces of polynomials and sines."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ Array = NDArray[np.float64]
 
 
 class Signal(Protocol):
-    """A signal of a scene (`pmr.scene.signals`)."""
+    """Signal of a scene (`pmr.scene.signals`)."""
 
     @property
     def strands(self) -> tuple[Any, ...]:
-        """Pieces of polynomials and sines whose sum it is; a NotImplementedError is raised where it is none."""
+        """Pieces of polynomials and sines whose sum is the signal; a NotImplementedError if it is no such sum."""
 
 
 class Signals:
-    """N signals in the order of the drivers.
+    """N signals, one for each driver in their order, as the kernel's `pmr_signals`.
 
-    A NotImplementedError is raised for one that is no sum of pieces: such a driver is sampled instead.
+    A NotImplementedError is raised if a signal is no sum of pieces; such drivers have to be sampled
+    (`State.advance_sampled`).
     """
 
     def __init__(self, signals: Sequence[Signal]) -> None:
@@ -60,7 +61,7 @@ class Signals:
         )
 
     def at(self, t: float) -> tuple[Array, Array]:
-        """Values (N,) and their first two rates (2, N) at t in s."""
+        """Values (N,) at t in s, and first and second rates (2, N)."""
         count = len(self.first_strand) - 1
         u, rates = np.zeros(count), np.zeros((2, count))
         lib.pmr_signals_at(

@@ -1,4 +1,4 @@
-"""States of the compiled kernel: how systems are started and stepped, and what is recorded of them."""
+"""States of the compiled kernel: how simulations are started and stepped, and what is recorded of them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _STARTS = {"rest": lib.PMR_AT_REST, "given": lib.PMR_GIVEN, "equilibrium": lib.P
 
 
 class Failure(IntEnum):
-    """Error codes of the kernel's functions."""
+    """Error codes of the kernel's functions (src/pmr_kernel.h)."""
 
     REFUSED = lib.PMR_REFUSED
     DEPENDENT = lib.PMR_DEPENDENT
@@ -35,7 +35,7 @@ class Failure(IntEnum):
 
 
 class StepError(SimulationError):
-    """A step or a start that failed: why, and the number of the contact that it is about, or -1."""
+    """A step or start that failed: its error code, and the number of the contact that causes it, -1 if none does."""
 
     def __init__(self, message: str, failure: Failure, contact: int) -> None:
         super().__init__(message)
@@ -44,18 +44,22 @@ class StepError(SimulationError):
 
 @dataclass(frozen=True)
 class Settings:
-    """How a system is stepped; with several `parts` a step is made in as many as forces of contacts ask for."""
+    """How a system is stepped.
+
+    With several `parts` each step has as many equal substeps, of these numbers, as keep the forces of contacts that
+    only push within the tolerance.
+    """
 
     step: float  # s
-    rho_inf: float = 0.9
-    parts: tuple[int, ...] = (1,)  # ascending
-    contact_omega: float = 0.0  # rad/s, of contacts that only push
-    tolerance: float = 1e-5  # of their forces, over the largest so far
+    rho_inf: float = 0.9  # spectral radius at infinite frequency, 0 to 1
+    parts: tuple[int, ...] = (1,)  # allowed numbers of substeps in a step, ascending
+    contact_omega: float = 0.0  # rad/s of contacts that only push; 0: their forces don't decide on substeps
+    tolerance: float = 1e-5  # error of their forces in a substep, over the largest force so far
     energy: bool = True
 
 
 class Record:
-    """Room for what is recorded of T steps, one row each; what is not asked for is None."""
+    """Arrays for what is recorded of T steps, one row each; quantities that are not in `names` are not recorded."""
 
     FIELDS = ("z", "v", "multipliers", "impulses", "peaks", "energy", "friction", "outputs", "drivers")
 
@@ -67,11 +71,11 @@ class Record:
         self.steps = steps
 
     def __getitem__(self, name: str) -> Array:
-        """Recorded array (T, .) of that name."""
+        """Recorded array (T, columns) of that name."""
         return self.arrays[name]
 
     def at(self, first: int) -> Any:
-        """Pointers for the kernel, from a row on."""
+        """Pointers for the kernel to the row `first` of each array."""
         record = ffi.new("pmr_record *")
         for name, array in self.arrays.items():
             if array.size:
@@ -84,7 +88,9 @@ class Record:
 class State:
     """One simulation of a system; it belongs to one thread at a time.
 
-    An InputError is raised for settings that are not allowed.
+    Its arrays are read only and follow the simulation: modal coordinates `z` and rates `v` (modes,), `multipliers`
+    (contacts,) in N, `impulses` (contacts,) in N s of the last step, `energy` (2,) in J stored and put in since the
+    start, `friction` (pads,) in N, and `drivers` (N,).  An InputError is raised for settings that are not allowed.
     """
 
     def __init__(self, kernel: Kernel, settings: Settings) -> None:
@@ -114,12 +120,12 @@ class State:
         self.multipliers, self.impulses = (self._array(part, m) for part in (view.multipliers, view.impulses))
         self.energy, self.friction = self._array(view.energy, 2), self._array(view.friction, kernel.pads)
         self.drivers = self._array(view.drivers, kernel.drivers)
-        # what a step is led to: filled in place, as finding an array's address takes longer than a step
+        # drivers and motions of a step: filled in place, as finding an array's address takes longer than a step
         self._u, self._motions = np.zeros(kernel.drivers), np.zeros((3, kernel.motions))
         self._u_pointer, self._motions_pointer = pointer(self._u), pointer(self._motions)
 
     def _array(self, pointer: Any, count: int) -> Array:
-        """Numbers of the state, as an array that is read only and follows it."""
+        """Read-only view of `count` numbers of the state, which follows the simulation."""
         if not count:
             return np.zeros(0)
         array = np.frombuffer(ffi.buffer(pointer, 8 * count), np.float64)
@@ -133,12 +139,12 @@ class State:
 
     @property
     def parts(self) -> int:
-        """In how many parts the last step was made."""
+        """Number of substeps of the last step."""
         return int(self._view.parts[0])
 
     @property
     def memory(self) -> int:
-        """Bytes that it takes."""
+        """Memory of the state in bytes."""
         return int(lib.pmr_state_memory(self._state))
 
     def start(
@@ -149,11 +155,10 @@ class State:
         v: ArrayLike = (),
         rates: ArrayLike | None = None,
     ) -> None:
-        """Begin at t = 0 under drivers u (N,): at rest, at z and v (modes,), or in equilibrium.
+        """Begin at t = 0 under drivers u (N,): at rest, at given z and v (modes,), or at rest in equilibrium.
 
         With `rates` (P,) of the paths in m/s, v is corrected where it violates rigid contacts that move, by the change
-        of least kinetic energy.
-        A SimulationError is raised where nothing holds the bodies, or contacts depend on each other.
+        of least kinetic energy.  A StepError is raised if nothing holds the bodies, or contacts depend on each other.
         """
         drivers = self._check_array("u", u, self.kernel.drivers)
         is_given = kind == "given"
@@ -165,7 +170,11 @@ class State:
         self.raise_unless_done(lib.pmr_start_moving(self._state, _STARTS[kind], *pointers), "the start")
 
     def step(self, u: ArrayLike, rates: ArrayLike | None = None) -> None:
-        """Take one step to drivers u (N,), with their rates (2, N) at its beginning and end where they are known."""
+        """Take one step to drivers u (N,) at its end.
+
+        Substeps follow straight lines between the drivers or, with the drivers' `rates` (2, N) at the beginning and the
+        end of the step, cubics.  A StepError is raised as by `advance`.
+        """
         self._fill(self._u, "u", u)
         led = (
             ffi.NULL if rates is None else pointer(self._check_array("rates", np.ravel(rates), 2 * self.kernel.drivers))
@@ -181,7 +190,10 @@ class State:
         z: ArrayLike = (),
         v: ArrayLike = (),
     ) -> None:
-        """Begin at t = 0 with motions (3, n) of the frame, of each of which 1, 2 or all 3 `rows` (n,) count."""
+        """Begin at t = 0 with motions (3, n) of the frame: values, rates and second rates.
+
+        Of motion k the first rows[k] rows count, 1 to 3; None for all 3.  `kind`, z and v are those of `start`.
+        """
         is_given, count = kind == "given", self.kernel.motions
         at = self._check_array("motions", np.ravel(motions), 3 * count)
         z, v = (
@@ -191,7 +203,10 @@ class State:
         self.raise_unless_done(lib.pmr_start_in_frame(self._state, _STARTS[kind], *pointers), "the start")
 
     def step_in_frame(self, motions: ArrayLike, rows: Integers | None = None) -> None:
-        """Take one step to motions (3, n) of the frame at its end, likewise."""
+        """Take one step to motions (3, n) of the frame at its end: values, rates and second rates.
+
+        Of motion k the first rows[k] rows count, 1 to 3; None for all 3.
+        """
         self._fill(self._motions, "motions", motions)
         counted = ffi.NULL if rows is None else _rows(rows, self.kernel.motions)
         if failed := lib.pmr_step_in_frame(self._state, self._motions_pointer, counted):
@@ -206,9 +221,11 @@ class State:
         every: int = 1,
         parts: Integers | None = None,
     ) -> None:
-        """Take steps with drivers from signals; each `every`-th one is recorded, from row `first` on.
+        """Take `steps` steps with drivers from signals; record each `every`-th, from row `first` of the record on.
 
-        A SimulationError is raised where one fails; the state is where it began.
+        `parts` is the number of substeps of each step, int32 (steps,), out of those of the settings; None if the kernel
+        chooses them.  A StepError is raised if a step fails.  The state is then at the end of the last whole step, and
+        steps before have been recorded; with `Failure.NOT_FINITE` it has to be started or restored.
         """
         _check_room(record, first, steps // every)
         taken, schedule = ffi.new("int64_t *"), _schedule(parts, steps)
@@ -218,9 +235,11 @@ class State:
     def advance_sampled(
         self, u: Array, per: int, record: Record, first: int = 0, every: int = 1, parts: Integers | None = None
     ) -> tuple[int, int]:
-        """Take steps with samples u (steps per + 1, N) of the drivers; how many were taken, and `needed`.
+        """Take steps with samples u (steps * per + 1, N) of the drivers; return how many were taken, and `needed`.
 
-        It stops before a step that needs more parts than `per`, and tells how many these are; else 0.
+        There are `per` samples in each step, the first where the last step ended.  It stops before a step that needs
+        more substeps than there are samples; `needed` is their number, 0 if all steps were taken.  The other arguments
+        and errors are those of `advance`.
         """
         u = np.ascontiguousarray(u, float)
         steps = (len(u) - 1) // per
@@ -236,22 +255,28 @@ class State:
         return int(taken[0]), int(needed[0])
 
     def outputs(self) -> tuple[Array, Array]:
-        """Outputs (o,) and forces of all contacts (forces,) where it stands."""
+        """Outputs (o,) and forces (forces,) in N of all contacts at the end of the last step."""
         y, forces = np.zeros(self.kernel.outputs), np.zeros(self.kernel.forces)
         lib.pmr_outputs(self._state, pointer(y), pointer(forces))
         return y, forces
 
     def further(self) -> Array:
-        """Further outputs (further,) where it stands: reactions of rigid supports, in a frame the tip and cylinder."""
+        """Further outputs (further,) at the end of the last step.
+
+        They are the reactions of rigid supports in N and N m and, with a frame, the position of the tip in m from the
+        pivot along the ground's axes and the force of the luffing cylinder in N.
+        """
         further = np.zeros(self.kernel.further)
         lib.pmr_further(self._state, pointer(further))
         return further
 
     def evaluate(self, at: ArrayLike, seed: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None) -> dict[str, Array]:
-        """Values in continuous time at drivers (N,), or at motions (3, n) of a frame, the state staying where it is.
+        """Accelerations (modes,), outputs (o,), further (further,) and forces (forces,), by these names.
 
-        Accelerations (modes,), outputs (o,), further outputs (further,) and forces (forces,) by these names.  With a
-        `seed` of drivers or motions, z and v (modes,): how they change along it.
+        They belong to z and v of the state, in continuous time, under drivers (N,) or motions (3, n) of a frame, `at`.
+        Rigid contacts and friction have the forces of the last step.  The state is not changed.  With a `seed` of
+        drivers or motions, z and v (modes,), they are the directional derivatives of these quantities along it, with
+        closed contacts staying closed.
         """
         kernel = self.kernel
         sizes = {"accelerations": kernel.modes, "outputs": kernel.outputs}
@@ -271,7 +296,10 @@ class State:
         return values
 
     def linearize(self, u: ArrayLike) -> Jacobian:
-        """Differentiate the next step to drivers u (N,), with contacts and pads staying closed, stuck or sliding."""
+        """Derivatives of the next step to drivers u (N,); contacts stay open or closed and pads stuck or sliding.
+
+        The state is not changed.
+        """
         r, N, o, m = self.kernel.modes, self.kernel.drivers, self.kernel.outputs, self.kernel.contacts
         shapes = {"A": (3 * r, 3 * r), "B": (3 * r, N), "C": (o, 3 * r), "D": (o, N), "L": (m, 3 * r), "K": (m, N)}
         arrays = {name: np.zeros(shape) for name, shape in shapes.items()}
@@ -281,13 +309,16 @@ class State:
         return Jacobian(**arrays)
 
     def save(self) -> bytes:
-        """Bytes of the state."""
+        """Bytes of the state, for `restore`."""
         content = ffi.new("char[]", lib.pmr_state_bytes(self._state))
         lib.pmr_state_save(self._state, content)
         return bytes(ffi.buffer(content))
 
     def restore(self, content: bytes) -> None:
-        """Go on from saved bytes; an InputError is raised where they are none of such a state, or are damaged."""
+        """Continue from the bytes that `save` returned for a state of the same system and settings.
+
+        An InputError is raised if they are of another state, or are damaged.
+        """
         why = ffi.new(f"char[{lib.PMR_MESSAGE}]")
         failed = lib.pmr_state_restore(self._state, content, len(content), why)
         if failed == lib.PMR_REFUSED:
@@ -296,17 +327,21 @@ class State:
 
     @property
     def pointer(self) -> Any:
-        """Address of the state, for calls of the kernel's functions."""
+        """Address of the state, for the kernel's functions."""
         return self._state
 
     def _fill(self, room: Array, name: str, values: ArrayLike) -> None:
-        """Fill an array in place; the kernel refuses what is not finite."""
+        """Copy `values` into the array `room`; an InputError names `name` if the shapes differ.
+
+        The kernel itself refuses values that are not finite.
+        """
         array = np.asarray(values, float)
         if array.shape != room.shape:
             raise InputError("state", name, array.shape, f"{room.shape} is allowed")
         room[:] = array
 
     def _check_array(self, name: str, values: ArrayLike, count: int) -> Array:
+        """Contiguous array of `values`; an InputError names `name` unless it has the shape (count,) and is finite."""
         array = np.ascontiguousarray(values, float)
         if array.shape != (count,):
             raise InputError("state", name, array.shape, f"{(count,)} is allowed")
@@ -315,7 +350,10 @@ class State:
         return array
 
     def raise_unless_done(self, failed: int, where: str) -> None:
-        """Raise a StepError for what stopped the kernel, if anything did."""
+        """Raise a StepError for the error code `failed` of a kernel's function, unless it is PMR_DONE.
+
+        The message says `where` it failed, and names the contact that caused it.
+        """
         if failed == lib.PMR_DONE:
             return
         trouble = lib.pmr_state_trouble(self._state)
@@ -334,9 +372,10 @@ class State:
 
 @dataclass(frozen=True)
 class Jacobian:
-    """Derivatives of a step from its prediction x = (z*, v*, a*) (3 modes,) to drivers u (N,) at its end.
+    """Derivatives of a step by its prediction x = (z*, v*, a*) (3 modes,) and the drivers u (N,) at its end.
 
-    dx_next = A dx + B du, of outputs dy = C dx + D du, and of multipliers L dx + K du.
+    dx_next = A dx + B du of the next prediction, dy = C dx + D du of the outputs, dlambda = L dx + K du of the
+    multipliers.
     """
 
     A: Array
@@ -348,11 +387,13 @@ class Jacobian:
 
 
 def _check_room(record: Record, first: int, rows: int) -> None:
+    """Raise an InputError unless the record has `rows` rows from row `first` on."""
     if first < 0 or first + rows > record.steps:
         raise InputError("state", "record", record.steps, f"{first + rows} rows or more are needed")
 
 
 def _schedule(parts: Integers | None, steps: int) -> Any:
+    """Address of the number of substeps of each step, NULL for None; an InputError unless it is int32 (steps,)."""
     if parts is None:
         return ffi.NULL
     if parts.dtype != np.int32 or parts.shape != (steps,) or not parts.flags.c_contiguous:
@@ -361,7 +402,7 @@ def _schedule(parts: Integers | None, steps: int) -> Any:
 
 
 def _rows(rows: Integers | None, count: int) -> Any:
-    """How many rows of each motion count."""
+    """Address of how many rows of each motion count, NULL for None; an InputError unless it is int32 (count,)."""
     if rows is None:
         return ffi.NULL
     if rows.dtype != np.int32 or rows.shape != (count,) or not rows.flags.c_contiguous:
@@ -370,11 +411,12 @@ def _rows(rows: Integers | None, count: int) -> Any:
 
 
 class BoundStep:
-    """Steps of a state with pointers that are found once, for loops in Python; a call returns what stopped it, or 0.
+    """Steps of a state for loops in Python, with pointers that are found once; calls return an error code, 0 if none.
 
-    A step leads to `motions` (3, n) of the frame, of each of which `rows` (n,) count; without a frame to the drivers
-    u (N,) in the first row of `motions` (3, N).  `values` holds what `observe` found: outputs and forces, by their
-    `numbers` among all outputs and, behind these, all forces.
+    `step` takes a step to `motions` (3, n) of the frame, of each of which the first `rows` (n,) rows count; without a
+    frame, to the drivers u (N,) in the first row of `motions` (3, N), which `step_by_rates` follows along cubics with
+    the `rates` (2, N) at both ends of the step.  `observe` writes to `values` the quantities with the given `numbers`:
+    outputs, then the forces of contacts.
     """
 
     def __init__(self, state: State, numbers: Sequence[int]) -> None:

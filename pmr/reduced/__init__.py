@@ -1,1 +1,1 @@
-"""The reduced model of a body, in one file; it needs NumPy and SciPy alone."""
+"""Reduced model of a body, in one file; it needs only NumPy and SciPy."""

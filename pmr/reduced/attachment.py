@@ -1,36 +1,37 @@
-r"""What answers to given loads as coordinates: residual attachment modes of a body whose rows are on carriers.
+r"""Responses to given loads as coordinates: residual attachment modes of a body whose rows are on carriers.
 
-The part that its modes leave out answers loads G on carriers and inputs by X = R G, at rest.  As coordinates, X has
-inertia too, and since R K R = R
+Let R be the flexibility that a model's modes leave out.  Under loads G on carriers and inputs it has the static
+response X = R G.  As coordinates, these responses have inertia too, and since R K R = R
 
 .. math::
     X^T K X = G^T R G, \qquad X^T M X = G^T (R M R)\, G, \qquad X^T M \Phi = X^T K \Phi = 0
 
-are known from what the carriers tell of R and R M R; what is then left out is R - X (X^T K X)^{-1} X^T.  So it takes no
-full model to have the inertia of the residual part in the directions of loads that are known.  Craig and Chang: On the
-use of attachment modes in substructure coupling for dynamic analysis, AIAA paper 77-405, 1977.
+follow from R and R M R between the carriers.  What is then left out is R - X (X^T K X)^{-1} X^T.  So the inertia of the
+residual part in the directions of known loads needs no full model.  Craig and Chang: On the use of attachment modes in
+substructure coupling for dynamic analysis, AIAA paper 77-405, 1977.
 
-The force c of a cylinder, which an extension with kinks makes ring, has modes of its own in every run of a boom:
+The force c of a cylinder, which an extension with kinks makes oscillate, has modes of its own in every simulation of a
+boom:
 
 .. math:: x_1 = R c^T, \qquad x_{k+1} = R M x_k
 
 (Ritz vectors: Wilson, Yuan, Dickens: Dynamic analysis by direct superposition of Ritz vectors, Earthquake Engineering
 and Structural Dynamics 10, 1982).  They have the section's frequencies and damping along the boom.  Residual
-flexibility has neither inertia nor damping: a section would ring on it for ever.  What they leave out gives way to no
-cylinder.
+flexibility has neither inertia nor damping: a section would oscillate on it for ever.  The flexibility that these modes
+leave out does not give way to a cylinder's force.
 
-Modes without inertia, which follow loads at once: for terms that vary in time and act on what a basis leaves out.
+Modes without inertia, which follow loads at once, for terms that vary in time and act on what a basis leaves out.
 
-The flexibility R that a basis leaves out answers contacts and loads, not the forces of terms, which it would have to
-know of each motion.  With geometric stiffness these bend it: rigid motions of a section that is inclined and pressed
-come with a bending of their own.  So its first modes stay with the model as coordinates whose inertia simulators leave
-out,
+The flexibility R that a basis leaves out responds to contacts and loads, but not to the forces of terms, which depend
+on the motion of every point.  With geometric stiffness these forces bend the residual part: rigid motions of a section
+that is inclined and compressed come with a bending of their own.  So the first residual modes are coordinates of the
+model whose inertia simulators leave out,
 
 .. math::
     2 \zeta \omega\, \dot\eta + \omega^2 \eta + \sum_k c_k\, \varphi^T A_k\, q = \varphi^T (B f - C^T \lambda)
 
-which are determined by what presses on them, as R is, and have the damping that R has not.  To first order in c that is
-:math:`R_A = R - c\, R A R` in place of R and :math:`V_A = V - c\, R A V` in place of V, in the space of these modes.
+They follow the forces on them at once, as R does, and have the damping that R has not.  To first order in c, in the
+space of these modes, R becomes :math:`R_A = R - c\, R A R` and the basis V becomes :math:`V_A = V - c\, R A V`.
 """
 
 from __future__ import annotations
@@ -50,18 +51,22 @@ from pmr.reduced.truncation import extend, with_tables
 
 Array = NDArray[np.float64]
 
-#: Share of the inertia of all answers that directions among the loads may leave out, and most directions.
+#: Share of the inertia of all responses that may be left out, and most attachment modes.
 LEFT_OUT, MOST = 1e-8, 128
-#: Share of loads below which their answers are round-off: of loads that cancel, as one that a slider takes at once.
+#: Share of loads below which their responses are round-off: of loads that cancel, as a load right at a slider.
 CANCELLED = 1e-11
-#: Modes of a cylinder in a model, and in the richer one by which its error is estimated.
+#: Number of cylinder modes in a model, and in the richer model by which its error is estimated.
 CYLINDER, RICHER = 2, 3
-#: Inertia of a direction beside the others of unit inertia below which it is a combination of these.
+#: Eigenvalue of the scaled inertia up to which a direction is a combination of the others.
 DEPENDENT = 1e-9
 
 
 def with_cylinder_modes(model: ReducedModel) -> ReducedModel:
-    """The model with modes of its cylinder as coordinates, its last ones; as it is where it has no cylinder."""
+    """Return the model with `CYLINDER` modes of its cylinder as its last coordinates.
+
+    A model without a cylinder is returned unchanged.  If the responses to the cylinder's force have no inertia, there
+    are no modes, and what round-off leaves of the flexibility under this force is removed.
+    """
     carriers, count = model.carriers, CYLINDER
     if carriers is None or carriers.answers is None:
         return model
@@ -79,7 +84,7 @@ def with_cylinder_modes(model: ReducedModel) -> ReducedModel:
 
 
 def knows_matrices(model: ReducedModel) -> bool:
-    """Whether the matrices of a moving frame and of second order are known on attachment modes."""
+    """Whether the matrices of a moving frame and of second order can be computed on attachment modes of this model."""
     carriers = model.carriers
     if carriers is None or not carriers.matrices:
         return not model.matrices
@@ -87,10 +92,11 @@ def knows_matrices(model: ReducedModel) -> bool:
 
 
 def _in_a_frame(extended_model: ReducedModel, model: ReducedModel, loads: Array, turned: Array) -> ReducedModel:
-    """The extended model with the matrices and ports of a `model` that has `a` coordinates less, as far as known.
+    """Return `extended_model` with matrices and ports on its last a coordinates, which `model` does not have.
 
-    Those are answers to combinations `loads` (K + i, a) of loads on carriers and inputs, and combinations `turned`
-    (k, a) of the first that answer the cylinder.
+    These coordinates are responses to combinations `loads` (K + i, a) of loads on K carriers and i inputs, plus
+    combinations `turned` (k, a) of the first k responses to the cylinder's force.  Without `matrices` on the carriers
+    nothing changes.
     """
     carriers, modes, r, (count, a) = model.carriers, model.enrichment, model.size, turned.shape
     assert carriers is not None
@@ -101,7 +107,7 @@ def _in_a_frame(extended_model: ReducedModel, model: ReducedModel, loads: Array,
     size, p = len(next(iter(carriers.matrices.values()))), len(carriers.spanned)
     row_loads, X = loads if p else np.zeros_like(loads), np.zeros((size, r + a))
     X[:r, :r], X[size - n : size - n + count, r:] = np.eye(r), turned
-    if modes is not None:  # which have joined the answers
+    if modes is not None:  # enrichment modes, which the responses of `answers` contain
         on_modes = (carriers.enrichment.T @ row_loads[:K] + modes.B @ row_loads[K:]) / modes.stiffness[:, None]
         shares = 0.0 if answers is None else answers.shares(carriers.enrichment, modes)[:, :count] @ turned
         X[r : r + c, r:] = on_modes + shares
@@ -110,7 +116,7 @@ def _in_a_frame(extended_model: ReducedModel, model: ReducedModel, loads: Array,
     matrices = {name: X.T @ A @ X for name, A in carriers.matrices.items()}
     ports = {name: row @ X for name, row in carriers.ports.items()}
     reactions = extended_model.reactions
-    if reactions is not None:  # of files of earlier versions the work on these vectors is not known
+    if reactions is not None:  # files of earlier versions don't have the work on these vectors
         worked = {name: A @ X[: A.shape[1]] for name, A in reactions.matrices.items()}
         reactions = replace(reactions, matrices=worked)
     return replace(
@@ -122,10 +128,10 @@ def _in_a_frame(extended_model: ReducedModel, model: ReducedModel, loads: Array,
 
 
 def _extend_reactions(model: ReducedModel, reactions: Reactions, answers: Answers, turned: Array) -> Reactions:
-    """Reactions of the model with combinations of the answers as its last coordinates."""
+    """Reactions of the model with combinations `turned` (k, a) of the first k responses as its last coordinates."""
     assert model.carriers is not None
     r, count, of_all = model.size, len(turned), answers.supports
-    if model.enrichment is not None:  # the modes that the largest basis has beside the model's
+    if model.enrichment is not None:  # modes of the largest basis that are no coordinates of the model
         joined = reactions.inertia[:, r : r + model.enrichment.count]
         of_all = of_all + joined @ answers.shares(model.carriers.enrichment, model.enrichment)
     inertia = of_all[:, :count] @ turned
@@ -141,20 +147,21 @@ def _extend_reactions(model: ReducedModel, reactions: Reactions, answers: Answer
 def with_attachment_modes(
     model: ReducedModel, loads: Array | sp.csr_matrix, left_out: float = LEFT_OUT, at_rest: bool = False
 ) -> ReducedModel:
-    """The model with the principal answers to loads (T, K + i) in N, on its carriers and inputs, as coordinates.
+    """Return the model with principal responses to loads (T, K + i) in N, on K carriers and i inputs, as coordinates.
 
-    They are those with the most inertia, all but a share `left_out` of it: at rest nothing is missing.  Where there is
-    a cylinder, `RICHER` modes of it are among them.  Without either, and where none moves what is left out, the model
-    stays as it is.  With `at_rest` it knows the forces of its rigid supports, of no motion else.
+    They are the responses with the most inertia, at most `MOST`, that together have all but a share `left_out` of the
+    inertia.  If there is a cylinder, `RICHER` of its modes are included.  If no load moves the residual part and there
+    is no cylinder, the model is unchanged.  The model has no reactions of rigid supports any more, unless `at_rest`:
+    then its reactions are right for a model at rest only.
 
-    A ValueError is raised where it does not know flexibility and inertia of what it leaves out on its carriers.
+    A ValueError is raised if the model has no flexibility and inertia of its residual part on carriers.
     """
     carriers = model.carriers
     if carriers is None or carriers.flexibility is None or carriers.inertia is None:
         raise ValueError("attachment modes need flexibility and inertia on carriers, as section_model gives them")
     R, S, answers = _on_loads(carriers.flexibility), _on_loads(carriers.inertia), carriers.answers
     G = _principal(S, sp.csr_matrix(loads), left_out)
-    measured, inertia_measured = R @ G, S @ G  # of the answers, and of what their inertia moves
+    measured, inertia_measured = R @ G, S @ G  # values of the responses, and of the responses to their inertia
     outputs = np.hstack([carriers.flexibility.outputs, carriers.flexibility.direct]) @ G
     K, M = G.T @ measured, G.T @ inertia_measured
     if answers is not None and answers.inertia.any():
@@ -179,9 +186,10 @@ def with_attachment_modes(
 
 
 def _diagonalise(K: Array, M: Array) -> tuple[Array, Array]:
-    """Combinations X (k, a) with X^T M X = I and X^T K X = diag(omega^2), and omega^2 (a,).
+    """Combinations X (k, a) with X^T M X = I and X^T K X = diag(omega^2), and omega^2 (a,) in (rad/s)^2.
 
-    Directions without stiffness or inertia are round-off, of a model that has nearly all modes of its mesh.
+    Directions without stiffness or inertia are left out: they are round-off, of a model with nearly all modes of its
+    mesh.
     """
     count = len(K)
     sound = np.flatnonzero((np.diagonal(K) > 0.0) & (np.diagonal(M) > 0.0))
@@ -198,7 +206,10 @@ def _diagonalise(K: Array, M: Array) -> tuple[Array, Array]:
 
 
 def _append_vectors(model: ReducedModel, stiffness: Array, measured: Array, outputs: Array) -> ReducedModel:
-    """Add M-orthonormal vectors that measure so much on carriers and inputs (K + i, a) and outputs (o, a)."""
+    """Return the model with a M-orthonormal vectors of that `stiffness` (a,) as its last coordinates.
+
+    They measure `measured` (K + i, a) on K carriers and i inputs, and `outputs` (o, a).
+    """
     carriers = model.carriers
     assert carriers is not None
     K = len(carriers.values)
@@ -219,7 +230,10 @@ def _append_vectors(model: ReducedModel, stiffness: Array, measured: Array, outp
 
 
 def _rigid_along(model: ReducedModel, answers: Answers) -> ReducedModel:
-    """Remove round-off of residual flexibility under a cylinder whose answers are coordinates."""
+    """Return the model without round-off of its residual flexibility under the cylinder's force.
+
+    The responses to this force have to be coordinates of the model.
+    """
     carriers, load = model.carriers, answers.load
     assert carriers is not None and carriers.flexibility is not None
 
@@ -237,12 +251,16 @@ def _rigid_along(model: ReducedModel, answers: Answers) -> ReducedModel:
 
 
 def _on_loads(part: CarrierFlexibility) -> Array:
-    """Between carriers and inputs, (K + i, K + i)."""
+    """Flexibility or inertia (K + i, K + i) between K carriers and i inputs."""
     return np.block([[part.rows, part.inputs], [part.inputs.T, part.energy]])
 
 
 def _principal(S: Array, loads: sp.csr_matrix, left_out: float) -> Array:
-    """Combinations G (K + i, k) of the loads with G^T S G = I, those whose answers have the most inertia first."""
+    """Combinations G (K + i, k) of the loads with G^T S G = I, those whose responses have the most inertia first.
+
+    S (K + i, K + i) is the inertia of the residual part.  At most `MOST` combinations are returned, which leave out at
+    most a share `left_out` of the inertia; loads whose responses are round-off are left out.
+    """
     mass = np.trace(S)
     half = pivoted_root(S)  # on a coarse mesh S has a low rank
     gathered = loads.T @ (loads @ half)  # not by squares of the loads, which would lose what cancels
@@ -255,17 +273,20 @@ def _principal(S: Array, loads: sp.csr_matrix, left_out: float) -> Array:
     return np.asarray(gathered @ V[:, chosen] / energy[chosen])
 
 
-#: Modes of each body: its first bending either way (docs/moving_frame.md has what more of them give).
+#: Modes without inertia of each body: its first bending in each plane (docs/moving_frame.md compares more of them).
 QUASI_STATIC = 2
 
 
 def as_simulated(model: ReducedModel, stressed: bool) -> ReducedModel:
-    """A model on its modes with those of its cylinder and, where terms act on it, with modes without inertia."""
+    """Return a model with its cylinder modes and, if it is `stressed` by terms, with modes without inertia."""
     return with_cylinder_modes(with_quasi_static_modes(model) if stressed else model)
 
 
 def with_quasi_static_modes(model: ReducedModel, count: int = QUASI_STATIC) -> ReducedModel:
-    """Make up to `count` of a model's first enrichment modes coordinates without inertia, behind its own."""
+    """Return the model with up to `count` of its first enrichment modes as last coordinates, without inertia.
+
+    A model without enrichment modes, or without residual flexibility, is returned unchanged.
+    """
     if model.enrichment is None or model.flexibility is None:
         return model
     with_modes = extend(model, min(count, model.enrichment.count))

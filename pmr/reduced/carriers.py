@@ -1,18 +1,17 @@
-r"""What the rows of a reduced body measure, as constants: any number of them, each with a path coordinate of its own.
+r"""Rows of a reduced body on carriers, as constants: any number of rows, each with a path coordinate of its own.
 
-With c(x) = b(x) U on the full body, V the basis and R what it leaves out,
+With c(x) = b(x) U on the full body, the basis V and the flexibility R that V leaves out,
 
 .. math::
     c(x)\, V = b(x)\, (U V), \qquad c_\rho(x)\, R\, c_\sigma(y)^T = b_\rho(x)\, (U R U^T)\, b_\sigma(y)^T
 
-so that rows which travel independently need no table in two variables.  Where all rows share one path coordinate, the
-tables of `Flexibility` are these products, multiplied out.
+so rows that travel independently need no table in two variables.  If all rows share one path coordinate, the tables of
+`Flexibility` are these products, multiplied out.
 
-Residual flexibility: what the truncated coordinates would have answered at once, as small tables in s.
+Residual flexibility: the static response of the truncated coordinates, as small tables in s; and the first modes of the
+truncated part (`EnrichmentModes`).
 
-Beside it the first modes in that part.
-
-With R the flexibility that a basis leaves out and q = V p + R (B f - C^T lambda), the rows and outputs become
+With q = V p + R (B f - C^T lambda), the rows and outputs become
 
 .. math::
     C V p + H f - (G + 1/k) \lambda = 0, \qquad y = O V p + W f - X \lambda, \qquad
@@ -40,7 +39,7 @@ from pmr.reduced.soundness import symmetric
 
 @dataclass(frozen=True)
 class Flexibility:
-    """Tables of the residual flexibility of a body with m rows, i inputs and o outputs."""
+    """Tables of the residual flexibility of a body with m rows, i inputs and o outputs over its path coordinate s."""
 
     AXES: ClassVar = {"rows": "mm", "inputs": "mi", "outputs": "om", "direct": "oi", "energy": "ii"}
 
@@ -51,36 +50,42 @@ class Flexibility:
     energy: Array  # B^T R B (i, i) m/N: twice the residual strain energy under unit inputs
 
     def with_rows(self, numbers: Sequence[int]) -> Flexibility:
-        """Return the flexibility of a body with none but these of its rows."""
+        """Return the flexibility of a body that has only the rows with these numbers."""
         rows, inputs = (select_rows(table, numbers) for table in (self.rows, self.inputs))
         outputs = columns(self.outputs, numbers)
         return replace(self, rows=columns(rows, numbers), inputs=inputs, outputs=outputs)
 
     def row_motion(self, s: Array, multipliers: Array, loads: Array) -> Array:
-        """H(s) f - G(s) lambda, (T, m) in m: what the residual part adds at the rows, along a trajectory."""
+        """Motion H(s) f - G(s) lambda (T, m) in m of the residual part at the rows, along a trajectory.
+
+        It has path coordinates s (T,) in m, multipliers lambda (T, m) in N and loads f (T, i).
+        """
         return apply_table(self._at_rows, s, np.hstack([loads, -multipliers]))
 
     def input_motion(self, s: Array, multipliers: Array, loads: Array) -> Array:
-        """B^T R g, (T, i) in m: what the residual part adds to the motion of the loads' points."""
+        """Motion B^T R (B f - C(s)^T lambda) (T, i) in m of the residual part at the inputs, along a trajectory.
+
+        The arguments are those of `row_motion`.
+        """
         return np.asarray(loads @ self.energy - apply_table(self._of_rows, s, multipliers))
 
     @cached_property
     def _of_rows(self) -> PPoly:
-        """H(s)^T."""
+        """H(s)^T, values (i, m)."""
         return transpose(self.inputs)
 
     @cached_property
     def _at_rows(self) -> PPoly:
-        """H(s) and G(s) side by side."""
+        """H(s) and G(s) side by side, values (m, i + m)."""
         return side_by_side(self.inputs, self.rows)
 
 
 @dataclass(frozen=True)
 class EnrichmentModes:
-    """The first c modes that a model truncates, M-orthonormal and in ascending order; m rows, i inputs, o outputs.
+    """The first c modes that a model truncates, M-orthonormal and ascending; with m rows, i inputs and o outputs.
 
-    Their flexibility is part of the model's tables; as coordinates they serve to estimate its error, or to have more
-    coordinates after all (`pmr.reduced.truncation`).
+    Their flexibility is part of the model's tables.  The error of the model is estimated with them as coordinates, and
+    `pmr.reduced.truncation` makes them coordinates.
     """
 
     AXES: ClassVar = {"stiffness": "c", "damping": "c", "B": "ci", "outputs": "oc", "rows": "mc"}
@@ -90,11 +95,12 @@ class EnrichmentModes:
     B: Array  # (c, i)
     outputs: Array  # (o, c)
     rows: PPoly  # C(s) phi (m, c)
-    # (r + c, r + c): what a model with them among its coordinates has as `matrices`
+    # (r + c, r + c): `matrices` of the model with these modes as its last coordinates
     matrices: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def count(self) -> int:
+        """Number of modes c."""
         return len(self.stiffness)
 
 
@@ -115,12 +121,15 @@ class CarrierFlexibility:
     energy: Array  # B^T R B (i, i) m/N
 
     def tables(self, C: RowPolynomials) -> Flexibility:
-        """Tables over the path of rows on these carriers, all of them at the same path coordinate."""
+        """Tables over the path of rows C on these carriers, all rows at the same path coordinate."""
         outputs = transpose(C.times(self.outputs.T))
         return Flexibility(C.quadratic_form(self.rows), C.times(self.inputs), outputs, self.direct, self.energy)
 
     def joined(self, U: Array, modes: EnrichmentModes, share: Array) -> CarrierFlexibility:
-        """Add the flexibility of modes that measure U (K, c), `share` (c,) of phi phi^T each."""
+        """Return the flexibility plus share_j phi_j phi_j^T for c modes phi_j, which measure U (K, c) on the carriers.
+
+        `share` (c,) is 1 / omega^2 for modes that are truncated, its negative for modes that become coordinates.
+        """
         scaled = share[:, None] * modes.B
         return CarrierFlexibility(
             rows=self.rows + symmetric(U * share @ U.T),
@@ -133,33 +142,34 @@ class CarrierFlexibility:
 
 @dataclass(frozen=True)
 class Answers:
-    r"""Answers to a force on one row c that stays, at rest and by inertia, n vectors.
+    r"""Responses x_k, k = 1 to n, to a force on one row c that does not travel: at rest (k = 1), then by inertia.
 
     .. math:: x_1 = R c^T, \qquad x_{k+1} = R M x_k
 
-    With eigenmodes phi joining R (or leaving it) each :math:`x_k` gains :math:`\varphi\, (c \varphi) / \omega^{2k}`.
+    If an eigenmode phi joins R, each :math:`x_k` gains :math:`\varphi\, (c \varphi) / \omega^{2k}`; if it leaves R,
+    :math:`x_k` loses this.
     """
 
     AXES: ClassVar = {"load": "K", "rows": "Kn", "inputs": "in", "outputs": "on", "stiffness": "nn", "inertia": "nn"}
     AXES |= {"supports": "hn", "turned": "ka"}
 
-    load: Array  # c on the carriers (K,)
-    rows: Array  # U x (K, n) m/N and, for each k more, s^2 more
+    load: Array  # (K,): weights of the row c on the carriers
+    rows: Array  # U x (K, n) in m/N for k = 1, times s^2 for each further k
     inputs: Array  # B^T x (i, n)
     outputs: Array  # O x (o, n)
     stiffness: Array  # x^T K x (n, n)
     inertia: Array  # x^T M x (n, n)
-    supports: Array  # Phi^T M x (h, n) with the motions of `pmr.reduced.matrices`, of none but the largest basis
-    # (k, a): combinations of the first k that are the model's last a coordinates; none where no such are
+    supports: Array  # Phi^T M x (h, n) with the motions Phi of `pmr.reduced.matrices`, for the largest basis only
+    # (k, a): combinations of the first k responses that are the model's last a coordinates; a is 0 if none are
     turned: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def shares(self, U: Array, modes: EnrichmentModes) -> Array:
-        """How much of each mode (c, n) the vectors gain; the modes measure U (K, c) on the carriers."""
+        """Share (c, n) of each of c modes that each response gains; the modes measure U (K, c) on the carriers."""
         powers = np.arange(1, self.rows.shape[1] + 1)
         return np.asarray((self.load @ U)[:, None] / modes.stiffness[:, None] ** powers)
 
     def joined(self, U: Array, modes: EnrichmentModes, sign: float) -> Answers:
-        """Add the modes to what is left out, or remove them where `sign` is -1; arguments as for `shares`."""
+        """Return the responses with modes added to R, or removed where `sign` is -1; U and `modes` as for `shares`."""
         shares = self.shares(U, modes)
         return replace(
             self,
@@ -173,56 +183,57 @@ class Answers:
 
 @dataclass(frozen=True)
 class CarriedRows:
-    """m rows of a body of r coordinates on K carriers."""
+    """The m rows of a body with r coordinates on K carriers, with the flexibility that the coordinates leave out."""
 
     AXES: ClassVar = {"values": "Kr", "enrichment": "Kc"}
 
-    values: Array  # U V (K, r): what the coordinates measure on the carriers
+    values: Array  # U V (K, r): values of the coordinates on the carriers
     # b(x) of each row, by its number, "0" and on, as `pmr.constraints.rows.Row` has it
     breaks: Mapping[str, Array]
     touched: Mapping[str, Indices]
     coefficients: Mapping[str, Array]
     enrichment: Array  # U phi (K, c) of the model's enrichment modes
-    flexibility: CarrierFlexibility | None = None  # what the coordinates leave out between the carriers
-    # R M R between the carriers, in s^2 m/N: what the inertia of that part moves (`pmr.compare.estimate`)
+    flexibility: CarrierFlexibility | None = None  # R, which the coordinates leave out, between the carriers
+    # R M R between the carriers, in s^2 m/N: response to the inertia of the residual part (`pmr.compare.estimate`)
     inertia: CarrierFlexibility | None = None
-    # what answers the cylinder of a boom's section (`pmr.reduced.attachment`)
+    # responses to the force of the cylinder of a boom's section (`pmr.reduced.attachment`)
     answers: Answers | None = None
-    # the model's `matrices` between the R vectors of the largest basis, p vectors that span what the part that it
-    # leaves out answers to loads on carriers and inputs (none where they are many), and the n of `answers` (if any)
+    # the model's `matrices` between the N vectors of the largest basis, p vectors that span the residual responses to
+    # loads on carriers and inputs (p is 0 if these are many), and the n vectors of `answers` (if any)
     matrices: Mapping[str, Array] = field(default_factory=dict)
-    ports: Mapping[str, Array] = field(default_factory=dict)  # its `ports` on all these, (R + p + n,)
-    spanned: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (p, K + i): these answers by the p vectors
-    # work (h, .) of `matrices` on the motions of rigid supports (`pmr.reduced.matrices`)
+    ports: Mapping[str, Array] = field(default_factory=dict)  # its `ports` on all these vectors, (N + p + n,)
+    spanned: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (p, K + i): these responses in the p vectors
+    # work (h, N + p + n) of `matrices` on the motions of h rigid supports (`pmr.reduced.matrices`)
     supports: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
     def of(cls, rows: Sequence[Row], values: Array, flexibility: CarrierFlexibility | None = None) -> CarriedRows:
-        """Rows on common carriers, of which the coordinates measure `values` (K, r)."""
+        """Rows on common carriers, on which the coordinates have the `values` U V (K, r); no enrichment modes."""
         breaks, touched, coefficients = (
             {str(k): getattr(row, name) for k, row in enumerate(rows)} for name in ("breaks", "touched", "coefficients")
         )
         return cls(np.asarray(values), breaks, touched, coefficients, np.zeros((len(values), 0)), flexibility)
 
     def row(self, number: int, name: str) -> Row:
-        """One of the rows, by a name."""
+        """Row with that number, under that name, as a row of the r coordinates with the carriers U V."""
         k = str(number)
         return Row(name, self.breaks[k], self._sparse, self.touched[k], self.coefficients[k])
 
     @cached_property
     def _sparse(self) -> sp.csr_matrix:
+        """`values` as a sparse matrix: the carriers of `row`."""
         return sp.csr_matrix(self.values)
 
     def polynomials(self, breaks: Array) -> RowPolynomials:
-        """All rows on these breaks (k + 1,) in m, which hold their own."""
+        """Weights b(x) of all rows on the given `breaks` (k + 1,) in m, which have to hold the breaks of each row."""
         return RowPolynomials.of([self.row(k, str(k)).refined(breaks) for k in range(len(self.breaks))])
 
     def on(self, X: Array) -> CarriedRows:
-        """In other coordinates, q = X z with X (r, k)."""
+        """Return the rows on other coordinates z (k,), the old ones being X z with X (r, k)."""
         return replace(self, values=self.values @ X)
 
     def with_rows(self, numbers: Sequence[int]) -> CarriedRows:
-        """Return the carriers with none but these rows."""
+        """Return the carriers with only the rows of these numbers."""
         return replace(
             self,
             breaks={str(k): self.breaks[str(number)] for k, number in enumerate(numbers)},
@@ -231,17 +242,23 @@ class CarriedRows:
         )
 
     def truncated(self, r: int, modes: EnrichmentModes) -> CarriedRows:
-        """Return the rows on the first r coordinates; the other `modes` join flexibility and enrichment modes."""
+        """Return the rows on the first r coordinates.
+
+        The other coordinates, which are the `modes`, join the flexibility and become the first enrichment modes.
+        """
         values, beyond = self.values[:, :r], self.values[:, r:]
         return replace(self._joined(beyond, modes, 1.0), values=values, enrichment=np.hstack([beyond, self.enrichment]))
 
     def extended(self, modes: EnrichmentModes) -> CarriedRows:
-        """Make the first enrichment modes, the `modes`, coordinates: the reverse of `truncated`."""
+        """Return the rows with the first enrichment modes, which are `modes`, as last coordinates: undo `truncated`."""
         back, enrichment = self.enrichment[:, : modes.count], self.enrichment[:, modes.count :]
         return replace(self._joined(back, modes, -1.0), values=np.hstack([self.values, back]), enrichment=enrichment)
 
     def _joined(self, U: Array, modes: EnrichmentModes, sign: float) -> CarriedRows:
-        """Add the flexibility of modes that measure U (K, c) on the carriers, or take it out where `sign` is -1."""
+        """Return the rows with modes added to flexibility, inertia and answers, or removed where `sign` is -1.
+
+        The modes measure U (K, c) on the carriers.
+        """
         assert self.flexibility is not None
         flexibility = self.flexibility.joined(U, modes, sign / modes.stiffness)
         inertia = None if self.inertia is None else self.inertia.joined(U, modes, sign / modes.stiffness**2)
@@ -249,7 +266,7 @@ class CarriedRows:
         return replace(self, flexibility=flexibility, inertia=inertia, answers=answers)
 
     def contradiction(self, m: int) -> str | None:
-        """Describe what is wrong with b(x) of the m rows; None where all is sound."""
+        """Description of what is wrong with the arrays of m rows; None if they are sound."""
         for k in map(str, range(m)):
             x, touched, b = self.breaks[k], self.touched[k], self.coefficients[k]
             if x.ndim != 1 or touched.ndim != 2 or len(touched) != len(x) - 1 or not np.all(np.diff(x) > 0.0):

@@ -1,15 +1,15 @@
-r"""The reduced model: a small self-contained file that simulates without any finite-element library.
+r"""Reduced model: a small self-contained file that can be simulated without any finite-element library.
 
 .. math::
     M \ddot p + D \dot p + K p + C(s)^T \lambda = B f(t), \qquad
     C(s)\, p + H(s) f - (G(s) + 1/k)\, \lambda = 0, \qquad y = O p + W f - X(s) \lambda
 
-with r generalised coordinates p.  For mass-normalised modes the columns of V carry 1/sqrt(kg), so p is in
-m sqrt(kg); for orthonormal POD vectors V is dimensionless and p carries the unit of the coordinates (m, rad).
-G, H, W and X are those of the residual flexibility (`pmr.reduced.carriers`) and vanish without one; 1/k is the pads'
-compliance.  lambda is in N: with rows that measure a displacement in m, -C^T lambda is the force of the sliders on
-the body.  A row that only pushes holds with its clearance on the right-hand side and lambda >= 0, or is open with
-lambda = 0 (docs/pads.md).
+with r generalised coordinates p.  For mass-normalised modes the columns of the basis V carry 1/sqrt(kg), so p is in m
+sqrt(kg); for orthonormal POD vectors V is dimensionless and p carries the unit of the coordinates (m, rad).  G, H, W
+and X belong to the residual flexibility (`pmr.reduced.carriers`) and are zero without one; 1/k is the pads'
+compliance.  lambda is in N: with rows that measure a displacement in m, -C^T lambda is the force of the sliders on the
+body.  A row that only pushes is closed with its clearance on the right-hand side and lambda >= 0, or open with lambda =
+0 (docs/pads.md).
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from pmr.reduced.soundness import asymmetry, describe_names, misfit, misshapen
 Array = NDArray[np.float64]
 FORMAT = "pmr-reduced-model"
 FORMAT_VERSION = 6
-#: What reading a file raises that does not hold what it should.
+#: Errors that are raised when a file with wrong content is read.
 READING = (KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError, RecursionError)
 _NAMES = ("input_names", "row_names", "left_out", "output_names", "output_units")
 _OLD_NAMES = {
@@ -55,7 +55,7 @@ _OLD_NAMES = {
 
 @dataclass(frozen=True)
 class SectionOf:
-    """That a model is a section of a boom: its name there, the boom's title, and the rows by which joints hold it."""
+    """Boom of which a model is a section: the section's name, the boom's title, and the rows of its joints."""
 
     name: str
     boom: str
@@ -71,9 +71,9 @@ class ReducedModel:
     M, D, K : (r, r) arrays
         Symmetric; units follow from the basis (module docstring).
     B : (r, i) array
-        One column for each input; inputs are forces in N (or moments in N m).
+        Generalised forces of unit inputs, one column each; inputs are in `input_units`, mostly N (or N m).
     outputs : (o, r) array
-        Outputs at `output_positions`: transverse displacements in m, in space also forces of pads.
+        Outputs by each coordinate, such as transverse displacements in m at `output_positions` and forces of pads in N.
     rows : PPoly with values (m, r)
         C(s), exact between its breaks; s in m.
     input_names, row_names : tuples of str
@@ -87,13 +87,13 @@ class ReducedModel:
     provenance : dict
         How the model was made: scene hash, basis, versions.
     pads : (m,) array, m/N, or None
-        Compliance 1/k of each row's pad; None where all are rigid.
+        Compliance 1/k of each row's pad, 0 for a rigid one; None if all are rigid.
     flexibility : Flexibility, optional
         Residual flexibility: the quasi-static response that the coordinates leave out.
     enrichment : EnrichmentModes, optional
         The first modes that the basis leaves out; the error is estimated with them (`pmr.compare.estimate`).
     clearance : (m,) array, m, or None
-        Play of a row that only pushes, NaN where a row holds both ways; None where all do.
+        Displacement at which a row that only pushes closes, NaN for rows that hold both ways; None if all do.
     rayleigh : Rayleigh, optional
         Factors of Rayleigh damping, if D is of this kind.
     carriers : CarriedRows, optional
@@ -103,12 +103,12 @@ class ReducedModel:
     section : SectionOf, optional
         The boom of which this is a section.
     ports : mapping of str to (r,) array
-        Motion of a place where connectors may be attached, for each coordinate: ``"tip z"`` in m, ``"tip ry"`` in rad.
+        Motion, by each coordinate, of a point where connectors may be attached: ``"tip z"`` in m, ``"tip ry"`` in rad.
     matrices : mapping of str to (r, r) array
         V^T A V of the terms of a moving frame and of axial forces, by the names of `pmr.reduced.matrices`; matrices
         that are zero are left out.
     rigid_work : (k, i) array, optional
-        Work of the inputs on the body's k rigid motions: translations along the axes, rotations about axes through
+        Work of unit inputs on the body's k rigid motions: translations along the axes, rotations about axes through
         the tail.
     quasi_static : (q,) array of int
         Numbers of coordinates without inertia in simulators (`pmr.reduced.attachment`); M has their inertia.
@@ -151,27 +151,27 @@ class ReducedModel:
 
     @property
     def cylinder_modes(self) -> int:
-        """Number of modes of the section's cylinder (`pmr.reduced.attachment`); they are the last coordinates."""
+        """Number of modes of the section's cylinder (`pmr.reduced.attachment`), which are the last coordinates."""
         answers = None if self.carriers is None else self.carriers.answers
         return 0 if answers is None else answers.turned.shape[1]
 
     @property
     def row_compliance(self) -> Array:
-        """1/k of each row's pad, (m,) in m/N."""
+        """Compliance 1/k (m,) of each row's pad, in m/N; 0 where the row is rigid."""
         return np.zeros(len(self.row_names)) if self.pads is None else self.pads
 
     @property
     def row_clearance(self) -> Array:
-        """Clearance of each row that only pushes, (m,) in m; NaN where it holds both ways."""
+        """Clearance (m,) in m of each row that only pushes; NaN where a row holds both ways."""
         return np.full(len(self.row_names), np.nan) if self.clearance is None else self.clearance
 
     @property
     def domain(self) -> tuple[float, float]:
-        """Path coordinates for which the rows are defined, in m."""
+        """Lowest and highest path coordinate in m for which the rows are defined."""
         return float(self.rows.x[0]), float(self.rows.x[-1])
 
     def C(self, s: ArrayLike, derivative: int = 0) -> Array:
-        """Rows (m, r) at s in m (or (T, m, r) at s (T,)), or their derivative with respect to s.
+        """Rows C(s) (m, r) at s in m, or (T, m, r) at s (T,), or their derivative of that order with respect to s.
 
         Raises
         ------
@@ -182,7 +182,7 @@ class ReducedModel:
 
     @property
     def input_units(self) -> tuple[str, ...]:
-        """Unit of each input, from the scene of the model: N, N m of a moment, m/s^2 of gravity and frames."""
+        """Unit of each input, from the model's scene: N, N m for moments, m/s^2 or 1/s^2 for accelerations."""
         scene = self.provenance.get("scene")
         loads = scene.get("loads") if isinstance(scene, Mapping) else None
         listed = [load for load in loads if isinstance(load, Mapping)] if isinstance(loads, list | tuple) else []
@@ -192,14 +192,14 @@ class ReducedModel:
         return tuple(units.get(name, "N") for name in self.input_names)
 
     def ensure_whole(self, source: str) -> None:
-        """Raise an InputError of `source` if this is a section of a boom: its joints are not in the model."""
+        """Raise an InputError of `source` if this is a section of a boom: the model lacks the joints that hold it."""
         if self.section is not None and set(self.row_names) & set(self.section.joints):
             allowed = f"the model of a whole body is allowed: this is a section of {self.section.boom!r} without what "
             allowed += "joins it to the others; `pmr run` and pmr.simulate(boom, models) know that"
             raise InputError(source, "section", self.section.name, allowed)
 
     def without_joints(self) -> ReducedModel:
-        """The model without the rows of joints, free or on its own supports; one that has no joints stays as it is."""
+        """Return the model without the rows of joints, so that only its supports hold it; unchanged without joints."""
         joints = () if self.section is None else self.section.joints
         return self.with_rows([k for k, name in enumerate(self.row_names) if name not in joints])
 
@@ -210,28 +210,31 @@ class ReducedModel:
 
     @property
     def held(self) -> dict[int, int]:
-        """None: all rows of a reduced model are treated alike."""
+        """Empty: a reduced model has no rows that hold a single coordinate (see `pmr.constraints.rows.Rows.held`)."""
         return {}
 
     @property
     def lasting(self) -> tuple[str, ...]:
-        """None: the basis satisfies such rows."""
+        """Empty: the basis satisfies such rows (see `pmr.constraints.rows.Rows.lasting`)."""
         return ()
 
     def dense_rows(self, s: Array) -> Array:
-        """C(s) (T, m, r) at several path coordinates (T,)."""
+        """Rows C(s) (T, m, r) at path coordinates s (T,) in m."""
         return self.C(s)
 
     def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
-        """C(s) q (T, m) along a trajectory, or with the derivative of C."""
+        """C(s) q (T, m), or its derivative of that order times q, for s (T,) in m and coordinates q (T, r)."""
         return apply_table(self.rows, s, q, derivative)
 
     def rows_on(self, V: Array) -> PPoly:
-        """C(s) V as a piecewise polynomial with values (m, k), for V (r, k)."""
+        """Piecewise polynomial C(s) V with values (m, k), for V (r, k)."""
         return times(self.rows, V)
 
     def with_rows(self, numbers: Sequence[int]) -> ReducedModel:
-        """The model with these rows only; the other rows hold nothing, and errors can no longer be estimated."""
+        """Return the model with only the rows of these numbers, and without enrichment modes if others are left out.
+
+        The rows left out hold nothing.  Without enrichment modes errors can't be estimated.
+        """
         chosen = list(numbers)
         if chosen == list(range(len(self.row_names))):
             return self
@@ -248,12 +251,12 @@ class ReducedModel:
         )
 
     def leading(self, coordinates: int) -> ReducedModel:
-        """The model on the first `coordinates` vectors of its basis: POD bases are nested.
+        """Return the model on the first `coordinates` vectors of its basis; POD bases are nested.
 
         Raises
         ------
         ValueError
-            If the model has a residual flexibility, because it belongs to all coordinates together.
+            If the model has a residual flexibility, because this belongs to all coordinates together.
         """
         if self.flexibility is not None:
             raise ValueError("a residual flexibility belongs to all coordinates of its model")
@@ -272,7 +275,10 @@ class ReducedModel:
         )
 
     def save(self, path: str | Path) -> Path:
-        """Write the model as npz with a JSON header (`pmr.reduced.stored`); nothing in it is pickled."""
+        """Write the model to an npz file with a JSON header (`pmr.reduced.stored`); return its path.
+
+        Nothing in the file is pickled.
+        """
         path = Path(path)
         header = {
             "format": FORMAT,
@@ -289,7 +295,8 @@ class ReducedModel:
         Raises
         ------
         InputError
-            If the file is missing, is no reduced model, has less content than its header says, or has a later format.
+            If the file is missing, is no sound reduced model, has less content than its header says, or has a later
+            format.
         """
         path = Path(path)
         if not isfile(path):
@@ -316,7 +323,7 @@ class ReducedModel:
         return model
 
     def contradiction(self) -> str | None:
-        """Fault of the arrays in words; None if shapes agree, breaks increase and all is finite."""
+        """Description of what is wrong with the arrays; None if shapes agree, breaks increase and all is finite."""
         o, m = len(self.output_positions), len(self.row_names)
         if not {len(self.output_names), len(self.output_units), len(self.output_kinds)} <= {0, o}:
             counts = (
@@ -356,7 +363,10 @@ class ReducedModel:
 
 
 def _of_version_4(header: Mapping[str, Any], data: Mapping[str, Array]) -> dict[str, NDArray[Any]]:
-    """Arrays by the names of today; names, provenance and Rayleigh's factors stood in the header."""
+    """Arrays of a file of version 4 or earlier, under the names of the current version.
+
+    Their header also has names of inputs, rows and outputs, provenance and Rayleigh's factors, which become arrays.
+    """
     arrays = npz.rename_keys(data, _OLD_NAMES)
     for name in _NAMES:
         names = header.get(name, ())
@@ -373,8 +383,8 @@ def _of_version_4(header: Mapping[str, Any], data: Mapping[str, Array]) -> dict[
 def satisfied_rows(C: PPoly, tolerance: float = 1e-10) -> list[int]:
     """Numbers of the rows that a basis satisfies identically.
 
-    Those are the rows none of whose coefficients, times its interval to the matching power, exceeds `tolerance` times
-    the largest one of all rows; `tolerance` is the round-off to expect in the basis.
+    No coefficient of such a row, times its interval to the matching power, exceeds `tolerance` times the largest of all
+    rows; `tolerance` is the round-off to expect in the basis.
     """
     magnitude = np.abs(contributions(C)).max(axis=(0, 1, 3))
     return np.flatnonzero(magnitude <= tolerance * magnitude.max()).tolist()

@@ -1,4 +1,4 @@
-"""What no reduced model of a structure has: arrays that contradict each other, values that are none."""
+"""Checks of reduced models: arrays that contradict each other, and values that no model of a structure has."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from scipy.interpolate import PPoly
 
 from pmr.errors.text import LONGEST_NAME, is_name
 
-#: Share of the largest entry up to which a matrix may be asymmetric, or an eigenvalue negative: far above round-off.
+#: Deviation from symmetry, and size of a negative eigenvalue, that are allowed relative to the largest entry.
 SYMMETRIC = 1e-6
-#: Letters of a name made of several.
+#: Most letters of a name that is composed of several names.
 LONGEST = 4 * LONGEST_NAME
 
 
 def misfit(part: Any, sizes: Mapping[str, int], prefix: str = "") -> str | None:
-    """Describe what is wrong with the arrays, names and piecewise polynomials of a dataclass; None: nothing.
+    """Description of what is wrong with the arrays, names and piecewise polynomials of a dataclass; None if nothing is.
 
-    Its ``AXES`` give a letter for each axis, such as ``{"rows": "mr"}`` for values (m, r).  What a letter stands for,
-    unless `sizes` says it, does its first axis.  Parts within the part that have such a table follow.
+    Its ``AXES`` have a letter for each axis, such as ``{"rows": "mr"}`` for values (m, r).  The size of a letter is
+    that in `sizes`, else that of the first axis with this letter.  Fields that are dataclasses with such ``AXES`` are
+    checked too.
     """
     sizes = dict(sizes)
     for name, axes in part.AXES.items():
@@ -49,7 +50,7 @@ def misfit(part: Any, sizes: Mapping[str, int], prefix: str = "") -> str | None:
 
 
 def misshapen(field: str, matrices: Mapping[str, NDArray[np.float64]], size: int) -> str | None:
-    """Describe matrices by name of which one is not (size, size) or not finite."""
+    """Description of the first matrix that is not (size, size) or not finite; None if there is none."""
     for name, A in matrices.items():
         if A.shape != (size, size) or not np.isfinite(A).all():
             return f"{field}.{name} has shape {A.shape} or is not finite, {(size, size)} is allowed"
@@ -57,18 +58,21 @@ def misshapen(field: str, matrices: Mapping[str, NDArray[np.float64]], size: int
 
 
 def describe_names(field: str, names: Any) -> str | None:
-    """Describe a field's names of which one is none (`pmr.errors.text.is_name`)."""
+    """Description of the first entry that is no name (`pmr.errors.text.is_name`); None if there is none.
+
+    None is also returned if `names` is no tuple.
+    """
     wrong = [name for name in names if not is_name(name, LONGEST)] if isinstance(names, tuple) else []
     return f"{field} holds {wrong[0]!r:.60}, which is no name" if wrong else None
 
 
 def symmetric(A: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Matrices (..., n, n) without what round-off leaves of an asymmetry."""
+    """Symmetric part (A + A^T) / 2 of matrices (..., n, n), which removes round-off."""
     return (A + A.swapaxes(-2, -1)) / 2.0
 
 
 def pivoted_root(A: NDArray[np.float64]) -> NDArray[np.float64]:
-    """L (n, r) with A = L L^T but for round-off, of a positive semidefinite A of rank r, by Cholesky with pivots."""
+    """Factor L (n, r) of a positive semidefinite A = L L^T (n, n) of rank r, but for round-off, by pivoted Cholesky."""
     factor, pivots, rank, _ = scipy.linalg.lapack.dpstrf(A, lower=1)
     L = np.zeros((len(A), rank))
     L[pivots - 1] = np.tril(factor)[:, :rank]
@@ -76,7 +80,10 @@ def pivoted_root(A: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def asymmetry(matrices: Mapping[str, NDArray[np.float64]]) -> str | None:
-    """Describe a mass, damping or stiffness that is not positive, which lets motions grow."""
+    """Description of the first matrix that is not symmetric or has a negative eigenvalue; None if there is none.
+
+    M must not be singular either.  Up to `SYMMETRIC` of the largest entry, deviations are taken as round-off.
+    """
     for name, matrix in matrices.items():
         size = np.abs(matrix).max(initial=0.0)
         if np.abs(matrix - matrix.T).max(initial=0.0) > SYMMETRIC * size:

@@ -1,13 +1,11 @@
-r"""A reduced model as the arrays of a file, in which nothing stands twice.
+r"""A reduced model as the arrays of a file, in which nothing is stored twice.
 
-Beside what `pmr.files.npz` writes of it,
+It has the arrays of `pmr.files.npz`, with two exceptions.  Of a table over the path that is a product of what the
+carriers measure, :math:`C = b\, (U V)`, :math:`G = b\, R\, b^T` and so on (`pmr.constraints.rows`), only the breaks are
+stored, not the coefficients.  Of a symmetric matrix between carriers, or between vectors, the lower triangle is stored,
+row by row, as ``name.triangle``; of an antisymmetric matrix, as ``name.antitriangle``.
 
-- coefficients of a table over the path are left out, and only its breaks are there, where the table is a product of
-  what the carriers measure, :math:`C = b\, (U V)`, :math:`G = b\, R\, b^T` and so on (`pmr.constraints.rows`);
-- of a symmetric matrix between carriers, or between vectors, the lower triangle is there, row by row, as
-  ``name.triangle``; of an antisymmetric one as ``name.antitriangle``.
-
-A file of an earlier version has all arrays, which are read as they are.
+Files of earlier versions store all arrays in full, and are read as they are.
 """
 
 from __future__ import annotations
@@ -24,21 +22,21 @@ from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.soundness import misfit
 
 Array = NDArray[np.float64]
-#: Where square matrices are written as triangles, and the least size from which on they are.
+#: Prefix of arrays that may be written as triangles, and smallest size of such matrices.
 TRIANGLES, LEAST = "carriers.", 8
 _SIGNS = {"triangle": 1.0, "antitriangle": -1.0}
 
 
 class Carried(Protocol):
-    """A dataclass that has rows on carriers (`pmr.reduced.model.ReducedModel`)."""
+    """Dataclass that has rows on carriers (`pmr.reduced.model.ReducedModel`)."""
 
     @property
     def carriers(self) -> CarriedRows | None:
-        """Rows on carriers, if there are any."""
+        """Rows on carriers, None if there are none."""
 
 
 def arrays(model: Carried, prefix: str = "") -> dict[str, NDArray[Any]]:
-    """Arrays of a file that holds the model, by names behind `prefix`."""
+    """Arrays to be stored for a model, with `prefix` before their names."""
     content = npz.arrays(model)
     sound = model.carriers is not None and not _fault(model.carriers)
     for name, table in (_products(model.carriers, content) if model.carriers and sound else {}).items():
@@ -55,10 +53,10 @@ def arrays(model: Carried, prefix: str = "") -> dict[str, NDArray[Any]]:
 
 
 def unpack(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, NDArray[Any]]:
-    """Arrays behind `prefix` as `pmr.files.npz.record` takes them, from those of a file.
+    """Arrays with `prefix` before their names, all in full as `pmr.files.npz.record` reads them, from those of a file.
 
-    Raises the errors of `pmr.files.npz.record`, and a ValueError where tables are missing and carriers are not
-    sound, or a triangle has not as many entries as one has.
+    Errors of `pmr.files.npz.record` are raised, and a ValueError if tables are missing and carriers are not sound, or
+    if a triangle has a wrong number of entries.
     """
     content = dict[str, NDArray[Any]]()
     for name, array in data.items():
@@ -82,12 +80,15 @@ def unpack(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, NDAr
 
 
 def _fault(carriers: CarriedRows) -> str | None:
-    """Fault of carriers in words; None if products with them can be computed."""
+    """Description of what is wrong with carriers; None if products with them can be computed."""
     return misfit(carriers, {}, TRIANGLES) or carriers.contradiction(len(carriers.breaks))
 
 
 def _products(carriers: CarriedRows, arrays: Mapping[str, NDArray[Any]]) -> dict[str, PPoly]:
-    """Tables by their names that follow from what carriers measure, on the breaks that `arrays` have of the rows."""
+    """Tables that follow from what the carriers measure, by name, on the breaks of the rows in `arrays`.
+
+    Only tables whose breaks in `arrays` are those of the rows are returned.
+    """
     breaks = arrays.get("rows.breaks")
     if not carriers.breaks or breaks is None:
         return {}
@@ -101,14 +102,14 @@ def _products(carriers: CarriedRows, arrays: Mapping[str, NDArray[Any]]) -> dict
 
 
 def _kind(A: NDArray[Any]) -> str | None:
-    """How a square matrix is written: of one that is neither symmetric nor antisymmetric None."""
+    """``triangle`` for a symmetric matrix, ``antitriangle`` for an antisymmetric one; None for others or small ones."""
     if A.ndim != 2 or A.shape[0] != A.shape[1] or len(A) < LEAST:
         return None
     return next((kind for kind, sign in _SIGNS.items() if np.array_equal(A, sign * A.T)), None)
 
 
 def _square(triangle: NDArray[Any], sign: float) -> Array:
-    """The matrix of which this is the lower triangle, row by row."""
+    """Matrix (n, n) with that lower triangle, row by row; symmetric for the sign 1, antisymmetric for -1."""
     n = int((np.sqrt(8.0 * triangle.size + 1.0) - 1.0) / 2.0 + 0.5)
     if triangle.shape != (n * (n + 1) // 2,):
         raise ValueError(f"{triangle.shape} is no triangle of a matrix")

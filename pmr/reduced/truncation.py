@@ -2,9 +2,9 @@ r"""Modes that move from the coordinates into the tables of the residual flexibi
 
 .. math::
     G_r = G_{r+c} + \sum_{j=r+1}^{r+c} \frac{(C \varphi_j)(C \varphi_j)^T}{\omega_j^2},
-    \qquad H, X, W, B^T R B \text{ likewise}
+    \qquad \text{and in the same way } H, X, W, B^T R B
 
-So a model with r + c modes holds every smaller one (docs/moving_residual_flexibility.md, section 12).
+So a model with r + c modes contains every smaller one (docs/moving_residual_flexibility.md, section 12).
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from pmr.reduced.model import ReducedModel
 
 Array = NDArray[np.float64]
 
-#: Entries that couple two modes, relative to the modes' own: more is no modal form.
+#: Largest entry that couples two modes, relative to their diagonal entries, in a modal form.
 MODAL = 1e-6
 
 
 def truncate(model: ReducedModel, r: int) -> ReducedModel:
-    """The model with its first r modes; the flexibility of the others joins the tables, and they its enrichment modes.
+    """Return the model on its first r modes; the others join the residual flexibility and the enrichment modes.
 
-    A ValueError is raised where the coordinates are no eigenmodes in ascending order, there is no residual flexibility
-    to join, or fewer than one mode, or one without stiffness, would go.
+    A ValueError is raised if the coordinates are no eigenmodes in ascending order, if there is no residual flexibility,
+    if r is not between 1 and one less than the model's size, or if a mode without stiffness would be truncated.
     """
     if model.flexibility is None:
         raise ValueError("a model without residual flexibility has no tables that its modes could join: leading() cuts")
@@ -58,9 +58,9 @@ def truncate(model: ReducedModel, r: int) -> ReducedModel:
 
 
 def extend(model: ReducedModel, count: int | None = None) -> ReducedModel:
-    """The model with its first `count` enrichment modes (all by default) as coordinates: what `truncate` undoes.
+    """Return the model with its first `count` enrichment modes (None: all) as last coordinates; undo `truncate`.
 
-    A ValueError is raised where the model has fewer enrichment modes.
+    A ValueError is raised if the model has fewer enrichment modes, or `count` is less than 1.
     """
     available = 0 if model.enrichment is None else model.enrichment.count
     count = available if count is None else count
@@ -85,7 +85,7 @@ def extend(model: ReducedModel, count: int | None = None) -> ReducedModel:
 
 
 def with_tables(model: ReducedModel) -> ReducedModel:
-    """The model with the products of what its carriers measure as tables; one without such carriers stays as it is."""
+    """Return the model with tables that are computed from its carriers, unchanged if these can't give tables."""
     carriers = model.carriers
     if not _knows_tables(carriers):
         return model
@@ -100,32 +100,35 @@ def with_tables(model: ReducedModel) -> ReducedModel:
 
 
 def _knows_tables(carriers: CarriedRows | None) -> bool:
+    """Whether tables follow from the carriers: if they have flexibility and rows."""
     return carriers is not None and carriers.flexibility is not None and len(carriers.breaks) > 0
 
 
 def is_modal(model: ReducedModel) -> bool:
-    """Whether the coordinates are M-orthonormal modes in ascending order that neither K nor D couples."""
+    """Whether the coordinates are M-orthonormal modes in ascending order, with K and D diagonal."""
     if np.any(np.abs(model.M - np.eye(model.size)) > MODAL):
         return False
-    # Equal frequencies, those of rigid motions among them, stand in the order that round-off gives them.
+    # round-off decides on the order of equal frequencies, those of rigid motions among them
     ascending = np.all(np.diff(np.diagonal(model.K)) >= -_round_off(model.K))
     return bool(ascending) and _is_diagonal(model.K) and _is_diagonal(model.D)
 
 
 def _is_diagonal(A: Array) -> bool:
+    """Whether off-diagonal entries are small relative to the diagonal ones (`MODAL`)."""
     scale = np.sqrt(np.abs(np.outer(np.diagonal(A), np.diagonal(A))))
     coupling = np.abs(A - np.diag(np.diagonal(A)))
     return bool(np.all(coupling <= MODAL * scale + _round_off(A)))
 
 
 def _round_off(A: Array) -> float:
+    """Absolute round-off to expect in entries of A."""
     return 1e-9 * float(np.abs(A).max(initial=0.0))
 
 
 def _join_tables(model: ReducedModel, modes: EnrichmentModes, sign: float) -> Flexibility:
-    """Tables of the residual flexibility with the modes' part added, or taken out where `sign` is -1.
+    """Tables of the residual flexibility with the modes' part added, or removed where `sign` is -1.
 
-    As they are where `with_tables` makes them anew.
+    They are left unchanged if `with_tables` will compute them anew.
     """
     tables = model.flexibility
     assert tables is not None
@@ -143,25 +146,27 @@ def _join_tables(model: ReducedModel, modes: EnrichmentModes, sign: float) -> Fl
 
 
 def _with(A: Array, of_all: Array | None, count: int) -> Array:
-    """A (r, r) on `count` modes more, by what is known of all modes; zero where nothing is."""
+    """Matrix A (r, r) extended to `count` more modes, by its values `of_all` on all modes; None stands for zeros."""
     r = len(A) + count
     return np.pad(A, (0, count)) if of_all is None else np.ascontiguousarray(of_all[:r, :r])
 
 
 def _port(model: ReducedModel, name: str, count: int) -> Array:
-    """A port (r + count,) on `count` modes more, which it measures nothing of unless that is known."""
+    """Port (r + count,) of that name, extended to `count` more modes; by zeros where their values are not known."""
     port_of_carriers = None if model.carriers is None else model.carriers.ports.get(name)
     beyond = np.zeros(count) if port_of_carriers is None else port_of_carriers[model.size : model.size + count]
     return np.append(model.ports[name], beyond)
 
 
 def _block(A: Array, diagonal: Array) -> Array:
+    """Block-diagonal matrix of A and the entries `diagonal`."""
     result = np.diag(np.concatenate([np.zeros(len(A)), diagonal]))
     result[: len(A), : len(A)] = A
     return result
 
 
 def _chain_modes(first: EnrichmentModes, second: EnrichmentModes) -> EnrichmentModes:
+    """Enrichment modes of `first`, followed by those of `second`."""
     return EnrichmentModes(
         stiffness=np.concatenate([first.stiffness, second.stiffness]),
         damping=np.concatenate([first.damping, second.damping]),
@@ -173,6 +178,7 @@ def _chain_modes(first: EnrichmentModes, second: EnrichmentModes) -> EnrichmentM
 
 
 def _part(modes: EnrichmentModes, which: slice) -> EnrichmentModes:
+    """Enrichment modes with these numbers; their matrices are those of all modes."""
     return replace(
         modes,
         stiffness=modes.stiffness[which],

@@ -1,21 +1,21 @@
-r"""Bases: proper orthogonal decomposition of snapshots, and Galerkin projection of the full model.
+r"""Bases of reduced models: proper orthogonal decomposition (POD) of snapshots, and Galerkin projection on a basis.
 
-Proper orthogonal decomposition of a snapshot pool.
+POD of a pool of snapshots S.
 
 .. math::
     S = V \Sigma W^T, \qquad V^T X V = I, \qquad
     \kappa(r) = \sum_{i \le r} \sigma_i^2 \Big/ \sum_i \sigma_i^2
 
-with X = I (the paper) or X = M.  The Gram matrix S^T X S is never formed: it would square the condition and lose the
-singular values below sqrt(eps) sigma_1.  Instead S = Q R with Q^T X Q = I, and R, of size k only, is decomposed by
-LAPACK.  Volkwein: Model Reduction using Proper Orthogonal Decomposition, 2011, section 1.
+with X = I (the paper) or X = M.  The Gram matrix S^T X S is never formed: it would square the condition number and lose
+the singular values below sqrt(eps) sigma_1.  Instead S = Q R with Q^T X Q = I, and R, which is only (k, k) for k
+snapshots, is decomposed by LAPACK.  Volkwein: Model Reduction using Proper Orthogonal Decomposition, 2011, section 1.
 
-Galerkin projection of the full model on a basis: the step out of the finite-element world.
+Galerkin projection of the full model on a basis: from here on no finite-element library is needed.
 
-Eigenmodes vanish at the supports, and so does every POD vector of them; as an SVD of the whole pool returns them, but
-for round-off of eps sigma_1 / sigma_j in vector j.  A support's projected row is then that round-off alone.  It would
-make the system singular if it were zero; since it is not, it holds one coordinate, and because the round-off grows as
-sigma_j falls, the last vectors are the ones held.  The paper leaves its two rows in: of its 20 coordinates 18 move.
+Eigenmodes vanish at the supports, and so does every POD vector of them, as an SVD of the whole pool returns them, up to
+round-off of eps sigma_1 / sigma_j in vector j.  The projected row of a support consists of that round-off alone.  If it
+were zero it would make the system singular; since it is not, it holds one coordinate, and because the round-off grows
+as sigma_j falls, the last vectors are held.  The paper keeps its two rows of supports: of its 20 coordinates 18 move.
 Which combination of the last vectors is held changes with the sign of a snapshot, and with it the error (evolved case,
 beam, 20 coordinates: 2.00 to 2.05 %).  Here such rows are recognised, and either left out (1.49 %) or made to hold
 exactly the last coordinates (1.79 %; published: 1.82 %), which is reproducible.
@@ -50,10 +50,10 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Basis:
-    """A global basis."""
+    """Basis of r vectors for a full model with n coordinates, the same for all path coordinates."""
 
     V: PETSc.Mat  # dense (n, r), orthonormal in `product`; the largest entry of each column is positive
-    sigma: Array  # (k,): all singular values of the pool, descending
+    sigma: Array  # (k,): all singular values of the pool, descending, those beyond r too
     product: str  # ``"euclidean"`` or ``"mass"``
 
     @property
@@ -63,18 +63,22 @@ class Basis:
 
     @property
     def accuracy(self) -> float:
-        """Round-off to expect in the last vector, eps sigma_1 / sigma_r: what the pool knows exactly (zeros at a
-        support, say) holds in V to about this.
+        """Relative round-off to expect in the last vector, eps sigma_1 / sigma_r.
+
+        What all snapshots satisfy exactly, such as zeros at a support, V satisfies to about this.
         """
         return float(np.finfo(float).eps * self.sigma[0] / self.sigma[self.size - 1])
 
     def kappa(self, r: int | None = None) -> float:
-        """Share of the pool's squared norm that the first r vectors hold (by default all of this basis)."""
+        """Share of the pool's squared norm that is in the first r vectors; None for all vectors of the basis."""
         return kappa(self.sigma, self.size if r is None else r)
 
 
 def kappa(sigma: Array, r: int) -> float:
-    """Benner, Gugercin, Willcox 2015, section 3.1; the complement is summed, so that 1 - kappa keeps its digits."""
+    """Share of the sum of sigma^2 (k,) that is in the first r singular values.
+
+    The complement is summed, so that 1 - kappa keeps its digits.  Benner, Gugercin, Willcox 2015, section 3.1.
+    """
     squares = np.sort(sigma**2)
     return float(1.0 - squares[: len(sigma) - r].sum() / squares.sum())
 
@@ -92,15 +96,18 @@ def pod(
     Parameters
     ----------
     model : FullModel
-        Gives the mass matrix for ``product = "mass"``.
+        Has the mass matrix for ``product = "mass"``.
+    snapshots : Snapshots
+        The pool.
     size : int or None
-        r, at most the numerical rank of the pool; None for as many.
+        Number of vectors r, at most the numerical rank of the pool; None for as many as this rank.
     product : ``"euclidean"`` or ``"mass"``
+        In which the vectors are orthonormal.
     solver : ``"auto"``, ``"dense"`` or ``"slepc"``
-        LAPACK on rank 0 (reproducible), or Gram-Schmidt on the distributed matrix.  ``auto`` takes what the snapshots'
-        solver would.
-    beside : int
-        Vectors that stand before these in the user's count of coordinates.
+        LAPACK on process 0 (reproducible), or Gram-Schmidt on the distributed matrix.  ``auto`` takes the one that the
+        snapshots' solver would take.
+    rigid_count : int
+        Rigid-body modes that the caller puts before these vectors; they count as coordinates in the error's message.
 
     Raises
     ------
@@ -131,29 +138,29 @@ def pod(
 
 
 def modal_basis(modes: Snapshots) -> Basis:
-    """Modes as they are: M-orthonormal, so that their singular values in the mass product are all 1."""
+    """Basis of eigenmodes as they are: M-orthonormal, so all singular values in the mass product are 1."""
     return Basis(modes.S, np.ones(modes.S.getSize()[1]), "mass")
 
 
 def with_rigid_modes(
     model: FullModel, snapshots: Snapshots, rigid: Array, size: int, product: str = "euclidean", solver: str = "auto"
 ) -> Basis:
-    """Rigid-body modes first, then the POD of what the pool holds beside them; `size` vectors in all, collective.
+    """Basis of all rigid-body modes, then the POD of the rest of the pool; `size` vectors in all, collective.
 
-    A residual flexibility can't stand in for a rigid-body motion, so the basis has to hold all of them exactly; a POD
-    basis of modes with the slider held does so to a few digits only.
+    A residual flexibility can't replace a rigid-body motion, so the basis has to contain all of these exactly; a POD
+    basis of modes with the slider held contains them to a few digits only.
 
     Parameters
     ----------
     rigid : (n_local, count) array
         This rank's rows of the rigid-body modes, M-orthonormal.
     size, product, solver
-        As for `pod`; the rigid-body modes' singular values are those of the share that the pool has in them.
+        As for `pod`; the singular values of the rigid-body modes are those of the pool's projection on them.
 
     Raises
     ------
     InputError
-        If `size` leaves no room for other vectors, or exceeds what the pool holds.
+        If `size` leaves no room for other vectors, or exceeds what the pool spans.
     """
     count = rigid.shape[1]
     if count == 0:
@@ -173,7 +180,7 @@ def with_rigid_modes(
 
 
 def _dense_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> tuple[Array, Array]:
-    """Vectors (n_local, k) and singular values (k,) by LAPACK on rank 0."""
+    """Vectors (n_local, k) and singular values (k,) of S by LAPACK on rank 0; in the mass product unless M is None."""
     comm = S.comm.tompi4py()
     shares = comm.gather(np.array(S.getDenseArray()), root=0)
     mass = None if M is None else gather(M)
@@ -192,7 +199,10 @@ def _dense_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> tuple[Array, Array]:
 
 
 def _distributed_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> tuple[Array, Array]:
-    """Vectors (n_local, k) and singular values (k,): S = Q R by Gram-Schmidt twice over, R = U Sigma W^T, V = Q U."""
+    """Vectors (n_local, k) and singular values (k,) of S by Gram-Schmidt, in the mass product unless M is None.
+
+    S = Q R by orthogonalising twice, R = U Sigma W^T, V = Q U.
+    """
     Q, comm = np.array(S.getDenseArray(), order="F"), S.comm.tompi4py()
     k = Q.shape[1]
     R = np.zeros((k, k))
@@ -208,18 +218,17 @@ def _distributed_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> tuple[Array, Array]:
     return Q @ U, sigma
 
 
-#: Path coordinates at which the rank of the reduced rows is checked.
+#: Number of path coordinates at which the rank of the reduced rows is checked.
 RANK_CHECKS = 64
-#: Rows, scaled to unit length, whose smallest singular value is less depend on each other; or nearly do so.
+#: Smallest singular values of rows, scaled to unit length, below which they depend on each other, or nearly do.
 INDEPENDENT, NEARLY_DEPENDENT = 1e-9, 1e-4
 
 
 def reduced_model(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
-    """V^T A V of M, D, K and the `matrices`, V^T B, O V and C(s) V; the same on every rank.
+    """Galerkin projection of a model: V^T A V of M, D, K and its `matrices`, V^T B, O V and C(s) V; same on every rank.
 
-    Rows that every basis vector satisfies (the supports, for eigenmodes) are left out and named in the result.
-
-    Raises an `InputError` if the basis is too small, or too poor, for the rows that remain.
+    Fixed rows that every basis vector satisfies (supports, for eigenmodes) are left out and named in the result.  An
+    InputError is raised if the remaining rows depend on each other, as with a basis that is too small.
     """
     complete = galerkin(model, basis, provenance)
     satisfied = satisfied_rows(complete.rows, tolerance=min(1e2 * basis.accuracy, 1e-3))
@@ -229,7 +238,7 @@ def reduced_model(model: FullModel, basis: Basis, provenance: dict[str, Any]) ->
 
 
 def galerkin(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
-    """Project a model with all rows, whether they mean anything in the reduced space or not."""
+    """Galerkin projection of a model with all of its rows, even those that the basis satisfies up to round-off."""
     comm = model.comm
     V = np.array(basis.V.getDenseArray())
     first = basis.V.getOwnershipRange()[0]
@@ -262,21 +271,21 @@ def galerkin(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> Redu
 
 
 def _rigid_work(model: FullModel) -> Array | None:
-    """R^T B (k, i) with the rigid motions; None where they are not known, or some of what they move is clamped."""
+    """Work R^T B (k, i) of the inputs on the k rigid motions R; None if these are not known or the model has clamps."""
     if model.rigid is None or not model.rigid.whole:
         return None
     return np.asarray(model.comm.allreduce(model.rigid.coordinates.T @ local_csr(model.inputs)))
 
 
 def without_rows(model: ReducedModel, numbers: Sequence[int]) -> ReducedModel:
-    """The model without some of its rows, which it names as left out."""
+    """Return the model without the rows of these numbers, whose names it records as left out."""
     numbers_left = [i for i in range(len(model.row_names)) if i not in numbers]
     left_out = (*model.left_out, *(model.row_names[i] for i in numbers))
     return replace(model.with_rows(numbers_left), left_out=left_out)
 
 
 def with_held_coordinates(model: ReducedModel) -> ReducedModel:
-    """Let each row that was left out hold one coordinate instead, from the last one backwards."""
+    """Return the model with a row for each one left out, which holds one coordinate, from the last one backwards."""
     count = len(model.left_out)
     held = np.zeros((len(model.rows.c), model.rows.c.shape[1], count, model.size))
     held[-1, :, range(count), model.size - 1 - np.arange(count)] = 1.0
@@ -292,9 +301,10 @@ def with_held_coordinates(model: ReducedModel) -> ReducedModel:
 
 
 def _check_rank(model: ReducedModel) -> None:
-    """Rigid rows must be independent over the path, ends excepted: there a slider may sit on a support.
+    """Raise an InputError if rigid rows depend on each other at a path coordinate; log a warning if they nearly do.
 
-    Where pads give way, dependent rows share a force as the pads' stiffness has it.
+    The ends of the path are not checked: there a slider may be on a support.  Rows of pads with a stiffness may depend
+    on each other; they share the force according to their stiffness.
     """
     rigid = np.flatnonzero(model.row_compliance == 0.0)
     names, (low, high) = [model.row_names[i] for i in rigid], model.domain

@@ -1,17 +1,15 @@
-r"""Reduced models of a scene's bodies, with attachment modes of ports.
+r"""Reduced models of a scene's bodies, each by itself: a single body on its path, or sections on carriers.
 
-The reduced models of a scene's bodies, each by itself: of a body alone on its path, or of sections on carriers.
+Attachment modes of ports, which are points where a user attaches something to a reduced body.
 
-Attachment modes of ports: places at which a user hangs something on a reduced body.
-
-A force b at a port moves, beside the modes of the basis, what they leave out: X = R b with the residual flexibility R
-(`pmr.reduction.residual_tables`).  With X among the coordinates, R b = 0 is left, so that coordinates alone answer a
-force there exactly, at rest and wherever the sliders are; and since R K R = R
+A force b at a port causes, besides motions of the basis, a motion X = R b of what the basis leaves out, with the
+residual flexibility R (`pmr.reduction.residual_tables`).  With X among the coordinates, R b = 0 is left, so the
+coordinates alone respond exactly to a static force at the port, wherever the sliders are.  Since R K R = R
 
 .. math:: X^T K X = b^T R b, \qquad X^T M V = X^T K V = 0
 
-they are combined to M-orthonormal ones with a diagonal stiffness.  Craig and Chang: On the use of attachment modes in
-substructure coupling for dynamic analysis, AIAA paper 77-405, 1977.
+These vectors are combined to M-orthonormal ones with a diagonal stiffness.  Craig and Chang: On the use of attachment
+modes in substructure coupling for dynamic analysis, AIAA paper 77-405, 1977.
 """
 
 from __future__ import annotations
@@ -60,14 +58,17 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: What a force at a port moves less than this share of the most, in energy, it does not move: a support holds it there.
+#: Energy of the response to a force at a port, over the largest, up to which a support is taken to hold the port.
 HELD = 1e-12
-#: Answers of unit energy, an eigenvalue of whose products is smaller, depend on each other.
+#: Eigenvalue of the products of responses with unit energy below which these depend on each other.
 INDEPENDENT = 1e-9
 
 
 def with_ports(body: FreeBody, modes: Basis) -> Basis:
-    """Free modes, and the attachment modes of the model's ports behind them, M-orthonormal; collective."""
+    """Return the basis of free modes with the attachment modes of the model's ports behind them; collective.
+
+    The attachment modes are M-orthonormal.
+    """
     model = body.model
     V = np.array(modes.V.getDenseArray())
     loads = sp.vstack(list(model.ports.values()), format="csr")[:, model.share].T.toarray()
@@ -88,7 +89,7 @@ def with_ports(body: FreeBody, modes: Basis) -> Basis:
 
 @dataclass(frozen=True)
 class Reduction:
-    """The full models of a scene's bodies by their names, and what they are reduced to; the same on every rank."""
+    """Full models of a scene's bodies and the reduced ones, by the bodies' names; the same on every rank."""
 
     scene: Scene
     built: Mapping[str, Built]
@@ -98,37 +99,40 @@ class Reduction:
     def basis(self) -> Array | Mapping[str, Array]:
         """Basis V (n, r) of a single body, or of each section by its name; the same on every rank.
 
-        Columns are the vectors that the coordinates multiply, without those of a section's cylinder.  Under MPI every
-        rank gets all rows.
+        Its columns are the vectors that the coordinates multiply, those of a section's cylinder modes last; modes
+        without inertia (`pmr.reduced.attachment`) are not among them.  Under MPI every rank has all rows.
         """
         bases = {name: self._whole(name, self._recovery(name).V) for name in self.bodies}
         return bases.get(ALONE, bases)
 
     @property
     def snapshots(self) -> Array | Mapping[str, Array]:
-        """Snapshots (n, k) that the basis of a single body is made from, or of each section; the same on every rank."""
+        """Snapshots (n, k) from which the basis of a single body is made, or those of each section by its name.
+
+        They are the same on every rank.
+        """
         pools = {
             name: self._whole(name, np.array(body.snapshots.S.getDenseArray())) for name, body in self.bodies.items()
         }
         return pools.get(ALONE, pools)
 
     def reconstruct(self, states: Mapping[str, BodyStates]) -> Array | Mapping[str, Array]:
-        r"""Full coordinates q (S, n) of a single body, or of each section by its name, at the times of `states`.
+        r"""Full coordinates q (S, n) of a single body, or of each section by its name, at the S times of `states`.
 
         .. math:: q = V p + R\, (B f - C(s)^T \lambda)
 
-        The second term is the residual flexibility R of what the basis leaves out, where the model has it.  `states`
-        are those of `pmr.simulate_with_states(scene, reduction.system, steps)`.
+        The second term is the motion of the part that the basis leaves out, if the model has its flexibility R.
+        `states` are those of `pmr.simulate_with_states(scene, reduction.system, steps)`.
         """
         coordinates = {name: self._whole(name, self._recovery(name).positions(at).T).T for name, at in states.items()}
         return coordinates.get(ALONE, coordinates)
 
     def project(self, q: Array, body: str = ALONE) -> Array:
-        r"""Coordinates p (r, ...) of the vectors q (n, ...) that are nearest to them in the product of the basis.
+        r"""Coordinates p (r, ...) whose vectors V p are nearest to q (n, ...) in the product of the basis.
 
         .. math:: p = (V^T X V)^{-1} V^T X q, \qquad X = M \text{ or } I
 
-        `q` has all rows, the same on every rank; `body` is a section of a boom.
+        `q` has all rows, the same on every rank; `body` is the name of a section, for a boom.
         """
         V, model = self._recovery(body).V, self.built[body].model
         XV = times(model.M, V) if self.bodies[body].basis.product == "mass" else V
@@ -136,21 +140,22 @@ class Reduction:
         return np.linalg.solve(gram, right).reshape(len(gram), *q.shape[1:])
 
     def _recovery(self, body: str) -> Recovery:
+        """Recovery of full coordinates of that body."""
         return Recovery(self.built[body].model, self.bodies[body].V, self.bodies[body].model)
 
     def _whole(self, body: str, local: Array) -> Array:
-        """All rows (n, ...) of what each rank has its own rows of."""
+        """All rows (n, ...) of an array of which each rank has its own rows, `local`."""
         return np.concatenate(self.built[body].model.comm.allgather(local))
 
     @property
     def reduced(self) -> Any:
-        """The `pmr.ReducedModel` of a body alone, or of each section by its name."""
+        """The `pmr.ReducedModel` of a single body, or those of the sections by name."""
         models = self.system.reduced
         return models.get(ALONE, models)
 
     @cached_property
     def system(self) -> System:
-        """System that `pmr.simulate(scene, ...)` takes, and a file holds."""
+        """System for `pmr.simulate(scene, ...)` and for a file."""
         joined_system = join_bodies(self.scene, self.bodies)
         return (
             joined_system if ALONE in joined_system.bodies else replace(joined_system, provenance=self.scene.provenance)
@@ -158,12 +163,12 @@ class Reduction:
 
 
 def as_asked(scene: Scene, bodies: Mapping[str, ReducedBody]) -> dict[str, ReducedBody]:
-    """The bodies as they are simulated with second order or without it."""
+    """Bodies with `stressed` as the scene needs it: whether its frame has terms of second order."""
     return {name: replace(body, stressed=any(frame_terms(scene))) for name, body in bodies.items()}
 
 
 def join_bodies(scene: Scene, bodies: Mapping[str, ReducedBody]) -> System:
-    """The system of a scene's bodies as they are simulated; it knows them on their modes alone too."""
+    """System of a scene's bodies as they are simulated; `on_modes` has their models on modes alone."""
     bodies = as_asked(scene, bodies)
     joined_system = system_of(scene, {name: body.model for name, body in bodies.items()})
     on_modes = {name: body.modal for name, body in bodies.items() if body.modal is not body.model and body.tells_errors}
@@ -177,12 +182,11 @@ def reduce_bodies(
     clock: Clock | None = None,
     vectors: Vectors | None = None,
 ) -> Mapping[str, ReducedBody]:
-    """Every body reduced as the scene asks, equal sections once; collective.
+    """Reduce every body as the scene asks, equal sections once; collective.
 
-    In `caches`, by the bodies' names, what they are reduced to is cached and found. The basis of a single body may
-    consist of `vectors`, an array or a function of its full model; a cache is not used then.
-
-    Raises an `InputError` with the section's key.
+    With `caches`, by the bodies' names, the results are read from a cache or written to it.  The basis of a single body
+    may consist of `vectors`, an array or a function of its full model; then no cache is used.  An InputError with the
+    section's key is raised if a section can't be reduced.
     """
     caches, clock = caches or {}, clock or Clock()
     if vectors is not None:
@@ -203,7 +207,7 @@ def reduce_bodies(
 
 
 def cached_body(scene: Scene, model: FullModel, cache: Cache | None, clock: Clock | None = None) -> ReducedBody:
-    """A body alone as `reduce_body` makes it, or as the cache has it; collective."""
+    """Reduced single body from the cache, or from `reduce_body`, which is then cached; collective."""
     if cache is None:
         return reduce_body(scene, model, clock)
     content = scene.reduction.model_dump(mode="json") | {"path": scene.travel}
@@ -234,7 +238,10 @@ def reduce_with(
     clock: Clock | None = None,
     body: FreeBody | None = None,
 ) -> ReducedBody:
-    """Reduce a model on snapshots; a `body` whose factor these were made with is taken over and dropped."""
+    """Reduce a model on snapshots; collective.
+
+    The factor of `body`, with which the snapshots were made, is used and then dropped.
+    """
     with (clock or Clock()).stage("pod"):
         body = body or FreeBody(model, scene.reduction.solver)
         basis, motions = build_basis(scene, model, snapshots), support_motions(body)
@@ -247,7 +254,10 @@ def reduce_with(
 
 
 def _section(scene: Scene, member: Member, model: FullModel, cache: Cache | None) -> ReducedBody:
-    """On free modes and carriers, with enrichment modes where an error is estimated or terms may act."""
+    """Reduced section on free modes and carriers, from the cache if it is there.
+
+    It has enrichment modes if an error is estimated or terms that vary in time may act.
+    """
     choice, stressed = member.part.reduction, may_be_stressed(scene)
     enrichment = enrichment_of(scene, choice, model)
 
@@ -270,7 +280,7 @@ def _stiff(model: ReducedModel) -> ReducedModel:
 
 
 def _name_section(scene: Scene, member: Member, body: ReducedBody) -> ReducedBody:
-    """Return a body as one of the sections of the scene."""
+    """Return a reduced body with the name, joints and provenance of that section of the scene."""
     rows = tuple(row for row in body.modal.row_names if row in member.joint_rows)
     section, about = SectionOf(member.part.name, scene.title, rows), provenance(scene, body.basis, member.number)
     return replace(body, modal=replace(body.modal, provenance=about, section=section))

@@ -1,14 +1,8 @@
-"""The reduced body, and a folder that keeps it by the digest of all that it follows from.
+"""Reduced bodies, and a folder that stores them by a digest of all that they follow from.
 
-What follows from a full model and costs more than the model, kept in a folder by its content.
-
-The name of a file is a digest of all that decides what it holds: operators, inputs, outputs, rows, what is asked of
-them, and the code.  So other signals of the loads, or another way along the same path, find what is there, and nothing
-else does.
-
-What a reduction depends on, as digests and text: operators, structure and the code.
-
-What one body is reduced to.
+The cache has what follows from a full model and costs more than the model.  The name of a file is a digest of all that
+decides its content: operators, inputs, outputs, rows, the request and the code.  So scenes that differ only in the
+signals of loads, or in the motion along the same path, use the same file, and no other scene does.
 """
 
 from __future__ import annotations
@@ -44,7 +38,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ReducedBody:
-    """A body's model on a basis, and the snapshots that this is made from; the same on every rank."""
+    """A body's model on a basis, and the snapshots from which the basis is made; the same on every rank."""
 
     snapshots: Snapshots
     basis: Basis
@@ -58,21 +52,24 @@ class ReducedBody:
 
     @property
     def tells_errors(self) -> bool:
-        """Whether the model on the basis alone tells errors: it knows the inertia of what it leaves out."""
+        """Whether errors can be estimated with `modal`: it has the inertia of the residual part."""
         return self.modal.carriers is not None and self.modal.carriers.inertia is not None
 
     @cached_property
     def model(self) -> ReducedModel:
-        """Model that is simulated: with modes of a section's cylinder and, under terms, modes without inertia."""
+        """Model that is simulated: `modal` with cylinder modes and, if stressed, with modes without inertia."""
         return as_simulated(self.modal, self.stressed)
 
 
-#: Sections of a scene that no reduction depends on.
+#: Keys of a scene that no reduction depends on.
 ASKED = ("title", "start", "time", "recovery", "simulation", "compare", "accuracy", "budget", "published")
 
 
 def content_of(model: FullModel) -> str:
-    """Digest of all that a full model is made of, and of the code; collective.  It depends on the number of ranks."""
+    """Digest of all data of a full model, and of the code; collective.
+
+    It depends on the number of ranks.
+    """
     digest = hashlib.blake2b(digest_size=16)
     matrices = [model.M, model.K, model.inputs, model.outputs, *model.matrices.values()]
     for A in matrices if model.rayleigh is not None else [*matrices, model.D]:
@@ -96,9 +93,9 @@ def content_of(model: FullModel) -> str:
 
 
 def structure_in(scene: Scene) -> str:
-    """Content of a scene that decides its reduction, beside the stretch of its path: neither signals nor comparisons.
+    """JSON text of a scene without all that no reduction depends on: the keys `ASKED`, paths and signals of loads.
 
-    The content of files that it names is not in it.
+    The content of files that the scene names is not included.
     """
     exclude: dict[str, Any] = dict.fromkeys(ASKED, True)
     exclude |= {"sections": {"__all__": {"slider": {"path"}, "loads": {"__all__": {"signal"}}}}}
@@ -106,15 +103,17 @@ def structure_in(scene: Scene) -> str:
 
 
 def _csr(A: Any) -> tuple[NDArray[Any], ...]:
+    """Row pointers, column numbers and entries of a sparse matrix, with 64-bit integers."""
     return A.indptr.astype(np.int64), A.indices.astype(np.int64), A.data
 
 
 @cache
 def _code() -> str:
+    """Digest of the package's code, without the modules `NOT_COMPUTING`."""
     return environment.code_digest(environment.sources(), NOT_COMPUTING)
 
 
-#: What no reduction depends on.
+#: Parts of the package that no reduction depends on.
 NOT_COMPUTING = ("report/", "studies/", "cli/", "export/", "simulation/", "compare/")
 
 
@@ -123,14 +122,14 @@ FORMAT = "pmr-cache"
 
 @dataclass(frozen=True)
 class Cache:
-    """A folder of them, for one full model."""
+    """Folder of results for one full model."""
 
     folder: Path
     model: FullModel
     content: str  # digest of the model, see `content_of`
 
     def reduced(self, request: Mapping[str, Any], make: Callable[[], ReducedBody]) -> ReducedBody:
-        """Return the body that is stored for this request, or that `make` returns, which is stored then; collective."""
+        """Return the body that is stored for this request, or that of `make`, which is then stored; collective."""
         file = self._file("reduction", request)
         arrays = self._read(file)
         if arrays is not None:
@@ -153,7 +152,10 @@ class Cache:
         return body
 
     def model_of(self, scene: Scene, make: Callable[[], ReducedModel]) -> ReducedModel:
-        """The reduced model of a scene with the same structure on another mesh; on every rank, collective."""
+        """Return the reduced model of a scene with the same structure on another mesh, stored or from `make`.
+
+        It is the same on every rank; collective.  `make` is called on every rank, and the result of rank 0 counts.
+        """
         file = self._file("mesh", {"scene": structure_in(scene), "path": scene.travel})
         stored_arrays = self._read(file)
         model = None if stored_arrays is None else self._loaded_by(ReducedModel.load, file)
@@ -163,7 +165,10 @@ class Cache:
         return model
 
     def arrays(self, kind: str, request: Mapping[str, Any], make: Callable[[], Array]) -> Array:
-        """Return an array that all ranks have, stored or from `make`; collective."""
+        """Return the array of that kind for this request, stored or from `make`, which is then stored.
+
+        It is the same on every rank; collective.
+        """
         file = self._file(kind, request)
         stored = self._read(file)
         if stored is not None:
@@ -173,9 +178,10 @@ class Cache:
         return array
 
     def system_of(self, scene: Scene, make: Callable[[], System]) -> System:
-        """The reduced system of a scene of any structure; on every rank, collective.
+        """Return the reduced system of a scene of any structure, stored or from `make`, which is then stored.
 
-        That supports and pads leave it free to move is kept, too: to find it takes the full models.
+        It is the same on every rank; collective.  A NotHeldError of `make`, that supports and pads leave the scene free
+        to move, is stored too and raised again: finding it takes the full models.
         """
         request = self._of_system(scene)
         file, unheld = self._file("system", request), self._file("unheld", request | {"end": scene.time.end})
@@ -192,14 +198,20 @@ class Cache:
         return system
 
     def _of_system(self, scene: Scene) -> dict[str, Any]:
+        """Request by which a scene's system is stored."""
         path = scene.travel if ALONE in scene.bodies else None  # joints are part of the structure
         return {"scene": structure_in(scene), "path": path}
 
     def _file(self, kind: str, request: Mapping[str, Any]) -> Path:
+        """File of that kind for this request."""
         text = repr((self.content, sorted(request.items())))
         return self.folder / f"{kind}-{hashlib.blake2b(text.encode(), digest_size=12).hexdigest()}.npz"
 
     def _load_body(self, file: Path, arrays: Mapping[str, NDArray[Any]]) -> ReducedBody | None:
+        """Body from the model in `file` and stored `arrays` (S, V, omega, ...); None if the model's file can't be used.
+
+        Collective.
+        """
         model = self._loaded_by(ReducedModel.load, file)
         if model is None:
             return None
@@ -210,7 +222,10 @@ class Cache:
         return ReducedBody(snapshots, Basis(V, arrays["sigma"], str(arrays["product"])), model)
 
     def _loaded_by(self, load: Callable[[Path], Kept], file: Path) -> Kept | None:
-        """Load the file beside another one on every rank; None where it isn't sound."""
+        """Content of the file of the model or system that belongs to `file`, on every rank; None if it is not sound.
+
+        Collective.
+        """
         loaded = None
         if self.model.comm.rank == 0:
             try:
@@ -221,7 +236,7 @@ class Cache:
         return everywhere
 
     def _read(self, file: Path) -> dict[str, NDArray[Any]] | None:
-        """On every rank; None where there is no such file, or none that is sound."""
+        """Arrays of a file, on every rank; None if there is no such file or it is damaged.  Collective."""
         arrays = None
         if self.model.comm.rank == 0 and file.is_file():
             try:
@@ -236,6 +251,10 @@ class Cache:
     def _write(
         self, file: Path, arrays: Mapping[str, NDArray[Any]], model: ReducedModel | System | None = None
     ) -> None:
+        """Write arrays to `file`, and a model or system to its own file; on rank 0 only.
+
+        If there is no room, a warning is logged.
+        """
         if self.model.comm.rank != 0:
             return
         try:
@@ -246,7 +265,7 @@ class Cache:
             _log.warning("not kept: %s", error)
 
     def _whole(self, tall_matrix: Any) -> Array:
-        """All rows on rank 0; on other ranks their own."""
+        """All rows of a distributed matrix on rank 0; an empty array on other ranks."""
         shares = self.model.comm.gather(np.array(tall_matrix.getDenseArray()))
         return np.concatenate(shares) if shares is not None else np.empty((0, 0))
 
@@ -254,7 +273,7 @@ class Cache:
 def cache_in(folder: Path, model: FullModel) -> Cache:
     """Cache of a model that was just assembled; collective.
 
-    Raises an `InputError` if the folder can't be made.
+    An InputError is raised if the folder can't be created.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -265,5 +284,5 @@ def cache_in(folder: Path, model: FullModel) -> Cache:
 
 
 def _model_file(file: Path) -> Path:
-    """File of the reduced model or system."""
+    """File of the reduced model or system that belongs to `file`."""
     return file.with_name(f"{file.stem}-reduced.npz")

@@ -1,26 +1,24 @@
-r"""A body with its sliders and pads released: rigid-body modes, one factor, and reactions of its supports.
-
-A body on its fixed rows, its sliders and pads released: rigid-body modes, and one factor for all that bends.
+r"""A body with its sliders and pads released: rigid-body modes, one factor for all solves, reactions of its supports.
 
 .. math::
     P = I - Z Z^T M, \qquad P\, K^+ P^T
 
-Z spans the rigid-body modes that the fixed rows leave.  P^T makes a load self-equilibrated, so K^+ may be a solve with
-the rigid-body modes held at any statically determinate set of coordinates.  Free modes and the flexibility beside them
-take the same factor.  Craig and Kurdila: Fundamentals of Structural Dynamics, 2nd ed., 2006, section 17.6 (inertia
-relief).
+Z spans the rigid-body modes that the fixed rows leave free.  P^T makes a load self-equilibrated, so K^+ may be a solve
+with the rigid-body modes held at any statically determinate set of coordinates.  Free modes and the residual
+flexibility are computed with the same factor.  Craig and Kurdila: Fundamentals of Structural Dynamics, 2nd ed., 2006,
+section 17.6 (inertia relief).
 
-Geometry decides which rigid-body modes there are.  With the rigid motions R of the body, M-orthonormal, and all that
-measures them in one place, clamps and springs H and fixed rows C,
+Geometry decides which rigid-body modes there are.  With the rigid motions R of the body, M-orthonormal, and the rows
+that measure them in one place, clamps and springs H and fixed rows C,
 
 .. math::
     Z = R\, N, \qquad \begin{pmatrix} H \\ C R \end{pmatrix} N = 0, \qquad Z^T M Z = I
 
-N is a null space of six columns at most, each row scaled to unit length.  No eigenvalue is asked whether it is zero:
-what round-off leaves of one depends on lengths, meshes and the machine, and may be nearer to a soft mode than to
-nothing.  Z is rigid to the last digit, which computed eigenvectors are not.
+N is a null space of at most six columns, with each row scaled to unit length.  No eigenvalue has to be recognised as
+zero: its round-off depends on lengths, meshes and the machine, and may be closer to a soft mode than to zero.  Z is
+rigid to the last digit, which computed eigenvectors are not.
 
-Static motions of a full model's rigid supports, and with them the reactions of a reduced one.
+The module also has the static motions of a full model's rigid supports, and from them the reactions of a reduced model.
 """
 
 from __future__ import annotations
@@ -48,7 +46,10 @@ Array = NDArray[np.float64]
 
 
 class FreeBody:
-    """Z, M Z and K^+ of a model; factorised when a solve first asks for it, and again after `drop`.  Collective."""
+    """Z, M Z and K^+ of a model, factorised for the first solve, and again for the first one after `drop`.
+
+    All of its methods are collective.
+    """
 
     def __init__(self, model: FullModel, choice: str = "auto") -> None:
         self.model, self.choice = model, choice
@@ -56,20 +57,24 @@ class FreeBody:
 
     @property
     def comm(self) -> Any:
+        """Communicator of the model."""
         return self.model.comm
 
     @cached_property
     def Z(self) -> Array:
-        """Rigid-body modes, M-orthonormal, this rank's rows (n_local, c)."""
+        """This rank's rows (n_local, c) of the c rigid-body modes, M-orthonormal."""
         return np.asfortranarray(rigid_modes(self.model))
 
     @cached_property
     def MZ(self) -> Array:
-        """M Z, this rank's rows (n_local, c)."""
+        """This rank's rows (n_local, c) of M Z."""
         return times(self.model.M, self.Z)
 
     def rigid(self, local: Array) -> NDArray[np.bool_]:
-        """Which columns (k,), given by this rank's rows, are motions of a rigid body that the fixed supports allow."""
+        """Which of k vectors are combinations of the rigid-body modes, (k,); `local` (n_local, k) are this rank's rows.
+
+        Collective.
+        """
         dual = times(self.model.M, local)
         share = inner(self.Z, dual, self.comm)
         products = (local - self.Z @ share) * (dual - self.MZ @ share), local * dual
@@ -77,16 +82,19 @@ class FreeBody:
         return np.asarray(far <= RIGID**2 * size)
 
     def solve(self, g: Array) -> Array:
-        """K^+ g, this rank's rows (n_local, k), of self-equilibrated loads given likewise, which may be overwritten."""
+        """This rank's rows (n_local, k) of K^+ g, for self-equilibrated loads g (n_local, k).
+
+        g may be overwritten.
+        """
         if self._solver is None:
             rows = [*fixed_rows(self.model), *_anchors(self.model, self.Z)]
             self._solver = static_solver(self.model, rows, self.choice)
         return self._solver.solve(g)
 
     def elastic(self, count: int) -> Pairs:
-        r"""1/omega^2 and modes of the `count` lowest elastic modes, fewer if there are no more.
+        """1/omega^2 and vectors of the `count` lowest elastic modes, fewer if there are no more.
 
-        Raises ConvergenceError if fewer converge.
+        ConvergenceError is raised if fewer converge.
         """
         first, last = self.model.M.getOwnershipRange()
         loads = np.random.default_rng(7).uniform(-1.0, 1.0, (self.model.size, BLOCK))[first:last]
@@ -94,13 +102,13 @@ class FreeBody:
         return largest(self._relieve, self.model.M, self._relieve(np.asfortranarray(loads)), count, dimension)
 
     def drop(self) -> None:
-        """Give the factor's memory back."""
+        """Free the memory of the factor."""
         if self._solver is not None:
             self._solver.destroy()
         self._solver = None
 
     def _relieve(self, g: Array) -> Array:
-        """P K^+ P^T g of columns in Fortran's order."""
+        """This rank's rows of P K^+ P^T g for loads g (n_local, k), in Fortran's order."""
         g = g.copy(order="F")
         subtract(g, self.MZ, inner(self.Z, g, self.model.comm))
         x = np.asfortranarray(self.solve(g))
@@ -109,9 +117,9 @@ class FreeBody:
 
 
 def _anchors(model: FullModel, Z: Array) -> list[Row]:
-    """Rows that hold as many coordinates as there are rigid-body modes Z, those that pin them down best.
+    """Rows that hold one coordinate for each of the rigid-body modes Z, those that determine them best.
 
-    Pivoted QR of the modes, each coordinate weighted by the square root of its mass.
+    They are chosen by pivoted QR of the modes, each coordinate weighted by the square root of its mass.
     """
     if Z.shape[1] == 0:
         return []
@@ -121,24 +129,24 @@ def _anchors(model: FullModel, Z: Array) -> list[Row]:
     return [fixed_row(f"coordinate {i}", carrier(i, 1.0, model.size), model.rows.domain) for i in pivots]
 
 
-#: A motion that rows of unit length measure by less is free.  Rows know a rigid motion to some 1e-13; two supports a
-#: millimetre apart hold a boom of 100 m by 1e-5.
+#: Largest value of rows of unit length for a motion that counts as free.  Round-off in it is about 1e-13; for two
+#: supports a millimetre apart on a boom of 100 m it is 1e-5.
 HELD = 1e-9
 
-#: A vector whose distance from the rigid-body modes is a smaller share of it is one of them: exact ones have 1e-15,
-#: what is M-orthogonal to them has 1.
+#: Distance of a vector from the span of the rigid-body modes, over its size, up to which it is in the span: for exact
+#: ones it is 1e-15, for vectors that are M-orthogonal to them 1.
 RIGID = 1e-6
 
 
 def fixed_rows(model: FullModel) -> tuple[Row, ...]:
-    """The rows that always hold, in one place: what holds the body while its sliders and pads are released."""
+    """Rows that are rigid, hold both ways and don't depend on s: they hold the body with sliders and pads released."""
     return tuple(row for row in model.rows.rows if row.fixed)
 
 
 def rigid_modes(model: FullModel) -> Array:
-    """Rigid-body modes that the fixed supports leave free, M-orthonormal, this rank's rows (n_local, c); collective.
+    """This rank's rows (n_local, c) of the rigid-body modes that fixed supports leave free, M-orthonormal; collective.
 
-    Raises ValueError if the model does not know its rigid motions.
+    ValueError is raised if the model's rigid motions are not known.
     """
     if model.rigid is None:
         raise ValueError("the model's rigid motions are not known, nor which of them its supports hold")
@@ -150,14 +158,14 @@ def rigid_modes(model: FullModel) -> Array:
 
 
 def _motion_measures(model: FullModel, R: Array) -> Array:
-    """Measures of each motion by the fixed rows, (h, k)."""
+    """Value (h, k) of each of h fixed rows for each of k motions R, given by this rank's rows."""
     first = model.M.getOwnershipRange()[0]
     rows = [row.project(R, first).c[-1, 0] for row in fixed_rows(model)]
     return np.asarray(model.comm.allreduce(np.reshape(rows, (len(rows), R.shape[1]))))
 
 
 def _free(rows: Array) -> Array:
-    """Orthonormal combinations (k, c) of k motions that no row (h, k) measures."""
+    """Orthonormal combinations (k, c) of k motions for which all rows (h, k) are zero."""
     size = np.linalg.norm(rows, axis=1, keepdims=True)
     scaled = rows[size[:, 0] > 0.0] / size[size[:, 0] > 0.0]
     count = rows.shape[1]
@@ -168,14 +176,16 @@ def _free(rows: Array) -> Array:
 
 
 def support_motions(body: FreeBody) -> Array | None:
-    r"""Phi with C_f Phi = I, Phi^T K q = 0 wherever C_f q = 0, and Z^T M Phi = 0; None without rigid supports.
+    r"""Unit motions Phi of h rigid supports, this rank's rows (n_local, h); None without rigid supports; collective.
+
+    They satisfy C_f Phi = I, Phi^T K q = 0 for all q with C_f q = 0, and Z^T M Phi = 0:
 
     .. math::
         \Phi = P (\Phi_0 - K^+ K \Phi_0), \qquad \Phi_0 = R N + C_f^T (C_f C_f^T)^{-1} (I - C_f R N), \qquad
         N = (C_f R)^+
 
-    with R the rigid motions: where these do all, as on statically determinate supports, nothing is solved.  This
-    rank's rows (n_local, h); collective.
+    with the rigid motions R.  If rigid motions are enough, as on statically determinate supports, no solve is needed.
+    None is also returned if the model's rigid motions are not known.
     """
     model = body.model
     held = fixed_rows(model)
@@ -197,7 +207,10 @@ def support_motions(body: FreeBody) -> Array | None:
 
 
 def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Array | None) -> ReducedModel:
-    """The model on the basis V, given by this rank's rows as `motions` of its supports are, that tells their forces."""
+    """Return the model on the basis V with the reactions of its rigid supports; unchanged if `motions` is None.
+
+    V (n_local, r) and the supports' unit motions (n_local, h) are given by this rank's rows; collective.
+    """
     if motions is None:
         return reduced
     model, held = body.model, fixed_rows(body.model)
@@ -236,13 +249,16 @@ def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Arr
 
 
 def _work_on_motions(reduced: ReducedModel, model: FullModel, V: Array, motions: Array) -> dict[str, Array]:
-    """Work (h, .) of the model's matrices on the motions: on V, and on all that the carriers' matrices are on."""
+    """Work (h, columns) of the model's matrices on the supports' motions, by name: on the vectors V.
+
+    If the carriers have this work on all vectors of their own matrices, that is returned.
+    """
     if reduced.carriers is not None and reduced.carriers.supports:
         return dict(reduced.carriers.supports)
     return {name: inner(motions, times(A, V), model.comm) for name, A in model.matrices.items()}
 
 
 def _carrier_motions(model: FullModel, motions: Array) -> Array:
-    """U Phi (K, h) on the carriers of the rows that are no rigid supports."""
+    """Motions U Phi (K, h) of the carriers of all rows that are no rigid supports."""
     U = Rows(tuple(row for row in model.rows.rows if not row.fixed), model.size).shared.carriers
     return np.asarray(model.comm.allreduce(U[:, model.share] @ motions))

@@ -1,8 +1,6 @@
-"""The basis that a scene asks for, from snapshots or the user's vectors, and its residual flexibility.
+"""The reduction that a scene asks for: snapshots or the user's vectors, their basis, and its residual flexibility.
 
-What a scene asks of its reduction: snapshots, basis, and the flexibility that the basis leaves out.
-
-A basis of one's own: vectors from a file or of an installed package, orthonormal in their order.
+Vectors of the user's own come from a file, an array, or an installed package; they are made orthonormal in their order.
 """
 
 from __future__ import annotations
@@ -34,14 +32,14 @@ from pmr.scene.run_settings import OwnBasis
 Array = NDArray[np.float64]
 #: Vectors (n, k) on the coordinates of a full model, or a function of the model that returns this rank's rows of them.
 Vectors: TypeAlias = Array | Callable[[FullModel], Array]
-#: A vector of which a smaller share is left beside those before it depends on them.
+#: Share of a vector that is left, orthogonal to those before it, up to which it depends on them.
 DEPENDENT = 1e-10
 
 
 def given_vectors(model: FullModel, file: Path) -> Snapshots:
     """Vectors (n, k) on the full model's coordinates: the array ``V`` of an npz file, read by every rank.
 
-    Raises an `InputError` if the file holds no such array, or entries that are not finite.
+    An InputError is raised if the file has no such array, or entries that are not finite.
     """
     try:
         V = np.asarray(npz.read(file)["V"], dtype=float)
@@ -56,9 +54,9 @@ def given_vectors(model: FullModel, file: Path) -> Snapshots:
 
 
 def vectors_of(model: FullModel, basis: Vectors) -> Snapshots:
-    """Snapshots from an array (n, k) on all coordinates of the full model, or from what a function makes of the model.
+    """Snapshots from `basis`: an array (n, k), or a function that gets the full model and returns vectors.
 
-    Every rank has the whole array. A function returns this rank's rows (n_local, k) alone.
+    Every rank has the whole array; a function returns this rank's rows (n_local, k) only.
 
     Raises
     ------
@@ -78,11 +76,10 @@ def vectors_of(model: FullModel, basis: Vectors) -> Snapshots:
 
 
 def offered_vectors(model: FullModel, choice: Reduction) -> Snapshots:
-    """Vectors by a function of an installed package, an entry point `pmr.bases` of the basis' name; collective.
+    """Vectors from a function of an installed package, the entry point `pmr.bases` with the basis' name; collective.
 
-    It gets the model and what the scene says of the reduction, and returns this rank's rows (n_local, k) of vectors.
-
-    Raises an `InputError` if there is none of that name, or it returns anything else.
+    It gets the model and the scene's `choice` of a reduction, and returns this rank's rows (n_local, k) of vectors.  An
+    InputError is raised if there is no such function, it fails, or it returns anything else.
     """
     make = environment.one_of("pmr.bases", choice.basis, frozenset(get_args(OwnBasis)))
     if not callable(make):
@@ -103,18 +100,19 @@ def offered_vectors(model: FullModel, choice: Reduction) -> Snapshots:
 
 
 def _snapshots(model: FullModel, local: Array, source: str) -> Snapshots:
-    """Snapshots of vectors of which nothing is known but this rank's rows."""
+    """Snapshots from this rank's rows (n_local, k) of vectors of which nothing else is known.
+
+    Their frequencies, positions and residuals are NaN.
+    """
     unknown = np.full(local.shape[1], np.nan)
     return Snapshots.of(np.ascontiguousarray(local), model, unknown, unknown, unknown, source)
 
 
 def given_basis(model: FullModel, vectors: Snapshots, choice: Reduction, size: int | None) -> Basis:
-    """The first `size` of the vectors, or all independent ones, each made orthonormal to those before it; collective.
+    """The first `size` independent vectors (None: all), each made orthonormal to those before it; collective.
 
-    Where flexibility is added, rigid-body modes come first: it can't stand in for them.  All singular values are 1, for
-    nothing is known of how much a vector weighs.
-
-    Raises an `InputError` if there are fewer vectors, or one depends on those before it.
+    If flexibility is added, rigid-body modes come first, because it can't replace them.  All singular values are 1: the
+    vectors have no known weight.  An InputError is raised if there are fewer independent vectors.
     """
     V = np.array(vectors.S.getDenseArray())
     largest = np.max(model.comm.allgather(np.abs(V).max(axis=0, initial=0.0)), axis=0)
@@ -141,10 +139,12 @@ def given_basis(model: FullModel, vectors: Snapshots, choice: Reduction, size: i
 
 
 def _weigh(model: FullModel, v: Array, in_mass: bool) -> Array:
+    """Product M v (n_local, 1), or v itself unless `in_mass`, of a vector v (n_local,)."""
     return times(model.M, v[:, None]) if in_mass else v[:, None]
 
 
 def _size(model: FullModel, v: Array, in_mass: bool) -> float:
+    """Norm of a vector v (n_local,) in the mass product, or in the Euclidean one."""
     return float(np.sqrt(inner(v[:, None], _weigh(model, v, in_mass), model.comm).item()))
 
 
@@ -153,19 +153,19 @@ ARRAY = "array"
 #: Modes beyond the coordinates with which the error is estimated: attachment modes have what these
 #: leave out.
 ENRICHMENT_MODES = 4
-#: The same of a body alone, and of each of several sections, where a tolerance or a budget is given: among so many the
-#: smallest model is looked for.
+#: Such modes of a single body, and of each of several sections, if a tolerance or a budget is given: the search for
+#: the smallest model chooses among them.
 SEARCHED_MODES, SEARCHED_OF_SECTIONS = 38, 16
 
 
 def take_snapshots(
     scene: Scene, model: FullModel, body: FreeBody | None = None, vectors: Vectors | None = None
 ) -> Snapshots:
-    """Eigenmodes with the slider held at several positions, or with the sliders released; or vectors from outside.
+    """Snapshots that the scene asks for, or the user's `vectors`.
 
-    Vectors from outside are those of a file or of an installed package, or the `vectors` themselves.
-
-    Raises an `InputError` if the mesh can't give what is asked for, and a `ConvergenceError` if a solver fails.
+    They are eigenmodes with the slider held at several positions (POD), free modes with the sliders released, or
+    vectors from a file or an installed package.  An InputError is raised if the mesh can't have what is asked for, and
+    a ConvergenceError if a solver fails.
     """
     if vectors is not None:
         return vectors_of(model, vectors)
@@ -181,9 +181,10 @@ def take_snapshots(
 
 
 def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
-    """The POD of the snapshots, with the rigid-body modes where flexibility is added; free modes as they are.
+    """Basis of the snapshots, as the scene asks for it: their POD, free modes as they are, or the user's vectors.
 
-    Raises an `InputError` if the snapshots span too little.
+    A POD basis and the user's vectors get the rigid-body modes as first vectors if flexibility is added.  An InputError
+    is raised if the snapshots span too little.
     """
     choice = scene.reduction
     if choice.given:
@@ -196,7 +197,7 @@ def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
 
 
 def provenance(scene: Scene, basis: Basis, number: int = 0) -> dict[str, Any]:
-    """Provenance of the reduced model of one of a scene's bodies."""
+    """Provenance of the reduced model of the body with that number in the scene."""
     member, recorded = member_at(scene, number), scene.provenance
     if member.part.reduction.basis == ARRAY:  # the scene's own reduction does not describe the model
         recorded = recorded | {"scene": {key: value for key, value in recorded["scene"].items() if key != "reduction"}}
@@ -215,7 +216,10 @@ def provenance(scene: Scene, basis: Basis, number: int = 0) -> dict[str, Any]:
 
 
 def summary(scene: Scene, models: Mapping[str, FullModel], bodies: Mapping[str, ReducedBody]) -> dict[str, Any]:
-    """``basis`` of summary.json; `carriers` are how many places of loads the rows of a body alone touch on its path."""
+    """Entry ``basis`` of summary.json.
+
+    For a single body, ``carriers`` is the number of carriers that its rows touch on the path.
+    """
     if ALONE not in bodies:
         return {"basis": {"kind": "free modes of every section, with residual flexibility"}}
     body = bodies[ALONE]
@@ -233,16 +237,16 @@ def summary(scene: Scene, models: Mapping[str, FullModel], bodies: Mapping[str, 
 
 
 def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
-    """The reduced model, with tables of the flexibility that the basis leaves out where the scene asks for it.
+    """Reduced model of the body on that basis, as the scene asks for it.
 
-    An error is estimated by what is left out between the carriers of its rows (`pmr.compare.estimate`).
-
-    Raises an `InputError` if rows depend on each other.
+    It has enrichment modes and inertia on carriers if an error is estimated (`pmr.compare.estimate`) or terms may act,
+    or else tables of the residual flexibility if the scene asks for these.  An InputError is raised if rows depend on
+    each other.
     """
     choice = scene.reduction
     if enrichment_of(scene, choice, body.model):
         reduced_body = section_model(body, basis, provenance, choice.coordinates)
-        check_independence(reduced_body)  # on one path all rows are
+        check_independence(reduced_body)  # as all rows have the same path coordinate
         return reduced_body
     if choice.flexibility:
         return flexible_model(body, basis, provenance)
@@ -251,10 +255,11 @@ def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, An
 
 
 def enrichment_of(scene: Scene, choice: Reduction, model: FullModel) -> int:
-    """Modes beyond the coordinates: those that estimate the error, or follow without inertia where terms act.
+    """Number of modes beyond the coordinates, by which the error is estimated or which follow terms without inertia.
 
-    Where many are asked for, a quarter of all modes of a coarse mesh is left at least: attachment modes need the
-    flexibility.  Rigid sliders and pads need some of it, too (`pmr.reduction.snapshots`).
+    If a tolerance or a budget is given, many are asked for; at least a quarter of all modes of a coarse mesh is then
+    left, because attachment modes need the flexibility.  Rigid sliders and pads need some of it too
+    (`pmr.reduction.snapshots`).
     """
     if choice.estimable and scene.goal is not None:
         searched = SEARCHED_MODES if ALONE in scene.bodies else SEARCHED_OF_SECTIONS
@@ -265,9 +270,9 @@ def enrichment_of(scene: Scene, choice: Reduction, model: FullModel) -> int:
 
 
 def with_array_basis(scene: Scene) -> Scene:
-    """The scene of one body whose basis is an array of vectors; `reduction` keeps its product and its flexibility.
+    """Return the scene of a single body whose basis is an array; its `reduction` keeps product and flexibility.
 
-    Raises an `InputError` for a boom of sections: its basis consists of free modes.
+    An InputError is raised for a boom of sections, whose bases consist of free modes.
     """
     if ALONE not in scene.bodies:
         allowed = "a scene of one body is allowed with a basis: sections are reduced to free modes"
@@ -282,7 +287,7 @@ def may_be_stressed(scene: Scene) -> bool:
 
 
 def description(choice: Reduction, basis: Basis) -> str:
-    """The basis in words."""
+    """The basis in words, with the unit of the coordinates."""
     if choice.given:
         rigid = "rigid-body modes and " if choice.flexibility else ""
         of = {"file": "from a file", ARRAY: "given as an array"}.get(choice.basis, f"of {choice.basis}")

@@ -1,18 +1,16 @@
-r"""A scene's body as other programs take it: held at a place of its sliders, on frames or on nodes.
+r"""A scene's body held at one position of its sliders, as other programs read it: on nodes, or on frames.
 
-A scene's body held at a place of its sliders, in coordinates of frames: Craig and Bampton's reduction.
-
-Everything that holds the body at s is attached to a frame of its own, the ground.  With its motion u_g, the motions u
-of the other frames, which G measures on the body, rigid motions R and those of the frames R_f, the body moves by
+`held_body` is on nodes with three displacements each.  `framed_body` is in coordinates of frames, by Craig and
+Bampton's reduction: all that holds the body at s is attached to a frame of its own, the ground.  With the motion u_g of
+the ground, the motions u of the other frames, which G measures on the body, the rigid motions R and those of the frames
+R_f, the body moves by
 
 .. math::
     q = R u_g + w, \qquad w = \Psi (u - R_f u_g) + \Phi \eta, \qquad
     \Psi = K^{-1} G^T (G K^{-1} G^T)^{-1}
 
-Psi is what w, on its pads and supports, does statically under forces on the frames; Phi are the lowest modes with all
-frames held.  Craig and Bampton: Coupling of substructures for dynamic analyses, AIAA Journal 6, 1968, pp. 1313-1319.
-
-A scene's body held at a place of its sliders, on nodes with three displacements each.
+Psi is the static response, on pads and supports, to motions of the frames; Phi are the lowest modes with all frames
+held.  Craig and Bampton: Coupling of substructures for dynamic analyses, AIAA Journal 6, 1968, pp. 1313-1319.
 """
 
 from __future__ import annotations
@@ -46,13 +44,13 @@ Indices = NDArray[np.int64]
 
 
 def held_body(scene: Scene, s: float, count: int) -> NodalBody:
-    """The body of a scene with its sliders at s (m), and its lowest modes there; on one rank.
+    """Body of a scene with its sliders at s (m), on nodes, with its `count` lowest modes; on one rank.
 
     Raises
     ------
     InputError
-        If nodes have other coordinates than three displacements, there are masses, which the other program attaches by
-        itself, or rows that only push, or s lies off the path.
+        If nodes have coordinates other than three displacements, if there are masses, which the other program has to
+        attach itself, if a row only pushes, or if s is outside the path.
     """
     if scene.masses:
         allowed = "none is allowed: a flexible body is what they are attached to, in the program that reads it"
@@ -83,12 +81,12 @@ def held_body(scene: Scene, s: float, count: int) -> NodalBody:
 
 
 def built_at(scene: Scene, s: float) -> Built:
-    """The full model of a scene on one rank, to be held with its sliders at s (m).
+    """Full model of a scene on one rank, to be held with its sliders at s (m).
 
     Raises
     ------
     InputError
-        If s lies off the path, or a row only pushes.
+        If s is outside the path, or a row only pushes.
     """
     built = build(scene, MPI.COMM_SELF)
     low, high = built.model.rows.domain
@@ -102,12 +100,12 @@ def built_at(scene: Scene, s: float) -> Built:
 
 
 def nodes_of(model: StructuralModel) -> Indices:
-    """Numbers (N, 3) of the coordinates along x, y and z of each node.
+    """Numbers (N, 3) of the coordinates along x, y and z of each of N nodes.
 
     Raises
     ------
     InputError
-        If a node has others.
+        If a node has other coordinates.
     """
     if is_assembled(model):
         from pmr.models.solid import Solid  # its forms need FEniCSx, which given matrices do without
@@ -125,7 +123,7 @@ def nodes_of(model: StructuralModel) -> Indices:
 
 
 def _springs(structure: Structure, s: float) -> sp.csr_matrix:
-    """Sum of c^T c / compliance of all that gives way, on the model's coordinates."""
+    """Sum of c^T c / compliance of all supports and pads with a stiffness at s, on the model's coordinates; sparse."""
     size = structure.model.size
     restraints = restrain(structure.pads, structure.model, sp.eye(size, format="csr"))
     K = restraints.stiffness(size)
@@ -137,7 +135,7 @@ def _springs(structure: Structure, s: float) -> sp.csr_matrix:
 
 
 def _places(structure: Structure, q: Array) -> Places:
-    """Places where loads act and motions are observed."""
+    """Points where loads act and outputs are measured, with their motions in the modes q (n, count)."""
     model = structure.model
     actions = [action for action in (*structure.loads, *structure.outputs) if isinstance(action, Action)]
     places = list(dict.fromkeys(action.on for action in actions))
@@ -156,28 +154,28 @@ def _places(structure: Structure, q: Array) -> Places:
     )
 
 
-#: Places that are nearer to each other than this share of their distance from the origin are one frame.
+#: Distance between points, over their distance from the origin, up to which they are one frame.
 APART = 1e-9
-#: A body whose lowest omega^2 is less than this share of what is expected of it is not held.
+#: Lowest omega^2 over the square of the reference frequency, below which a body is not held.
 FREE = 1e-8
 
 
 @dataclass(frozen=True)
 class _Held:
-    """A model with its sliders at s: its springs are in K, its rigid rows no longer move."""
+    """Full model with its sliders at s: the stiffness of its springs is in K, its rigid rows don't depend on s."""
 
     full: FullModel
     rows: tuple[Row, ...]
 
 
 def framed_body(scene: Scene, s: float, count: int) -> FramedBody:
-    """The body with its sliders at s (m): frames where loads act and at the tip, `count` modes; on one rank.
+    """Body of a scene with its sliders at s (m): frames where loads act and at the tip, and `count` modes; on one rank.
 
     Raises
     ------
     InputError
-        If the body moves in a plane, nothing holds it, a row only pushes, s lies off the path, or a place has no
-        rotation or moves with what is held.
+        If the body moves in a plane, nothing holds it, a row only pushes, s is outside the path, or a frame's point has
+        no rotation or is held.
     ConvergenceError
         If the modes do not converge.
     """
@@ -216,6 +214,7 @@ def framed_body(scene: Scene, s: float, count: int) -> FramedBody:
 
 
 def _hold_body(built: Built, s: float) -> _Held:
+    """Full model of `built` held with its sliders at s (m)."""
     full, C = built.model, built.model.rows.at(s)
     soft = np.flatnonzero(full.row_compliance)
     springs = C[soft].T @ sp.diags(1.0 / full.row_compliance[soft]) @ C[soft]
@@ -228,7 +227,7 @@ def _hold_body(built: Built, s: float) -> _Held:
 
 
 def _static(held: _Held, G: sp.csr_matrix, solver: str) -> Array:
-    """Psi (n, 6 F)."""
+    """Static response Psi (n, 6 F) to unit motions G (6 F, n) of F frames."""
     try:
         static = static_solver(held.full, held.rows, solver)
     except SingularError:
@@ -244,12 +243,13 @@ def _static(held: _Held, G: sp.csr_matrix, solver: str) -> Array:
 
 
 def _not_held() -> InputError:
+    """Error that supports and pads do not hold the body."""
     allowed = "pads and supports that hold the body at s in all directions are allowed: they join it to the first frame"
     return InputError("scene", "supports", None, allowed)
 
 
 def _named_places(scene: Scene, model: StructuralModel) -> list[str | float]:
-    """Places where loads act and the tip, each point once."""
+    """Points where loads act, and the tip; points that coincide are listed once."""
     points: dict[str | float, Array] = {}
     for place in (*(load.on for load in scene.loads), scene.observe.tip):
         point = model.centroid(place)

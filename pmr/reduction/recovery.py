@@ -1,19 +1,18 @@
 r"""Full coordinates, fields and stresses of a scene's bodies from reduced states.
 
-What is seen of a body's states: displacements of its points, stresses of its cells, where the largest one sits.
-
-Full coordinates from reduced ones, at chosen times.
+At chosen times the full coordinates are
 
 .. math:: q = V p + R\, (B f - C(s)^T z)
 
-R is the flexibility that the basis leaves out, applied by one factorisation to the loads of the chosen times; without
-residual flexibility q = V p.  z are the multipliers.  What the model says of its outputs, O V p + W f - X z, is then
+with the multipliers z and the flexibility R that the basis leaves out, which is applied with one factorisation to the
+loads of these times; without residual flexibility q = V p.  The outputs of the reduced model, O V p + W f - X z, equal
 O q.
 
 Velocities are V p': those of the residual part follow from rates of the multipliers, which jump wherever the path or a
 load has a kink (`pmr.compare.outputs`; docs/moving_residual_flexibility.md, sections 2, 5 and 11).
 
-Fields and stresses that a scene asks for, from reduced models and, beside them, full ones.
+From the coordinates follow displacements of the body's points, stresses of its cells and the largest stress, as a scene
+asks for them, for reduced models and, if their states are known, for full ones.
 """
 
 from __future__ import annotations
@@ -48,27 +47,28 @@ from pmr.system.states import BodyStates
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Times recovered at once; bounds memory at some multiples of this many vectors of full length.
+#: States recovered at once: a few times as many vectors of full length are in memory.
 BLOCK = 64
 
 
 class Recovery:
-    """Recovers states of a full model; every method is collective.
+    """Recovery of full coordinates q from states of a reduced model; every method is collective.
 
     Parameters
     ----------
     model : FullModel
+        The full model, with n coordinates.
     V : (n_local, k) array
         This rank's rows of the basis; its first columns are the reduced model's modes, without those of a cylinder.
     reduced : ReducedModel
         The same on every rank.
     solver : ``"auto"``, ``"dense"`` or ``"slepc"``
-        As for the residual flexibility's tables.
+        As for the tables of the residual flexibility.
 
     Attributes
     ----------
     V : (n_local, r) array
-        This rank's rows of all coordinates of the reduced model.
+        This rank's rows of the vectors of all coordinates of the reduced model.
     """
 
     def __init__(
@@ -93,10 +93,14 @@ class Recovery:
 
     @property
     def comm(self) -> Any:
+        """Communicator of the model."""
         return self._model.comm
 
     def _of_cylinder(self, modal: ResidualFlexibility) -> Array:
-        """The coordinates after the modes, this rank's rows: what answers the force at the body's tail."""
+        """This rank's rows (n_local, a) of the vectors of the a cylinder modes.
+
+        They are combinations of responses to a force at the body's tail.
+        """
         carriers, model = self.reduced.carriers, self._model
         assert carriers is not None and carriers.answers is not None
         tail = model.rows.rows[model.rows.names.index(TAIL)]
@@ -104,23 +108,24 @@ class Recovery:
         return modal.powers(tail.at(tail.breaks[0]).toarray()[0, self._share], len(turned)) @ turned
 
     def positions(self, states: BodyStates) -> Array:
-        """This rank's rows of q, (S, n_local), of states that are the same on every rank.
+        """This rank's rows of q, (S, n_local), at the times of `states`, which are the same on every rank.
 
-        For many states of a large model ask for `blocks`.
+        For many states of a large model use `blocks`.
         """
         parts = [np.empty((0, len(self.V))), *self.blocks(states)]
         return np.concatenate(parts)
 
     def velocities(self, states: BodyStates) -> Array:
-        """V p', this rank's rows (S, n_local): without the residual part's."""
+        """This rank's rows (S, n_local) of the velocities V p', without those of the residual part."""
         return np.asarray(states.v @ self.V.T)
 
     def blocks(self, states: BodyStates) -> Iterator[Array]:
-        """Positions of at most `BLOCK` states at a time, one block after the other."""
+        """Yield this rank's rows (at most `BLOCK`, n_local) of q for successive blocks of states."""
         for k in range(0, len(states.t), BLOCK):
             yield self._block(states[k : k + BLOCK])
 
     def _block(self, states: BodyStates) -> Array:
+        """This rank's rows (S, n_local) of q."""
         q = states.p @ self.V.T
         if self._residual is not None:
             q += self._residual.apply(self._loads(states)).T
@@ -135,24 +140,26 @@ class Recovery:
         return np.asarray(self._inputs @ states.loads.T - pressed[:, self._share].T.toarray())
 
 
-#: What section forces make in the corners of a profile, as envelopes call it.
+#: Name, in envelopes, of the stress by section forces in the corners of a profile.
 AXIAL_STRESS = "axial stress"
 
 
 class View:
-    """Looks at states that are spread over ranks; every method is collective and says the same on every rank.
+    """Displacements and stresses of a body's states that are distributed over ranks; methods are collective.
+
+    Every method returns the same on every rank.
 
     Parameters
     ----------
     built : Built
-        Whose clamps and rigid masses leave out coordinates of its structural model.
+        The full model, with the clamps and rigid masses that leave out coordinates of its structural model.
     stresses : bool
-        Whether stresses are looked at, where the model has any.
+        Whether stresses are computed, if the model has any.
 
     Raises
     ------
     InputError
-        If its matrices were given: nothing is known of cells then.
+        If the model's matrices were given, because it has no cells then.
     """
 
     def __init__(self, built: Built, stresses: bool = True) -> None:
@@ -170,12 +177,15 @@ class View:
             self.stress_rows = self.forces.stresses
 
     def displacements(self, q: Array) -> Array:
-        """(S, N, 3) in m of the grid's points, from this rank's rows (S, n_local) of the states."""
+        """Displacements (S, N, 3) in m of the grid's N points, from this rank's rows q (S, n_local) of the states."""
         values = self._sum_over_ranks(self._points, q)
         return values.reshape(len(values), len(self.grid.points), 3)
 
     def stresses(self, q: Array, acting: BodyStates | None = None) -> Stresses:
-        """Stresses of coordinates; those of a beam under what acts on it at these times."""
+        """Stresses at S times, from this rank's rows q (S, n_local) of the states.
+
+        A beam's section forces include the loads and contact forces `acting` on it; None if nothing acts.
+        """
         along = None if self.forces is None else self.forces.of(np.hstack(self.comm.allgather(q)), acting)
         if self.stress_rows is None:
             return Stresses(along, None)
@@ -183,7 +193,7 @@ class View:
         return Stresses(along, self.stress_rows.split_by_point(values))
 
     def along(self) -> Running | None:
-        """The envelope of `Stresses.along_beam`, to be filled; None of bodies that are no lines."""
+        """Empty envelope for `Stresses.along_beam`; None for bodies without section forces."""
         if self.forces is None:
             return None
         names, x, rows = self.forces.names, self.forces.x, self.stress_rows
@@ -192,6 +202,7 @@ class View:
         return Running((*names, *[AXIAL_STRESS] * len(rows.points)), np.concatenate([x, rows.points[:, 0]]))
 
     def _sum_over_ranks(self, rows: sp.csr_matrix, q: Array) -> Array:
+        """Values (S, k) of rows (k, n_local) on q (S, n_local), summed over all ranks."""
         values = np.ascontiguousarray((rows @ q.T).T)
         self.comm.Allreduce(MPI.IN_PLACE, values)
         return values
@@ -199,24 +210,25 @@ class View:
 
 @dataclass(frozen=True)
 class Stresses:
-    """At S times; None of what a body does not have."""
+    """Stresses and section forces at S times; None where a body has none."""
 
     forces: Array | None  # (S, P) in N and N m: of a beam, where `SectionForces` has them
     values: Array | None  # (S, p, c) in Pa: at the points of `View.stress_rows`
 
     @property
     def along_beam(self) -> Array:
-        """The section forces with axial stresses behind, (S, P + p)."""
+        """Section forces, then axial stresses, (S, P + p)."""
         assert self.forces is not None
         return self.forces if self.values is None else np.hstack([self.forces, self.values[:, :, 0]])
 
 
 @dataclass(frozen=True)
 class Seen:
-    """The stress history of all states, None where the model has no stresses; fields of some of them.
+    """What is recorded of a body's states: stresses of all states, and fields of some of them.
 
-    `by_region` has the largest stress in each of the grid's regions, `envelope` of a beam forces and moments of its
-    sections, and the axial stress that they make in the profile's corners.
+    `stress` is None if the model has no stresses.  `by_region` has the largest stress in each of the grid's regions.
+    `envelope`, for a beam, has the largest section forces and moments, and the axial stresses by them in the profile's
+    corners; None for other bodies.
     """
 
     stress: StressHistory | None
@@ -233,11 +245,12 @@ def look(
     components: bool = False,
     acting: BodyStates | None = None,
 ) -> Seen:
-    """Go through states once; collective.
+    """Record stresses of all states, and fields of those in `pictures`, going through the states once; collective.
 
     Parameters
     ----------
     view : View
+        Of the body.
     t : (S,) array, s
         Times of the states.
     blocks : iterable of (k, n_local) arrays
@@ -247,7 +260,7 @@ def look(
     components : bool
         Whether their signed stresses are stored too.
     acting : BodyStates, optional
-        Loads and forces of contacts in these states, which beams' section forces take; by default nothing acts.
+        Loads and contact forces of these states, for the section forces of beams; None if nothing acts.
     """
     rows, cells, chosen = view.stress_rows, len(view.grid.cells), np.unique(np.asarray(pictures, np.int64))
     largest, point = np.zeros(len(t)), np.zeros(len(t), np.int64)
@@ -285,14 +298,14 @@ def look(
 
 
 def in_blocks(q: Array) -> Iterator[Array]:
-    """States (S, n_local) a few at a time."""
+    """Yield blocks of at most `BLOCK` states q (S, n_local)."""
     for k in range(0, len(q), BLOCK):
         yield q[k : k + BLOCK]
 
 
 @dataclass(frozen=True)
 class Recovered:
-    """Fields of the reduced model, and of the full one where its states are known."""
+    """Records of a body's reduced model and of its full one, which is None if the full model's states are not known."""
 
     reduced: Seen
     full: Seen | None
@@ -300,7 +313,7 @@ class Recovered:
     def summary(self) -> dict[str, Any]:
         """``max_von_mises`` in Pa, ``stress_peak``, ``stress_by_region`` and ``section_forces``, each by model.
 
-        Of what a body has: a beam without a profile has no stresses, a shell no section forces.
+        What a body does not have is left out: a beam without a profile has no stresses, a shell no section forces.
         """
         peaks = {
             name: model_fields.stress.peak for name, model_fields in self._views() if model_fields.stress is not None
@@ -319,23 +332,24 @@ class Recovered:
         }
 
     def histories(self) -> dict[str, Array]:
-        """Largest von Mises stress (S,) in Pa over the recovered times, of ``reduced`` and ``full``."""
+        """Largest von Mises stress (S,) in Pa at each recovered time, for ``reduced`` and ``full``."""
         return {
             name: model_fields.stress.largest for name, model_fields in self._views() if model_fields.stress is not None
         }
 
     def envelopes(self) -> dict[str, Envelope]:
-        """Along a beam, of ``reduced`` and ``full``."""
+        """Envelopes along a beam, for ``reduced`` and ``full``."""
         return {
             name: model_fields.envelope for name, model_fields in self._views() if model_fields.envelope is not None
         }
 
     def _views(self) -> list[tuple[str, Seen]]:
+        """Names and records of the models that there are."""
         return [("reduced", self.reduced), *([("full", self.full)] if self.full is not None else [])]
 
 
 def recovered_steps(scene: Scene) -> NDArray[np.int64]:
-    """Numbers (S,) of the steps whose states are recovered; empty where the scene asks for none."""
+    """Numbers (S,) of the steps whose states are recovered; empty if the scene does not ask for recovery."""
     if scene.recovery is None:
         return np.empty(0, np.int64)
     return np.arange(0, scene.time.steps + 1, round(scene.recovery.every / scene.time.step))
@@ -343,7 +357,7 @@ def recovered_steps(scene: Scene) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class Looked:
-    """A body's points and cells, and what was seen there of its reduced model."""
+    """View of a body, and what is recorded of its reduced model."""
 
     view: View
     reduced: Seen
@@ -352,9 +366,9 @@ class Looked:
 def of_reduced(
     scene: Scene, built: Mapping[str, Built], bodies: Mapping[str, ReducedBody], states: Mapping[str, BodyStates]
 ) -> dict[str, Looked]:
-    """Fields of the reduced models of a scene's bodies.
+    """Fields and stresses of the reduced models of a scene's bodies, by name; collective.
 
-    They have the `states` at the `recovered_steps`, the same on every rank.
+    `states` are those at the `recovered_steps`, the same on every rank.
     """
     recovery_of_scene, looked = scene.recovery, {}
     assert recovery_of_scene is not None
@@ -371,7 +385,10 @@ def of_reduced(
 
 
 def beside_full(looked: Mapping[str, Looked], full: Mapping[str, BodyStates]) -> dict[str, Recovered]:
-    """Fields beside those of the full models, whose states are this rank's rows; empty without; collective."""
+    """Fields and stresses of reduced and full models, by name; collective.
+
+    `full` has this rank's rows of the full models' states, as far as they are known.
+    """
     return {
         name: Recovered(
             of_body.reduced,

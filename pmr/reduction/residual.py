@@ -1,4 +1,4 @@
-"""A reduced model with the residual flexibility of its basis."""
+"""Reduced models with the residual flexibility that their basis leaves out."""
 
 from __future__ import annotations
 
@@ -37,20 +37,20 @@ from pmr.system.definite import dependence_of_flexibility
 
 Array = NDArray[np.float64]
 
-#: What a basis may leave of a fixed row, over the largest row.
+#: Largest coefficient of a fixed row on a basis that satisfies it, over that of all rows.
 SATISFIED = 1e-6
-#: Rows whose flexibilities, scaled to a unit diagonal, have a smaller eigenvalue depend on each other.
+#: Lowest eigenvalue of the rows' flexibility, scaled to a unit diagonal, below which they depend on each other.
 INDEPENDENT = 1e-9
-#: Couplings of the basis in K and D that exceed the bound of their round-off by less than so many times are none: of
-#: those between eigenmodes up to 30 times the precision of a number was seen.
+#: Couplings of the basis in K and D up to so many times the precision of a number, relative to their terms, are
+#: round-off; between eigenmodes up to 30 times was seen.
 ROUND_OFF = 100.0
 #: Least flexibility of a row over the one that the basis itself has there; see `_with_floor`.
 FLOOR = float(np.sqrt(np.finfo(float).eps))
-#: A row that answers forces, and the basis, by less than this share of what another one does is held by the supports.
+#: Flexibility of a row, and its value on the basis, over the largest, up to which the supports hold it.
 HELD = 1e-12
-#: Of all answers to loads together, up to which matrices of a moving frame and of second order are known between them.
+#: Most entries of all responses to loads together, for the matrices of a moving frame to be computed between them.
 MOST_ENTRIES = 20_000_000
-#: Share of the squares of answers of unit size below which a direction among them is left out.
+#: Eigenvalue of the products of responses of unit size, over the largest, up to which a direction is left out.
 SPANNED = 1e-13
 
 
@@ -62,9 +62,10 @@ def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, Any]) -> 
     body : FreeBody
         Of the full model, with the factor that the basis was made with; the factor is dropped at the end.
     basis : Basis
-        Holds all rigid-body modes that the fixed rows leave free: `pmr.reduction.basis.modal_basis` of free modes, or
-        `pmr.reduction.basis.with_rigid_modes`.
+        Contains all rigid-body modes that the fixed rows leave free: `pmr.reduction.basis.modal_basis` of free modes,
+        or `pmr.reduction.basis.with_rigid_modes`.
     provenance : dict
+        Of the reduced model.
 
     Raises
     ------
@@ -73,9 +74,9 @@ def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, Any]) -> 
 
     Notes
     -----
-    Statics are exact with any basis.  Eigenmodes and what they leave out have no inertia in common; for any other basis
-    that coupling is neglected, at a price while it lacks low modes: the paper's basis, evolved case, is off by 87 % of
-    the beam with 10 coordinates, by 0.17 % with 12 and by 0.020 % with 20.
+    Statics are exact with any basis.  Eigenmodes have no inertia in common with what they leave out; for any other
+    basis this coupling is neglected, which matters as long as low modes are missing: the paper's basis, evolved case,
+    is off by 87 % of the beam with 10 coordinates, by 0.17 % with 12 and by 0.020 % with 20.
     """
     model, shared, residual = body.model, _on_path(body.model), _residual(body, basis)
     reduced = _project(residual, basis, provenance)
@@ -88,13 +89,14 @@ def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, Any]) -> 
 def section_model(
     body: FreeBody, basis: Basis, provenance: dict[str, Any], coordinates: int, motions: Array | None = None
 ) -> ReducedModel:
-    """Model of a section on free modes and carriers.
+    """Model of a section on free modes, with its rows on carriers; collective.
 
-    Modes beyond `coordinates` come with the residual part's inertia on the carriers, by which errors are estimated.
-    Where a cylinder holds its tail, what answers that comes along, and what of it rigid supports bear, by their
+    The first `coordinates` modes are its coordinates, the others its enrichment modes.  If there are any, the model has
+    the inertia of the residual part on the carriers, by which errors are estimated.  If a cylinder holds its tail, the
+    model has the responses to the cylinder's force, and the reactions of rigid supports to these by the supports'
     `motions` (`pmr.reduction.free_body.support_motions`).
 
-    Raises an `InputError` or a `ValueError` as `flexible_model`, and if the basis holds anything but eigenmodes.
+    An InputError is raised as by `flexible_model`, and a ValueError if the basis consists of anything but eigenmodes.
     """
     model, shared, residual = body.model, _on_path(body.model), _residual(body, basis)
     reduced = _project(residual, basis, provenance)
@@ -125,26 +127,29 @@ def section_model(
 
 
 def stiff_model(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
-    """Galerkin projection with `carriers` on any basis, without fixed rows and without what the basis leaves out."""
+    """Galerkin projection on any basis, with `carriers` but without fixed rows and without residual flexibility."""
     fixed = [i for i, row in enumerate(model.rows.rows) if row.fixed]
     reduced, shared = without_rows(galerkin(model, basis, provenance), fixed), released_rows(model).shared
     return replace(reduced, carriers=CarriedRows.of(shared.rows, _carrier_measures(model, shared, basis)))
 
 
 def _carrier_measures(model: FullModel, shared: SharedCarriers, basis: Basis) -> Array:
-    """Measures of a basis on carriers, U V (K, r)."""
+    """Values U V (K, r) of a basis on the K carriers."""
     measured = shared.carriers[:, model.share] @ np.array(basis.V.getDenseArray())
     return np.asarray(model.comm.allreduce(measured))
 
 
 def _tail(shared: SharedCarriers) -> Array | None:
-    """Weights on the carriers (K,) of the cylinder of a section; None without one."""
+    """Weights (K,) on the carriers of the row that a section's cylinder holds; None without a cylinder."""
     tail = next((row for row in shared.rows if row.name == TAIL), None)
     return None if tail is None else np.asarray(tail.weights(tail.breaks[0]).toarray()[0])
 
 
 def _cylinders(residual: ResidualFlexibility, shared: SharedCarriers, flexibility: LoadFlexibility) -> Array | None:
-    """This rank's rows (n_local, n) of what answers the cylinder: nothing where supports do; None without one."""
+    """Responses (n_local, n) to a cylinder's force, this rank's rows; None without a cylinder.
+
+    They are zero if supports hold the body where the cylinder acts.
+    """
     load = _tail(shared)
     if load is None:
         return None
@@ -154,9 +159,10 @@ def _cylinders(residual: ResidualFlexibility, shared: SharedCarriers, flexibilit
 
 
 def _span(residual: ResidualFlexibility, loads: sp.csc_matrix) -> tuple[Array | None, Array]:
-    """Vectors (n_local, p) that span R's answers to loads (n_local, L), and the answers by them (p, L).
+    """Vectors (n_local, p) that span the responses R g to loads g (n_local, L), and the responses in them (p, L).
 
-    None where loads are too many: of a beam p is no more than its degrees of freedom, of a shell up to L.
+    If there are too many loads, the vectors are None and p is 0.  For a beam p is at most its number of coordinates,
+    for a shell at most L.
     """
     model = residual.model
     if model.size * loads.shape[1] > MOST_ENTRIES:
@@ -177,9 +183,11 @@ def _span(residual: ResidualFlexibility, loads: sp.csc_matrix) -> tuple[Array | 
 def _matrices(
     model: FullModel, vectors: list[Array | None], motions: Array | None
 ) -> tuple[dict[str, Array], dict[str, Array], dict[str, Array]]:
-    """The model's matrices between all vectors (n_local, .), its ports on them, and its supports' motions' work (h, .).
+    """The model's matrices between all `vectors`, its ports on them, and the matrices' work on supports' motions.
 
-    `motions` (n_local, h) are those of rigid supports, if there are any.
+    `vectors` are blocks of columns (n_local, any), None for an empty one; `motions` (n_local, h) are those of rigid
+    supports, or None.  All three results are by name, and empty for a model without matrices; the work is (h, number of
+    vectors).
     """
     if not model.matrices:
         return {}, {}, {}
@@ -192,7 +200,7 @@ def _matrices(
 
 
 def _answers(residual: ResidualFlexibility, shared: SharedCarriers, x: Array, motions: Array | None) -> Answers:
-    """Measures of x (n_local, n), which answers the cylinder."""
+    """Values of the responses x (n_local, n) to the cylinder's force on carriers, inputs, outputs and supports."""
     model, load = residual.model, _tail(shared)
     assert load is not None  # as there is x
     U, comm = shared.carriers[:, model.share], model.comm
@@ -208,18 +216,25 @@ def _answers(residual: ResidualFlexibility, shared: SharedCarriers, x: Array, mo
 
 
 def _residual(body: FreeBody, basis: Basis) -> ResidualFlexibility:
+    """Residual flexibility of the body for that basis."""
     return ResidualFlexibility(body, np.array(basis.V.getDenseArray()))
 
 
 def _with_coordinates(model: ReducedModel, coordinates: int) -> ReducedModel:
-    """Eigenmodes with all but so many as enrichment modes."""
+    """Return the model with its first `coordinates` modes, the others being enrichment modes.
+
+    A ValueError is raised unless the basis consists of eigenmodes.
+    """
     if not is_modal(model):
         raise ValueError("the inertia of the residual part is that of truncated eigenmodes: the basis must hold these")
     return with_tables(model) if coordinates == model.size else truncate(model, coordinates)
 
 
 def _project(residual: ResidualFlexibility, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
-    """Project on a basis that holds the fixed rows, and leave these out."""
+    """Galerkin projection on a basis that satisfies the fixed rows, which are left out.
+
+    An InputError is raised if the basis violates one of them.
+    """
     model = residual.model
     complete = galerkin(model, basis, provenance)
     fixed = [i for i, row in enumerate(model.rows.rows) if row.fixed]
@@ -232,19 +247,23 @@ def _project(residual: ResidualFlexibility, basis: Basis, provenance: dict[str, 
 
 
 def _add_flexibility(reduced: ReducedModel, flexibility: Flexibility) -> ReducedModel:
-    """Add the flexibility that the basis leaves out, by which all rows are independent."""
+    """Return the model with that flexibility; an InputError is raised if rows depend on each other."""
     flexible = _with_flexibility(reduced, flexibility)
     check_independence(flexible)
     return flexible
 
 
 def _with_flexibility(reduced: ReducedModel, flexibility: Flexibility) -> ReducedModel:
+    """Return the model with that flexibility; with the floor of `_with_floor` unless its basis is eigenmodes."""
     flexible = replace(reduced, flexibility=flexibility)
     return flexible if is_modal(flexible) else _with_floor(flexible)
 
 
 def _that_give_way(model: ReducedModel) -> list[int]:
-    """Numbers of the rows that the body's supports don't hold: where they do, a contact gives way on its other body."""
+    """Numbers of the rows that the body's supports don't hold.
+
+    A row that they hold may be rigid, because the contact gives way on its other body.
+    """
     assert model.flexibility is not None
     s = _spread(model)
     G = np.einsum("tmm->tm", model.flexibility.rows(s)).max(axis=0, initial=0.0)
@@ -254,7 +273,7 @@ def _that_give_way(model: ReducedModel) -> list[int]:
 
 
 def released_rows(model: FullModel) -> Rows:
-    """The rows of sliders and pads."""
+    """Rows of sliders and pads, that is all rows that are not fixed."""
     return Rows(tuple(row for row in model.rows.rows if not row.fixed), model.size)
 
 
@@ -264,13 +283,13 @@ def _on_path(model: FullModel) -> SharedCarriers:
 
 
 def _without_round_off(reduced: ReducedModel, residual: ResidualFlexibility, V: Array) -> ReducedModel:
-    r"""No stiffness and no coupling where round-off leaves it.
+    r"""Return the model without stiffness of rigid-body modes and without couplings that are round-off.
 
-    What it leaves of a rigid-body mode's stiffness is a spring, or a negative one, to ground; of a coupling,
+    Round-off in a rigid-body mode's stiffness is a spring, or a negative one, to ground.  A coupling with
 
     .. math:: |V^T K V|_{ij} \le c\, \epsilon\, (|V|^T |K|\, |V|)_{ij}
 
-    no digit is known, and between the modes of a fine mesh all of it is that.
+    and c = `ROUND_OFF` has no correct digit; between the modes of a fine mesh all couplings are of this kind.
     """
     model, rigid, bound = residual.model, residual.rigid, ROUND_OFF * np.finfo(float).eps
 
@@ -289,13 +308,13 @@ def _without_round_off(reduced: ReducedModel, residual: ResidualFlexibility, V: 
 
 
 def _with_floor(model: ReducedModel) -> ReducedModel:
-    """Raise a row's flexibility G + 1/k to at least `FLOOR` of C K^+ C^T over the whole path.
+    """Return the model with the flexibility G + 1/k of each row at least `FLOOR` times C K^+ C^T over the path.
 
-    A basis of modes with the slider held answers a force at those positions itself and leaves nothing out there.  The
-    stiffness C^T G^-1 C of such a row would drown the body's own in round-off; with the floor, both round-off and what
-    the row gives way by are some 1e-8 of the displacement.  On soft supports C K^+ C^T is theirs, far more than what
-    bends: free modes, which leave something out everywhere, have no floor, and a pad that gives way by itself needs
-    nothing beside its 1/k.
+    A basis of modes with the slider held responds to a force at those positions by itself and leaves nothing out
+    there.  The stiffness C^T G^-1 C of such a row would drown the body's own stiffness in round-off; with the floor,
+    both round-off and the additional displacement of the row are about 1e-8 of the displacement.  On soft supports C
+    K^+ C^T is that of the supports, far more than that of bending: therefore free modes, which leave something out
+    everywhere, have no floor, and neither has a pad with enough compliance 1/k of its own.
     """
     assert model.flexibility is not None
     G, C = model.flexibility.rows, model.rows
@@ -310,9 +329,9 @@ def _with_floor(model: ReducedModel) -> ReducedModel:
 
 
 def check_independence(model: ReducedModel, numbers: list[int] | None = None) -> None:
-    """Refuse, by InputError, some of a model's rows, or all, whose G + 1/k is not positive definite on the path.
+    """Raise an InputError if G + 1/k of the rows with these `numbers` (None: all) is not positive definite on the path.
 
-    At its ends a slider may sit on a support.
+    The ends of the path are not checked: there a slider may be on a support.
     """
     assert model.flexibility is not None
     numbers = list(range(len(model.row_names))) if numbers is None else numbers
@@ -330,6 +349,6 @@ def check_independence(model: ReducedModel, numbers: list[int] | None = None) ->
 
 
 def _spread(model: ReducedModel) -> Array:
-    """Path coordinates within the domain."""
+    """Path coordinates (RANK_CHECKS,) in m, spread over the domain without its ends."""
     low, high = model.domain
     return low + (high - low) * (np.arange(RANK_CHECKS) + 0.5) / RANK_CHECKS

@@ -1,28 +1,27 @@
-r"""Residual flexibility: applied as an operator, and tabulated over the path.
+r"""Residual flexibility R, which a basis leaves out: applied as an operator, never formed, and tabulated over the path.
 
-Residual flexibility as exact piecewise polynomials in s: products of the rows' polynomials with R on the path.
+The tables are exact piecewise polynomials in s: products of the rows' polynomials with R between carriers.
 
-The flexibility that a basis leaves out, applied and never formed.
-
-With rigid-body modes Z (Z^T M Z = I) and the rest of the basis W, turned so that W^T M W = I and W^T K W = diag(theta),
+With rigid-body modes Z (Z^T M Z = I) and the rest of the basis W, combined so that W^T M W = I and W^T K W =
+diag(theta),
 
 .. math::
     R = P\, K^+ P^T, \qquad P = I - Z (M Z)^T - W (K W\, \mathrm{diag}(\theta)^{-1})^T
 
-P^T takes from a load what the basis answers and makes it self-equilibrated, so K^+ may be a solve with the rigid-body
-modes held at any statically determinate set of coordinates; P takes the basis out of the answer.  For eigenmodes R is
-the sum of phi phi^T / omega^2 over the modes left out; for any other basis K^-1 - V (V^T K V)^-1 V^T.  The basis and
-what R answers are K-orthogonal in any case; eigenmodes make them M-orthogonal too.
+P^T removes from a load what the basis responds to and makes it self-equilibrated, so K^+ may be a solve with the
+rigid-body modes held at any statically determinate set of coordinates; P removes the basis from the response.  For
+eigenmodes R is the sum of phi phi^T / omega^2 over the modes left out; for any other basis it is K^-1 - V (V^T K V)^-1
+V^T.  The basis and the responses of R are K-orthogonal in any case, and M-orthogonal too for eigenmodes.
 
-On soft supports K w = theta M w is small beside its own terms, and little but round-off is left of it.  With theta of
-2e-5 rad^2/s^2 beside 2e3 of the first mode that bends three digits were; the error of that shell was 0.7, 2.0 or 3.5 %
-by the processor's kernel of BLAS.  Where K w is theta M w but for round-off, M w stands for K w / theta: it has all its
-digits.
+On soft supports K w = theta M w is small compared with the terms it is the sum of, and is little but round-off.  With
+theta of 2e-5 rad^2/s^2, and 2e3 of the first mode that bends, three digits remained; the error of that shell was 0.7,
+2.0 or 3.5 %, depending on the processor's kernel of BLAS.  If K w is theta M w up to round-off, M w replaces K w /
+theta: it has all its digits.
 
-Projecting on both sides keeps what a difference loses: with 6 and 20 modes of a cantilever on 50 elements R is off by
-2e-10 and 6e-10 (scaled to a unit diagonal), K^-1 less the modal part by 1e-5 and 1e-4.  Projecting again gains nothing.
-MacNeal: A hybrid method of component mode synthesis, Computers & Structures 1, 1971, pp. 581-601; Craig and Kurdila:
-Fundamentals of Structural Dynamics, 2nd ed., 2006, section 17.6 (inertia relief).
+Projecting on both sides avoids the cancellation of a difference: with 6 and 20 modes of a cantilever on 50 elements R
+is off by 2e-10 and 6e-10 (scaled to a unit diagonal), K^-1 less the modal part by 1e-5 and 1e-4.  Projecting again
+gains nothing.  MacNeal: A hybrid method of component mode synthesis, Computers & Structures 1, 1971, pp. 581-601; Craig
+and Kurdila: Fundamentals of Structural Dynamics, 2nd ed., 2006, section 17.6 (inertia relief).
 """
 
 from __future__ import annotations
@@ -51,17 +50,18 @@ Indices = NDArray[np.int64]
 _log = logging.getLogger(__name__)
 
 
-#: What a mirror image of a basis may have beside it, over its largest entry.  Modes know their span to 3e-11, 4e-10 and
-#: some 3e-9 at 70,000, 280,000 and a million coordinates; one that cuts two equal modes apart is off by all of it.
+#: Largest entry that the mirror image of a basis may have outside the basis' span, over its largest entry.  The span of
+#: modes is exact to 3e-11, 4e-10 and 3e-9 at 70,000, 280,000 and a million coordinates; a basis with only one of two
+#: equal modes is off by 1.
 KEPT = 1e-8
-#: K w is an eigenmode's theta M w where they differ by no more than so many times the round-off of its terms.
+#: K w counts as an eigenmode's theta M w if they differ by no more than so many times the round-off of its terms.
 ROUND_OFF = 100.0
 
 
 class ResidualFlexibility:
-    """R of a model on its fixed rows for the basis V, given by this rank's rows (n_local, r); collective.
+    """Residual flexibility R of a model on its fixed rows for a basis V, this rank's rows (n_local, r); collective.
 
-    V holds those rigid-body modes that loads or rows excite.
+    V has to contain the rigid-body modes that loads or rows excite.
     """
 
     def __init__(self, body: FreeBody, V: Array) -> None:
@@ -76,7 +76,7 @@ class ResidualFlexibility:
         self._dual = np.asfortranarray(np.hstack([MZ, dual]))
 
     def keeps(self, P: sp.csr_matrix) -> bool:
-        """Whether basis and fixed rows are their own images by P of the body, so that R P = P R; collective."""
+        """Whether the mirror P (n, n) maps basis and fixed rows onto themselves, so that R P = P R; collective."""
         M, held = self.model.M, [row.at(row.breaks[0]) for row in fixed_rows(self.model)]
         if held and np.any(images_of(sp.vstack(held, format="csr"), [P])[0].partners < 0):
             return False
@@ -89,7 +89,10 @@ class ResidualFlexibility:
         return bool(np.all(far <= KEPT * size))
 
     def apply(self, g: Array) -> Array:
-        """R g, this rank's rows (n_local, k) in m, of loads in N given likewise, which may be overwritten."""
+        """This rank's rows (n_local, k) of R g in m, for loads g (n_local, k) in N; collective.
+
+        g may be overwritten.
+        """
         g = np.asfortranarray(g)
         subtract(g, self._dual, inner(self._basis, g, self._comm))
         x = np.asfortranarray(self._body.solve(g))
@@ -97,7 +100,7 @@ class ResidualFlexibility:
         return x
 
     def powers(self, c: Array, count: int) -> Array:
-        """R c, R M R c, ..., (n_local, count), of one load by this rank's rows c (n_local,); collective."""
+        """This rank's rows (n_local, count) of R c, R M R c, ... for one load c (n_local,); collective."""
         columns = [self.apply(np.array(c)[:, None])]
         while len(columns) < count:
             columns.append(self.apply(times(self.model.M, columns[-1])))
@@ -105,7 +108,7 @@ class ResidualFlexibility:
 
 
 def terms(A: PETSc.Mat, X: Array) -> Array:
-    """|A| |X| (n_local, k): the size of what is summed in A X, by which its round-off is known; collective."""
+    """This rank's rows (n_local, k) of |A| |X|, which bound the terms of A X and so its round-off; collective."""
     sizes = sparse(abs(local_csr(A)), A, columns=A.getLocalSize()[1])
     sums = times(sizes, np.abs(X))
     free_objects(sizes)
@@ -113,7 +116,10 @@ def terms(A: PETSc.Mat, X: Array) -> Array:
 
 
 def _diagonalise(model: FullModel, W: Array) -> tuple[Array, Array]:
-    """Columns that span those of W (n_local, k), with W^T M W = I and W^T K W diagonal, and K W over the diagonal."""
+    """Combinations W (n_local, k) of the columns, and K W over the diagonal of W^T K W, (n_local, k).
+
+    They satisfy W^T M W = I, and W^T K W is diagonal.  Collective.
+    """
     if W.shape[1] == 0:
         return W, W
     comm = model.comm
@@ -126,15 +132,15 @@ def _diagonalise(model: FullModel, W: Array) -> tuple[Array, Array]:
 
 Pattern: TypeAlias = sp.csr_matrix | None
 
-#: Loads answered at a time for each rank: a few times as many vectors of full length are in memory.  A column costs a
-#: tenth of what it costs alone, and more at a time would not make it cheaper (70,000 coordinates of a shell).
+#: Loads solved for at a time on each rank: a few times as many vectors of full length are in memory.  A column then
+#: costs a tenth of what it costs alone, and larger blocks would not make it cheaper (70,000 coordinates of a shell).
 BLOCK = 64
-#: Bytes from which on the log says what is taken of memory.
+#: Bytes of memory above which a warning is logged.
 NOTICED = 2**30
 
 
 class Measured:
-    """Measures of tall columns by sparse rows (m, n_local), which touch a few coordinates."""
+    """Products of sparse rows (m, n_local), which touch a few coordinates, with dense columns."""
 
     def __init__(self, rows: sp.spmatrix) -> None:
         rows = sp.csr_matrix(rows)
@@ -142,68 +148,68 @@ class Measured:
         self._rows = rows[:, self._touched]
 
     def of(self, x: Array) -> Array:
-        """This rank's part (m, k) of rows times x (n_local, k)."""
+        """This rank's part (m, k) of the rows times x (n_local, k)."""
         return np.asarray(self._rows @ x[self._touched])
 
 
 @dataclass(frozen=True)
 class LoadFlexibility:
-    """R between loads, those on K carriers first and the inputs behind them, and outputs."""
+    """R between L unit loads and o outputs: the loads on K carriers come first, then the inputs."""
 
-    pairs: sp.csr_matrix | Array  # (L, L) m/N, between loads, sparse for the pairs that were asked for, or of any two
+    pairs: sp.csr_matrix | Array  # (L, L) m/N between loads: sparse for the pairs of a pattern, dense for all pairs
     outputs: Array  # (o, L) m/N
     carriers: int  # K
 
     @property
     def inputs(self) -> Array:
-        """(L, i), m/N."""
+        """R (L, i) in m/N between all loads and the inputs."""
         return _dense(self.pairs[:, self.carriers :])
 
     def between_any_two(self) -> CarrierFlexibility:
-        """Flexibility between any two loads, where all pairs were computed."""
+        """R between carriers, inputs and outputs as dense matrices; all pairs of loads must have been computed."""
         dense, K = _dense(self.pairs), self.carriers
         return CarrierFlexibility(dense[:K, :K], dense[:K, K:], self.outputs[:, :K], self.outputs[:, K:], dense[K:, K:])
 
 
 class Pairs:
-    """Numbers for pairs of loads, block by block, where a symmetric `pattern` (L, L) has an entry."""
+    """Values for pairs of loads, block by block, where a symmetric `pattern` (L, L) has an entry."""
 
     def __init__(self, pattern: sp.csr_matrix) -> None:
         self._pattern = pattern
         self._found: list[tuple[Indices, Indices, Array]] = [(np.empty(0, int), np.empty(0, int), np.empty(0))]
 
     def beside(self, numbers: Indices) -> Indices:
-        """Loads that make a pair with one of these."""
+        """Numbers of the loads that form a pair with at least one of the loads `numbers`."""
         return np.unique(self._pattern[numbers].indices)
 
     def put(self, rows: Indices, columns: Indices, values: Array) -> None:
-        """Values (rows, columns), this rank's part."""
+        """Store this rank's part of `values` (rows, columns) for loads with these numbers."""
         block = self._pattern[rows][:, columns].tocoo()
         self._found.append((rows[block.row], columns[block.col], values[block.row, block.col]))
 
     def total(self, comm: Any) -> sp.csr_matrix:
-        """All of them (L, L), made symmetric; collective."""
+        """All values (L, L), summed over the ranks and made symmetric; collective."""
         rows, columns, values = (np.concatenate(parts) for parts in zip(*self._found, strict=True))
         summed = sp.csr_matrix((comm.allreduce(values), (rows, columns)), self._pattern.shape)
         return (summed + summed.T) / 2.0
 
 
 class AnyTwo:
-    """Pattern of all pairs of `count` loads."""
+    """Values for all pairs of `count` loads."""
 
     def __init__(self, count: int) -> None:
         self._found, self._all = np.zeros((count, count)), np.arange(count)
 
     def beside(self, numbers: Indices) -> Indices:
-        """All of them."""
+        """Numbers of all loads."""
         return self._all
 
     def put(self, rows: Indices, columns: Indices, values: Array) -> None:
-        """Values (L, columns), this rank's part; `rows` are all."""
+        """Store this rank's part of `values` (L, columns) for the loads numbered `columns`; `rows` are all loads."""
         self._found[:, columns] = values
 
     def total(self, comm: Any) -> Array:
-        """All of them (L, L), made symmetric; collective."""
+        """All values (L, L), summed over the ranks and made symmetric, in place; collective."""
         comm.Allreduce(MPI.IN_PLACE, self._found)
         self._found += self._found.T.copy()
         self._found /= 2.0
@@ -211,14 +217,15 @@ class AnyTwo:
 
 
 def _dense(A: sp.csr_matrix | Array) -> Array:
+    """Matrix as a dense array."""
     return A if isinstance(A, np.ndarray) else np.asarray(A.toarray())
 
 
 def load_pairs(shared: SharedCarriers, inputs: int) -> sp.csr_matrix:
-    """Pairs (L, L) of loads on carriers that rows touch at the same place, and of inputs with all.
+    """Pattern (L, L) of pairs of loads: on carriers that rows touch on the same interval, and of inputs with all loads.
 
-    All that tables at one path coordinate take: on the path of a beam each load meets a few others, however fine the
-    mesh.
+    Tables at one path coordinate need no other pairs: on the path of a beam each load pairs with a few others, however
+    fine the mesh.
     """
     k = len(shared.rows[0].breaks) - 1
     at = np.concatenate([np.broadcast_to(np.arange(k)[:, None], row.touched.shape).ravel() for row in shared.rows])
@@ -229,7 +236,7 @@ def load_pairs(shared: SharedCarriers, inputs: int) -> sp.csr_matrix:
 
 
 class OnCarriers:
-    """Measures of answers to loads on carriers, inputs and outputs: of pairs in a pattern, or of any."""
+    """Values of the responses to loads on carriers, inputs and outputs: for pairs of a pattern, or for all (None)."""
 
     def __init__(self, model: FullModel, carriers: sp.csr_matrix, pattern: Pattern) -> None:
         self._rows, self._outputs = carrier_loads(model, carriers).T.tocsr(), Measured(local_csr(model.outputs).T)
@@ -238,27 +245,27 @@ class OnCarriers:
         self._found = np.empty((model.outputs.getSize()[1], loads))
 
     def take(self, numbers: Indices, answers: Array) -> None:
-        """This rank's rows (n_local, k) of the answers to the loads with these numbers."""
+        """Store the values of this rank's rows (n_local, k) of the responses to the loads with these numbers."""
         partners = self._pairs.beside(numbers)
         self._pairs.put(partners, numbers, Measured(self._rows[partners]).of(answers))
         self._found[:, numbers] = self._outputs.of(answers)
 
     def result(self) -> LoadFlexibility:
-        """Flexibility of all loads, once their answers are there; collective."""
+        """Flexibility of all loads, once all responses have been taken; collective."""
         outputs = np.asarray(self._comm.allreduce(self._found))
         return LoadFlexibility(self._pairs.total(self._comm), outputs, self._carriers)
 
 
 def load_flexibility(residual: ResidualFlexibility, carriers: sp.csr_matrix, pattern: Pattern) -> LoadFlexibility:
-    """R on carriers (K, n) and on the inputs, as `load_powers`."""
+    """R between unit loads on carriers (K, n), inputs and outputs; with the arguments of `load_powers`, collective."""
     return load_powers(residual, carriers, pattern, 1)[0]
 
 
 def check_memory(model: FullModel, carriers: int, powers: int) -> None:
-    """Refuse so many carriers of pads along their paths that what they measure of each other does not fit; collective.
+    """Raise an InputError if matrices between so many carriers don't fit in memory; collective.
 
-    Their number grows with the length of the path over that of the shortest pad.  Raises an InputError; of what takes
-    more than `NOTICED` the log says so before it is done.
+    The number of carriers grows with the length of the path over that of the shortest pad.  For more than `NOTICED`
+    bytes a warning is logged.
     """
     needed = 8 * carriers**2 * (powers + 2)  # bytes; as long as one of them is made symmetric there are two more
     free = model.comm.bcast(environment.available_memory() if model.comm.rank == 0 else None)
@@ -273,11 +280,11 @@ def check_memory(model: FullModel, carriers: int, powers: int) -> None:
 def load_powers(
     residual: ResidualFlexibility, carriers: sp.csr_matrix, pattern: Pattern, count: int
 ) -> list[LoadFlexibility]:
-    """The first `count` of R, R M R, ... on carriers (K, n) and inputs, in s^2 m/N from the second on; collective.
+    """The first `count` of R, R M R, ... between carriers (K, n), inputs and outputs; collective.
 
-    For each a load takes a static solve, but for those that are mirror images of others.
-
-    Kept for the pairs of loads of a `pattern` (L, L), as `load_pairs` gives it, or, without one, of any two.
+    The first is in m/N, the second in s^2 m/N, and so on.  Each load takes one static solve for each of them, except
+    loads that are mirror images of others.  They are stored for the pairs of loads of a `pattern` (L, L), as
+    `load_pairs` returns it, or for all pairs (None).
     """
     model = residual.model
     if pattern is None:
@@ -304,7 +311,10 @@ def load_powers(
 
 
 def tables(flexibility: LoadFlexibility, shared: SharedCarriers) -> Flexibility:
-    """Tables of rows on common carriers and breaks, all of them at the same path coordinate."""
+    """Residual flexibility of rows on common carriers as tables in s: G = C R C^T, H = C R B and X = O R C^T.
+
+    All rows have the same path coordinate.  The constants W = O R B and B^T R B come with the tables.
+    """
     C, K, inputs = RowPolynomials.of(shared.rows), flexibility.carriers, flexibility.inputs
     return Flexibility(
         rows=C.quadratic_form(flexibility.pairs[:K, :K]),
@@ -316,6 +326,6 @@ def tables(flexibility: LoadFlexibility, shared: SharedCarriers) -> Flexibility:
 
 
 def carrier_loads(model: FullModel, carriers: sp.csr_matrix) -> sp.csc_matrix:
-    """Unit loads on the carriers, then the inputs: this rank's rows."""
+    """Unit loads (n_local, L) on the carriers, then on the inputs: this rank's rows."""
     share = slice(*model.M.getOwnershipRange())
     return sp.hstack([carriers[:, share].T, local_csr(model.inputs)], format="csc")

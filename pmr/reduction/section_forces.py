@@ -1,18 +1,20 @@
 r"""Section forces along a beam, exact for all that acts on it, between its nodes too.
 
-A beam is cut at its nodes and between them.  A piece is in equilibrium under what its loads g are at its own
-coordinates, its inertia and what pulls at its ends,
+A beam is cut at its nodes and between them.  A piece is in equilibrium under the loads g on its own coordinates, its
+inertia and the forces f at its ends,
 
 .. math:: f = K_p\, (q + \delta) + M_p\, a - g_p, \qquad g = B f - C(s)^T \lambda - \sum k\, c^T c\, q
 
-The displacement delta of the cuts between nodes beside what nodal coordinates interpolate is the one with which pieces
-pull equally on both sides of each; at nodes they do as the whole is in equilibrium there.  Loads of the pieces are
-those of the whole: the same pads, moments of friction, loads and weights on a mesh whose nodes stand twice.  What acts
-on a node itself acts between pieces.  The acceleration a follows from the equilibrium of the whole beam,
+(in the second equation f are the inputs).  delta is the displacement of the cuts between nodes in addition to what
+nodal coordinates interpolate: with it the pieces on both sides of each such cut have equal forces.  At nodes forces are
+equal because the whole beam is in equilibrium there.  The loads of the pieces are those of the whole beam: the same
+pads, friction moments, loads and weights on a mesh whose nodes are doubled.  Loads on a node act between pieces.  The
+acceleration a follows from the equilibrium of the whole beam,
 
 .. math:: M a = g - K q - C_0^T \lambda_0, \qquad C_0\, a = 0
 
-with rigid supports C_0, so that it holds damping and what else a scene has, too, as if it were spread as the mass is.
+with rigid supports C_0.  So the forces of damping, and of all else that a scene has, are included as if they were
+distributed like the mass.
 """
 
 from __future__ import annotations
@@ -41,22 +43,23 @@ from pmr.system.states import BodyStates
 
 Array = NDArray[np.float64]
 
-#: Pieces an element: the moment right under a point force is known to P h / (4 PIECES).
+#: Pieces in each element of length h: the moment at a point force P is exact to P h / (4 PIECES).
 PIECES = 4
-#: Places that are nearer to a node than this share of the length are on it.
+#: Distance from a node, over the beam's length, up to which a point is on the node.
 ON_NODE = 1e-9
 
 
 class SectionForces:
-    """Section forces of a full model whose structure is a beam, cut to pieces; the same on every rank, collective.
+    """Section forces of a full model whose structure is a beam, cut into pieces; the same on every rank, collective.
 
     Attributes
     ----------
     names : (P,) tuple of str
+        Name of each section force.
     x : (P,) array, m
-        Which force, and where: at both ends of each piece.
+        Position of each: both ends of each piece.
     stresses : StressRows or None
-        Stresses in the profile's corners, on these forces.
+        Stresses in the corners of the profile under these forces.
     """
 
     def __init__(self, built: Built, cut: Cut) -> None:
@@ -73,7 +76,10 @@ class SectionForces:
             self._between = spla.splu(sp.csc_matrix(cut.joined.T @ stiffness @ cut.joined))
 
     def of(self, q: Array, acting: BodyStates | None = None) -> Array:
-        """(S, P) in N and N m, of whole states q (S, n) under what acts then; by default nothing does."""
+        """Section forces (S, P) in N and N m at S times, of full coordinates q (S, n) with all rows.
+
+        `acting` are the loads and contact forces at these times; None if nothing acts.
+        """
         a, supports = self._whole.acceleration(q, acting)
         on_pieces, displaced = self._pieces.loads(q, a, supports, acting)
         if self._between is not None:
@@ -81,7 +87,7 @@ class SectionForces:
         return np.asarray(displaced @ self._strained.T - on_pieces @ self._ends.T) - self._friction_forces(acting)
 
     def _friction_forces(self, acting: BodyStates | None) -> Array | float:
-        """Normal force of friction, which the equations have at the tail, from there to the pad, (S, P) N."""
+        """Normal force (S, P) in N by friction between the tail, where the equations have it act, and the pad."""
         if acting is None or acting.along is None:
             return 0.0
         before = self.x < acting.s[:, :, None] - ON_NODE * self.x.max()  # (S, m, P)
@@ -89,7 +95,7 @@ class SectionForces:
 
 
 class _Whole:
-    """The beam as one: its acceleration, and the forces of its rigid supports."""
+    """The whole beam: its acceleration, and the forces of its rigid supports."""
 
     def __init__(self, model: FullModel) -> None:
         M, self._K, self._B = (
@@ -103,14 +109,14 @@ class _Whole:
         self._firm = np.linalg.pinv(self._held @ self._lent, hermitian=True)
 
     def acceleration(self, q: Array, acting: BodyStates | None) -> tuple[Array, dict[str, Array]]:
-        """In m/s^2, (S, n), and forces (S,) of rigid supports by their names, in N or N m."""
+        """Acceleration (S, n) in m/s^2 and rad/s^2, and forces (S,) in N or N m of rigid supports by name."""
         free = self._mass.solve((_loads(self._B, self._rows, acting, len(q)) - q @ self._K).T)
         supports = self._firm @ (self._held @ free)
         return (free - self._lent @ supports).T, dict(zip(self._names, supports, strict=True))
 
 
 class _Pieces:
-    """The beam's pieces, and what acts on each by itself."""
+    """Pieces of the beam, and the loads on each."""
 
     def __init__(self, structure: Structure, cut: Cut) -> None:
         beam, nodes = cut.beam, structure.model.node_stations
@@ -138,7 +144,11 @@ class _Pieces:
         self._moved = sp.csr_matrix(cut.coordinates @ couple(structure).T)
 
     def loads(self, q: Array, a: Array, supports: dict[str, Array], acting: BodyStates | None) -> tuple[Array, Array]:
-        """Loads on the pieces, inertia too, and their places if nothing acts between nodes, (S, c) both."""
+        """Loads on c coordinates of the pieces, with inertia, and their displacements, both (S, c).
+
+        The displacements are without delta.  q and a are (S, n); `supports` are the forces (S,) of rigid supports by
+        name.
+        """
         displaced = (self._moved @ q.T).T
         forces = (
             _loads(self._B, self._rows, acting, len(q)) - displaced @ self._springs - (self._moved @ a.T).T @ self._M
@@ -150,7 +160,10 @@ class _Pieces:
 
 
 def _loads(B: sp.csr_matrix, rows: Iterable[Row], acting: BodyStates | None, count: int) -> Array:
-    """B f - C(s)^T lambda of the states, (S, n)."""
+    """Loads B f - C(s)^T lambda (S, n) of the states, with moments of friction; zeros if `acting` is None.
+
+    Multipliers of rows that are not among `rows` are left out.
+    """
     if acting is None:
         return np.zeros((count, B.shape[0]))
     rows_by_name, pressed = {row.name: row for row in rows}, _zero_rows(B.shape[0], count)
@@ -164,4 +177,5 @@ def _loads(B: sp.csr_matrix, rows: Iterable[Row], acting: BodyStates | None, cou
 
 
 def _zero_rows(size: int, count: int = 1) -> sp.csr_matrix:
+    """Sparse zeros (count, size)."""
     return sp.csr_matrix((count, size))

@@ -1,18 +1,16 @@
 r"""Vectors that bases are made from: free-interface modes, and the paper's eigenmodes with the slider held.
 
-Free-interface modes: eigenmodes on the fixed supports with all sliders and pads released.
+Free-interface modes are eigenmodes on the fixed supports with all sliders and pads released.
 
 .. math::
     K \phi = \omega^2 M \phi, \qquad C_{fixed}\, \phi = 0
 
-Rigid-body modes, where the fixed supports leave any, come first with omega = 0.  MacNeal: A hybrid method of component
+Rigid-body modes, if the fixed supports leave any, come first with omega = 0.  MacNeal: A hybrid method of component
 mode synthesis, Computers & Structures 1, 1971, pp. 581-601; Rubin: Improved component-mode representation for
 structural dynamic analysis, AIAA Journal 13, 1975, pp. 995-1006.
 
-Eigenmodes with the slider held at several positions: the paper's snapshots.
-
-Weyrer, Gerstmayr, Mikkola, Orzechowski: Model Order Reduction of a Sliding Beam using a Global Basis, section
-"Snapshot Selection".
+Eigenmodes with the slider held at several positions are the paper's snapshots.  Weyrer, Gerstmayr, Mikkola,
+Orzechowski: Model Order Reduction of a Sliding Beam using a Global Basis, section "Snapshot Selection".
 """
 
 from __future__ import annotations
@@ -40,28 +38,29 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Snapshots:
-    """The pool that a basis is made from.
+    """Pool of k vectors from which a basis is made.
 
     `residuals` are normwise backward errors ||K phi - omega^2 M phi|| / ((||K|| + omega^2 ||M||) ||phi||) in infinity
-    norms.
+    norms.  `omega`, `s` and `residuals` are NaN where they are not known or don't apply.
     """
 
     S: PETSc.Mat  # dense (n, k), a column each; eigenmodes are mass-normalised, phi^T M phi = 1, and carry 1/sqrt(kg)
     omega: Array  # (k,) rad/s
-    s: Array  # (k,) m: path coordinate at which each column was taken
+    s: Array  # (k,) m: path coordinate of the slider for each column
     residuals: Array  # (k,)
-    source: str  # how the columns were made
+    source: str  # how the columns were made, in words
 
     @classmethod
     def of(cls, local: Array, model: FullModel, omega: Array, s: Array, residuals: Array, source: str) -> Snapshots:
-        """Snapshots of a model, from this rank's rows (n_local, k) of the columns; collective."""
+        """Snapshots of a model, from this rank's rows `local` (n_local, k) of the vectors; collective."""
         return cls(tall(local, model.M), omega, s, residuals, source)
 
 
 def node_set(nodes: int, snapshots: int) -> NDArray[np.int64]:
-    """Node numbers, counted from 1, at which the paper holds the slider: never the first node.
+    """Node numbers, counted from 1, at which the paper holds the slider; the first node is never among them.
 
-    floor(nodes / 2) for one snapshot, floor(2 + (nodes - 2) k / (snapshots - 1)), k = 0 ... snapshots - 1, for more.
+    For one snapshot it is node floor(nodes / 2); for more, nodes floor(2 + (nodes - 2) k / (snapshots - 1)), k = 0 ...
+    snapshots - 1.
     """
     if snapshots == 1:
         return np.array([nodes // 2])
@@ -71,8 +70,9 @@ def node_set(nodes: int, snapshots: int) -> NDArray[np.int64]:
 def positions(scene: Scene, model: FullModel) -> Array:
     """Path coordinates (snapshots,) in m at which the scene asks for snapshots.
 
-    ``nodes``: the paper's node set, with the first slider on nodes that leave all sliders on the beam; ``path``: evenly
-    over the stretch that the path visits; or as listed.  Raises InputError if two snapshots fall on one node.
+    They are listed in the scene, or named: ``nodes`` is the paper's node set, among the nodes on which the first slider
+    may be while all sliders are on the beam; ``path`` spaces them evenly over the travelled part of the path.  An
+    InputError is raised if two snapshots are at the same node.
     """
     choice, count = scene.reduction.positions, scene.reduction.snapshots
     if choice == "nodes":
@@ -92,10 +92,10 @@ def positions(scene: Scene, model: FullModel) -> Array:
 
 
 def eigenmode_snapshots(model: FullModel, scene: Scene) -> Snapshots:
-    """The scene's snapshots: `modes` mass-normalised eigenmodes at each of the positions.
+    """Snapshots of a scene: `modes` mass-normalised eigenmodes with the slider held at each of the positions.
 
-    Raises InputError if the slider can't be held at one of the positions; ConvergenceError if too few modes exist or
-    converge.
+    An InputError is raised if the slider can't be held at one of the positions, a ConvergenceError if too few modes
+    exist or converge.
     """
     solver, free = eigensolver(model, scene.reduction.solver), model.size - len(model.rows.names)
     if scene.reduction.modes > free:
@@ -118,14 +118,14 @@ def eigenmode_snapshots(model: FullModel, scene: Scene) -> Snapshots:
     )
 
 
-#: A load or a row that does less work on a mode than this share of its work on another one does not excite it.
+#: Work of a load or row on a mode, over its largest work on any mode, up to which it does not excite the mode.
 UNREACHED = 1e-8
 
-#: Axial forces that do less work on a mode than this share of that on another one do not bend it; so many that they do
-#: not bend may stand among the others.
+#: Square root of the measure of `_bent`, over that of the most bent mode, up to which axial forces do not bend a mode;
+#: and number of such modes that are expected among the others.
 UNBENT, SPARE = 1e-6, 4
 
-#: Least share of each rigid-body mode in the lowest modes computed; 1 - 1e-8 on a beam of 2000 elements.
+#: Smallest share of each rigid-body mode in the span of the computed modes; 1 - 1e-8 on a beam of 2000 elements.
 HELD_BY_MODES = 0.9
 
 
@@ -137,21 +137,23 @@ def free_modes(
     body: FreeBody | None = None,
     stressed: bool = False,
 ) -> Snapshots:
-    """The lowest M-orthonormal modes that a load or a slider can excite, rigid-body modes first; collective.
+    """The lowest M-orthonormal modes that a load or slider can excite, rigid-body modes first; collective.
 
-    There are `count` of them, at least as many as there are rigid-body modes and fewer than all, so that flexibility is
-    left, and up to `enrichment` more.  These leave as many modes as there are rigid sliders and pads, whose forces
-    are determined by what is left: a coarse mesh may have fewer.  Rigid-body modes come from the geometry
-    (`pmr.reduction.free_body`), all others are M-orthogonal to them.
+    There are `count` of them, and up to `enrichment` more.  `count` has to be at least the number of rigid-body modes,
+    and less than the number of excited modes, so that flexibility is left.  The `enrichment` modes leave out at least
+    as many modes as there are rigid sliders and pads, whose forces are determined by what is left out; so a coarse mesh
+    may have fewer.  Rigid-body modes come from the geometry (`pmr.reduction.free_body`), all others are M-orthogonal to
+    them.
 
-    Modes that none of them reaches stay at rest for ever: along the axis of a straight beam, say, where all loads act
-    across it.  They are left out.  So are, among the `enrichment`, those that axial forces do not bend, of a section
-    that is `stressed`: modes without inertia follow these forces (`pmr.reduced.attachment`).
+    Modes that no load and no slider can excite stay at rest for ever, such as those along the axis of a straight beam
+    with all loads across it.  They are left out.  If the section is `stressed`, so are those of the `enrichment` modes
+    that axial forces do not bend: these modes serve as modes without inertia, which follow such forces
+    (`pmr.reduced.attachment`).
 
-    The solver is ``"auto"``, ``"dense"`` or ``"slepc"``; a `body` of this model and solver leaves its factor to whoever
-    needs it next.  Raises InputError if `count` is out of this range; ConvergenceError if too few modes converge.
+    The solver is ``"auto"``, ``"dense"`` or ``"slepc"``.  A `body` of this model and solver keeps its factor for
+    further use.  An InputError is raised if `count` is out of range, a ConvergenceError if too few modes converge.
     """
-    # One more tells whether flexibility is left; a mesh of which all modes are computed at once is asked for more.
+    # one more shows whether flexibility is left; of a mesh whose modes are all computed at once more are requested
     rigid = sum(not row.fixed and row.compliance == 0.0 for row in model.rows.rows)
     spare = max(1, rigid if is_dense(model, solver) else 1)
     stress = [A for name, A in model.matrices.items() if name.startswith("axial")] if stressed and enrichment else []
@@ -179,14 +181,14 @@ def free_modes(
 
 @dataclass(frozen=True)
 class _Lowest:
-    """The lowest modes that are excited, and how many of them, the first ones, are rigid-body modes."""
+    """The lowest modes that can be excited; the first `rigid` of them are rigid-body modes."""
 
     modes: Modes
     rigid: int
 
 
 def _lowest(body: FreeBody, count: int) -> _Lowest:
-    """Lowest modes with `count` that are excited, fewer if there are no more."""
+    """The `count` lowest modes that can be excited, fewer if there are no more."""
     model, Z = body.model, body.Z
     held = replace(model, rows=Rows(fixed_rows(model), model.size))
     s = _anywhere(held)
@@ -212,7 +214,7 @@ def _lowest(body: FreeBody, count: int) -> _Lowest:
 
 
 def _elastic(held: FullModel, body: FreeBody, pairs: int) -> Modes:
-    """The `pairs` lowest modes but for the rigid-body modes among them."""
+    """The `pairs` lowest modes without the rigid-body modes among them."""
     if is_dense(held, body.choice):
         return _remove_rigid_modes(held, body.Z, DenseEigenSolver(held).lowest(_anywhere(held), pairs))
     lowest = body.elastic(pairs - body.Z.shape[1])
@@ -220,17 +222,17 @@ def _elastic(held: FullModel, body: FreeBody, pairs: int) -> Modes:
 
 
 def _anywhere(held: FullModel) -> float:
-    """A place, m: none of these rows moves."""
+    """Path coordinate in m for rows of which none depends on s."""
     return float(held.rows.domain[0]) if held.rows.rows else 0.0
 
 
 def _remove_rigid_modes(held: FullModel, Z: Array, modes: Modes) -> Modes:
-    """The modes but for the rigid-body modes Z (n_local, c), which the lowest ones hold, made M-orthogonal to these.
+    """Modes without the rigid-body modes Z (n_local, c) that the lowest ones contain, M-orthogonal to Z.
 
-    Computed rigid-body modes are rigid to a few digits only, and share them with the low elastic ones: the part of the
-    span beside Z is taken as a whole, and its modes are those of the frequencies that were found.  Raises
-    ConvergenceError if the modes do not hold Z: what round-off makes of the stiffness of a rigid motion is then more
-    than that of the lowest modes.
+    Computed rigid-body modes are rigid to a few digits only, and mix with low elastic ones.  Therefore the M-orthogonal
+    complement of Z in the span of all modes is computed, and its modes follow from the frequencies of all modes.
+    ConvergenceError is raised if the modes do not contain Z: round-off in the stiffness of a rigid motion is then more
+    than the stiffness of the lowest modes.
     """
     count = Z.shape[1]
     if count == 0:
@@ -249,7 +251,11 @@ def _remove_rigid_modes(held: FullModel, Z: Array, modes: Modes) -> Modes:
 
 
 def _bent(model: FullModel, stress: Sequence[Any], modes: Modes, which: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Which modes axial forces of matrices `stress` bend: by G on the modes before them, over their own stiffness."""
+    """Which of the modes with numbers `which` are bent by axial forces, of the geometric stiffnesses `stress`.
+
+    Mode k is measured by the sum of (phi_k^T G phi_j)^2 / omega_k^2 over these matrices G and all modes j before
+    `which`.
+    """
     bending = np.zeros(len(which))
     for G in stress:
         work = inner(times(G, modes.phi), modes.phi, model.comm)
@@ -259,7 +265,7 @@ def _bent(model: FullModel, stress: Sequence[Any], modes: Modes, which: NDArray[
 
 
 def _work(model: FullModel, phi: Array) -> Array:
-    """The work (a, k) of loads and released rows on each mode, given by this rank's rows, over the largest of each."""
+    """Work (a, k) of a loads and released rows on k modes phi (n_local, k), each over its largest work on any mode."""
     first = model.M.getOwnershipRange()[0]
     work = [local_csr(model.inputs).T @ phi]
     work += [
@@ -271,9 +277,10 @@ def _work(model: FullModel, phi: Array) -> Array:
 
 
 def _reached_motions(work: Array) -> Array:
-    """Orthonormal combinations (c, k) of the rigid-body modes that cover all on which work (a, c) is done.
+    """Orthonormal combinations (c, k) of c rigid-body modes on which work is done, from the work (a, c) on each mode.
 
-    The modes are any set that spans theirs: one that nothing reaches may be hidden in the others.
+    The modes may be any set that spans the rigid motions: a motion on which no work is done may be hidden in several of
+    them.
     """
     _, values, Vt = np.linalg.svd(work, full_matrices=False)
     reached = int(np.sum(values > UNREACHED))

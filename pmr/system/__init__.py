@@ -1,1 +1,1 @@
-"""What simulators work on."""
+"""Systems of bodies and the contacts between them, on which simulators work."""

@@ -1,4 +1,4 @@
-"""A system of bodies as one set of equations: block matrices, and the contacts' rows at given places."""
+"""A system of bodies as one set of equations: block matrices, and the rows of contacts at given coordinates."""
 
 from __future__ import annotations
 
@@ -19,12 +19,17 @@ from pmr.system.system import System
 from pmr.system.terms import Term, add_terms
 
 Array = NDArray[np.float64]
-#: (rad/s)^2: what nothing holds is not singular with it.
+#: (rad/s)^2, times M added to K, which is singular where nothing holds a body.
 SHIFT = 1.0
 
 
 class Assembly:
-    """All bodies' equations, on the n coordinates that no support holds; M, D, K, B and outputs are sparse."""
+    """Equations of all bodies on the n coordinates that no support holds, as sparse matrices.
+
+    The system has m contacts, i inputs, o outputs and k terms that vary in time.  The rows of the contacts are C (m, n)
+    and what belongs to them (`ContactRows`); they depend on the coordinates x (sides,) in m of the places of all
+    contacts on their bodies, in the order of `System.sides`.
+    """
 
     def __init__(self, system: System) -> None:
         self.system, bodies = system, system.bodies
@@ -32,40 +37,46 @@ class Assembly:
         self.free = {
             name: np.setdiff1d(np.arange(body.size), list(body.held.values())) for name, body in bodies.items()
         }
-        # where those of each body, its inputs and its outputs stand among all
+        # slices of each body's free coordinates, inputs and outputs among those of all bodies
         self.coordinates = _slices(system, [len(free) for free in self.free.values()])
         self.inputs = _slices(system, [len(body.input_names) for body in bodies.values()])
         self.observed = _slices(system, [body.outputs.shape[0] for body in bodies.values()])
-        # numbers of those whose inertia simulators leave out, which M has
+        # numbers of coordinates without inertia in simulators (M has their inertia)
         still = [np.isin(self.free[name], body.quasi_static) for name, body in bodies.items()]
         self.quasi_static = np.flatnonzero(np.concatenate(still))
 
     @property
     def size(self) -> int:
+        """Number n of coordinates."""
         return sum(map(len, self.free.values()))
 
     @cached_property
     def M(self) -> sp.csr_matrix:
+        """Mass matrix (n, n)."""
         return self._blocks(lambda body, free: body.M[np.ix_(free, free)])
 
     @cached_property
     def D(self) -> sp.csr_matrix:
+        """Damping matrix (n, n), without terms that vary in time."""
         return self._blocks(lambda body, free: body.D[np.ix_(free, free)])
 
     @cached_property
     def K(self) -> sp.csr_matrix:
+        """Stiffness matrix (n, n), without contacts and terms that vary in time."""
         return self._blocks(lambda body, free: body.K[np.ix_(free, free)])
 
     @cached_property
     def B(self) -> sp.csr_matrix:
+        """Forces (n, i) of unit inputs."""
         return self._blocks(lambda body, free: body.B[free])
 
     @cached_property
     def outputs(self) -> sp.csr_matrix:
+        """Outputs (o, n) of unit coordinates, O."""
         return self._blocks(lambda body, free: body.outputs[:, free])
 
     def _blocks(self, of: Callable[[Any, NDArray[np.int64]], Any]) -> sp.csr_matrix:
-        """A matrix `of` each body and its free coordinates, one after the other on the diagonal."""
+        """Sparse block-diagonal matrix whose block for each body is ``of(body, numbers of its free coordinates)``."""
         bodies = zip(self.system.bodies.values(), self.free.values(), strict=True)
         blocks = [of(body, free) for body, free in bodies]
         if any(map(sp.issparse, blocks)):
@@ -74,7 +85,7 @@ class Assembly:
 
     @cached_property
     def terms(self) -> list[Term]:
-        """The system's, sparse, on the same coordinates."""
+        """Terms of the system on the same n coordinates, sparse."""
         numbers = dict[str, NDArray[np.int64]]()
         for name, body in self.system.bodies.items():
             numbers[name] = np.full(body.size, -1, np.int64)
@@ -83,7 +94,7 @@ class Assembly:
 
     @cached_property
     def direct(self) -> Array:
-        """W = O R B (o, i) m/N."""
+        """W = O R B (o, i) in m/N: outputs of unit inputs by the residual flexibility R."""
         W = np.zeros((_count(self.observed), _count(self.inputs)))
         for name, flexibility in self._flexibility.items():
             W[self.observed[name], self.inputs[name]] = flexibility.direct
@@ -91,7 +102,7 @@ class Assembly:
 
     @cached_property
     def energy(self) -> Array:
-        """B^T R B (i, i) m/N."""
+        """B^T R B (i, i) in m/N, with the residual flexibility R."""
         of_loads = np.zeros((_count(self.inputs),) * 2)
         for name, flexibility in self._flexibility.items():
             of_loads[self.inputs[name], self.inputs[name]] = flexibility.energy
@@ -99,7 +110,7 @@ class Assembly:
 
     @property
     def _flexibility(self) -> dict[str, Any]:
-        """Residual flexibility of each body that has any."""
+        """Residual flexibility of each body that has one, by name; on carriers if the body has these."""
         of_bodies = {
             name: (body if body.carriers is None else body.carriers).flexibility
             for name, body in self.system.bodies.items()
@@ -107,15 +118,15 @@ class Assembly:
         return {name: flexibility for name, flexibility in of_bodies.items() if flexibility is not None}
 
     def stiffness(self, c: Sequence[float] | Array = ()) -> sp.csr_matrix:
-        """K + sum_k c_k G_k with amplitudes c (k,) of the system's terms, in their order; none leave K alone."""
+        """K + sum_k c_k G_k (n, n) with amplitudes c (k,) of the system's terms in their order; K if c is empty."""
         return add_terms(self.K, self.terms, "stiffness", c)
 
     def damping(self, c: Sequence[float] | Array = ()) -> sp.csr_matrix:
-        """D + sum_k c_k V_k, likewise."""
+        """D + sum_k c_k V_k (n, n) with amplitudes c (k,) of the system's terms in their order; D if c is empty."""
         return add_terms(self.D, self.terms, "damping", c)
 
     def term_forces(self, q: Array, v: Array, c: Array) -> Array:
-        """-sum_k c_k (V_k v + G_k q), (T, n) N, of coordinates and rates (T, n) and amplitudes c (T, k)."""
+        """Forces -sum_k c_k (V_k v + G_k q), (T, n) in N, of coordinates q, rates v (T, n), amplitudes c (T, k)."""
         forces = np.zeros_like(q)
         for term, amplitude in zip(self.terms, c.T, strict=True):
             for A, motion in ((term.stiffness, q), (term.damping, v)):
@@ -124,11 +135,11 @@ class Assembly:
         return forces
 
     def at(self, x: Array) -> ContactRows:
-        """The contacts with their places at x (sides,) m, as `System.coordinates` has them."""
+        """Rows of the contacts with their places at x (sides,) in m, as `System.coordinates` returns it."""
         return self.along(x[None]).at(0)
 
     def along(self, x: Array) -> ContactRows:
-        """The contacts with their places at x (T, sides) m."""
+        """Rows of the contacts with their places at x (T, sides) in m, at T times."""
         system = self.system
         T, m, i, o = len(x), len(system.contacts), _count(self.inputs), _count(self.observed)
         C, H, X = np.zeros((T, m, self.size)), np.zeros((T, m, i)), np.zeros((T, o, m))
@@ -142,11 +153,14 @@ class Assembly:
         return ContactRows(C, F, H, X)
 
     def slopes(self, x: Array) -> Array:
-        """dC/dx (m, n) of the contacts with their places at x (sides,) m."""
+        """Rows dC/dx (m, n) of the contacts with their places at x (sides,) in m, if all places move by the same dx."""
         return self.rates(x, np.ones(len(x)))
 
     def turned_rows(self, x: Array) -> Array:
-        """Motions of all contacts by a unit moment on the sides of each, (m, m) 1/N, likewise."""
+        """Motions (m, m) in 1/N of all contacts (rows) by a unit moment on the sides of each contact (columns).
+
+        The places are at x (sides,) in m.  The moments act by the residual flexibility of the bodies only.
+        """
         moved_by_moments = np.zeros((len(self.system.contacts),) * 2)
         for name, flexibility in self._flexibility.items():
             numbers = self.system.sides_of(name)
@@ -162,12 +176,18 @@ class Assembly:
         return moved_by_moments
 
     def _weights(self, place: Place, at: float, derivative: int) -> tuple[Array, Array]:
-        """The carriers (d,) that the row of a place touches at a path of so many m, and their weights."""
+        """Numbers (d,) of the carriers that the row of a place touches at `at` in m, and their weights (d,).
+
+        With a `derivative` of 1 or more, the weights are that derivative with respect to the coordinate.
+        """
         touched, b = self.system.row(place).on_carriers(at, derivative)
         return touched[0], b[0]
 
     def turned(self, x: Array) -> Array:
-        """Outputs by a unit moment on the sides of each contact, at x (sides,) m, (o, m) 1/N."""
+        """Outputs (o, m) in 1/N by a unit moment on the sides of each contact, with the places at x (sides,) in m.
+
+        The moments act by the residual flexibility of the bodies only.
+        """
         moved_outputs = np.zeros((_count(self.observed), len(self.system.contacts)))
         for side, at in zip(self.system.sides, x, strict=True):
             name = side.place.body
@@ -179,7 +199,10 @@ class Assembly:
         return moved_outputs
 
     def _add_carried(self, name: str, on: Sequence[int], x: Array, rows: ContactRows) -> None:
-        """Add the part of a body on carriers, with its sides, the `on`-th of all, at x (k, T) m."""
+        """Add to `rows` the contributions of a body on carriers, by its sides with the numbers `on`.
+
+        Their places are at x (sides, T) in m.
+        """
         sides, carriers = [self.system.sides[a] for a in on], self.system.bodies[name].carriers
         assert carriers is not None
         contacts, flexibility = [side.contact for side in sides], carriers.flexibility
@@ -198,7 +221,11 @@ class Assembly:
                 rows.F[:, k, contacts] += np.add.reduceat(between, ends[:-1], axis=1)
 
     def _add_tables(self, name: str, on: Sequence[int], x: Array, contact_rows: ContactRows) -> None:
-        """Add the part of a body alone that has tables over its path, at one of whose places all its rows are."""
+        """Add to `contact_rows` the contributions of a single body that has tables over its path.
+
+        All its sides, with the numbers `on`, have the same path coordinate: that of the first side that travels, in x
+        (sides, T) in m.
+        """
         body, sides = self.system.bodies[name], [self.system.sides[a] for a in on]
         s = next((at for side, at in zip(sides, x, strict=True) if side.place.path is not None), x[0])
         rows, contacts = [body.row_names.index(side.place.row) for side in sides], [side.contact for side in sides]
@@ -211,14 +238,14 @@ class Assembly:
             contact_rows.X[:, :, contacts] = evaluate(flexibility.outputs, s)[:, :, rows]
 
     def answers(self, rows: ContactRows, omega: Array, c: Sequence[float] | Array = ()) -> NDArray[np.complex128]:
-        r"""Answers (W, o + m, i) of outputs and forces of contacts to a unit of each input at omega (W,) in rad/s.
+        r"""Frequency responses (W, o + m, i) of outputs and contact forces to unit inputs at omega (W,) in rad/s.
 
         .. math::
             (-\omega^2 M + i \omega D + K)\, q + C^T \lambda = B f, \qquad C q + H f - F \lambda = 0, \qquad
             y = O q + W f - X \lambda
 
-        with every contact closed, amplitudes c (k,) of the terms in K and D.  A LinAlgError is raised where they do not
-        hold the bodies at rest.
+        with every contact closed, its `rows` at one place, and amplitudes c (k,) of the terms in K and D.  A
+        LinAlgError is raised if the contacts do not hold the bodies at rest.
         """
         M, D, K, B = (A.toarray() for A in (self.M, self.damping(c), self.stiffness(c), self.B))
         n, scale = len(K), rows.unit(K)
@@ -232,7 +259,7 @@ class Assembly:
         return np.array(answers)
 
     def rates(self, x: Array, x_rate: Array) -> Array:
-        """dC/dt (m, n) of the contacts with their places at x (sides,) m, which move by x_rate (sides,) m/s."""
+        """Rows dC/dt (m, n) of contacts with their places at x (sides,) in m that move by x_rate (sides,) in m/s."""
         rates = np.zeros((len(self.system.contacts), self.size))
         for side, at, rate in zip(self.system.sides, x, x_rate, strict=True):
             if rate != 0.0:
@@ -245,11 +272,11 @@ class Assembly:
         return rates
 
     def frequencies(self, x: Array, count: int, c: Array | None = None) -> Array:
-        """The lowest natural frequencies, ([S,] count) Hz, every contact closed, its places at x ([S,] sides) in m.
+        """Lowest natural frequencies ([S,] count) in Hz, every contact closed, its places at x ([S,] sides) in m.
 
-        Terms have amplitudes c ([S,] k), zero by default.  Of their matrices the symmetric stiffness counts and the
-        gyroscopic, antisymmetric part of what acts on rates: the rest damps, or turns faster and faster.  At the
-        buckling load and beyond the lowest is 0 Hz.
+        NaN stands where there are fewer than `count`.  Terms have amplitudes c ([S,] k), None for zero.  Of their
+        matrices only the symmetric part of the stiffness and the antisymmetric (gyroscopic) part of the damping count.
+        At the buckling load and beyond the lowest frequency is 0 Hz.
         """
         if x.ndim == 1:
             return np.asarray(self.frequencies(x[None], count, None if c is None else c[None])[0])
@@ -273,10 +300,11 @@ class Assembly:
         return hertz
 
     def modes(self, rows: ContactRows, count: int, c: Array | Sequence[float] = ()) -> tuple[Array, Array]:
-        """The lowest modes, every contact closed, with its `rows` at one place (`at`): omega (f,) and phi (n, f).
+        """Lowest modes with every contact closed: omega (f,) in rad/s, ascending, and phi (n, f) in 1/sqrt(kg).
 
-        Omega in rad/s, ascending; phi^T M phi = 1, phi in 1/sqrt(kg).  Fewer than `count` where there are no more.
-        Of terms with amplitudes c (k,) the symmetric stiffness counts; at the buckling load and beyond omega is 0.
+        They are normalised to phi^T M phi = 1.  `rows` are those of `at`.  f is `count`, or less where there are fewer
+        modes.  Of terms with amplitudes c (k,) the symmetric part of the stiffness counts; at the buckling load and
+        beyond omega is 0.
         """
         M, stiffness, Z = self.M.toarray(), self.stiffness(c).toarray(), left_free(rows.C[rows.rigid])
         K = add_springs((stiffness + stiffness.T) / 2.0, rows) + SHIFT * M
@@ -292,10 +320,11 @@ class Assembly:
 
 
 def _count(slices: Mapping[str, slice]) -> int:
-    """How many entries all bodies have together."""
+    """Number of entries that the slices of all bodies cover."""
     return max((entries.stop for entries in slices.values()), default=0)
 
 
 def _slices(system: System, sizes: Any) -> dict[str, slice]:
+    """Consecutive slices of the given sizes, by the names of the system's bodies."""
     ends = np.cumsum([0, *sizes])
     return {name: slice(int(a), int(b)) for name, a, b in zip(system.bodies, ends[:-1], ends[1:], strict=True)}

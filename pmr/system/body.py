@@ -1,11 +1,11 @@
-r"""A body that a simulator works on: constant matrices and a few rows that move along a path.
+r"""Bodies that simulators work on: constant matrices and a few rows that move along a path.
 
-Galerkin projection of a body that one process holds.
+`projected` is the Galerkin projection of a body that one process stores,
 
 .. math::
     V^T M V, \quad V^T D V, \quad V^T K V, \quad V^T B, \quad O V, \quad C(s) V
 
-The distributed full model's is `pmr.reduction.basis`.
+and `pmr.reduction.basis` has that of the distributed full model.
 """
 
 from __future__ import annotations
@@ -32,7 +32,10 @@ Array = NDArray[np.float64]
 
 
 class Observed(Protocol):
-    """Body with outputs."""
+    """Body with o outputs: at `output_positions` (o,) in m, with names, units and kinds (`pmr.results.response`).
+
+    Names, units and kinds are empty for models that don't have them.
+    """
 
     @property
     def output_positions(self) -> Array: ...
@@ -51,7 +54,26 @@ class OnCarriers(Protocol):
 
 
 class Body(Protocol):
-    """Interface of a system's bodies, wherever their matrices are stored."""
+    """Interface of a system's bodies, whether one process stores their matrices or several do.
+
+    Attributes
+    ----------
+    input_names, row_names : tuples of str
+    row_compliance : (m,) array, m/N
+        Compliance 1/k of each row's pad; 0 for a rigid row.
+    row_clearance : (m,) array, m
+        Clearance of each row that only pushes; NaN for rows that hold both ways.
+    moving : list of int
+        Numbers of the rows that depend on s.
+    held : dict of int to int
+        Coordinate that each support on a single coordinate holds, by the number of its row.
+    lasting : tuple of str
+        Names of the rows that are rigid, hold both ways, don't depend on s, and combine several coordinates.
+    domain : (float, float), m
+        Lowest and highest path coordinate for which the rows are defined.
+    carriers : OnCarriers or None
+        The rows on carriers; None for a body that has tables over its path instead.
+    """
 
     @property
     def input_names(self) -> tuple[str, ...]: ...
@@ -74,10 +96,10 @@ class Body(Protocol):
 
 
 def kinds_of(body: Observed) -> tuple[str, ...]:
-    """Kind and direction of each output; of a model of an earlier version by its names and units.
+    """Kind and direction of each output, such as ``"tip z"`` (`pmr.results.response`).
 
-    Such a model has displacements in m, at places of the beam but for those of the tip, and forces of pads in N;
-    without units all are displacements, of which the last is the tip.
+    Models of earlier versions don't have them: they are derived from names and units.  Without units all outputs are
+    displacements of the beam, and the last one is that of the tip.
     """
     if body.output_kinds:
         return body.output_kinds
@@ -89,16 +111,20 @@ def kinds_of(body: Observed) -> tuple[str, ...]:
 
 
 def names_of(body: Observed) -> tuple[str, ...]:
-    """Name of each output; of one that has none its number."""
+    """Name of each output; ``output k`` if the body has no names."""
     return body.output_names or tuple(f"output {k}" for k in range(len(body.output_positions)))
 
 
 def units_of(body: Observed) -> tuple[str, ...]:
-    """Unit of each output; of a model that does not say m."""
+    """Unit of each output; m for all if the body has no units."""
     return body.output_units or ("m",) * len(body.output_positions)
 
 
 def _kind(name: str, unit: str) -> str:
+    """Kind and direction of an output of a model of an earlier version, from its name and unit.
+
+    In m, "z at 2 m" is ``beam z`` and "tip z" is ``tip z``; in N it is a ``pad``, in any other unit a ``probe``.
+    """
     if unit != "m":
         return "pad" if unit == "N" else "probe"
     start, at, _ = name.partition(" at ")
@@ -106,36 +132,37 @@ def _kind(name: str, unit: str) -> str:
 
 
 def _are(body: Observed, *kinds: str) -> NDArray[np.bool_]:
+    """Which of the outputs (o,) are of one of these kinds."""
     return np.array([kind.split(" ")[0] in kinds for kind in kinds_of(body)], dtype=bool)
 
 
 def force_outputs(body: Observed) -> NDArray[np.bool_]:
-    """Which of the outputs (o,) are forces: of pads and supports that give way."""
+    """Which of the outputs (o,) are forces of pads and of supports with a stiffness."""
     return _are(body, *FORCES)
 
 
 def length_outputs(body: Observed) -> NDArray[np.bool_]:
-    """Which of the outputs (o,) are displacements along the beam and of its tip."""
+    """Which of the outputs (o,) are displacements of the beam or of its tip."""
     return _are(body, "beam", "tip")
 
 
 def other_outputs(body: Observed) -> NDArray[np.bool_]:
-    """Which of the outputs (o,) are neither: rotations and what probes measure."""
+    """Which of the outputs (o,) are neither forces nor displacements of the beam: rotations and probes."""
     return np.asarray(~(length_outputs(body) | force_outputs(body)))
 
 
 def pushing_rows(body: SlidingBody) -> list[int]:
-    """Numbers of the rows that only push: their multipliers are never negative, and zero while they are open."""
+    """Numbers of the rows that only push: their multipliers are never negative, and zero while the contact is open."""
     return np.flatnonzero(~np.isnan(body.row_clearance)).tolist()
 
 
 def released_rows(body: SlidingBody) -> list[int]:
-    """Numbers of the rows that move or only push: whose multipliers are forces of sliders and pads."""
+    """Numbers of the rows that move or only push, ascending; their multipliers are forces of sliders and pads."""
     return sorted({*body.moving, *pushing_rows(body)})
 
 
 def with_inertia(body: SlidingBody, v: Array) -> Array:
-    """Rates (T, n) of the coordinates that have inertia, zero of the others."""
+    """Rates (T, n) with zeros for the coordinates that have no inertia; `v` itself if all have inertia."""
     if not len(body.quasi_static):
         return v
     rates = v.copy()
@@ -144,53 +171,64 @@ def with_inertia(body: SlidingBody, v: Array) -> Array:
 
 
 class WithRows:
-    """Rows of a full model, from `pmr.constraints.rows.Rows`."""
+    """Properties of a body that follow from the rows of its full model."""
 
     rows: Rows
 
     @property
     def flexibility(self) -> None:
-        """None: a full model leaves nothing out."""
+        """None: a full model leaves no flexibility out."""
 
     @property
     def section(self) -> None:
-        """None: a full model is simulated by itself or in a system, never taken for another."""
+        """None: a full model does not record the boom of which it is a section."""
 
     def ensure_whole(self, source: str) -> None:
         """Do nothing: a full model has all of its joints."""
 
     @property
     def row_compliance(self) -> Array:
+        """Compliance 1/k (m,) of each row's pad, in m/N; 0 where the row is rigid."""
         return self.rows.compliance
 
     @property
     def row_clearance(self) -> Array:
+        """Clearance (m,) in m of each row that only pushes; NaN where a row holds both ways."""
         return self.rows.clearance
 
     @property
     def row_names(self) -> tuple[str, ...]:
+        """Names of the rows."""
         return self.rows.names
 
     @property
     def domain(self) -> tuple[float, float]:
+        """Lowest and highest path coordinate in m at which every row is defined."""
         return self.rows.domain
 
     @property
     def moving(self) -> list[int]:
+        """Numbers of the rows that depend on s: the sliders."""
         return self.rows.moving
 
     @property
     def held(self) -> dict[int, int]:
+        """Coordinate that each support on a single coordinate holds, by the number of its row."""
         return self.rows.held
 
     @property
     def lasting(self) -> tuple[str, ...]:
+        """Names of the fixed rows that combine several coordinates."""
         return self.rows.lasting
 
 
 @dataclass(frozen=True)
 class FullBody(WithRows):
-    """The full model on one process, sparse: what the full-order reference simulates."""
+    """Full model on one process, sparse: what the full-order reference simulates.
+
+    It has n coordinates, i inputs, o outputs and m rows: M, D, K (n, n), B (n, i), `outputs` (o, n).  The other fields
+    are those of `pmr.fullmodel.model.FullModel`.
+    """
 
     M: sp.csr_matrix
     D: sp.csr_matrix
@@ -204,27 +242,28 @@ class FullBody(WithRows):
     output_names: tuple[str, ...] = ()
     rayleigh: Rayleigh | None = None
     output_kinds: tuple[str, ...] = ()
-    # (n, n), as `pmr.fullmodel.model.FullModel` has them
+    # by name: matrices (n, n) and rows (1, n) as in `pmr.fullmodel.model.FullModel`
     matrices: Mapping[str, sp.csr_matrix] = field(default_factory=dict)
     ports: Mapping[str, sp.csr_matrix] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
+        """Number of coordinates n."""
         return int(self.M.shape[0])
 
     @property
     def quasi_static(self) -> NDArray[np.int64]:
-        """None: all inertia counts."""
+        """Numbers of coordinates without inertia: an empty array."""
         return np.zeros(0, np.int64)
 
     @cached_property
     def carriers(self) -> CarriedRows:
-        """The rows on their carriers, dense: of bodies that are small enough to be diagonalised."""
+        """Rows on their carriers as dense arrays, for bodies that are small enough to be diagonalised."""
         return CarriedRows.of(self.rows.shared.rows, self.rows.shared.carriers.toarray())
 
     @cached_property
     def reactions(self) -> Reactions | None:
-        """Reactions of the rows that always hold, on the shortest motions that move one of them."""
+        """Reactions of the h `fixed` rows, None without any; on the shortest motions that move one such row by 1."""
         numbers = self.rows.fixed
         if not numbers:
             return None
@@ -243,19 +282,19 @@ class FullBody(WithRows):
         )
 
     def C(self, s: float, derivative: int = 0) -> sp.csr_matrix:
-        """Rows (m, n) at s in m, or their derivative with respect to s."""
+        """Rows (m, n) at s in m, or their derivative of that order with respect to s: sparse."""
         return self.rows.at(s, derivative)
 
     def dense_rows(self, s: Array) -> Array:
-        """C(s) (T, m, n) at several path coordinates (T,): for a few at a time."""
+        """Dense rows C(s) (T, m, n) at path coordinates s (T,) in m; for a few s at a time."""
         return np.stack([row.at(s).toarray() for row in self.rows.rows], axis=1)
 
     def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
-        """C(s) q (T, m) along a trajectory, or with the derivative of C."""
+        """C(s) q (T, m), or its derivative of that order times q, for s (T,) in m and coordinates q (T, n)."""
         return np.stack([row.apply(s, q, derivative) for row in self.rows.rows], axis=1)
 
     def rows_on(self, V: Array) -> PPoly:
-        """C(s) V as a piecewise polynomial with values (m, r), for V (n, r)."""
+        """Piecewise polynomial C(s) V with values (m, r), for V (n, r)."""
         return stack_tables([row.project(V) for row in self.rows.rows], self.domain)
 
 
@@ -266,21 +305,21 @@ SlidingBody: TypeAlias = ReducedModel | FullBody
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Coordinates of a simulated body over time."""
+    """Coordinates of a simulated body at T times."""
 
     t: Array  # (T,) s
-    # (T, n): coordinates and their rates; n = r for a reduced model
+    # (T, n): coordinates and their rates; n = r of a reduced model
     q: Array
     v: Array
     multipliers: Array  # lambda (T, m) in N; the sliders push with -lambda on the body
-    s: Array  # (T,) m: path coordinate; (T, m) of a body of a system, whose places each have their own
+    s: Array  # (T,) m: path coordinate; (T, m) for a body of a system, whose rows each have a path coordinate
     seconds: float  # wall time of the solver alone
     # share of the largest energy that neither loads nor moving rows put in (`pmr.simulation.balance`); NaN: unknown
     surplus: float = np.nan
 
 
 def projected(body: SlidingBody, V: Array) -> ReducedModel:
-    """The body on the columns of V (n, r), with every one of its rows and the flexibility that it may have."""
+    """Reduced model of a body on the columns of V (n, r), with all of its rows and with its flexibility, if any."""
     M, D, K = (symmetric(V.T @ (A @ V)) for A in (body.M, body.D, body.K))
     clearance = body.row_clearance
     return ReducedModel(

@@ -1,4 +1,4 @@
-r"""The contacts of a system as functions of its paths s: their rows, and how these change as the paths move.
+r"""Rows of a system's contacts as functions of its path coordinates s, with their first and second derivatives.
 
 With the weights b of all sides at x = a + v s, piecewise polynomials on the carriers U of each body
 (`pmr.constraints.rows`),
@@ -7,7 +7,8 @@ With the weights b of all sides at x = a + v s, piecewise polynomials on the car
     C = b\, U \Phi, \quad F = b\, (U R U^T)\, b^T + k^{-1}, \quad H = b\, U R B, \qquad
     \frac{\partial b}{\partial s_p} = v\, b'(x)
 
-of the sides that travel on path p, so that all derivatives are exact but where a polynomial ends.
+for the sides that travel on path p; Phi is the basis of a body and R is its residual flexibility.  All
+derivatives are exact except at the ends of the polynomials' intervals.
 """
 
 from __future__ import annotations
@@ -29,9 +30,9 @@ Indices = NDArray[np.int64]
 
 
 class ChangingRows:
-    """Rows of a system on carriers and their changes, on paths with the P names in their order.
+    """Rows of a system on carriers and their derivatives, as functions of P paths with the given `names`.
 
-    An InputError is raised for a body that has tables over its path instead, as plain bases of a body alone have.
+    An InputError is raised for a body with contacts that has tables over its path instead of carriers.
     """
 
     def __init__(self, assembly: Assembly, names: Sequence[str]) -> None:
@@ -48,9 +49,9 @@ class ChangingRows:
         self._key, self._changing = b"", self._at(np.clip(np.zeros(len(names)), *self._ends))
 
     def at(self, s: Array) -> Changing:
-        """Rows where the paths are at s (P,) m; the last ones are stored, as several callers need them in turn.
+        """Rows and derivatives with the paths at s (P,) in m; the last result is stored and returned again for its s.
 
-        An InputError is raised where a path leaves a row.
+        An InputError is raised if a path leads a place to where its row is not defined.
         """
         if (key := s.tobytes()) != self._key:
             if np.any((s < self._ends[0]) | (s > self._ends[1])):
@@ -59,6 +60,7 @@ class ChangingRows:
         return self._changing
 
     def _at(self, s: Array) -> Changing:
+        """Rows and derivatives with the paths at s (P,) in m."""
         compliance, n, i, P = self._system.compliance, self._size, self._inputs, len(self._names)
         m = len(compliance.constant)
         rows = _zero_rows(m, n, i)
@@ -75,26 +77,27 @@ class ChangingRows:
 
 @dataclass(frozen=True)
 class Changing:
-    """All contacts where P paths stand; there are no outputs."""
+    """Rows of m contacts with P paths at given coordinates, and their derivatives; arrays of outputs are empty."""
 
     rows: ContactRows
-    slopes: ContactRows  # (P, ...) by each path
-    curves: ContactRows  # (P, P, ...) by each two
+    slopes: ContactRows  # (P, ...): derivatives with respect to each path
+    curves: ContactRows  # (P, P, ...): second derivatives with respect to each two paths
 
     def along(self, rates: Array) -> tuple[ContactRows, ContactRows]:
-        """First and second derivative by t where the paths move by rates (P,) m/s, which stay."""
+        """First and second derivatives of the rows in t, for paths that move at constant rates (P,) in m/s."""
         first = (np.tensordot(rates, A, 1) for A in vars(self.slopes).values())
         second = (np.tensordot(rates, np.tensordot(rates, A, 1), 1) for A in vars(self.curves).values())
         return ContactRows(*first), ContactRows(*second)
 
 
 def _zero_rows(m: int, n: int, i: int, *paths: int) -> ContactRows:
+    """Zeros for m contacts, n coordinates and i inputs, with the axes `paths` in front."""
     shapes = ((m, n), (m, m), (m, i), (0, m))
     return ContactRows(*(np.zeros((*paths, *shape)) for shape in shapes))
 
 
 class _Body:
-    """Part of one body: k sides, each on d carriers wherever it is, their polynomials of one degree."""
+    """Contribution of one body to the contacts: k sides on d carriers each, with polynomials of the same degree."""
 
     def __init__(self, assembly: Assembly, name: str, names: Sequence[str]) -> None:
         system = assembly.system
@@ -115,12 +118,15 @@ class _Body:
         self._powers, d = (max(row.coefficients.shape[axis] for row in rows) for axis in (0, 2))
         self._touched = [_wider(row.touched, row.touched.shape[0], d) for row in rows]
         self._coefficients = [_wider(row.coefficients, self._powers, row.coefficients.shape[1], d) for row in rows]
-        # where a side's weights stand among all: (contacts, sides times carriers)
+        # shape of the weights of all sides (contacts, k d), and the indices of each side's weights in it
         self._shape = (len(system.contacts), k * d)
         self._at = self._contacts[:, None], np.arange(k * d).reshape(k, d)
 
     def _weights(self, s: Array) -> tuple[Indices, Array]:
-        """The carriers (k d,) that the sides touch, and their weights with two derivatives by s (3, k, d)."""
+        """Numbers (k d,) of the carriers that the sides touch, and weights with two derivatives by s (3, k, d).
+
+        The paths are at s (P,) in m; the weights have the signs of their sides.
+        """
         travelling = self._path >= 0
         x = np.clip(self._start + np.where(travelling, self._rate * s[self._path], 0.0), *self._ends)
         number = [
@@ -139,7 +145,7 @@ class _Body:
         return touched, np.einsum("jkp,kpd->jkd", powers, c)
 
     def add(self, s: Array, rows: ContactRows, slopes: ContactRows, curves: ContactRows) -> None:
-        """Add this body's part to all contacts at s (P,) m."""
+        """Add this body's contributions to the rows of all contacts and their derivatives, in place, at s (P,) in m."""
         assert self._carriers is not None
         touched, weights = self._weights(s)
         flexibility, P = self._carriers.flexibility, len(s)
@@ -169,7 +175,7 @@ class _Body:
 
 
 def _wider(values: NDArray[Any], *shape: int) -> NDArray[Any]:
-    """Pad with zeros before the first powers and behind the last carriers."""
+    """Pad `values` to `shape` with zeros: before the first powers, and behind the last carriers."""
     first = shape[0] - values.shape[0]
     wide = np.zeros(shape, values.dtype)
     wide[first:, ..., : values.shape[-1]] = values

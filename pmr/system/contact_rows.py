@@ -1,8 +1,7 @@
-r"""Rows of a system's contacts at given places, and the stiffness of those that give way.
+r"""Rows of a system's contacts at given coordinates, and the stiffness of compliant contacts.
 
-Rows that give way, eliminated: springs that travel with the slider, and no constraint is left.
-
-With F(s) = G(s) + 1/k the residual flexibility and the pads' compliance,
+Compliant rows are eliminated: they are springs that travel with the slider, and no constraint is left.  With the
+residual flexibility and the pads' compliance F(s) = G(s) + 1/k,
 
 .. math::
     \lambda = F^{-1} (C q + H f), \qquad
@@ -31,10 +30,10 @@ ROUND_OFF = 1e-14
 
 
 def is_round_off(F: Array, largest: float = 0.0) -> NDArray[np.bool_]:
-    """Whether contacts (..., m) with flexibility F (..., m, m) in m/N are rigid, but for round-off.
+    """Which contacts (..., m) with the flexibility F (..., m, m) in m/N are rigid but for round-off.
 
-    The diagonal decides, as F is semidefinite.  `largest` is the largest flexibility of the bodies in m/N, where that
-    is known: that of all contacts may be round-off.
+    Their diagonal entry is at most `ROUND_OFF` of the largest one, or of `largest` if that is more: the largest
+    flexibility of the bodies in m/N, where it is known, as all of F may be round-off.
     """
     diagonal = np.diagonal(F, axis1=-2, axis2=-1)
     most = np.maximum(diagonal.max(axis=-1, keepdims=True, initial=0.0), largest)
@@ -42,52 +41,55 @@ def is_round_off(F: Array, largest: float = 0.0) -> NDArray[np.bool_]:
 
 
 def clear_rows(F: Array, which: NDArray[np.bool_]) -> None:
-    """Set rows and columns of F (..., m, m) of some contacts (..., m) to zero, in place."""
+    """Set the rows and columns of F (..., m, m) of the contacts `which` (..., m) to zero, in place."""
     F[np.broadcast_to(which[..., :, None] | which[..., None, :], F.shape)] = 0.0
 
 
 @dataclass(frozen=True)
 class ContactRows:
-    """The m contacts of a system at given places, T of them each or one, with n coordinates of all bodies."""
+    """Rows of m contacts at given coordinates of their places, at one time or at T times, on n coordinates."""
 
     C: Array  # ([T,] m, n)
     F: Array  # ([T,] m, m) m/N: residual flexibility and compliance, G + 1/k
-    H: Array  # ([T,] m, i) m/N: what the i inputs move by themselves
-    X: Array  # ([T,] o, m) m/N: what forces of contacts take from the o outputs by themselves
+    H: Array  # ([T,] m, i) m/N: motion of the contacts by i unit inputs, by the residual flexibility
+    X: Array  # ([T,] o, m) m/N: by how much unit contact forces reduce o outputs, by the residual flexibility
 
     def at(self, k: int) -> ContactRows:
-        """Rows of the contacts at one of the places, by its number."""
+        """Rows of the contacts at time number k."""
         return ContactRows(self.C[k], self.F[k], self.H[k], self.X[k])
 
     def of(self, which: NDArray[np.bool_]) -> ContactRows:
-        """Rows of some of the contacts (m,) alone."""
+        """Rows of the contacts `which` (m,) alone."""
         F = self.F[..., which, :][..., which]
         return ContactRows(self.C[..., which, :], F, self.H[..., which, :], self.X[..., which])
 
     def unit(self, K: Any) -> float:
-        """Unit of forces: the size of the stiffness K (n, n) or, of rigid motions alone, of contacts."""
+        """Unit of forces by which contact equations are scaled: the largest entry of the stiffness K (n, n).
+
+        If K is zero, as for rigid motions, it is the largest entry of C squared over that of F, or 1 if F is zero.
+        """
         flexibility = abs(self.F).max(initial=0.0)
         return float(abs(K).max() or (abs(self.C).max() ** 2 / flexibility if flexibility else 1.0))
 
     @cached_property
     def answers(self) -> Array:
-        """F^-1 C and F^-1 H side by side, at one place."""
+        """Contact forces F^-1 C and F^-1 H (m, n + i), side by side, by unit coordinates and inputs; at one time."""
         return np.asarray(np.linalg.solve(self.F, np.hstack([self.C, self.H])))
 
     @property
     def rigid(self) -> NDArray[np.bool_]:
-        """([T,] m): which do not give way."""
+        """Which contacts ([T,] m) are rigid but for round-off of F."""
         return is_round_off(self.F)
 
 
 def add_springs(K: Array, rows: ContactRows) -> Array:
-    """Add the stiffness of the contacts that give way to K (n, n)."""
+    """Return K (n, n) plus the stiffness C^T F^-1 C of the contacts that are not rigid."""
     soft = rows.of(~rows.rigid)
     return np.asarray(K + soft.C.T @ np.linalg.solve(soft.F, soft.C))
 
 
 def left_free(C: Array) -> Array | None:
-    """A basis (n, k) of what rigid contacts C (m, n) leave free; None without any."""
+    """Orthonormal basis (n, k) of the motions that rigid contacts C (m, n) leave free; None if m is 0."""
     return scipy.linalg.null_space(C) if len(C) else None
 
 
@@ -96,7 +98,7 @@ REGULAR = 1e-13
 
 
 def compliant_rows(body: SlidingBody) -> list[int]:
-    """Numbers of the rows that give way: by the residual flexibility, or at a pad."""
+    """Numbers of the rows of a body that give way, by its residual flexibility or at a pad."""
     F = np.diag(body.row_compliance)
     if body.flexibility is not None:
         F = F + np.abs(contributions(body.flexibility.rows)).max(axis=(0, 1))
@@ -104,7 +106,7 @@ def compliant_rows(body: SlidingBody) -> list[int]:
 
 
 class CompliantRows:
-    """The rows of a body that give way, at any path coordinate."""
+    """Rows of a body that give way, at any path coordinate."""
 
     def __init__(self, body: SlidingBody) -> None:
         self._body, self.numbers = body, compliant_rows(body)
@@ -114,9 +116,9 @@ class CompliantRows:
             self._round_off = 4.0 * np.finfo(float).eps * np.diag(largest)[self.numbers]
 
     def check(self, s: Array) -> None:
-        """Raise a SimulationError where F(s) = G(s) + 1/k is singular at one of s (T,) m.
+        """Raise a SimulationError if F(s) = G(s) + 1/k is singular at one of the path coordinates s (T,) in m.
 
-        There a slider sits on a support, or two sit in one place.
+        F is singular where a slider is at a support, or two sliders are at one point.
         """
         if not self.numbers:
             return

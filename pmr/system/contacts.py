@@ -1,43 +1,44 @@
-r"""Contacts between bodies, the places on bodies that they join, how they give way, and their friction.
+r"""Contacts between bodies, the places on bodies that they join, their own compliance, and their friction.
 
-How contacts give way by themselves: pads and supports, and cylinders and ropes, which bear the forces of others.
+Compliance of the contacts themselves: of pads and supports, and of cylinders and ropes, which bear shares of the forces
+of other contacts.
 
-What gives way at contact k bears its own force and shares of others', :math:`T = S \lambda` (`pmr.scene.mechanism`),
-and by virtual work moves each of these contacts by its share.  A rope whose length under tension grows with a path is
-the softer the farther this leads:
+The spring of contact k bears the contact's own force and shares of the forces of others, :math:`T = S \lambda`
+(`pmr.scene.mechanism`), and by virtual work it moves each of these contacts by its share.  A rope whose length under
+tension grows with a path is softer the larger the path coordinate s is:
 
 .. math::
     C q + H f = (G + A)\, \lambda, \qquad A(s) = S^T \operatorname{diag}\bigl(a + a' s\bigr)\, S, \qquad
     a + a' s = \frac{l(s)}{z\, EA}
 
-A stands beside the residual flexibility G in all equations, so that what ropes store is
-:math:`\tfrac12 \lambda^T A \lambda`, and a drum that lets rope out under tension does the work
-:math:`-\tfrac12 \lambda^T \dot A \lambda` on the boom.
+with the length l, the number z of parallel ropes and the stiffness EA of one rope.  A is added to the residual
+flexibility G in all equations.  So the ropes store :math:`\tfrac12 \lambda^T A \lambda`, and a drum that pays out rope
+under tension does the work :math:`-\tfrac12 \lambda^T \dot A \lambda` on the boom.
 
 Friction of pads along the boom, in the equations of motion.
 
-A pad that presses with N, while its section slides out by :math:`\Delta y` in a step, pulls that back with f, and the
-outer one on:
+A pad that presses with N, while its section slides out by :math:`\Delta y` in a step, pulls the section back with the
+friction f, and pulls the outer section forward with f:
 
 .. math:: f_{n+1} = \max(-\mu |N|, \min(\mu |N|, f_n + \kappa\, \Delta y)), \qquad
     \mu = \mu_k + (\mu_s - \mu_k)\, e^{-|\dot s| / v_s}
 
-It sticks, as a spring of the pad's stiffness :math:`\kappa` along the boom, until that would take more than :math:`\mu
-|N|`, and slides at that: an elastic, perfectly plastic element with one state a pad, f itself (Jenkins' element; W. D.
-Iwan, A distributed-element model for hysteresis, Journal of Applied Mechanics 33, 1966, 893-900).  The coefficient is
-Coulomb's :math:`\mu_k`, or falls to it from that at rest :math:`\mu_s` as the joint's path moves faster (R. Stribeck
-1902; L. C. Bo and D. Pavelescu, The friction-speed relation and its influence on the critical velocity of stick-slip
-motion, Wear 82, 1982, 277-289).  What it turns into heat is f times what it slides, :math:`\Delta y - \Delta f /
-\kappa`.
+It sticks, as a spring of the pad's stiffness :math:`\kappa` along the boom, until f would exceed :math:`\mu |N|`, and
+slides with that force: an elastic, perfectly plastic element with one state variable for each pad, f itself (Jenkins'
+element; W. D. Iwan, A distributed-element model for hysteresis, Journal of Applied Mechanics 33, 1966, 893-900).  The
+coefficient is Coulomb's :math:`\mu_k`, or falls to it from the coefficient at rest :math:`\mu_s` as the joint's path
+moves faster (R. Stribeck 1902; L. C. Bo and D. Pavelescu, The friction-speed relation and its influence on the critical
+velocity of stick-slip motion, Wear 82, 1982, 277-289).  The heat in a step is f times the sliding distance
+:math:`\Delta y - \Delta f / \kappa`.
 
 With :math:`\Lambda` the force of the joint's cylinder of stiffness k, of which :math:`\lambda = \Lambda - \sum f`
-reaches the sections, the pads of a joint slide by the extension and by what the cylinder gives way,
+reaches the sections, the pads of a joint slide by the extension less the compression of the cylinder,
 
 .. math:: y = s - \Lambda / k, \qquad C q + H f - G \lambda - \lambda / k = \sum f / k
 
-so a section that swings on its cylinder rubs too.  All along the boom as stiff as sections are, friction is a force
-between both tails, and on the face that a pad touches, a distance e from the axis, a moment e f on both sections, the
-work of which is :math:`e f\, c'(x) q` with the pad's row c(x).
+so a section that swings on its cylinder rubs too.  Sections are taken as rigid along the boom: friction is a force
+between the tails of both sections, and, on the face that a pad touches, at a distance e from the axis, a moment e f on
+both sections, whose work is :math:`e f\, c'(x) q` with the pad's row c(x).
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Place:
-    """Place at which a row of a body measures: x(t) = at + rate s(t)."""
+    """Point of a body at which a row measures, at the coordinate x(t) = at + rate s(t) in m on the body."""
 
     # a body of the system, and one of its rows
     body: str
@@ -71,33 +72,36 @@ class Place:
     rate: float = 1.0  # negative where the place travels towards the body's tail while the path grows
 
     def coordinate(self, s: Mapping[str, ArrayLike]) -> Array:
-        """X in m from the path coordinates in m."""
+        """Coordinate x (...) in m on the body, from path coordinates s (...) in m by the paths' names."""
         travelled = np.zeros(()) if self.path is None else self.rate * np.asarray(s[self.path], float)
         return np.asarray(self.at + travelled)
 
 
 @dataclass(frozen=True)
 class Contact:
-    """A pad or slider between two places; a positive force pushes the inner body against its `direction`."""
+    """Contact between two places, or one and the ground; a positive force pushes the inner body against `direction`.
+
+    An InputError is raised for values that are not allowed.
+    """
 
     name: str
     inner: Place
     outer: Place | None = None  # None: on the ground
-    # 1 or -1: the inner row's displacement, relative to the outer one's, closes the contact along it
+    # 1 or -1: sign of the displacement of the inner row, relative to that of the outer row, that closes the contact
     direction: float = 1.0
     compliance: float = 0.0  # 1/k in m/N; 0 for a rigid one
-    # m, of a contact that only pushes: how far the inner place may go before it closes; None: it holds both ways
+    # m, of a contact that only pushes: displacement at which it closes; None: it holds both ways
     clearance: float | None = None
     friction: float = 0.0  # coefficient along the path while the contact slides
     kind: str = "pad"  # or ``cylinder``, ``support``, ``straight`` (`pmr.results.response`)
     arm: float = 0.0  # m: of friction, from the axis to the face that the contact presses on
     shear_stiffness: float = SHEAR_STIFFNESS  # N/m: along the path, while it sticks
-    # of a rope (`pmr.system.contacts`): by how much its compliance grows with a path, 1/N, and of which
+    # of a rope: growth a' of its compliance with a path coordinate, in 1/N, and the path's name
     lengthening: float = 0.0
     path: str | None = None
-    bears: tuple[tuple[str, float], ...] = ()  # shares of the forces of other contacts, by their names
-    static_friction: float = 0.0  # coefficient at rest; 0: that of sliding
-    stribeck_speed: float = STRIBECK_SPEED  # m/s: by which friction falls from the one to the other
+    bears: tuple[tuple[str, float], ...] = ()  # name of another contact and share of its force, of which it bears
+    static_friction: float = 0.0  # coefficient at rest; 0: the coefficient while it slides
+    stribeck_speed: float = STRIBECK_SPEED  # v_s in m/s
 
     def __post_init__(self) -> None:
         for place in (self.inner, *filter(None, (self.outer,))):
@@ -122,26 +126,26 @@ class Contact:
 
 
 def refusal(contact: str, key: str, value: object, allowed: str) -> InputError:
-    """Error about a contact, by its name."""
+    """Error about the value of the property `key` of the contact with the name `contact`."""
     return InputError("system", f"contacts.{contact}.{key}", value, allowed)
 
 
-#: Keys of friction, of a ring of pads in a scene, of a pad and of a contact.
+#: Keys of friction: of a ring of pads in a scene, of a `JointPad` and of a `Contact`.
 FRICTION = ("friction", "shear_stiffness", "static_friction", "stribeck_speed")
 
 
 def friction_law(contact: Contact) -> tuple[float, float, float]:
-    """Constants of a contact's law of friction, in the order in which the kernel reads them (src/friction.c)."""
+    """Sliding coefficient, coefficient at rest and Stribeck speed (m/s) of a contact, as src/friction.c reads them."""
     return contact.friction, contact.static_friction or contact.friction, contact.stribeck_speed
 
 
 @dataclass(frozen=True)
 class JointPad:
-    """A pad of a joint; from `direction` on as of a `Contact`."""
+    """Pad of a joint; `direction` and the fields below it are those of `Contact`."""
 
     name: str
-    row: str  # what it measures, on both sections
-    from_end: float  # m, of the section's tail or mouth that it sits at
+    row: str  # name of the row that measures it, on both sections
+    from_end: float  # m: distance from the tail or mouth at which it is
     direction: float = 1.0
     compliance: float = 0.0
     clearance: float | None = None
@@ -152,7 +156,7 @@ class JointPad:
     stribeck_speed: float = STRIBECK_SPEED
 
 
-#: Properties that a contact has of its pad.
+#: Properties that the contact of a joint's pad takes from the pad.
 OF_PAD = ("direction", "compliance", "clearance", "arm", *FRICTION)
 
 
@@ -161,7 +165,7 @@ class Joint:
     r"""Pads between two neighbouring sections of a telescope.
 
     The tail of the inner section is at s on the outer section of length L_out.  A pad at a distance d from the inner
-    tail, and a pad at d from the outer mouth, have the places
+    tail, and a pad at d from the outer mouth, have the coordinates
 
     .. math:: x_{in} = d,\; x_{out} = s + d \qquad \text{and} \qquad x_{in} = L_{out} - d - s,\; x_{out} = L_{out} - d
 
@@ -170,8 +174,9 @@ class Joint:
     inner, outer : str
         Bodies of the system.
     inner_length, outer_length : float, m
+        Lengths of these sections.
     path : str
-        Name of the path s(t): the place of the inner tail on the outer section, in m from the outer tail.
+        Name of the path s(t): the position of the inner tail on the outer section, in m from the outer tail.
     tail, mouth : tuples of JointPad
         Pads that move with the tail of the inner section, and pads that stay at the mouth of the outer one.
     """
@@ -186,7 +191,7 @@ class Joint:
 
     @property
     def contacts(self) -> tuple[Contact, ...]:
-        """For a `System`."""
+        """Contacts of all pads: of those at the tail of the inner section, then of those at the outer mouth."""
         at_tail = [
             (pad, Place(self.inner, pad.row, pad.from_end), Place(self.outer, pad.row, pad.from_end, self.path))
             for pad in self.tail
@@ -201,7 +206,7 @@ class Joint:
         )
 
     def check(self, s: Array) -> None:
-        """Refuse places s (T,) m of the inner tail that its pads don't allow.
+        """Raise an InputError unless the pads allow all positions s (T,) in m of the inner tail on the outer section.
 
         Raises
         ------
@@ -232,15 +237,15 @@ class Joint:
 
 @dataclass(frozen=True)
 class Compliance:
-    """A of m contacts, linear in Q paths."""
+    """Compliance matrix A(s) = constant + sum_q s_q slopes_q (m, m) of the m contacts themselves, linear in Q paths."""
 
     constant: Array  # (m, m) m/N: where all paths are at 0
-    paths: tuple[str, ...]  # (Q,)
+    paths: tuple[str, ...]  # (Q,): names of the paths that lengthen ropes
     slopes: Array  # (Q, m, m) 1/N
 
     @classmethod
     def of(cls, contacts: Sequence[Contact]) -> Compliance:
-        """Compliance of a system's contacts; an InputError is raised where one bears others that there are none of."""
+        """Compliance of a system's contacts; an InputError is raised if one bears a contact that does not exist."""
         names = [contact.name for contact in contacts]
         S = np.eye(len(contacts))
         for k, contact in enumerate(contacts):
@@ -260,19 +265,22 @@ class Compliance:
 
     @property
     def rigid(self) -> NDArray[np.bool_]:
-        """(m,): contacts that do not give way by themselves."""
+        """Contacts (m,) without a compliance of their own while all paths are at 0."""
         return np.diagonal(self.constant) == 0.0
 
     def at(self, s: Array) -> Array:
-        """(..., m, m) m/N with these paths at s (..., Q) m."""
+        """A(s) (..., m, m) in m/N with the paths at s (..., Q) in m."""
         return np.asarray(self.constant + np.tensordot(s, self.slopes, 1))
 
     def moved(self, forces: Array, s: Array) -> Array:
-        """A lambda (T, m) m of forces (T, m) N, likewise."""
+        """A(s) lambda (T, m) in m under forces lambda (T, m) in N, with the paths at s (T, Q) in m."""
         return np.asarray(forces @ self.constant + np.einsum("tm,qmn,tq->tn", forces, self.slopes, s))
 
     def work(self, forces: Array, s: Array) -> Array:
-        """Work of drums on the boom in each step, (T - 1,) J, likewise: from the means of the forces."""
+        """Work (T - 1,) in J of drums on the boom in each step, from forces (T, m) in N and paths at s (T, Q) in m.
+
+        Each step has the mean of the forces at its two ends.
+        """
         mean = (forces[1:] + forces[:-1]) / 2.0
         return np.asarray(-np.einsum("tm,qmn,tn,tq->t", mean, self.slopes, mean, np.diff(s, axis=0)) / 2.0)
 
@@ -282,21 +290,21 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Friction:
-    """The n pads that rub among m contacts, one joint after the other, and the cylinders of these J joints."""
+    """The n pads with friction among m contacts, joint by joint, and the cylinders of the J joints with such pads."""
 
-    joints: tuple[str, ...]  # names of the sections that slide, by which their paths are called too
-    pads: Indices  # (n,): numbers of their contacts
-    first: Indices  # (J + 1,): where the pads of each joint begin
-    cylinders: Indices  # (J,): numbers of these contacts; -1 of a joint without
-    gives: Array  # (J,) m/N: 1/k of these; 0 of a rigid one or none
-    laws: Array  # (n, k): constants of their laws, as `friction_law` has them
+    joints: tuple[str, ...]  # names of the sections that slide, which are the names of their paths too
+    pads: Indices  # (n,): numbers of the pads' contacts
+    first: Indices  # (J + 1,): index in `pads` of the first pad of each joint; n at the end
+    cylinders: Indices  # (J,): numbers of the cylinders' contacts; -1 for a joint without a cylinder
+    gives: Array  # (J,) m/N: compliance 1/k of the cylinders; 0 for a rigid one or none
+    laws: Array  # (n, 3): constants of the friction laws, as `friction_law` returns them
     stiffness: Array  # (n,) N/m: kappa
     arms: Array  # (n,) m: e
-    count: int  # m
+    count: int  # number m of all contacts
 
     @classmethod
     def of(cls, contacts: Sequence[Contact]) -> Friction | None:
-        """Friction of the contacts of a system; None without any."""
+        """Friction of a system's contacts; None if no contact has any."""
         numbers = {contact.name: k for k, contact in enumerate(contacts)}
         joints = tuple(dict.fromkeys(contact.inner.body for contact in contacts if contact.friction))
         pads_of_joints = [
@@ -320,38 +328,53 @@ class Friction:
         )
 
     def totals(self, friction: Array) -> Array:
-        """Friction of each joint, (..., J) N, from that of its pads (..., n) N."""
+        """Sum of friction (..., J) in N of each joint, from the friction (..., n) in N of its pads."""
         return np.asarray(np.add.reduceat(friction, self.first[:-1], axis=-1))
 
     def along(self, friction: Array) -> Array:
-        """Friction (..., m) in N that the contacts bear of the pads' (..., n) N: cylinders, that of their joints."""
+        """Friction (..., m) in N that contacts bear: the cylinder of a joint bears that of its pads, all others none.
+
+        The friction of the pads is (..., n) in N.
+        """
         borne, driven = np.zeros((*friction.shape[:-1], self.count)), self.cylinders >= 0
         borne[..., self.cylinders[driven]] = self.totals(friction)[..., driven]
         return borne
 
     def moments(self, friction: Array, forces: Array) -> Array:
-        """Moments (..., m) in N m of the pads' friction (..., n) N, on the faces that the contacts' forces press on."""
+        """Moments (..., m) in N m of the pads' friction (..., n) in N: times arm and sign of the force of each pad.
+
+        `forces` (..., m) in N are those of all contacts.
+        """
         pad_moments = np.zeros(forces.shape)
         pad_moments[..., self.pads] = self.arms * np.sign(forces[..., self.pads]) * friction
         return pad_moments
 
     def gaps(self, friction: Array) -> Array:
-        """By how much (..., m) m cylinders give way to it."""
+        """Compression (..., m) in m of the joints' cylinders by the friction (..., n) in N of the pads.
+
+        It is zero for all other contacts.
+        """
         return self.gaps_of(self.totals(friction))
 
     def gaps_of(self, totals: Array) -> Array:
-        """By how much (..., m) m cylinders give way to the friction of their joints (..., J) N."""
+        """Compression (..., m) in m of the joints' cylinders by the joints' friction (..., J) in N.
+
+        It is zero for all other contacts.
+        """
         gaps, driven = np.zeros((*totals.shape[:-1], self.count)), self.cylinders >= 0
         gaps[..., self.cylinders[driven]] = (self.gives * totals)[..., driven]
         return gaps
 
     def stored(self, friction: Array, forces: Array) -> Array:
-        r"""Energy in J that cylinders store beyond lambda^2 / 2 k, with the forces (..., m) N of all contacts."""
+        """Energy (...) in J that cylinders store beyond lambda^2 / 2 k, with friction (..., n) in N of the pads.
+
+        Of the `forces` (..., m) in N of all contacts those of cylinders are Lambda, their friction included.
+        """
         total = self.totals(friction)
         return np.asarray(np.sum(self.gives * total * (forces[..., self.cylinders] - total / 2.0), axis=-1))
 
 
 def joints_of(contacts: Sequence[Contact]) -> tuple[str, ...]:
-    """`Friction.joints`, none without friction."""
+    """Names of the sections that slide with friction, as in `Friction.joints`; empty without friction."""
     friction = Friction.of(contacts)
     return () if friction is None else friction.joints

@@ -1,4 +1,4 @@
-"""Small matrices: positive definite or not any more, rows that depend on each other, frequencies."""
+"""Small dense matrices: whether they are positive definite, rows that depend on each other, natural frequencies."""
 
 from __future__ import annotations
 
@@ -13,27 +13,28 @@ from pmr.reduced.soundness import pivoted_root
 
 Array = NDArray[np.float64]
 
-#: What is missing from a matrix L L^T as a share of it that is round-off.
+#: Norm of A - L L^T over that of A up to which it is round-off.
 ROUND_OFF = 1e-9
-#: Share of a load that is known nearly by which less of it is where the search begins.
+#: Share of an expected load by which the search begins below it.
 BESIDE = 1e-2
-#: Steps of it, the share by which the last may change the load, and that by which the load has to be lower.
+#: Most steps of the search, relative change of the load in the last one, and share of the load below it at which the
+#: matrix has to be positive definite.
 MOST_STEPS, SETTLED, BELOW = 30, 1e-12, 1e-6
 
 
 def root(A: Array) -> Array | None:
-    """L (n, r) of a positive semidefinite A = L L^T (n, n), by Cholesky with pivots; None where A is not.
+    """Factor L (n, r) of a positive semidefinite A = L L^T (n, n), by Cholesky with pivots; None if A is not.
 
-    For any L, :math:`|A - L L^T|_F` is at least as large as the least eigenvalue is negative.
+    For any L, :math:`|A - L L^T|_F` is at least the absolute value of the lowest eigenvalue of A, if that is negative.
     """
     L = pivoted_root(A)
     return L if np.linalg.norm(A - L @ L.T) <= ROUND_OFF * np.linalg.norm(A) else None
 
 
 class Free:
-    """Motions that rows C (c, n) leave free: an orthonormal basis (n, r) of them, and matrices on it.
+    """Motions that the rows C (c, n) leave free: an orthonormal basis Z (n, r) of them, and matrices on it.
 
-    By Householder's reflections, one for each row, so that no products of full matrices are needed.
+    It is computed by Householder reflections, one for each row, so no products of full matrices are needed.
     """
 
     def __init__(self, C: Array) -> None:
@@ -43,6 +44,7 @@ class Free:
 
     @property
     def basis(self) -> Array:
+        """Orthonormal basis Z (n, r) of the free motions."""
         return self._behind(np.eye(len(self._reflections)))[:, self._held :]
 
     def on(self, A: Array) -> Array:
@@ -50,7 +52,7 @@ class Free:
         return self._behind(self._behind(A).T)[self._held :, self._held :]
 
     def _behind(self, A: Array) -> Array:
-        """A (k, n) times the basis behind the directions that are held."""
+        """Product A Q (k, n) of A (k, n) with the orthogonal factor Q of C^T; its last r columns are Z."""
         if not len(self._scales):
             return A
         rotated, *_ = scipy.linalg.lapack.dormqr("R", "N", self._reflections, self._scales, A, 64 * len(A))
@@ -58,11 +60,11 @@ class Free:
 
 
 def first_singular(A: Array, B: Array, near: float = np.nan, up_to: float = np.inf) -> float:
-    """The least P > 0 at which A + P B is not positive definite any more; 0 where A is not, infinite where none is.
+    """Smallest P > 0 at which A + P B is not positive definite; 0 if A itself is not, infinity if there is no such P.
 
-    One that is above `up_to` need not be found, and is infinite then.  Where it is known to be `near` a load, it is
-    found by inverse iteration from a little below that, and counts where the matrix is definite a little below what is
-    found: since A is, it is so everywhere before.
+    A and B are (n, n); only their symmetric parts count.  A value above `up_to` may be returned as infinity.  If P is
+    expected `near` a load (NaN: not known), it is searched for by inverse iteration from a little below that.  The
+    result is accepted if the matrix is positive definite a little below it: as A is so too, all matrices between are.
     """
     A, B = (A + A.T) / 2.0, (B + B.T) / 2.0
     if not definite(A):
@@ -79,7 +81,11 @@ def first_singular(A: Array, B: Array, near: float = np.nan, up_to: float = np.i
 
 
 def _singular_above(A: Array, B: Array, low: float) -> float | None:
-    """The first singular load above `low`, of a definite A; None where A + low B is not, or where none settles."""
+    """First P above `low` at which A + P B is singular, for positive definite A; None if that is not found.
+
+    It is not found if A + low B is not positive definite, if the iteration does not converge or reaches a shape x with
+    x^T B x >= 0, or if the matrix is not positive definite a little below the result.
+    """
     factor, failed = scipy.linalg.lapack.dpotrf(A + low * B, lower=1)
     if failed:
         return None
@@ -99,15 +105,16 @@ def _singular_above(A: Array, B: Array, low: float) -> float | None:
 
 
 def definite(A: Array) -> bool:
-    """Whether a symmetric matrix is positive definite, by Cholesky."""
+    """Whether a symmetric matrix (n, n) is positive definite, by Cholesky."""
     return bool(scipy.linalg.lapack.dpotrf(A, lower=1, clean=0)[1] == 0)
 
 
 def oscillations(M: Array, V: Array | None, K: Array) -> Array:
-    """Omega (n,) rad/s of M q'' + V q' + K q = 0 with an antisymmetric V, ascending; zero where K does not hold.
+    """Frequencies omega (n,) in rad/s, ascending, of M q'' + V q' + K q = 0 with V antisymmetric or None.
 
-    With modes of K, of rates z' and strains omega z the equations are antisymmetric, (0, W; -W, -V): round-off stays
-    that of the largest omega, not of its square.
+    Omega is 0 for directions in which K is not positive.  On modes of K, with the rates z' and the strains omega z as
+    unknowns, the equations have the antisymmetric matrix (0, W; -W, -V), W = diag(omega): their round-off is relative
+    to the largest omega, not to its square.
     """
     if V is None or not np.any(V):
         return np.sqrt(np.maximum(scipy.linalg.eigh(K, M, eigvals_only=True), 0.0))
@@ -117,15 +124,16 @@ def oscillations(M: Array, V: Array | None, K: Array) -> Array:
     return np.asarray(np.abs(scipy.linalg.eigvalsh(1j * (turning - turning.T) / 2.0)[len(W) :]))
 
 
-#: A row takes part in a dependence if its share is at least this part of the largest one.
+#: A row takes part in a dependence if its share is at least this fraction of the largest one.
 TAKES_PART = 1e-2
 
 
 @dataclass(frozen=True)
 class Dependence:
-    """How independent rows are: `measure` is 1 for rows that share nothing and 0 for dependent ones; `names` of these.
+    """How independent rows are: `measure` is 1 for orthogonal rows and 0 for dependent ones.
 
-    Of rows whose combination all but vanishes, only those are named that take part in it.
+    Of the combination of rows that is closest to zero, `names` has those whose share is at least `TAKES_PART` of the
+    largest.
     """
 
     measure: float
@@ -133,7 +141,10 @@ class Dependence:
 
 
 def dependence_of_rows(C: Array, names: Sequence[str]) -> Dependence:
-    """Smallest singular value of the rows (m, r) scaled to unit length; a row that vanishes depends on nothing else."""
+    """Dependence of rows C (m, r): the smallest singular value after each row is scaled to unit length.
+
+    If rows are zero, the measure is 0 and only these rows are named.
+    """
     size = np.linalg.norm(C, axis=1)
     if not size.all():
         return Dependence(0.0, tuple(name for name, length in zip(names, size, strict=True) if length == 0.0))
@@ -143,7 +154,10 @@ def dependence_of_rows(C: Array, names: Sequence[str]) -> Dependence:
 
 
 def dependence_of_flexibility(F: Array, names: Sequence[str]) -> Dependence:
-    """Smallest eigenvalue of a symmetric flexibility (m, m) scaled to a unit diagonal."""
+    """Dependence of rows by their symmetric flexibility F (m, m), scaled to a unit diagonal: its lowest eigenvalue.
+
+    If diagonal entries are not positive, the measure is 0 and only these rows are named.
+    """
     diagonal = np.diagonal(F)
     if not np.all(diagonal > 0.0):
         return Dependence(0.0, tuple(name for name, d in zip(names, diagonal, strict=True) if not d > 0.0))
@@ -153,5 +167,6 @@ def dependence_of_flexibility(F: Array, names: Sequence[str]) -> Dependence:
 
 
 def _involved_names(shares: Array, names: Sequence[str]) -> tuple[str, ...]:
+    """Names whose share (m,) is at least `TAKES_PART` of the largest."""
     large = np.abs(shares) >= TAKES_PART * np.abs(shares).max()
     return tuple(name for name, takes_part in zip(names, large, strict=True) if takes_part)

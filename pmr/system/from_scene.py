@@ -1,19 +1,19 @@
-r"""A boom of several sections as a system: what joins them, and what they stand on.
+r"""Systems of a boom's sections: the contacts between them and with the ground, and fewer contacts for rings of pads.
 
-A cylinder or rope holds a section's tail along the boom against that of the next outer one, and so all of them lean on
-what holds the base; it gives way under all that hangs on it.  Only where the outer one has no coordinates along the
-boom is it the ground.
+A cylinder or rope holds the tail of a section along the boom against the tail of the next outer section, so the forces
+along the boom of all sections add up to what the base carries.  Its compliance acts under the forces of all sections
+beyond it.  If the outer section has no coordinates along the boom, the cylinder's contact is with the ground.
 
-Pads of one ring as fewer contacts: six pads hold the stiff cross-section of a beam in three ways.
-
-Pads that hold both ways, and stand at the same place of the same bodies, measure
+Rings of pads become fewer contacts, as six pads hold the stiff cross-section of a beam in three directions only.  Pads
+that hold both ways, and are at the same place of the same bodies, measure
 
 .. math:: c_\rho(x) = \sum_\kappa S_{\rho\kappa}\, \hat c_\kappa(x), \qquad
     S^T \mathrm{diag}(k)\, S = \bar k\, 1, \quad \bar k \text{ the mean of } k
 
-with fewer rows than they are where the section does not deform between them.  Gap and force of each are in proportion,
-so contacts :math:`\hat c` of stiffness :math:`\bar k` do the same to both bodies, whatever these are, and from their
-forces mu those of the pads are :math:`\lambda = \mathrm{diag}(k / \bar k)\, S \mu`, exactly.
+with fewer rows :math:`\hat c` than pads where the cross-section does not deform between them.  Gap and force of each
+pad are proportional, so contacts :math:`\hat c` of stiffness :math:`\bar k` have the same effect on both bodies,
+whatever these are.  From their forces mu those of the pads follow exactly, :math:`\lambda = \mathrm{diag}(k / \bar k)\,
+S \mu`.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from pmr.system.terms import terms_of
 
 
 def system_of(scene: Scene, bodies: Mapping[str, SlidingBody]) -> System:
-    """A scene's bodies, reduced or full, by their names, and what joins them; errors as for `System`."""
+    """System of a scene's bodies, reduced or full, by name, with contacts and terms; errors as for `System`."""
     terms = partial(terms_of, scene)
     if ALONE in bodies:
         return replace(System.of(bodies[ALONE]), terms=terms(bodies), terms_of=terms)
@@ -51,12 +51,15 @@ def system_of(scene: Scene, bodies: Mapping[str, SlidingBody]) -> System:
 
 
 def with_terms_of(scene: Scene, system: System) -> System:
-    """A system from a file, which has terms for its own bodies, with what makes those of other models of them."""
+    """Return a system that was read from a file, with the scene's `terms_of` for other models of its bodies.
+
+    The file has only the terms for its own bodies.
+    """
     return replace(system, terms_of=partial(terms_of, scene))
 
 
 def contacts_of(scene: Scene, bodies: Mapping[str, Body]) -> tuple[Contact, ...]:
-    """All contacts between the sections, and with the ground; of a body alone as `System.of` has them."""
+    """All contacts between sections, then all with the ground; for a single body those of `System.of`."""
     if ALONE in bodies:
         return ground_contacts(bodies[ALONE])
     contacts = [contact for number in range(1, len(scene.sections)) for contact in _contacts(scene, number, bodies)]
@@ -69,7 +72,7 @@ def contacts_of(scene: Scene, bodies: Mapping[str, Body]) -> tuple[Contact, ...]
 
 
 def force_names(scene: Scene) -> Mapping[str, Sequence[str]]:
-    """Names of the forces of pads, cylinders and supports, as far as no model has to be built."""
+    """Names of the forces that a scene has, by kind: ``pad``, ``cylinder`` and ``support``; no model is built."""
     names: dict[str, list[str]] = {"pad": [], "cylinder": [], "support": []}
     for number, (name, member) in enumerate(zip(scene.names, members(scene), strict=True)):
         if number:
@@ -98,7 +101,7 @@ def force_names(scene: Scene) -> Mapping[str, Sequence[str]]:
 
 
 def _contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator[Contact]:
-    """Contacts of the joint in which a section slides, its cylinder last."""
+    """Contacts of the joint in which the section with that number slides, its cylinder last."""
     joint, inner, outer = scene.sections[number].joint, scene.names[number], scene.names[number - 1]
     assert joint is not None  # as the scene's checks say
     rows = set(bodies[inner].row_names) & set(bodies[outer].row_names)
@@ -138,7 +141,10 @@ def _contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator
 
 
 def _pads(scene: Scene, number: int, ring: JointPads, called: str, rows: set[str]) -> Iterator[JointPad]:
-    """Pads of a ring of a joint whose forces both sections feel: a planar beam does not move sideways."""
+    """Pads of one ring of a joint on the `rows` that both sections have; a planar beam has none for sideways motion.
+
+    `called` is how their names begin.
+    """
     called = " ".join(filter(None, (called, ring.name)))
     compliance = 0.0 if ring.stiffness == "rigid" else 1.0 / ring.stiffness
     law = {key: getattr(ring, key) for key in FRICTION}
@@ -158,13 +164,16 @@ def _pads(scene: Scene, number: int, ring: JointPads, called: str, rows: set[str
 
 
 def _arm(part: Part, face: str) -> float:
-    """How far a face is from the axis, m; nothing of what has no faces in the scene."""
+    """Distance in m of a face from the axis; 0 for a body without faces in the scene."""
     side = None if part.body.box is None else part.body.box.faces.get(face)
     return 0.0 if side is None else float(side.normal @ side.start)
 
 
 def _on_ground(name: str, body: Body, joined: set[tuple[str, str]], part: Part) -> Iterator[Contact]:
-    """Pads between a section and the ground, and supports that hold more than one coordinate of a full one."""
+    """Contacts of a body with the ground: its pads, and its supports except those that hold a single coordinate.
+
+    Rows (body, row) that are `joined`, and rows of tails and points, are left out.
+    """
     pads = {pad for ring in part.pads for pad, _, _ in ring.places}
     for number, row in enumerate(body.row_names):
         if (name, row) not in joined and number not in body.held and row not in (TAIL, POINT):
@@ -177,7 +186,7 @@ def _on_ground(name: str, body: Body, joined: set[tuple[str, str]], part: Part) 
 
 
 def _turning(name: str, body: Body) -> Place:
-    """Place of a luffing cylinder's row, on which a turn of the angle is stretched (`pmr.fullmodel.luffing`)."""
+    """Place of a luffing cylinder's row, whose domain spans a turn of the angle (`pmr.fullmodel.luffing`)."""
     assert body.carriers is not None
     breaks = body.carriers.row(body.row_names.index(LUFFING_CYLINDER), LUFFING_CYLINDER).breaks
     low, high = float(breaks[0]), float(breaks[-1])
@@ -185,7 +194,7 @@ def _turning(name: str, body: Body) -> Place:
 
 
 def _somewhere(body: Body, row: str) -> float:
-    """A place in m at which a row that stays is defined."""
+    """Coordinate in m at which a row that does not travel is defined: the first of its breaks."""
     assert body.carriers is not None
     return float(body.carriers.row(body.row_names.index(row), row).breaks[0])
 
@@ -193,27 +202,30 @@ def _somewhere(body: Body, row: str) -> float:
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: What a pad adds to the others of its ring, over the largest, that is round-off in modes and flexibility.
+#: Singular value of a ring's rows, over the largest, up to which it is round-off in modes and flexibility.
 DEPENDENT = 1e-10
-#: Sums of columns in which dependent rows are looked for: several times as many as pads of a ring.
+#: Number of random sums by which dependent rows are found: several times the number of pads of a ring.
 SUMS = 32
 
 
 @dataclass(frozen=True)
 class Combined:
-    """A system with fewer contacts."""
+    """A system whose rings of pads are fewer contacts, m' instead of m."""
 
     system: System
-    # (m, m'): its contacts' forces (T, m') times the transposed are those of the m original ones; None: the same
+    # (m, m'): forces (T, m') of its contacts times the transpose are those of the m original ones; None: no change
     shares: Array | None = None
 
     def forces(self, reduced_forces: Array) -> Array:
-        """Forces (..., m) N of all contacts from those (..., m') of the smaller system."""
+        """Forces (..., m) in N of the original contacts, from those (..., m') in N of the smaller system."""
         return reduced_forces if self.shares is None else reduced_forces @ self.shares.T
 
 
 def combine_rings(system: System) -> Combined:
-    """A system in its modes, with as few contacts as its rings of pads need."""
+    """Combine the rings of pads of a system of reduced bodies into as few contacts as they need.
+
+    A system on one path, or without such rings, stays as it is.
+    """
     if system.on_one_path:
         return Combined(system)
     numbers, contacts, shares = np.eye(len(system.contacts)), list[Contact](), list[Array]()
@@ -240,7 +252,7 @@ def combine_rings(system: System) -> Combined:
 
 
 def _rings(contacts: Sequence[Contact], bodies: Mapping[str, _Rows]) -> list[tuple[list[int], Array]]:
-    """Numbers of contacts that are combined, each with S (pads, fewer), or of one by itself."""
+    """Numbers of the contacts of each ring with its matrix S (pads, fewer); [[1]] for a contact that stays single."""
     groups = dict[object, list[int]]()
     for number, contact in enumerate(contacts):
         combines = contact.clearance is None and contact.compliance > 0.0 and not contact.friction
@@ -254,11 +266,12 @@ def _rings(contacts: Sequence[Contact], bodies: Mapping[str, _Rows]) -> list[tup
 
 
 def _places(contact: Contact) -> list[Place]:
+    """Inner place of a contact, and the outer one if there is one."""
     return [contact.inner] if contact.outer is None else [contact.inner, contact.outer]
 
 
 def _relative_stiffness(pads: Sequence[Contact]) -> Array:
-    """Stiffness of each pad over the mean of all, (pads,)."""
+    """Stiffness (pads,) of each pad over the mean of all; 1 for a single pad, which may be rigid."""
     if len(pads) == 1:
         return np.ones(1)
     stiffness = 1.0 / np.array([pad.compliance for pad in pads])
@@ -266,7 +279,10 @@ def _relative_stiffness(pads: Sequence[Contact]) -> Array:
 
 
 def _orthonormal(bodies: Mapping[str, _Rows], pads: Sequence[Contact]) -> Array | None:
-    """(pads, fewer) of the pads' rows times the root of their relative stiffness; None where it takes them all."""
+    """Orthonormal basis (pads, fewer) of what the pads' rows measure, times the root of their relative stiffness.
+
+    None if it has as many columns as pads, or if rows can't be combined.
+    """
     measured = []
     for same in zip(*map(_places, pads), strict=True):
         measures = bodies[same[0].body].measured([place.row for place in same])
@@ -280,23 +296,24 @@ def _orthonormal(bodies: Mapping[str, _Rows], pads: Sequence[Contact]) -> Array 
 
 
 class _Rows:
-    """Rows of a body, and combinations of them, on no more carriers than these take.
+    """Rows of a body and linear combinations of them, on as few carriers as these combinations need.
 
-    Rows that differ in nothing but their carriers, as on a mesh whose section deforms, are combined by sums of these;
-    others on the same breaks by sums of their coefficients.
+    Rows that differ in their carriers only, as on a mesh whose cross-section deforms, are combined by sums of carriers;
+    other rows on the same breaks by sums of coefficients.
     """
 
     def __init__(self, body: ReducedModel) -> None:
         assert body.carriers is not None  # as a system has it that is not on one path
         self._body, self._carriers = body, body.carriers
-        self._size = len(body.carriers.values)  # carriers of the body, and behind them sums of these
+        self._size = len(body.carriers.values)  # number of the body's carriers, and of sums of carriers behind them
         self._parts = list[tuple[Indices, Indices, Array]]()
         self._rows = dict[tuple[object, ...], Row]()
 
     def measured(self, names: Sequence[str]) -> Array | None:
-        """Measures (rows, .) of modes, flexibility and inputs by rows that have their breaks in common.
+        """What the rows with these names measure of modes, flexibility and inputs, (rows, any).
 
-        None of rows on others.
+        None if they have different breaks or degrees.  Random sums stand for many coefficients: only the dependence of
+        rows on each other matters.
         """
         rows = [self._row(name) for name in names]
         if not all(np.array_equal(row.breaks, rows[0].breaks) for row in rows):
@@ -313,9 +330,10 @@ class _Rows:
 
     @cached_property
     def _carrier_measures(self) -> Array:
-        """Measures (K, .) of modes, flexibility and inputs by the carriers, each over its largest value.
+        """What the K carriers measure of modes, flexibility and inputs, (K, any), each kind over its largest value.
 
-        Of the many columns of the flexibility a few sums with random weights tell which rows depend on which.
+        The many columns of the flexibility are replaced by a few sums with random weights, which show as well which
+        rows depend on which.
         """
         parts, rng = [self._carriers.values], np.random.default_rng(11)
         if (flexibility := self._carriers.flexibility) is not None:
@@ -327,7 +345,7 @@ class _Rows:
         return np.hstack(parts)
 
     def combine(self, names: Sequence[str], shares: Array) -> str:
-        """Add the sum of rows times `shares` (rows,), unless it is there; its name."""
+        """Add the sum of the named rows times `shares` (rows,) unless it exists; return its name."""
         key = (*names, shares.tobytes())
         if key not in self._rows:
             rows, name = [self._row(name) for name in names], f"{names[0]}, {len(self._rows) + 1}"
@@ -347,7 +365,7 @@ class _Rows:
 
     @property
     def model(self) -> ReducedModel:
-        """The body with these rows and carriers."""
+        """Body with the combined rows, on their carriers."""
         old, rows = self._carriers, list(self._rows.values())
         each = np.arange(len(old.values))
         numbers, where, shares = map(np.concatenate, zip((each, each, np.ones(len(each))), *self._parts, strict=True))
@@ -366,11 +384,12 @@ class _Rows:
         return replace(self._body, row_names=names, carriers=CarriedRows.of(rows, P @ old.values, flexibility))
 
     def _row(self, name: str) -> Row:
+        """Row of the body with that name."""
         return self._carriers.row(self._body.row_names.index(name), name)
 
 
 def _offsets(rows: Sequence[Row]) -> list[int] | None:
-    """How far the carriers of each row stand behind those of the first; None where rows differ in more than that."""
+    """By how much the carrier numbers of each row exceed those of the first; None if rows differ in anything else."""
     first, offsets = rows[0], list[int]()
     for row in rows:
         offset = int(row.touched.min() - first.touched.min())

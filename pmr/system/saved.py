@@ -1,10 +1,11 @@
-"""One file of a system: its reduced bodies, the contacts between them, and the scene that it was made from.
+"""File of a system: its reduced bodies, the contacts between them, its terms, and the scene it was made from.
 
-An npz file whose header in JSON has format, version, names of the bodies, contacts, terms and provenance; the arrays of
-body k stand behind ``bodies.k.``, as `pmr.reduced.stored` names them; behind ``on_modes.k.`` those of bodies without
-modes of their cylinders and without inertia, whose names the header has too, where they are others than those of the
-body with these modes: ``same`` names arrays of this kind that stand there once; and the matrices of term k are
-``terms.k.stiffness`` and ``terms.k.damping``.  Nothing in it is pickled.
+An npz file whose JSON header has format, version, names of the bodies, contacts, names and bodies of the terms, and
+provenance.  The arrays of body k have names that begin with ``bodies.k.``, as in `pmr.reduced.stored`.  Arrays that
+begin with ``on_modes.k.`` are those of bodies without cylinder modes and modes without inertia, whose names are in the
+header; an array that equals one of the body is not stored again: ``same`` in the header maps its name to the name of
+the stored one.  The matrices of term k are ``terms.k.stiffness`` and ``terms.k.damping``, and ``terms.k.supports.j`` is
+its work on the supports of the j-th of its bodies.  Nothing in the file is pickled.
 """
 
 from __future__ import annotations
@@ -31,13 +32,13 @@ from pmr.system.terms import Term
 
 FORMAT = "pmr-system"
 FORMAT_VERSION = 6
-#: What content may take in memory, by that of the file, and for a small one.
+#: Limits on the memory of the content: relative to the size of the file, and absolute for a small file.
 ROOM = npz.MOST_EXPANSION, npz.ROOM
 
 
 @dataclass(frozen=True)
 class Saved:
-    """Content of a file."""
+    """Content of a file: the fields of a `System`."""
 
     bodies: Mapping[str, ReducedModel]
     contacts: tuple[Contact, ...]
@@ -48,7 +49,7 @@ class Saved:
 
 @dataclass(frozen=True)
 class _TermHeader:
-    """A term without its matrices."""
+    """Term without its matrices."""
 
     name: str
     bodies: tuple[str, ...]
@@ -56,9 +57,10 @@ class _TermHeader:
 
 @dataclass(frozen=True)
 class _Header:
-    """Header of version 6; 5 has all arrays of bodies, 4 no ropes that bear others or change their length.
+    """Header of version 6.
 
-    Version 3 has all arrays of models on modes, 2 no such models, 1 no terms either.
+    Version 5 stores all arrays of bodies, 4 has no ropes that bear others or lengthen, 3 stores all arrays of models of
+    ``on_modes``, 2 has no such models, 1 has no terms either.
     """
 
     bodies: tuple[str, ...]
@@ -66,14 +68,14 @@ class _Header:
     provenance: dict[str, Any]
     terms: tuple[_TermHeader, ...] = ()
     on_modes: tuple[str, ...] = ()
-    same: Mapping[str, str] = field(default_factory=dict)  # where an array stands that is left out
+    same: Mapping[str, str] = field(default_factory=dict)  # name of the equal array that is stored, by an array's name
 
 
 _HEADER = TypeAdapter(_Header)
 
 
 def write(path: Path, system: Saved) -> None:
-    """Write a system, all of it or nothing."""
+    """Write a system to a file, which is replaced only once it is complete."""
     arrays = dict[str, NDArray[Any]]()
     for number, body in enumerate(system.bodies.values()):
         arrays |= stored.arrays(body, f"bodies.{number}.")
@@ -101,9 +103,9 @@ def write(path: Path, system: Saved) -> None:
 
 
 def read(path: Path) -> Saved | ReducedModel:
-    """Read what `write` wrote, or the model of a file that holds one body, as `ReducedModel.save` writes it.
+    """Return the content of a file of `write`, or the model of a file that holds one body (`ReducedModel.save`).
 
-    An InputError of the file is raised as by `ReducedModel.load`.
+    An InputError that names the file is raised under the conditions of `ReducedModel.load`.
     """
     if not isfile(path):
         allowed = f"{no_file(path)}; `pmr run` writes system.npz, or reduced.npz of one body"
@@ -148,6 +150,7 @@ def read(path: Path) -> Saved | ReducedModel:
 
 
 def _term(header: _TermHeader, data: Mapping[str, NDArray[Any]], prefix: str) -> Term:
+    """Term of a header, with its matrices from `data` under names that begin with `prefix`."""
     matrices = {key: np.asarray(data[prefix + key], float) for key in ("stiffness", "damping") if prefix + key in data}
     on = {name: f"{prefix}supports.{body}" for body, name in enumerate(header.bodies)}
     supports = {name: np.asarray(data[key], float) for name, key in on.items() if key in data}
@@ -155,7 +158,7 @@ def _term(header: _TermHeader, data: Mapping[str, NDArray[Any]], prefix: str) ->
 
 
 def _contradiction(header: _Header, models: list[ReducedModel], on_modes: list[ReducedModel]) -> str | None:
-    """Describe what is wrong with a file; None where names are names and every body is sound."""
+    """Description of what is wrong with a file; None if all names are allowed and all bodies are sound."""
     places = [place for entry in header.contacts for place in (entry.inner, entry.outer) if place is not None]
     named = {"bodies": header.bodies, "contacts": tuple(entry.name for entry in header.contacts)}
     named |= {"terms": tuple(entry.name for entry in header.terms)}
@@ -177,7 +180,7 @@ def _contradiction(header: _Header, models: list[ReducedModel], on_modes: list[R
 
 
 def _other(model: ReducedModel, on_modes: ReducedModel) -> str | None:
-    """Why one model is no other with modes of its cylinder, in words; None where it may be."""
+    """Why `on_modes` can't be the model without cylinder modes and modes without inertia, in words; None if it can."""
     for names in ("row_names", "input_names", "output_names"):
         if getattr(model, names) != getattr(on_modes, names):
             return f"{names} {getattr(on_modes, names)} are not those of its body"

@@ -1,4 +1,4 @@
-"""Simulated motion of a system, and the states of its bodies from which their full coordinates are recovered."""
+"""Simulated motion of a system, and states of its bodies, from which their full coordinates are recovered."""
 
 from __future__ import annotations
 
@@ -19,39 +19,39 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class SystemTrajectory:
-    """A simulated system over time."""
+    """Motion of a simulated system at T times, with m contacts, i inputs, k terms and P paths."""
 
     t: Array  # (T,) s
-    # of each body: its coordinates, and for each of its places, as `System.sides` has them, the path coordinate ``s``
-    # (T, sides) in m and the ``multipliers`` (T, sides) in N, with the sign of its side
+    # by name of a body: its coordinates, and for each of its sides (`System.sides_of`) the coordinate ``s`` (T, sides)
+    # in m of the place and the ``multipliers`` (T, sides) in N, with the side's sign
     bodies: Mapping[str, Trajectory]
     forces: Array  # (T, m) N: of the contacts, positive where they push
-    # (T, m) N: largest force within the step that ends at t of contacts that only push; of the others that at t
+    # (T, m) N: largest force within the step that ends at t, of contacts that only push; of others the force at t
     peaks: Array
-    loads: Array  # (T, i) N: as `System.input_names` names them
-    # (T,) J: kinetic and strain energy, and what loads and travelling contacts did since t = 0; damping only takes
+    loads: Array  # (T, i): values of the inputs `System.input_names`
+    # (T,) J: kinetic plus strain energy; work of loads and travelling contacts since t = 0, damping not counted
     energy: Array
     work: Array
     seconds: float  # wall time of the solver alone
-    surplus: float  # share of the largest energy that nothing put in (`pmr.simulation.balance`)
-    parts: NDArray[np.int64] | None = None  # (T,): of how many parts each step was made (`pmr.simulation.contact_step`)
-    # (T, m) N s: of the step that ends at t, as generalized-alpha weighs forces; None where no contact only pushes
+    surplus: float  # energy that no work accounts for, over the largest energy (`pmr.simulation.balance`)
+    parts: NDArray[np.int64] | None = None  # (T,): substeps of each step (`pmr.simulation.contact_step`)
+    # (T, m) N s: impulse in the step that ends at t, with generalized-alpha's weights; None if no contact only pushes
     impulses: Array | None = None
     amplitudes: Array | None = None  # c (T, k) of the system's terms, None where there are none
-    # of the n pads that rub (`pmr.system.contacts`), (T, n) N along the boom, and their moments among those of all
-    # contacts (T, m) N m; None where none rub
+    # friction (T, n) in N along the boom of the n pads that have any (`pmr.system.contacts`), and its moments (T, m) in
+    # N m at all contacts; None without friction
     friction: Array | None = None
     moments: Array | None = None
-    rates: Array | None = None  # (T, P) m/s: how fast the paths lead on, None where not known
+    rates: Array | None = None  # (T, P) m/s: rates of the path coordinates; None where not known
 
     @property
     def arrays(self) -> list[NDArray[Any]]:
-        """All that is known of each step, of the bodies too."""
+        """All arrays of the system and its bodies, each with T rows."""
         of_bodies = [array for body in self.bodies.values() for array in _arrays(body).values()]
         return [*of_bodies, *_arrays(self).values()]
 
     def map_arrays(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> SystemTrajectory:
-        """Return the trajectory with all of its arrays changed."""
+        """Return the trajectory with each array replaced by ``change(array)``, those of the bodies too."""
 
         def change_arrays(trajectory: Trajectory | SystemTrajectory) -> dict[str, Any]:
             return {name: change(array) for name, array in _arrays(trajectory).items()}
@@ -60,47 +60,53 @@ class SystemTrajectory:
         return replace(self, bodies=bodies, **change_arrays(self))
 
     def at(self, steps: NDArray[np.int64] | slice) -> SystemTrajectory:
-        """Some of its steps, by their numbers (S,); what belongs to a step that ends there is left out."""
+        """Return the trajectory at the steps with these numbers (S,) or in this slice.
+
+        What belongs to the step that ends at a time, `parts` and `impulses`, is left out (None).
+        """
         return replace(self.map_arrays(lambda array: array[steps]), parts=None, impulses=None)
 
 
 def _arrays(trajectory: Trajectory | SystemTrajectory) -> dict[str, NDArray[Any]]:
-    """Arrays among the fields, by their names."""
+    """Fields of a trajectory that are arrays, by name."""
     return {name: value for name, value in vars(trajectory).items() if isinstance(value, np.ndarray)}
 
 
 @dataclass(frozen=True)
 class BodyStates:
-    """States of a simulated reduced body at S times."""
+    """States of a simulated reduced body with r coordinates, m rows and i inputs at S times."""
 
     t: Array  # (S,) s
-    s: Array  # (S, m) m: where each of its rows is
+    s: Array  # (S, m) m: coordinate of the place of each row
     # (S, r): coordinates and their rates
     p: Array
     v: Array
-    multipliers: Array  # z (S, m) in N, those that deform the residual part
+    multipliers: Array  # (S, m) in N: those under which the residual part deforms
     loads: Array  # (S, i) N
     rows: tuple[str, ...]  # (m,): names
-    # of friction (`pmr.system.contacts`) at its rows, (S, m): moments in N m, and what pulls it towards its tail in N
-    # while its tail is pushed as much the other way; None without any
+    # friction (`pmr.system.contacts`) at its rows, (S, m): moments in N m, and forces in N that pull the body towards
+    # its tail at the row and push its tail with the same force the other way; None without friction
     moments: Array | None = None
     along: Array | None = None
 
     def __getitem__(self, which: slice) -> BodyStates:
-        """Some of the states."""
+        """Return the states at the times in that slice."""
         return replace(
             self, **{key: array[which] for key, array in vars(self).items() if key != "rows" and array is not None}
         )
 
     def share(self, columns: slice) -> BodyStates:
-        """Return these states with some of the coordinates."""
+        """Return the states with the coordinates in that slice only."""
         return replace(self, p=self.p[:, columns], v=self.v[:, columns])
 
 
 def rubbed_on(
     system: Joined[Any], name: str, forces: Array, friction: Array | None
 ) -> tuple[Array, Array] | tuple[None, None]:
-    """`moments` and `along` of a body's `BodyStates` under forces (S, m) of contacts, with friction (S, n) of pads."""
+    """`moments` and `along` of a body's `BodyStates`, from forces (S, m) of contacts and friction (S, n) of pads.
+
+    Both are None if there is no friction.
+    """
     rubbing = Friction.of(system.contacts)
     if rubbing is None or friction is None:
         return None, None
@@ -112,7 +118,7 @@ def rubbed_on(
 
 
 def states_of(system: System, trajectory: SystemTrajectory, steps: Indices) -> dict[str, BodyStates]:
-    """States of every body at some of the steps of a trajectory."""
+    """States of every body, by name, at the steps of a trajectory with these numbers."""
     states, first, at_steps = {}, 0, trajectory.at(steps)
     for name, body in system.bodies.items():
         motion, last = at_steps.bodies[name], first + len(body.input_names)

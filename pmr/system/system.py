@@ -1,11 +1,12 @@
-r"""Bodies and the contacts between them, each of its places with a path coordinate of its own.
+r"""Systems of bodies and the contacts between them; each place of a contact has a path coordinate of its own.
 
 .. math::
     M_b \ddot q_b + D_b \dot q_b + K_b q_b + \sum_\rho C_{\rho b}^T \lambda_\rho = B_b f, \qquad
     \sum_b C_{\rho b} q_b + H_\rho f - \sum_\sigma (G_{\rho\sigma} + \delta_{\rho\sigma} / k_\rho) \lambda_\sigma = 0
 
-with C = +c(x) on the inner body of a contact and -c(x) on its outer one (docs/system_of_bodies.md).  The ground is a
-body without coordinates; one body on one path is the case of one body whose contacts are all with the ground.
+for bodies b and contacts rho, with C = +c(x) on the inner body of a contact and -c(x) on its outer one
+(docs/system_of_bodies.md).  The ground is a body without coordinates.  A single body on one path is the special case in
+which all contacts are with the ground.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Side:
-    """One of the two places of a contact, as equations count them: `sign` is that of C on the place's body."""
+    """One of the two places of a contact: the contact's number, the place, and the `sign` of C on the place's body."""
 
     contact: int
     place: Place
@@ -44,16 +45,17 @@ AnyBody = TypeVar("AnyBody", bound=Body, covariant=True)
 
 @dataclass(frozen=True)
 class Joined(Generic[AnyBody]):
-    """Bodies of one kind, and what joins them.
+    """Bodies of one kind, the m contacts that join them, and the terms that vary in time.
 
-    An InputError is raised where a contact or term names a body or row that there is none of, two of them have the same
-    name, or a support that holds more than one coordinate of a full body is no contact.
+    An InputError is raised if a contact or term names a body or row that does not exist, if two contacts or two terms
+    have the same name, if a rope's path does not exist, if a body without carriers is not `on_one_path`, or if a
+    support that combines several coordinates of a full body is no contact.
     """
 
-    # with their rows on carriers; a body alone, whose tables in one path say the same, may be without
+    # by their names; their rows are on carriers, but for a single body, which may have tables over its path instead
     bodies: Mapping[str, AnyBody]
     contacts: tuple[Contact, ...]
-    terms: tuple[Term, ...] = field(default=(), kw_only=True)  # of the equations of motion, which vary in time
+    terms: tuple[Term, ...] = field(default=(), kw_only=True)  # terms of the equations of motion that vary in time
 
     def __post_init__(self) -> None:
         for term in self.terms:
@@ -89,7 +91,7 @@ class Joined(Generic[AnyBody]):
 
     @property
     def on_one_path(self) -> bool:
-        """Whether this is one body whose contacts are some of its rows with the ground, all of them on one path."""
+        """Whether this is one body whose contacts are with the ground, each by a row of its own, and share one path."""
         places = [contact.inner for contact in self.contacts]
         return (
             len(self.bodies) == 1
@@ -101,11 +103,12 @@ class Joined(Generic[AnyBody]):
 
     @property
     def contact_names(self) -> tuple[str, ...]:
+        """Names of the contacts."""
         return tuple(contact.name for contact in self.contacts)
 
     @cached_property
     def sides(self) -> tuple[Side, ...]:
-        """The places of all contacts, the inner one of each first."""
+        """Sides of all contacts in their order: of each contact the inner one, then the outer one if it has one."""
         sides = []
         for k, contact in enumerate(self.contacts):
             sides.append(Side(k, contact.inner, contact.direction))
@@ -114,16 +117,19 @@ class Joined(Generic[AnyBody]):
         return tuple(sides)
 
     def sides_of(self, body: str) -> list[int]:
-        """Numbers of the sides on a body."""
+        """Numbers, among `sides`, of the sides on the body with that name."""
         return [number for number, side in enumerate(self.sides) if side.place.body == body]
 
     def pressed(self, body: str, forces: Array) -> Array:
-        """Contact forces (T, m) as multipliers (T, k) of the body's sides, with their signs."""
+        """Contact forces (T, m) in N as multipliers (T, k) of the k sides on a body: times the sign of each side."""
         return np.asarray(forces @ self._signs[body])
 
     @cached_property
     def _signs(self) -> dict[str, Array]:
-        """Signs of each body's sides on their contacts, (m, k): a product is ten times as quick as picking columns."""
+        """Sign of each of a body's k sides at its contact, (m, k), zero elsewhere; by the bodies' names.
+
+        A product with this matrix is ten times as quick as picking columns.
+        """
         signs = {}
         for body in self.bodies:
             body_sides = [self.sides[number] for number in self.sides_of(body)]
@@ -134,31 +140,35 @@ class Joined(Generic[AnyBody]):
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """Names of the paths on which places travel."""
+        """Names of the paths along which places travel."""
         return tuple(dict.fromkeys(side.place.path for side in self.sides if side.place.path is not None))
 
     @property
     def input_names(self) -> tuple[str, ...]:
-        """``body.input`` of all bodies, in their order; ``input`` of a body alone."""
+        """Names of the inputs of all bodies: ``body.input``, or ``input`` if there is a single body."""
         return tuple(
             input_of(name, input_name) for name, body in self.bodies.items() for input_name in body.input_names
         )
 
     @property
     def term_names(self) -> tuple[str, ...]:
+        """Names of the terms that vary in time."""
         return tuple(term.name for term in self.terms)
 
     @cached_property
     def compliance(self) -> Compliance:
-        """How the contacts give way by themselves."""
+        """Compliance of pads, supports, cylinders and ropes themselves, without that of the bodies."""
         return Compliance.of(self.contacts)
 
     def gives(self, x: Array) -> Array:
-        """Compliance, (..., m, m) m/N, with the sides at x (..., sides) m."""
+        """Compliance (..., m, m) in m/N of the contacts themselves, with the sides at x (..., sides) in m."""
         return self.compliance.at(self.rope_coordinates(x))
 
     def rope_coordinates(self, x: Array) -> Array:
-        """Coordinates of the paths by which ropes get longer, (..., Q) m, likewise."""
+        """Path coordinates (..., Q) in m of the Q paths that lengthen ropes, from coordinates x (..., sides) in m.
+
+        The paths are those of `compliance`, in their order; x are the coordinates of all places on their bodies.
+        """
         lengths = []
         for path in self.compliance.paths:
             k, place = next((k, side.place) for k, side in enumerate(self.sides) if side.place.path == path)
@@ -167,11 +177,11 @@ class Joined(Generic[AnyBody]):
 
     @property
     def clearance(self) -> Array:
-        """(m,) m; NaN where a contact holds both ways."""
+        """Clearance (m,) in m of each contact that only pushes; NaN where a contact holds both ways."""
         return np.array([np.nan if c.clearance is None else c.clearance for c in self.contacts])
 
     def row(self, place: Place) -> Row:
-        """The row of a place, on its body's carriers; made once."""
+        """Return the row of a place on the carriers of its body; each row is built once and stored."""
         if place not in self._rows:
             body = self.bodies[place.body]
             assert body.carriers is not None
@@ -180,10 +190,11 @@ class Joined(Generic[AnyBody]):
 
     @cached_property
     def _rows(self) -> dict[Place, Row]:
+        """Rows that `row` has built."""
         return {}
 
     def range_of(self, place: Place) -> tuple[float, float]:
-        """Range in which the row of a place is defined, in m."""
+        """Lowest and highest coordinate in m on its body at which the row of a place is defined."""
         body = self.bodies[place.body]
         if body.carriers is None:
             return body.domain
@@ -192,7 +203,7 @@ class Joined(Generic[AnyBody]):
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """Smallest and largest s of each path, in m; in between all rows on this path are defined."""
+        """Lowest and highest path coordinate in m of each path: between them all rows of places on it are defined."""
         ranges = {path: (-np.inf, np.inf) for path in self.paths}
         for side in self.sides:
             place = side.place
@@ -203,7 +214,7 @@ class Joined(Generic[AnyBody]):
         return ranges
 
     def rates(self, rates: Mapping[str, ArrayLike]) -> Array:
-        """Rates (..., sides) in m/s of all places from those of the paths."""
+        """Rates (..., sides) in m/s of the places of all sides, from the rates in m/s of the paths by name."""
         shape = np.broadcast_shapes(*(np.shape(values) for values in rates.values()))
         by_side = np.zeros((*shape, len(self.sides)))
         for k, side in enumerate(self.sides):
@@ -212,9 +223,10 @@ class Joined(Generic[AnyBody]):
         return by_side
 
     def coordinates(self, s: Mapping[str, ArrayLike]) -> Array:
-        """X (..., sides) in m of all places from the path coordinates in m, within their rows' ranges.
+        """Coordinates x (..., sides) in m of all places on their bodies, from path coordinates s in m by name.
 
-        An InputError is raised where a path is missing, or takes a place where its row is not defined.
+        They are clipped to the ranges of their rows, which round-off may exceed.  An InputError is raised if a path is
+        missing from `s`, or leads a place to where its row is not defined.
         """
         places = []
         for side in self.sides:
@@ -235,14 +247,14 @@ class Joined(Generic[AnyBody]):
 
 @dataclass(frozen=True)
 class System(Joined[SlidingBody]):
-    """Bodies and the contacts that join them; each body is reduced or full, and on one process."""
+    """Bodies and the contacts that join them; each body is reduced, or full and stored on one process."""
 
     provenance: dict[str, Any] = field(default_factory=dict)  # how it came about: the scene, its hash, versions
-    # makes the terms of other models of the same bodies; a system from a file, which has the terms, has none
+    # makes the terms for other models of the same bodies; None for a system from a file, which has only its terms
     terms_of: Callable[[Mapping[str, SlidingBody]], tuple[Term, ...]] | None = field(
         default=None, compare=False, repr=False, kw_only=True
     )
-    # bodies before modes of cylinders and without inertia joined them, if any: by these errors are estimated
+    # bodies, by name, before cylinder modes and modes without inertia were added: errors are estimated with these
     on_modes: Mapping[str, ReducedModel] = field(default_factory=dict, repr=False, kw_only=True)
 
     @cached_property
@@ -258,7 +270,10 @@ class System(Joined[SlidingBody]):
         return largest
 
     def with_bodies(self, bodies: Mapping[str, SlidingBody]) -> System:
-        """The system with other models of the same bodies; with terms only if it knows how to make theirs."""
+        """Return the system with other models of the same bodies, without the `on_modes` of the old ones.
+
+        `terms_of` makes the terms of these models; without it the system's own terms are taken over as they are.
+        """
         terms = self.terms if self.terms_of is None else self.terms_of(bodies)
         return replace(self, bodies=bodies, terms=terms, on_modes={})
 
@@ -269,7 +284,7 @@ class System(Joined[SlidingBody]):
 
     @property
     def output_names(self) -> tuple[str, ...]:
-        """``body: output`` of all bodies, in their order; ``output`` of a body alone."""
+        """Names of the outputs of all bodies: ``body: output``, or ``output`` if there is a single body."""
         return tuple(named(name, output) for name, body in self.bodies.items() for output in names_of(body))
 
     @property
@@ -279,12 +294,12 @@ class System(Joined[SlidingBody]):
 
     @property
     def input_units(self) -> tuple[str, ...]:
-        """Unit of each of `input_names`, as far as reduced bodies know them."""
+        """Unit of each of `input_names`; units of inputs of full bodies, which do not know them, are missing."""
         return tuple(unit for body in self.bodies.values() for unit in getattr(body, "input_units", ()))
 
     @property
     def reduced(self) -> dict[str, ReducedModel]:
-        """The bodies; an InputError is raised where one is not reduced."""
+        """Reduced bodies by their names; an InputError is raised if a body is not reduced."""
         reduced_bodies = {name: body for name, body in self.bodies.items() if isinstance(body, ReducedModel)}
         for name in self.bodies:
             if name not in reduced_bodies:
@@ -294,22 +309,25 @@ class System(Joined[SlidingBody]):
 
     @property
     def modal(self) -> dict[str, ReducedModel]:
-        """The bodies without modes of cylinders and without inertia, as far as known; errors as of `reduced`."""
+        """Reduced bodies by their names, in the models of `on_modes` where it has one; an InputError as for `reduced`.
+
+        The models of `on_modes` are without cylinder modes and modes without inertia.
+        """
         return self.reduced | dict(self.on_modes)
 
     def ensure_constant(self, source: str) -> System:
-        """Itself; an InputError of `source`, which knows them not, where it has terms that vary in time or friction."""
+        """Return the system; raise an InputError of `source` if it has terms that vary in time, or friction."""
         return self.ensure_without_terms(source).ensure_frictionless(source)
 
     def ensure_frictionless(self, source: str) -> System:
-        """Itself; an InputError of `source`, which knows it not, where it has friction."""
+        """Return the system; raise an InputError of `source`, which can't handle friction, if a contact has any."""
         if (friction := Friction.of(self.contacts)) is not None:
             names = ", ".join(self.contact_names[k] for k in friction.pads)
             raise InputError(source, "friction", names, "0 is allowed here; `pmr simulate` follows friction")
         return self
 
     def ensure_lengths_stay(self, source: str) -> System:
-        """Itself; an InputError of `source`, which knows them not, where it has ropes whose length changes."""
+        """Return the system; raise an InputError of `source`, which can't handle ropes that lengthen, if it has any."""
         if self.compliance.paths:
             names = ", ".join(contact.name for contact in self.contacts if contact.lengthening)
             allowed = "0 is allowed here; `pmr simulate` follows ropes whose length changes"
@@ -317,7 +335,7 @@ class System(Joined[SlidingBody]):
         return self
 
     def ensure_without_terms(self, source: str) -> System:
-        """Itself; an InputError of `source` where it has terms that vary in time, which it knows not."""
+        """Return the system; raise an InputError of `source`, which can't handle terms that vary in time, if any."""
         if self.terms:
             allowed = (
                 "a system without terms that vary in time (a frame that moves, second order) is allowed here; "
@@ -327,23 +345,23 @@ class System(Joined[SlidingBody]):
         return self
 
     def save(self, path: str | Path) -> Path:
-        """Write reduced bodies, contacts, terms and provenance as one npz file, not compressed; nothing is pickled.
+        """Write reduced bodies, contacts, terms and provenance to one npz file, return its path; nothing is pickled.
 
-        The file also has the bodies without modes of cylinders and without inertia; errors are estimated with them.
-        An InputError is raised if a body is not reduced.
+        The file also has the models of `on_modes`, with which errors are estimated.  An InputError is raised if a body
+        is not reduced.
         """
         saved.write(Path(path), saved.Saved(self.reduced, self.contacts, self.terms, self.provenance, self.on_modes))
         return Path(path)
 
     @classmethod
     def load(cls, path: str | Path) -> System:
-        """Read a file of `save`, or a file of one reduced model as a system of a single body.
+        """Read a system from a file that `save` wrote; the file of one reduced model gives a system of one body.
 
         Raises
         ------
         InputError
-            If the file is missing, is neither of both, has less content than its header says, contradicts itself, or
-            has a later format.
+            If the file is missing, is neither a system nor a reduced model, has less content than its header says,
+            contradicts itself, or has a later format.
         """
         content = saved.read(Path(path))
         try:
@@ -357,16 +375,17 @@ class System(Joined[SlidingBody]):
 
     @classmethod
     def of(cls, body: SlidingBody) -> System:
-        """A single body; its rows are contacts with the ground, and those that move have one path, ``slider``.
+        """Return the system of a single body, whose rows are contacts with the ground.
 
-        An InputError is raised if the body is a section of a boom, because its joints hold it.
+        Rows that move have the path ``slider``.  An InputError is raised if the body is a section of a boom, because
+        the joints that hold it are missing.
         """
         body.ensure_whole("system")
         return cls({ALONE: body}, ground_contacts(body), body.provenance if isinstance(body, ReducedModel) else {})
 
 
 def ground_contacts(body: Body) -> tuple[Contact, ...]:
-    """The rows of a body alone as contacts with the ground, but for supports that hold one coordinate."""
+    """Contacts of a single body with the ground, one for each row except supports that hold a single coordinate."""
     return tuple(
         Contact(
             name,

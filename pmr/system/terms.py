@@ -3,11 +3,11 @@ r"""Terms of the equations of motion that vary in time: constant matrices times 
 .. math::
     M \ddot q + D \dot q + K q + \sum_k c_k(t) \, (V_k \dot q + G_k q) + C^T \lambda = B f
 
-The geometric stiffness of an axial force N(t) is one, with G of a unit force and c = N; so are the gyroscopic forces
-of a frame that turns, with an antisymmetric V of a unit angular velocity.  The signals c_k stand in an excitation
-(`pmr.simulation.excitation.Excitation.terms`), by the terms' names.
+The geometric stiffness of an axial force N(t) is such a term, with the matrix G of a unit force and c = N.  So are the
+gyroscopic forces of a turning frame, with the antisymmetric matrix V of a unit angular velocity.  An excitation has the
+signals c_k by the terms' names (`pmr.simulation.excitation.Excitation.terms`).
 
-Terms of a frame that moves: matrices of a scene's bodies, by the names that their signals have.
+`terms_of` makes the terms of a scene whose frame moves; signal and term have the same name.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Term:
-    """Forces -c(t) (V q' + G q) on one body or on two, on whose stacked coordinates q (n,) the matrices act.
+    """Forces -c(t) (V q' + G q) on one or two bodies, whose coordinates, stacked in the order of `bodies`, are q (n,).
 
-    An InputError is raised where it has no matrix, or not one or two bodies.
+    An InputError is raised if it has no matrix, or not one or two different bodies.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Term:
     # PETSc's of a distributed body
     stiffness: Any = None
     damping: Any = None
-    # Phi^T G, or of a damping Phi^T V, (h, n): by the name of a body, the work on motions of its rigid supports
+    # by the name of a body: work Phi^T G, or Phi^T V of a damping, (h, n) on unit motions of its h rigid supports
     # (`pmr.reduced.matrices`)
     supports: Mapping[str, Array] = field(default_factory=dict)
 
@@ -56,17 +56,17 @@ class Term:
 
     @property
     def matrices(self) -> dict[str, Any]:
-        """Matrices of the term, by the names of their fields."""
+        """Matrices of the term, by the names of their fields: ``stiffness`` G, ``damping`` V or both."""
         fields = {"stiffness": self.stiffness, "damping": self.damping}
         return {key: matrix for key, matrix in fields.items() if matrix is not None}
 
     @property
     def arrays(self) -> dict[str, Array]:
-        """Matrices of reduced bodies, dense."""
+        """Matrices of the term on reduced bodies as dense arrays, by the names of their fields."""
         return {key: np.asarray(A.toarray() if sp.issparse(A) else A) for key, A in self.matrices.items()}
 
     def check(self, size: int) -> None:
-        """Raise an InputError unless its matrices are finite and of bodies with so many coordinates in all."""
+        """Raise an InputError unless the matrices have the shape (size, size) and are finite."""
         for key, matrix in self.matrices.items():
             if matrix.shape != (size, size):
                 raise term_refusal(self.name, key, matrix.shape, f"{(size, size)} is allowed")
@@ -74,13 +74,20 @@ class Term:
                 raise term_refusal(self.name, key, None, "finite numbers are allowed")
 
     def on(self, motions: Mapping[str, Array]) -> Term:
-        """Term on other coordinates p of its bodies, q = V p with V (n, r) by the bodies' names; dense."""
+        """Return the term on other coordinates p of its bodies, q = V p with V (n, r) by the bodies' names; dense.
+
+        Its work on supports is left out.
+        """
         V = sp.block_diag([sp.csr_matrix(motions[name]) for name in self.bodies], format="csr")
         projected: dict[str, Any] = {key: (V.T @ (sp.csr_matrix(A) @ V)).toarray() for key, A in self.matrices.items()}
         return replace(self, **projected, supports={})
 
     def among(self, numbers: Mapping[str, Sequence[int] | NDArray[np.int64]], size: int) -> Term:
-        """Among `size` coordinates, where those of a body with number 0 or more stand; others are left out; sparse."""
+        """Return the term on `size` coordinates of a system, sparse, without its work on supports.
+
+        `numbers` maps a body's name to the system's number of each of the body's coordinates; coordinates with a
+        negative number are left out.
+        """
         at = np.concatenate([np.asarray(numbers[name], np.int64) for name in self.bodies])
         scattered = dict[str, Any]()
         for key, A in self.matrices.items():
@@ -94,9 +101,10 @@ class Term:
 
 
 def add_terms(A: sp.csr_matrix, terms: Sequence[Term], key: str, c: Sequence[float] | Array) -> sp.csr_matrix:
-    """A + sum_k c_k of the terms' ``stiffness`` or ``damping``, all sparse and of one size; no amplitudes leave A.
+    """Sparse matrix A + sum_k c_k A_k, with A_k the ``stiffness`` or ``damping`` (`key`) of term k.
 
-    All in one sum, as one by one what SciPy does for each takes longer than the sum.
+    Without amplitudes c it is A itself.  All are summed in one step: SciPy's overhead for each sum takes longer than
+    the sum.
     """
     each = [(c_k, getattr(term, key)) for term, c_k in zip(terms, c, strict=len(c) > 0)]
     parts = [(1.0, A.tocoo()), *((c_k, part.tocoo()) for c_k, part in each if part is not None and c_k != 0.0)]
@@ -110,18 +118,26 @@ def add_terms(A: sp.csr_matrix, terms: Sequence[Term], key: str, c: Sequence[flo
 
 
 def term_refusal(term: str, key: str, value: object, allowed: str) -> InputError:
-    """Error about a term, by its name."""
+    """Error about the value of the property `key` of the term with the name `term`."""
     return InputError("system", f"terms.{term}.{key}", value, allowed)
 
 
 def terms_of(
     scene: Scene, bodies: Mapping[str, SlidingBody], which: Iterable[FrameTerm] | None = None
 ) -> tuple[Term, ...]:
-    """Terms of a scene whose frame asks for second order, none otherwise; or the `which` of them."""
+    """Terms of a scene on models of its bodies: those that a frame of second order needs, or the list `which`.
+
+    A scene whose frame does not move, or is of first order, has none.
+    """
     return tuple(_term(scene, term, bodies) for term in (frame_terms(scene) if which is None else which))
 
 
 def _term(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Term:
+    """Matrices of one frame term on the bodies it names, and their work on the motions of rigid supports.
+
+    A rotation gives a damping, all others give a stiffness: of the term's matrix on one body, or of the distance
+    between the tails of two sections, times the mass or first moment that the cylinder between them carries.
+    """
     if term.of in ("cylinder", "cylinder load"):
         apart = sp.csr_matrix(_distance_rows(scene, term, bodies))
         mass = carried_inertia(bodies[term.carried], term.component) if term.of == "cylinder" else 1.0
@@ -139,7 +155,7 @@ def _term(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> T
 
 
 def _of_inertia(body: SlidingBody, matrix: Any) -> Any:
-    """A matrix that acts on rates (n, n), zero on coordinates without inertia."""
+    """Matrix (n, n) with zero rows and columns for the coordinates of the body that have no inertia."""
     if not len(body.quasi_static):
         return matrix
     on_inertia = np.array(matrix.toarray() if sp.issparse(matrix) else matrix)
@@ -148,7 +164,7 @@ def _of_inertia(body: SlidingBody, matrix: Any) -> Any:
 
 
 def _distance_change(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody], name: str) -> Array:
-    """Change of the distance of `_distance_rows` by motions of the rigid supports of a body with that name, (d, h)."""
+    """Changes (d, h) of the d distances of `_distance_rows` by unit motions of one body's h rigid supports."""
     reactions, sign = bodies[name].reactions, 1.0 if name == term.bodies[0] else -1.0
     rows = tails(member_at(scene, term.number))
     if reactions is None or not reactions.ports:
@@ -158,7 +174,7 @@ def _distance_change(scene: Scene, term: FrameTerm, bodies: Mapping[str, Sliding
 
 
 def _distance_rows(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Array:
-    """Rows (d, n) that measure how far the tails of two sections are apart across the boom, from both's coordinates."""
+    """Rows (d, n) of the d lateral distances between the tails of two sections, on the stacked coordinates of both."""
     distance_rows = []
     for row in tails(member_at(scene, term.number)):
         parts = []
@@ -171,9 +187,10 @@ def _distance_rows(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBo
 
 
 def carried_inertia(body: SlidingBody, field: str) -> float:
-    """Mass in kg of a section and what is attached to it, or its first moment about its tail in kg m.
+    """Mass in kg (`field` "x") of a section with what is attached to it, or its first moment about its tail in kg m.
 
-    It is what accelerates it along the boom, where all of it is free to move.
+    This is the inertia against an acceleration along the boom, e_x^T M a with the field a of accelerations that `field`
+    names (`pmr.reduced.matrices.LINEAR`), provided that the whole body is free to move.
     """
     along, over = (np.asarray(body.B)[:, body.input_names.index(INERTIA + name)] for name in ("x", field))
     return float(along @ spla.spsolve(sp.csc_matrix(body.M), over))
