@@ -1,4 +1,4 @@
-"""What a boom does where a limit governs its load chart: shape, forces, stresses, and how it swings when it stops."""
+"""The boom at points of a chart where a limit governs: shape, forces, stresses, and how it swings when it stops."""
 
 from __future__ import annotations
 
@@ -36,7 +36,10 @@ class Stop(Section):
 
 @dataclass(frozen=True)
 class Stopping:
-    """A stop in rad/s, and the loads (P, i) of a unit of the angle's acceleration at all places."""
+    """A stop of luffing or slewing (`of`) from a `speed` in rad/s to rest `within` seconds.
+
+    `turned` (P, i) are the loads on i inputs by a unit of the angle's acceleration, at P postures.
+    """
 
     of: str
     speed: float
@@ -44,10 +47,12 @@ class Stopping:
     turned: Array
 
     def row(self, place: Place, load: float, limit: Limit | None) -> Array:
-        """Five numbers: by which factor the tip swings beyond a steady deceleration, and what is used of a limit.
+        """Return five numbers (5,) of the boom at a place under a load in kg, which stops in this way.
 
-        The share at rest, under a steady deceleration, and at most in the stop, of both directions; the speed in rad/s.
-        Not numbers where nothing stands, or the tip does not move.
+        In order: the tip's largest displacement while it swings over that under a steady deceleration; the used share
+        of `limit` at rest, under a steady deceleration, and the largest while it swings, the worse direction of motion
+        counting; the speed in rad/s.  The shares are NaN without a limit, the first four numbers where the boom is
+        unstable.
         """
         none, state = np.array([*[np.nan] * 4, self.speed]), place.loaded.state(load)
         swing = stopping_swing(state.form, load, self._acting_loads(place, load), self.within) if state.stands else None
@@ -70,6 +75,7 @@ class Stopping:
         return np.array([factor, place.used(limit, state), steadily, most(swing.outputs, swing.forces), self.speed])
 
     def _acting_loads(self, place: Place, load: float) -> Acting:
+        """Return the loads by a unit of the angle's acceleration, those on the suspended load in kg included."""
         at, k = place.at, place.k
         f = self.turned[k].copy()
         if self.of == "luffing":  # the load hangs: what lifts its rope accelerates it, and nothing sideways
@@ -80,7 +86,10 @@ class Stopping:
 
 
 def chosen(load: Array) -> NDArray[np.int64]:
-    """By limit (l,) the number of the place of those of loads (p, l) kg at which it governs the largest; or -1."""
+    """Return for each limit (l,) the row of `load` (p, l) in kg with the largest load that it governs, or -1.
+
+    Rows whose least load is 0 or that no limit governs (all NaN) don't count.
+    """
     least = np.where(np.isnan(load), np.inf, load)
     which, most = least.argmin(axis=1), least.min(axis=1)
     numbers = np.full(load.shape[1], -1)
@@ -94,11 +103,13 @@ def chosen(load: Array) -> NDArray[np.int64]:
 def details(
     limits: Sequence[Limit], places: Sequence[Place | None], loads: Array, bent: Bent, stops: Sequence[Stopping]
 ) -> dict[str, NDArray[Any]]:
-    """Arrays of places, each of one limit, None without one, under their loads (p,) kg.
+    """Return arrays that describe the boom at places, the n-th where the n-th limit governs, stability last.
 
-    ``forces`` (p, m) N, ``bent`` (p, b) m across the boom at ``bent.x`` of ``bent.section`` along ``direction.names``,
-    ``stress`` (p, s) Pa, von Mises', ``used`` (p, l), shares of all limits and of what it buckles under, and
-    ``luffing`` (p,) rad, with the names of all, and ``stops`` (p, stops, 5) as `Stopping.row` has them.
+    `loads` (p,) in kg act at the p places; a place is None, and its rows are NaN, if its limit governs nowhere; without
+    any place there are no arrays.  ``forces`` (p, m) N of m contacts; ``bent`` (p, b) m, displacements across the boom
+    at positions ``bent.x`` of sections ``bent.section`` along ``direction.names``; ``stress`` (p, s) Pa, von Mises
+    stress at probes; ``used`` (p, l), used shares of all limits and, last, the load over the buckling load; ``luffing``
+    (p,) rad; ``stops`` (p, stops, 5), rows of `Stopping.row`; ``<array>.names`` and, of contacts, ``kinds``.
     """
     at = next((place.at for place in places if place is not None), None)
     if at is None:
@@ -122,12 +133,15 @@ def details(
 
 
 def _probes(at: Postures) -> dict[str, dict[str, int]]:
-    """Components of stress by the probes that the scene itself has."""
+    """Columns of each stress component by probe, without the probes that limits of the field add to the scene."""
     return {probe: components for probe, components in at.columns.stresses().items() if FIELD not in probe}
 
 
 def _row(limits: Sequence[Limit], place: Place, load: float, bent: Bent) -> dict[str, Array]:
-    """Arrays of `details` at a place, just below the load: at the limit of stability nothing stands."""
+    """Return one place's row of the arrays of `details`, without ``stops``, under slightly less than `load` in kg.
+
+    At the limit of stability itself there is no equilibrium.
+    """
     at, load = place.at, load * (1.0 - BELOW)
     state = place.loaded.state(load)
     shape = Place(bent.measured(at), place.k, place.amounts, place.gravity).loaded.state(load)
@@ -145,5 +159,6 @@ def _row(limits: Sequence[Limit], place: Place, load: float, bent: Bent) -> dict
 
 
 def _swings(limit: Limit | None, place: Place, load: float, stops: Sequence[Stopping]) -> dict[str, Array]:
+    """Return one place's ``stops`` (stops, 5) of `details`, under slightly less than `load` in kg."""
     stop_rows = [stop.row(place, load * (1.0 - BELOW), limit) for stop in stops]
     return {"stops": np.array(stop_rows).reshape(-1, 5)}
