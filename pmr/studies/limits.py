@@ -222,7 +222,7 @@ class Limit(Section):
 
     @property
     def allowed_amount(self) -> float:
-        """Largest allowed value: `most`, times the `area` of a pad that has one; `factor` times `least` if set."""
+        """Largest allowed value: `most`, for a pad with an area `most` times the area; or `factor` times `least`."""
         if self.least is not None:
             return self.factor * self.least
         return float(self.most or 0.0) * float(np.prod(self.area or (1.0,)))
