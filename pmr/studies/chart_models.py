@@ -94,7 +94,7 @@ def postures(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def on_finer_mesh(scene: Scene) -> System | None:
-    """Return the reduced system of beams on elements half as long; None for other bodies, whose reduction takes long."""
+    """Return the reduced system of beams on elements half as long; None for other bodies, which take long."""
     from pmr.compare.accuracy.mesh import finer_beams, has_rigid_beams, once
 
     if not has_rigid_beams(scene) or any(part.mesh.file is not None for part in scene.sections):
@@ -148,7 +148,7 @@ def too_stiff(scene: Scene, better: System, full: System, at: Stands, up_to: flo
 
 
 def _sample_places(at: Stands) -> NDArray[np.int64]:
-    """Return the numbers of those postures that have the least, a middle or the largest luffing angle of an extension."""
+    """Return the numbers of the postures with the least, a middle and the largest luffing angle of each extension."""
     groups = dict[tuple[float, ...], list[int]]()
     for k in range(at.count):
         groups.setdefault(tuple(float(extension[k]) for extension in at.extensions.values()), []).append(k)
@@ -221,7 +221,7 @@ class Models:
 
     @property
     def compared(self) -> dict[str, ComparedModel]:
-        """Models with which the reduced one is compared, by the error that they indicate: ``"model"`` and ``"mesh"``."""
+        """Models with which the reduced one is compared, by the error that they indicate: of the model or the mesh."""
         by_part = dict[str, ComparedModel]()
         if self.structural is not None:
             by_part["model"] = ComparedModel(self.structural, self.called, 1.0)

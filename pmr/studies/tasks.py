@@ -69,7 +69,7 @@ class Failure:
 
     @classmethod
     def of(cls, error: BaseException) -> Failure:
-        """Return the failure by an error that was raised: its type and message as `reason`, the traceback as `detail`."""
+        """Return the failure by an error that was raised; `detail` is its traceback."""
         return cls(" ".join(f"{type(error).__name__}: {error}".split()), "".join(traceback.format_exception(error)))
 
     def of_dependent(self, key: str) -> Failure:

@@ -118,7 +118,7 @@ class Study(StudyBase):
     grid: dict[str, Any] = Field(default={}, description="Keys of the scenes and the values that each takes in turn")
 
     def plan(self) -> Plan:
-        """Return a task for each run, and for single bodies the eigenmodes, frequencies and references that runs share."""
+        """Return a task for each run, and for single bodies the eigenmodes, frequencies and references they share."""
         runs, common = [], dict[str, Task]()
         for file, point in self._points():
             key = key_of(",".join(point.words) or file.stem)

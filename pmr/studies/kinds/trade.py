@@ -72,7 +72,7 @@ MANY = 20
 
 
 class Study(StudyBase):
-    """Each of `scenes` by each of `methods`, with each number of `coordinates` and the scene's step times each of `steps`.
+    """Each of `scenes` by each of `methods`, with numbers of `coordinates` and the scene's step times each of `steps`.
 
     For each scene of a single body also spectral radii, and for planar beams numbers of elements.  For booms of
     sections the methods are ``modes`` and ``flexibility`` alone, and `coordinates` are numbers of elastic modes of each
