@@ -100,6 +100,11 @@ class Bodies:
         caches: Mapping[str, Cache],
         shared: Precomputed | None = None,
     ) -> None:
+        """Reduce the bodies, choose sizes and step, and join the reduced and the full models as systems.
+
+        The motion of a machine that moves by itself is computed here.  `built` are the full models and `caches` their
+        caches, by body; `shared` are results of a single body that other runs have computed.
+        """
         self.built, self.clock, self.caches, self.shared = built, clock, caches, shared
         self._comm = next(iter(built.values())).model.comm
         if shared is None:
@@ -273,7 +278,7 @@ class Bodies:
         return reduction_error(self.scene, simulated, self.clock, self._other, estimated)
 
     def _full_frequencies(self, at: Visited) -> Array:
-        """Return the full system's lowest frequencies (S, f) in Hz at the positions `at`, cached if there is a cache."""
+        """Return the full system's lowest frequencies (S, f) in Hz at the positions `at`; from a cache, if any."""
         if self.shared is not None:
             return self.shared.frequencies
         c = self.excitation.amplitudes(list(self.excitation.terms), at.t)

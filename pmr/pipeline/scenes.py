@@ -367,7 +367,7 @@ def decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None
 
 
 def measure_model(scene: Scene, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> Mapping[str, Any]:
-    """Return ``budget.model`` of summary.json: differences to a richer model, or the ``reason`` for none; collective."""
+    """Return ``budget.model`` of summary.json: differences to a richer model, or ``reason`` for none; collective."""
     if scene.frame is not None and scene.frame.machine is not None:
         return {"beside": None, "reason": ON_MACHINE}
     called = "richer model"
@@ -389,7 +389,7 @@ def mesh_measured(
         return {"mesh_reason": ON_MACHINE}
 
     def beside_own(make: Callable[[], Scene], called: str) -> dict[str, Any]:
-        """Return the scene's differences to the scene that `make` returns, which is `called` so, or the reason for none."""
+        """Return how far the scene that `make` returns, `called` so, is from the own one, or the reason for none."""
         try:
             motion = on_first(comm, lambda: Motion.of(scene, system, response))
             other_motion = _motion_on_first(make(), comm, cache, system_of)

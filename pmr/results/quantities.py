@@ -24,7 +24,7 @@ from pmr.scene.mechanism import AT_PIVOT, CYLINDER, drive_rows, rope_shares
 from pmr.scene.scene import Scene
 
 Array = NDArray[np.float64]
-#: Values (T,) of a quantity from those of all columns (T, c).
+#: Function from the values (T, c) of all columns to one quantity (T,).
 Measure = Callable[[Array], Array]
 
 #: Direction in the name of a support's row: ``base pivot x``, ``base support z at 2 m``.
@@ -32,7 +32,7 @@ DIRECTION = re.compile(r" r?[xyz](?= (?:at|on) |$)")
 #: SI prefixes of values in sentences.
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
 REACTION, PIVOT, FORCE = reaction_of(""), reaction_of(f"{AT_PIVOT} "), force_of("")
-#: Von Mises' stress squared by the components that models have.
+#: Matrices A of the von Mises stress squared, s^T A s, by the stress components s that models have.
 MISES: Mapping[tuple[str, ...], Array] = {
     ("axial",): np.eye(1),
     ("axial", "torsion"): np.diag([1.0, 3.0]),
@@ -106,7 +106,8 @@ def values_of(response: Response) -> Array:
     return np.hstack([part for part in parts if part is not None])
 
 
-#: How the columns that a limit looks at, by their names, make one value; None where there are none of them.
+#: Called with columns, and a function that tells of a name whether a limit depends on it; returns the `Measure` of the
+#: columns with such names, None if there are none of them.
 MeasureOf = Callable[[Columns, Callable[[str], bool]], Measure | None]
 
 
@@ -134,8 +135,8 @@ class Quantity:
         What a positive value means; empty if it has no sign, or that of the axes.
     limit : str
         Key of a load chart's limit on it; empty if charts have none.
-    measure : function, optional
-        Makes of a chart's columns the `Measure` whose value is limited; a larger value is worse.
+    measure : MeasureOf, optional
+        Returns, for the columns of a chart, the `Measure` that is limited; a larger value is worse.
     """
 
     key: str
@@ -170,13 +171,13 @@ def with_unit(value: float, unit: str) -> str:
 
 
 def _largest(numbers: Sequence[int]) -> Measure | None:
-    """Return the measure of the largest absolute value of these columns; None without any."""
+    """Return the `Measure` that is the largest absolute value of these columns; None without any."""
     chosen = list(numbers)
     return (lambda values: np.abs(values[:, chosen]).max(axis=1)) if chosen else None
 
 
 def _forces(kind: str) -> Callable[[Columns, Callable[[str], bool]], Measure | None]:
-    """Return a function of columns to the measure of the largest force of a kind of contact."""
+    """Return a `MeasureOf` whose value is the largest absolute force of a kind of contact."""
 
     def measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
         return _largest([k for k in columns.of_kind(kind) if looks_at(columns.names[k])])
@@ -185,7 +186,7 @@ def _forces(kind: str) -> Callable[[Columns, Callable[[str], bool]], Measure | N
 
 
 def _supports(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return the measure of the largest resultant force of a support, rigid or not.
+    """Return the `Measure` that is the largest resultant force of a support, rigid or not; None without any.
 
     Moments count only if no force column is chosen; columns at the pivot of a boom never do.
     """
@@ -208,17 +209,24 @@ def support_names(columns: Columns, number: int) -> tuple[str, ...]:
 
 
 def _cylinders(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return the measure of the largest force that moves a section along the boom, by the cylinders' names."""
+    """Return the `Measure` that is the largest force which moves a section along the boom; None without any.
+
+    `looks_at` is asked by the names of the sections' cylinders.  On sections with ropes it is the force of what moves
+    them all.
+    """
     return _drive_measure([row for name, row in columns.drives.items() if looks_at(cylinder_of(name))])
 
 
 def _ropes(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return the measure of the largest force that moves a section on ropes, by the sections' names."""
+    """Return the `Measure` that is the largest force of a rope, or of a cylinder that moves a section on ropes.
+
+    `looks_at` is asked by the names of the sections; None without any.
+    """
     return _drive_measure([columns.drives[name] for name in columns.ropes if looks_at(name)])
 
 
 def _drive_measure(rows: Sequence[Array]) -> Measure | None:
-    """Return the measure of the largest absolute force of these rows of shares (c,); None without any."""
+    """Return the `Measure` that is the largest absolute force of these rows of shares (c,); None without any."""
     if not rows:
         return None
     shares = np.array(rows).T
@@ -226,14 +234,14 @@ def _drive_measure(rows: Sequence[Array]) -> Measure | None:
 
 
 def _deflection(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return the measure of the displacement of the last section's tip, over all directions."""
+    """Return the `Measure` that is the displacement of the last section's tip, over all directions."""
     tips = columns.of_kind("tip")
     last = [k for k in tips if columns.bodies[k] == columns.bodies[tips[-1]]]
     return (lambda values: np.sqrt(np.sum(values[:, last] ** 2, axis=1))) if last else None
 
 
 def _stress(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return the measure of the largest von Mises stress at the probes."""
+    """Return the `Measure` that is the largest von Mises stress at the probes; None without any."""
     groups = dict[tuple[str, ...], list[list[int]]]()
     for probe, components in columns.stresses().items():
         if looks_at(probe):
@@ -245,7 +253,7 @@ def _stress(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None
 
 
 def _luffing_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return the measure of the luffing cylinder's force along itself."""
+    """Return the `Measure` that is the absolute force of the luffing cylinder along itself; None without one."""
     return _largest([k for k in columns.at_pivot().values() if columns.names[k] == CYLINDER])
 
 

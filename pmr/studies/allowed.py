@@ -65,12 +65,12 @@ def _used_shares(share: Share, states: States) -> list[float]:
 
 
 def first_load(top: float, *, grows: bool = False, near: float = np.nan, at_once: bool = True) -> Search:
-    """Search for the least load in kg in (0, top] at which the used share of a limit reaches 1.
+    """Generator for `run_searches` that returns the least load in kg in (0, top] at which a used share reaches 1.
 
-    The search returns 0 if the share is 1 or more without a load, and None if it stays below 1 at all loads that are
-    tried.  These are 0 and `top` if the share only `grows` with the load, else `NODES` evenly spaced loads, requested
-    all `at_once` or one after the other.  If the load is expected `near` one in kg (NaN without a guess), loads close
-    to that are tried first, and suffice if the share reaches 1 between them.
+    It returns 0 if the share is 1 or more without a load, and None if it stays below 1 at all loads that are tried.
+    These are 0 and `top` if the share only `grows` with the load, else `NODES` evenly spaced loads, requested all
+    `at_once` or one after the other.  If the result is expected close to the load `near` in kg (NaN without a guess),
+    loads around that are tried first, and no others if the share reaches 1 between them.
     """
     if 0.0 < near < top:
         points = yield from _look_at(tuple(dict.fromkeys(min(near * factor, top) for factor in BESIDE)))
@@ -177,7 +177,10 @@ class Place:
         return Loaded(self.at.at(self.k, named, named[HOOK]))
 
     def share(self, limit: Limit) -> Share:
-        """Return the function from states to the used shares (p,) of `limit` at this place."""
+        """Return the function from states to the used shares (p,) of `limit` at this place.
+
+        It is made once for each limit.
+        """
         if limit not in self._shares:
             self._shares[limit] = limit.share(self.at, self.k, self.amounts)
         return self._shares[limit]
@@ -195,8 +198,8 @@ class Place:
 def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, near: Array | None = None) -> Array:
     """Return the load in kg that each limit allows at a place, (l,), stability last; NaN if it is above `up_to` in kg.
 
-    0 for limits that are passed without a load, and for all if the boom is unstable then.  `near` (l,) are loads in kg
-    of another model, near which the searches begin.
+    0 for limits that are passed without a load, and for all if the boom is then unstable.  `near` (l,) are loads in kg
+    that another model allows, around which the searches look first; NaN or None without a guess.
     """
     loaded, near_loads = place.loaded, np.full(len(limits) + 1, np.nan) if near is None else near
     first = loaded.state(0.0)

@@ -23,7 +23,10 @@ class Exposed(Section):
 
 
 class Wind(Section):
-    r"""A wind that blows steadily: :math:`F = q A c`, :math:`q = \rho v^2 / 2`."""
+    r"""A wind that blows steadily, with a force on each area: :math:`F = q A c`, :math:`q = \rho v^2 / 2`.
+
+    A is the area, c its shape factor, :math:`\rho` the density of the air and v the speed.
+    """
 
     speed: Annotated[float, Field(gt=0.0), Usual(0.5, 75.0, unit="m/s")] = Field(description="m/s")
     density: Annotated[float, Field(gt=0.0), Usual(0.5, 2.0, unit="kg/m^3")] = Field(
@@ -46,7 +49,7 @@ class Wind(Section):
 
 
 class LoadCase(Section):
-    """Loads that act at once, and their factors; every factor is the user's own."""
+    """Loads that act at once, with factors that the user chooses."""
 
     name: str = Field(description="What it is called")
     standard: str = Field(default="", description="Source of the factors, for the report")

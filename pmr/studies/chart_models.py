@@ -41,9 +41,9 @@ CONTACTS = TypeAdapter(tuple[Contact, ...])
 NO_FINER_MESH = "a finer one is made of beams with rigid walls alone"
 #: Number of luffing angles at each extension for whose contact forces there are attachment modes.
 ANSWERED = 3
-#: Places at which the richer model's buckling factor is compared with that of full order.
+#: Number of postures in which the richer model's buckling factor is compared with that of full order.
 MEASURED = 5
-#: Why limits are not compared of what the richer model has at other places, or not at all.
+#: Why limits are not compared with a richer model that has their quantity at other positions, or not at all.
 STRESS = "it depends on how walls bend at pads, loads and corners"
 #: Errors because of which a richer structural model counts as not available, as in runs.
 UNKNOWN = (InputError, ConvergenceError, SimulationError, ValueError, ImportError)
@@ -205,7 +205,7 @@ class Models:
     finer: Postures | None
     structural: Postures | None
     called: str  # what the richer structural model is called, or why there is none
-    mended: float  # share of a mesh's error that the finer one does not have
+    mended: float  # share of the mesh's error that the finer mesh removes
     above: float  # share by which the richer model's buckling factor is above that of full order
     reach: Array  # (P,) m
 

@@ -24,7 +24,7 @@ from pmr.system.contacts import Contact
 
 Array = NDArray[np.float64]
 
-#: Kinds of outputs and contacts, as a budget calls their errors.
+#: Names of the errors in a budget, by the kind of outputs and contacts.
 KINDS = {"tip": "tip", "pad": "pad_force", "cylinder": "cylinder_force", "support": "support_force"}
 
 
@@ -138,9 +138,10 @@ def _response(rests: Sequence[AtRest]) -> RestingResponse:
 
 
 def _off(rests: Sequence[AtRest], other: Sequence[AtRest], share: float) -> dict[str, Any]:
-    """Return the relative error of each kind of figure: `share` times the difference to another model's equilibria.
+    """Return the relative error of each kind of output and contact force, by the name of its error.
 
-    `other` holds the counterpart of each of `rests`.  Kinds that the models lack or number differently are left out.
+    It is `share` times the difference to another model, whose equilibria `other` are the counterparts of `rests`.
+    Kinds that the models lack or number differently are left out.
     """
     pairs = [(at_rest.state, counterpart.state) for at_rest, counterpart in zip(rests, other, strict=True)]
     pairs = [(mine, theirs) for mine, theirs in pairs if theirs.stands]

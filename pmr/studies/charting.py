@@ -77,15 +77,15 @@ class Chart:
         return is_passed
 
     def least_loads(self, loads: Array) -> Array:
-        """Return the least over the cases of allowed loads (c, l) in kg, (l,); `up_to` where it is NaN."""
+        """Return for each limit the smallest of its loads (c, l) in kg over all cases, (l,); `up_to` if all are NaN."""
         return np.asarray(np.nan_to_num(_least(loads)[1], nan=self.up_to))
 
     def of_reduction(self, models: Models, k: int, loads: Array) -> Array:
-        """Return the error (l,) in kg that reduction causes in the least over the cases of the allowed loads (c, l).
+        """Return for each limit the error (l,) in kg that reduction causes in its smallest load over all cases.
 
-        It is a margin times the difference to the load of the richer model, `Models.better`.  For buckling and
-        stability the richer model is also taken to buckle by a share `Models.above` too late, and the larger difference
-        counts.
+        `loads` (c, l) in kg are those that the reduced model allows at the k-th posture.  The error is a margin times
+        the difference to the smallest load that the richer model `Models.better` allows.  For buckling and stability
+        that model is also taken to buckle by a share `Models.above` too late, and the larger difference counts.
         """
         assert models.better is not None
         count, above = len(self.limits), models.above
@@ -105,10 +105,12 @@ class Chart:
         return np.asarray(np.array(margins) * np.maximum(np.abs(other - reduced), np.abs(before - reduced)))
 
     def of_other(self, models: Models, of: str, k: int, loads: Array) -> Array:
-        """Return the error (l,) in kg by the mesh or the structural model in the least over the cases of loads (c, l).
+        """Return for each limit the error (l,) in kg that mesh or structural model cause in its smallest load.
 
-        It is the difference to the load of ``models.compared[of]``, `of` being ``"mesh"`` or ``"model"``, times the
-        share of that model.  NaN for limits that this model can't evaluate, and for all limits without such a model.
+        `loads` (c, l) in kg are those that the reduced model allows at the k-th posture; the smallest over all cases
+        counts.  The error is the difference to that of ``models.compared[of]``, `of` being ``"mesh"`` or ``"model"``,
+        times the share of this model.  NaN for limits that this model can't evaluate, and for all limits if there is no
+        such model.
         """
         error = np.full(loads.shape[1], np.nan)
         if (other := models.compared.get(of)) is not None:
@@ -119,10 +121,10 @@ class Chart:
         return error
 
     def of_rotation(self, places: Sequence[Place], loads: Array, reach: float) -> Array:
-        """Return the error (l,) in kg by large rotations in the least over the cases of allowed loads (c, l).
+        """Return for each limit the error (l,) in kg that large rotations cause in its smallest load over all cases.
 
-        It is `bent_further` in the case with the least load, times a margin; `places` are those of the cases, `reach`
-        is the length of the boom in m.
+        `loads` (c, l) in kg are those that the limits allow at `places`, one for each case; `reach` is the length of
+        the boom in m.  The error is that of `bent_further` in the case with the smallest load, times a margin.
         """
         case, load = _least(loads)
         by_case = {n: MARGIN * bent_further(self.limits, places[n], load, reach) for n in set(case.tolist())}
@@ -136,17 +138,17 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     points, l limits (stability last) and c cases out of service:
 
     - ``place`` (p, 2) m: radius and height of the undeformed tip.
-    - ``load`` (p, l) kg: the least over all cases in service, NaN if no load up to ``up_to`` reaches the limit;
+    - ``load`` (p, l) kg: the smallest over all cases in service, NaN if no load up to ``up_to`` reaches the limit;
       ``case`` (p, l): the number of that case.
     - ``error`` (p, l) kg: ``error.reduction`` + ``error.mesh`` + ``error.model`` + ``error.rotation``, the mesh's and
       the model's counting as 0 where they are NaN, which means unknown; ``not_covered`` (p,): in words what it lacks.
     - ``hoist`` (p,), only with ``hoist`` among the arguments: the largest force of the rope over the weight of the
-      point's least load when that is hoisted off the ground, in the first case's amounts.
+      point's smallest load when that is hoisted off the ground, in the first case's amounts.
     - ``passed`` (p, c, l): whether the limit is exceeded without a load in a case out of service (argument ``left``).
     - ``at.<name>``: arrays of `pmr.studies.governing.details` at the points ``at.place`` (l,), where each limit governs
       the largest load of the row; -1 if it governs at none.
 
-    Figures ``load.least`` and ``load.most``: the extremes over the points of the least load over all limits, in kg.
+    Record: ``load.least`` and ``load.most``, the extremes over the points of the smallest load over all limits, in kg.
     """
     models = Models.of(needs)
     at, cases, gravity = models.reduced, arguments["cases"], arguments["gravity"]
@@ -208,7 +210,10 @@ def _hoist_factor(loaded: Loaded, load: float, rope: Rope, gravity: float) -> fl
 
 
 def _least(loads: Array) -> tuple[NDArray[np.int64], Array]:
-    """Return the case number (l,) with the least load and that load (l,) of loads (c, l); NaN only if all are."""
+    """Return for each limit the number of the case with the smallest load, and that load, both (l,).
+
+    `loads` are (c, l); the load is NaN only if those of all cases are.
+    """
     finite = np.where(np.isnan(loads), np.inf, loads)
     case = finite.argmin(axis=0)
     return case, loads[case, np.arange(loads.shape[1])]
@@ -222,7 +227,7 @@ def _amount(case: Mapping[str, Any], part: str) -> float:
 
 
 def governing_limit(load: Array) -> NDArray[np.int64]:
-    """Return the number of the limit with the least load at each point, (P,); -1 where all loads are NaN.
+    """Return the number of the limit with the smallest load at each point, (P,); -1 where all loads are NaN.
 
     `load` (P, l) in kg at P points of l limits; NaN if no load that was looked for reaches the limit.
     """

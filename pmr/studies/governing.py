@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 class Stop(Section):
-    """A stop of luffing or slewing, whose speed falls steadily to nothing."""
+    """A stop of luffing or slewing, whose speed falls to zero at a constant rate."""
 
     of: Literal["luffing", "slewing"] = Field(description="Motion that is stopped")
     speed: Annotated[float, Field(gt=0.0)] = Field(
@@ -49,10 +49,11 @@ class Stopping:
     def row(self, place: Place, load: float, limit: Limit | None) -> Array:
         """Return five numbers (5,) of the boom at a place under a load in kg, which stops in this way.
 
-        In order: the tip's largest displacement while it swings over that under a steady deceleration; the used share
-        of `limit` at rest, under a steady deceleration, and the largest while it swings, the worse direction of motion
-        counting; the speed in rad/s.  The shares are NaN without a limit, the first four numbers where the boom is
-        unstable.
+        0. Largest displacement of the tip during and after the stop, over that under a lasting steady deceleration.  1.
+        Used share of `limit` at rest.  2. Used share under a lasting steady deceleration, in the worse direction of
+        motion.  3. Largest used share during and after the stop, in the worse direction of motion.  4. Speed in rad/s.
+
+        The shares are NaN if `limit` is None, all but the speed are if the boom is unstable.
         """
         none, state = np.array([*[np.nan] * 4, self.speed]), place.loaded.state(load)
         swing = stopping_swing(state.form, load, self._acting_loads(place, load), self.within) if state.stands else None
@@ -86,9 +87,9 @@ class Stopping:
 
 
 def chosen(load: Array) -> NDArray[np.int64]:
-    """Return for each limit (l,) the row of `load` (p, l) in kg with the largest load that it governs, or -1.
+    """Return for each limit (l,) the row of `load` (p, l) in kg at which it governs the largest load; -1 if at none.
 
-    Rows whose least load is 0 or that no limit governs (all NaN) don't count.
+    A limit governs a row if its load is the smallest there; rows whose smallest load is 0 or NaN don't count.
     """
     least = np.where(np.isnan(load), np.inf, load)
     which, most = least.argmin(axis=1), least.min(axis=1)
@@ -105,11 +106,17 @@ def details(
 ) -> dict[str, NDArray[Any]]:
     """Return arrays that describe the boom at places, the n-th where the n-th limit governs, stability last.
 
-    `loads` (p,) in kg act at the p places; a place is None, and its rows are NaN, if its limit governs nowhere; without
-    any place there are no arrays.  ``forces`` (p, m) N of m contacts; ``bent`` (p, b) m, displacements across the boom
-    at positions ``bent.x`` of sections ``bent.section`` along ``direction.names``; ``stress`` (p, s) Pa, von Mises
-    stress at probes; ``used`` (p, l), used shares of all limits and, last, the load over the buckling load; ``luffing``
-    (p,) rad; ``stops`` (p, stops, 5), rows of `Stopping.row`; ``<array>.names`` and, of contacts, ``kinds``.
+    `loads` (p,) in kg act at the p places.  A place is None, and its rows are NaN, if its limit governs nowhere; if all
+    are None there are no arrays.
+
+    - ``forces`` (p, m) N of m contacts, and their ``kinds`` (m,).
+    - ``bent`` (p, b) m: displacements across the boom at the positions ``bent.x`` (b,) m of the sections
+      ``bent.section`` (b,) in the directions ``direction.names`` (b,).
+    - ``stress`` (p, s) Pa: von Mises stress at probes.
+    - ``used`` (p, l): used shares of all limits, and the load over the buckling load as the last one.
+    - ``luffing`` (p,) rad.
+    - ``stops`` (p, stops, 5): numbers of `Stopping.row`.
+    - ``forces.names``, ``stress.names``, ``section.names``: names of contacts, probes, sections.
     """
     at = next((place.at for place in places if place is not None), None)
     if at is None:

@@ -44,9 +44,9 @@ Share = Callable[[States], Array]
 STABILITY = "stability"
 #: Beginning of the names of probes of the field, behind the body's name; faces that they look at, if cells have them.
 FIELD, FACES = "field of ", ("outer", "inner")
-#: Models of bodies that have a field; what a mesh without regions is called.
+#: Structural models with a stress field; name of the region of a mesh without regions.
 WITH_FIELD, WHOLE = ("shell", "solid"), "walls"
-#: Numbers that the places of a chart may need in all.
+#: Most numbers that a limit of the field may store for all points of a chart.
 MOST_NUMBERS = 2**27
 
 
@@ -61,12 +61,12 @@ class Kind:
     unit : str
         Unit of the amount, empty where there is none or only the user knows it.
     share : callable
-        Called with a limit, postures, the number k of one of these and the amounts by which the parts (weight, load,
-        loads of the scene) act; returns the `Share` that states use.
+        Called with a limit, postures, the number k of one of these and the amounts (w,) by which the parts
+        ``Postures.parts`` act; returns the `Share`, a function from states to used shares.
     usual : Usual, optional
         Range in which the amount usually lies.
     names : callable, optional
-        Returns the scene's names among which ``which`` chooses; None where that takes a model, or there are none.
+        Returns the scene's names among which ``which`` chooses; None if only a model knows them, or there are none.
     directly : callable, optional
         Of an eigenvalue: called with a form, the allowed amount, a load in kg near which the result is expected (NaN
         without one) and the largest load in kg; returns the load in kg at which the eigenvalue reaches the amount.
@@ -87,7 +87,10 @@ class Kind:
 
 
 def _share_of_quantity(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
-    """Share of a run's quantity; raises InputError where the luffing cylinder's arm can't raise the boom."""
+    """Return the `Share` of a limit on a quantity that runs have too, such as a force or a stress.
+
+    Raises InputError if the limit is on the luffing cylinder and its arm can't raise the boom.
+    """
     if limit.of == "luffing" and not at.arm[k] > 0.0:
         reason = f"at {np.rad2deg(at.luffing[k]):.4g} degrees the cylinder has an arm of {at.arm[k]:.2g} m"
         raise InputError("study", "luffing", None, f"angles at which it raises the boom are allowed: {reason}")
@@ -96,7 +99,7 @@ def _share_of_quantity(limit: Limit, at: Postures, k: int, amounts: Sequence[flo
 
 
 def _share_of_users(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
-    """Share of the absolute value of the user's function or expression."""
+    """Return the `Share` of a limit on the absolute value of the user's function or expression."""
     is_function, text = limit.of == "function", limit.function or limit.expression or ""
     evaluate = function_of(limit.name, text) if is_function else expression_of(text)
     amount = amount_of(evaluate, f"limits.{limit.name}.{limit.of}", text, at, k)
@@ -104,17 +107,17 @@ def _share_of_users(limit: Limit, at: Postures, k: int, amounts: Sequence[float]
 
 
 def _share_of_buckling(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
-    """Share of the least allowed buckling factor."""
+    """Return the `Share` of a limit on the buckling factor."""
     return lambda states: limit.allowed_amount * np.array([form.inverse_factor(load) for form, load in _each(states)])
 
 
 def _share_of_frequency(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
-    """Share of the least allowed natural frequency."""
+    """Return the `Share` of a limit on the lowest natural frequency."""
     return lambda states: np.array([_ratio(limit.allowed_amount, form.frequency(load)) for form, load in _each(states)])
 
 
 def _share_of_overturning(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
-    """Share of the resisting moment that the load's moment uses, about the worst edge."""
+    """Return the `Share` of a limit on overturning, about the worst edge of the polygon."""
     tipping = limit.tipping(at, k, amounts)
     return lambda states: tipping.share(states, limit.factor)
 
@@ -130,16 +133,16 @@ def _force_names_of(kind: str) -> Callable[[Scene], Sequence[str]]:
     return lambda scene: force_names(scene)[kind]
 
 
-#: What is usual of a quantity, by its unit.
+#: Usual range of a quantity, by its unit.
 USUAL = {"Pa": Usual(1e6, 1e10, unit="Pa"), "N": Usual(0.05, 1e3, "weight", "N"), "m": Usual(1e-5, 1.0, "reach", "m")}
 USUAL_PRESSURE = Usual(1e4, 1e10, unit="Pa")
-#: Names that the quantities of a run are chosen by, where no model is needed to know them.
+#: Functions that list a scene's names among which a limit chooses, by quantity, if no model is needed for them.
 NAMES: Mapping[str, Callable[[Scene], Sequence[str]]] = {
     "stress": _stress_probes,
     "rope": lambda scene: list(rope_shares(scene)),
     **{kind: _force_names_of(kind) for kind in ("pad", "cylinder", "support")},
 }
-#: All kinds of limits: the quantities of a run, and what a run has no quantity for.
+#: All kinds of limits: quantities that runs have too, and others.
 KINDS: Mapping[str, Kind] = {
     key: Kind("most", q.unit, _share_of_quantity, USUAL.get(q.unit), NAMES.get(key), in_richer=q.unit != "Pa")
     for key, q in LIMITED.items()
@@ -228,9 +231,10 @@ class Limit(Section):
         return float(self.most or 0.0) * float(np.prod(self.area or (1.0,)))
 
     def share(self, at: Postures, k: int, amounts: Sequence[float]) -> Share:
-        """Return the function from states to the used shares (p,) at the k-th posture, parts acting by `amounts`.
+        """Return the function from states to the used shares (p,) of the limit at the k-th posture of `at`.
 
-        Raises InputError if the model has none of the columns that the limit depends on.
+        `amounts` (w,) are those by which the parts ``at.parts`` act.  Raises InputError if the model has none of the
+        columns that the limit depends on.
         """
         return self.kind.share(self, at, k, amounts)
 
@@ -256,7 +260,10 @@ class Limit(Section):
         return None if directly is None else directly(form, self.allowed_amount, near, up_to)
 
     def tipping(self, at: Postures, k: int, amounts: Sequence[float]) -> Tipping:
-        """Return the moments about the edges of the support polygon at the k-th posture, parts acting by `amounts`."""
+        """Return the moments about the edges of the support polygon at the k-th posture of `at`.
+
+        `amounts` (w,) are those by which the parts ``at.parts`` act.
+        """
         return Tipping.of(self.polygon, self.height, self.machine, at, k, np.asarray(amounts))
 
     def check(self, scene: Scene) -> None:

@@ -34,7 +34,7 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Every so many steps of the full motion are snapshots of it.
+#: Number of steps of the full motion from one snapshot of it to the next.
 EVERY = 5
 #: Rigid-body motions of a section, at most.
 RIGID = 6
@@ -47,8 +47,8 @@ class Case:
     """A scene, its full models as one system, and the motion of that system."""
 
     scene: Scene
-    full: System  # of a body alone in its modal coordinates
-    excitation: Excitation  # in the parts of a step that the full motion took
+    full: System  # a single body's in its modal coordinates
+    excitation: Excitation  # with steps divided as in the full motion
     run: SystemTrajectory
     response: Response
 

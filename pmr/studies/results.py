@@ -29,9 +29,9 @@ from pmr.studies.tasks import Failure, Plan, Scalar, TaskResult, digests
 FORMAT = "pmr-task-result"
 FORMAT_VERSION = 3  # warnings belong to the result
 STALE_AFTER = 3600.0  # s, age at which a file under construction counts as abandoned
-#: Between the warnings in a cell of the table.
+#: Text between two warnings in a cell of the table.
 SEPARATOR = " | "
-#: Files that go together, and those that are made of them.
+#: Files that are written together, and the reports that are made of them.
 TABLES, REPORT = ("runs.csv", "runs.npz", "seconds.csv", "summary.json"), ("report.html", "report.pdf")
 
 
@@ -124,7 +124,7 @@ def _check_record(record: Mapping[str, Scalar]) -> dict[str, Scalar]:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """One run: the parameters that were varied, its status, and its figures.
+    """One run: the parameters that were varied, its status, and the numbers that came out, `figures`.
 
     `status` is ``"done"``, ``"failed"`` or ``"skipped"``; without ``"done"`` `figures` are empty, and `reason` says why
     in one line and `detail` at length.  `file` is the path of its arrays, relative to the study's folder.
@@ -296,4 +296,5 @@ def _column(values: Sequence[Scalar]) -> NDArray[Any]:
 
 
 def _write(path: Path, text: str) -> None:
+    """Write a text file in UTF-8."""
     path.write_text(text, encoding="utf-8")

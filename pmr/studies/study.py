@@ -18,7 +18,7 @@ Count = Annotated[int, Field(ge=1, strict=True)]
 
 
 class Statement(Section):
-    """Statement of a publication about something that the study finds out too."""
+    """Published statement that is compared with a figure of the study."""
 
     figure: str = Field(description="Name of the study's own figure")
     text: str = Field(description="What it is")

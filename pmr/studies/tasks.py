@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 
-#: What stands in one cell of the table.
+#: Value of one cell of the table.
 Scalar = float | int | bool | str | None
-#: What a key of a task may be: it is the name of a file, too.
+#: Longest key of a task, and the pattern of keys: they are names of files, too.
 LONGEST = 120
 KEY = re.compile(rf"[A-Za-z0-9][A-Za-z0-9._=,+-]{{0,{LONGEST - 1}}}")
 
@@ -46,11 +46,11 @@ def number(value: Scalar) -> float:
 
 @dataclass(frozen=True)
 class TaskResult:
-    """Figures, arrays, times and warnings that a task returns.
+    """Numbers for the table (`record`), arrays, times and warnings that a task returns.
 
-    The figures of its `record`, one column of the table each, are the same on every machine that computes alike;
-    measured times, which differ from run to run, are in `seconds` instead.  `warnings` are those of a run of the same
-    scene, a line each; what is logged as a warning while the task runs joins them.
+    Each entry of the `record` is a column of the table, and the same on every machine that computes alike; measured
+    times, which differ from run to run, are in `seconds` instead.  `warnings` are those of a run of the same scene, a
+    line each; what is logged as a warning while the task runs joins them.
     """
 
     record: Mapping[str, Scalar] = field(default_factory=dict)  # a float must be finite; None leaves the cell empty
@@ -73,7 +73,7 @@ class Failure:
         return cls(" ".join(f"{type(error).__name__}: {error}".split()), "".join(traceback.format_exception(error)))
 
     def of_dependent(self, key: str) -> Failure:
-        """Return the failure of a task that is skipped because it needs the task `key`, whose failure this is."""
+        """Return the failure of a task that is skipped because it needs the task `key`, which has this failure."""
         reason = self.reason if self.status == "skipped" else f"needs {key}, which failed: {self.reason}"
         return Failure(reason, status="skipped")
 
@@ -102,6 +102,7 @@ class Task:
     alone: bool = False
 
     def __post_init__(self) -> None:
+        """Raise ValueError for a key that can't name a file, or a function that is not one of a module."""
         if not KEY.fullmatch(self.key):
             raise ValueError(f"task key {self.key!r}: {KEY.pattern} is allowed")
         if "." in self.function.__qualname__:
@@ -129,12 +130,13 @@ def _source(module: str) -> str:
 
 @dataclass(frozen=True)
 class Plan:
-    """The tasks of one study."""
+    """The tasks of one study: its runs, and tasks whose results several runs need."""
 
     runs: tuple[Task, ...]  # one row of the table each, in this order
     shared: tuple[Task, ...] = ()  # what several runs need, without a row; computed once if a run still needs it
 
     def __post_init__(self) -> None:
+        """Raise InputError if two tasks have one key, ValueError if a task needs one that the plan lacks."""
         twice = [key for key, count in Counter(task.key.casefold() for task in self).items() if count > 1]
         if twice:
             allowed = f"two runs are called {', '.join(twice)}; names of scenes and cases, and values, must differ"
@@ -214,6 +216,7 @@ class Ready:
         self._add_ready()
 
     def __bool__(self) -> bool:
+        """Whether a node is queued."""
         return bool(self._heap)
 
     def pop(self) -> Node:

@@ -64,7 +64,8 @@ class Tipping:
         """Compute the moments at the k-th posture of `at`, about the edges between corners X, Y in m from the pivot.
 
         The pivot is `height` m above the corners; `machine` are masses below the boom; `amounts` (w,) are those by
-        which the parts ``at.parts`` act.  Raises InputError if a force or moment at the pivot is not among the outputs.
+        which the w parts ``at.parts`` (weight, load, loads of the scene) act.  Raises InputError if a force or moment
+        at the pivot is not among the outputs.
         """
         turned = rotation(at.luffing[k : k + 1], at.slewing[k : k + 1])[0]
         edges = _edges(tuple(polygon), height)
@@ -96,9 +97,9 @@ class Tipping:
         return np.asarray(np.where(held > 0.0, factor * load / np.where(held > 0.0, held, 1.0), np.inf).max(axis=1))
 
     def moved_by(self, states: States, factor: float) -> float:
-        """Return the load in kg whose moment about the worst edge is the load's, plus the boom's own over `factor`.
+        """Return the load in kg whose moment is that of the load, plus the boom's own divided by `factor`.
 
-        `states` hold one state; both moments are taken by their amounts.
+        Both are absolute moments about the worst edge; `states` hold one state.
         """
         load = states.load[0] * (self.tips + states.outputs[0] @ self.moved.T)
         boom = states.outputs[0] @ self.boom.T - load

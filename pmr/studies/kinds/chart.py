@@ -28,7 +28,7 @@ from pmr.studies.results import StudyResults, csv_text
 from pmr.studies.study import Count, StudyBase
 from pmr.studies.tasks import Plan, Scalar, Task
 
-#: Places in all, at most.
+#: Most points of a chart.
 MOST = 200_000
 
 
@@ -51,7 +51,7 @@ class Range(Section):
 
     @property
     def values(self) -> tuple[float, ...]:
-        """The `count` values."""
+        """Evenly spaced values from `least` to `most`, `count` of them."""
         return tuple(np.linspace(self.least, self.most, self.count).tolist())
 
     def of_sections(self, names: Sequence[str]) -> list[dict[str, float]]:

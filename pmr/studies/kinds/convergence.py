@@ -112,7 +112,7 @@ def full_tip(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: ``coordinates``, ``e_abs`` (m) and ``e_nrms`` of the full model's tip; array ``tip`` in m.
 
     The array holds the transverse displacement (T,) of a single beam, or all d directions (T, d) of a boom's tip.
-    Errors are those against the need ``finest``; None without it.
+    Errors are those against the result ``finest``, which all tasks but the finest one need; None for that one.
     """
     scene = shared.scene_of(arguments)
     system = shared.full_system(scene)
@@ -127,7 +127,7 @@ def full_tip(arguments: Arguments, needs: Needs) -> TaskResult:
 def cable_tip(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: ``coordinates``, ``e_abs`` (m) and ``e_nrms`` of the ANCF cable's tip; array ``tip`` (T,) in m.
 
-    Errors are those against the need ``finest``; None without it.
+    Errors are those against the result ``finest``, which all tasks but the finest one need; None for that one.
     """
     scene = shared.scene_of(arguments)
     elements = scene.mesh.elements
@@ -139,7 +139,7 @@ def cable_tip(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def _compare_tip(tip: Any, coordinates: int, needs: Needs) -> TaskResult:
-    """Return a task's result: the tip's displacement in m and, with a need ``finest``, its errors against that."""
+    """Return a task's result with the tip's displacement in m and its errors against the result ``finest``, if needed."""
     record: dict[str, Scalar] = {"coordinates": coordinates, "e_abs": None, "e_nrms": None}
     if "finest" in needs:
         finest = needs["finest"].arrays["tip"]

@@ -32,11 +32,11 @@ if TYPE_CHECKING:
     from pmr.pipeline.bodies import Precomputed
 
 Array = NDArray[np.float64]
-#: What names of section forces begin with, by their units.
+#: Beginning of the columns of section forces, by their units.
 BEAM_ROOMS = {"N": "beam_forces", "N m": "beam_moments"}
-#: Frequencies that are stated, at these places of the path: where s is least, in the middle, where it is largest.
+#: Number of frequencies that are stated, and names of the path coordinates: the least, the middle and the largest one.
 FREQUENCIES, PLACES = 3, ("s_min", "s_middle", "s_max")
-#: Frequencies of a body alone whose errors are stated.
+#: Number of frequencies of a single body whose errors are stated.
 COMPARED_FREQUENCIES = 3
 
 
@@ -173,15 +173,15 @@ def run_case(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def figures_of(scene: Scene, response: Response, s: Array, frequencies: Array) -> dict[str, Scalar]:
-    """Return figures of a simulated model from its response and frequencies.
+    """Return columns of the table about a simulated model, from its response and frequencies.
 
     `frequencies` (S, f) are in Hz at ascending path coordinates `s` (S,) in m.
 
     - ``largest_force``: the largest contact force in N, without rigid supports.
     - ``forces.<contact>.{min,t_min,s_min,max,t_max,s_max}``: extremes of a contact force in N, their times in s and
-      path coordinates in m; so too ``reactions.<support>.{min,...}`` in N and ``moments.<support>.{min,...}`` in N m of
-      rigid supports, and ``probes.<name>.{min,...}`` in the probe's unit, with ``range``, the largest of its load
-      cycles.
+      path coordinates in m.
+    - ``reactions.<support>.{min,...}`` in N and ``moments.<support>.{min,...}`` in N m of rigid supports.
+    - ``probes.<name>.{min,...}`` in the probe's unit, with ``range``, the largest of its load cycles.
     - ``path.{s_min,s_max}`` in m.
     - ``frequencies.{s_min,s_middle,s_max}.<i>``: the i-th in Hz at the least, the middle and the largest path
       coordinate; None if the model has fewer.
@@ -205,7 +205,7 @@ def figures_of(scene: Scene, response: Response, s: Array, frequencies: Array) -
 
 
 def _extreme_figures(name: str, extremes: Extremes) -> dict[str, Scalar]:
-    """Return figures ``<name>.{min,t_min,s_min,max,t_max,s_max}`` of the extremes of a history."""
+    """Return columns ``<name>.{min,t_min,s_min,max,t_max,s_max}`` of the extremes of a history."""
     return {f"{name}.{key}": value for key, value in extremes.summary().items()}
 
 
@@ -223,13 +223,14 @@ def stresses(summary: Mapping[str, Any]) -> dict[str, Scalar]:
 
 
 def of_bodies(summary: Mapping[str, Any]) -> dict[str, Scalar]:
-    """Return figures of bodies from the summary of a run: stresses, masses, damage, utilisation and section forces.
+    """Return columns of the table about bodies, from the summary of a run.
 
-    ``mass`` in kg is that of all bodies with the masses attached to them, ``mass.<body>`` that of one;
-    ``damage.<probe>`` is by fatigue; ``utilisation`` is the largest stress over the yield stress, at ``utilisation_t``
-    in s in ``utilisation_section`` at ``utilisation_{x,y,z}`` in m;
-    ``beam_forces.<quantity>.{min,t_min,x_min,max,...}`` are section forces in N and
-    ``beam_moments.<quantity>.{min,...}`` in N m; `stresses` returns those of regions.
+    - ``stress.<region>...``: those of `stresses`.
+    - ``mass`` in kg of all bodies with the masses attached to them, and ``mass.<body>`` of one.
+    - ``damage.<probe>``: damage by fatigue.
+    - ``utilisation``: the largest stress over the yield stress, at ``utilisation_t`` in s in ``utilisation_section`` at
+      ``utilisation_{x,y,z}`` in m.
+    - ``beam_forces.<quantity>.{min,t_min,x_min,max,...}``: section forces in N; ``beam_moments.<quantity>...`` in N m.
     """
     record, masses = stresses(summary), {mass["name"]: mass for mass in summary.get("masses", ())}
     weights = {name: float(mass["mass"] + mass["attached"]) for name, mass in masses.items()}
@@ -253,7 +254,7 @@ def of_bodies(summary: Mapping[str, Any]) -> dict[str, Scalar]:
 def run_scene(scene: Scene, precomputed: Precomputed | None = None) -> TaskResult:
     """Run a scene with its first simulator and return the results as a row of the table, with arrays and warnings.
 
-    `precomputed` are eigenmodes, references and frequencies of a single body that need not be computed again.  Figures:
+    `precomputed` are eigenmodes, references and frequencies of a single body that need not be computed again.  Record:
     ``errors.<model>_vs_<reference>.<output>`` (e_NRMS), ``coordinates.full`` and ``.reduced``, ``max_displacement`` and
     ``max_error`` (m), ``cylinders.<name>.{min,max}`` and ``ropes.<name>.{min,max}`` (N), those of `figures_of` and
     `of_bodies`; ``largest_force`` of a boom is that of its pads.  For a single body also ``basis.kappa`` and

@@ -33,7 +33,7 @@ from pmr.studies.study import Count, StudyBase
 from pmr.studies.tasks import Arguments, Needs, Plan, Scalar, Task, TaskFunction, TaskResult, key_of, number
 from pmr.system.system import System
 
-#: Of errors along the body.
+#: Tolerances of the e_NRMS along the body.
 TOLERANCES = (0.05, 0.01, 0.001, 0.0001)
 
 
@@ -65,9 +65,9 @@ Method = Literal["pod", "visited", "modes", "flexibility", "trajectory"]
 METHODS: tuple[Method, ...] = get_args(Method)
 #: The reference's step, as a share of the smallest one that is tried.
 FINER = 0.25
-#: Simulations of which the fastest counts.
+#: Number of simulations, of which the fastest counts.
 REPEATS = 3
-#: Free modes with their flexibility, as good as all: what steps and meshes are tried on.
+#: Number of free modes that serve as well as all, in trials of steps and meshes.
 MANY = 20
 
 
@@ -145,7 +145,7 @@ def without_axial(scene: Scene) -> Scene:
 def reference(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: ``y`` (T, o) in m, the full model's motion with a step `FINER` times the smallest that is tried.
 
-    Figure ``step``: the estimated relative error that this step still causes.  Warnings are those of a run with the
+    Record: ``step``, the estimated relative error that this step still causes.  Warnings are those of a run with the
     scene's step.
     """
     case, steps = Case.of(shared.scene_of(arguments)), arguments["steps"]
@@ -161,12 +161,15 @@ def reference(arguments: Arguments, needs: Needs) -> TaskResult:
 def errors_of_method(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: errors and times of a method with r coordinates, for all r of the study that the basis can have.
 
-    Figures: ``total.<r>.<factor>``, e_NRMS of all displacements against the reference, with the scene's step times a
-    factor; ``reduction.<r>``, e_NRMS against the full model, both with the scene's own step; for a single body
-    ``energy.<r>``, the largest difference from the full model's energy while the slider moves, over the largest energy
-    of that (1000 at most); ``reference``, the error of the reference's step; ``scene step`` in s and the number of
-    ``steps``.  None where the model can't be simulated.  Seconds: ``offline``, processor time to make all models,
-    ``step.<r>`` and ``full``, of one step.
+    Record, None where a model can't be simulated:
+
+    - ``total.<r>.<factor>``: e_NRMS of all displacements against the reference, with the scene's step times a factor.
+    - ``reduction.<r>``: e_NRMS of all displacements against the full model, both with the scene's step.
+    - ``energy.<r>``, for a single body: the largest difference from the full model's energy while the slider moves,
+      over the largest energy of that, 1000 at most.
+    - ``reference``: the error of the reference's step; ``scene step`` in s, and the number of ``steps``.
+
+    Seconds: ``offline``, processor time to make all models; ``step.<r>`` and ``full``, time of one step.
     """
     case, truth, method = Case.of(shared.scene_of(arguments)), needs["truth"], arguments["method"]
     scene, steps, is_alone = case.scene, case.scene.time.steps, len(case.scene.sections) == 1
