@@ -260,9 +260,10 @@ class Bodies:
         return make() if cache is None else {ALONE: cache.model_of(scene, lambda: make()[ALONE])}
 
     def _another(self) -> Any:
-        """Return another reduced model, for the error of a single body whose own model can't estimate it.
+        """Return another reduced model from which a single body's error is estimated; None if that is not needed.
 
-        None if its own model can, or if the other one can't be made.
+        It is not needed if the body's model can estimate its error by itself; None also if the other model can't be
+        made.
         """
         if ALONE not in self.bodies or not asks_for_other(self.scene, self.bodies[ALONE].model):
             return None

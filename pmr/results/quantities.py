@@ -211,8 +211,8 @@ def support_names(columns: Columns, number: int) -> tuple[str, ...]:
 def _cylinders(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
     """Return the `Measure` that is the largest force which moves a section along the boom; None without any.
 
-    `looks_at` is asked by the names of the sections' cylinders.  On sections with ropes it is the force of what moves
-    them all.
+    `looks_at` is asked by the names of the sections' cylinders.  The force is that of `pmr.scene.mechanism.drive_rows`:
+    of a cylinder, or of a section on ropes or that others follow, from the forces of several cylinders.
     """
     return _drive_measure([row for name, row in columns.drives.items() if looks_at(cylinder_of(name))])
 

@@ -137,7 +137,7 @@ class Response:
 
     @property
     def outputs(self) -> tuple[Output, ...]:
-        """Meaning of each column: displacements, then forces, then all others; empty if an old file does not store it."""
+        """Meaning of each column: displacements, then forces, then all others; empty if the file does not store it."""
         names = (*self.output_names, *self.force_names, *self.other_names)
         if not len(names) == len(self.kinds) == len(self.bodies):
             return ()

@@ -49,11 +49,13 @@ class Stopping:
     def row(self, place: Place, load: float, limit: Limit | None) -> Array:
         """Return five numbers (5,) of the boom at a place under a load in kg, which stops in this way.
 
-        0. Largest displacement of the tip during and after the stop, over that under a lasting steady deceleration.  1.
-        Used share of `limit` at rest.  2. Used share under a lasting steady deceleration, in the worse direction of
-        motion.  3. Largest used share during and after the stop, in the worse direction of motion.  4. Speed in rad/s.
+        - First the largest displacement of the tip during and after the stop, over that under a lasting steady
+          deceleration and in its direction; NaN if the tip does not move.
+        - Then the used share of `limit` at rest, that under a lasting steady deceleration, and the largest one during
+          and after the stop, the worse direction of motion counting; NaN if `limit` is None.
+        - Last the speed in rad/s.
 
-        The shares are NaN if `limit` is None, all but the speed are if the boom is unstable.
+        If the boom is unstable all but the speed are NaN.
         """
         none, state = np.array([*[np.nan] * 4, self.speed]), place.loaded.state(load)
         swing = stopping_swing(state.form, load, self._acting_loads(place, load), self.within) if state.stands else None

@@ -60,7 +60,7 @@ class StudyBase(Section):
         return []
 
     def figures(self, results: StudyResults) -> Mapping[str, Scalar]:
-        """Return figures of all runs together, for summary.json and reports; called when all runs are done."""
+        """Return numbers about all runs together, by name, for ``figures`` in summary.json; called when all are done."""
         return {}
 
     def tables(self, results: StudyResults) -> Mapping[str, str]:

@@ -45,7 +45,7 @@ def row(scene: str, snapshots: int, modes: int, most_modes: int, fewest: int) ->
 
 
 def main(settings: Settings, out: Path, jobs: int) -> Chapter:
-    """Compute all combinations, save figures and rows, and return the chapter of the report."""
+    """Compute all combinations, save their numbers, and return the chapter of the report."""
     names = [f"({n},{m})" for n, m in settings["combinations"]]
     common = {"scene": settings["scene"], "fewest": settings["fewest"]}
     common["most_modes"] = max(m for _, m in settings["combinations"])

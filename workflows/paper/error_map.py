@@ -57,7 +57,7 @@ def row(scene: str, snapshots: int, modes: int, most_modes: int, coordinates: li
 
 
 def main(settings: Settings, out: Path, jobs: int) -> Chapter:
-    """Compute all combinations, save figures and rows, and return the chapter of the report."""
+    """Compute all combinations, save their numbers, and return the chapter of the report."""
     pools = range(settings["smallest_pool"], settings["largest_pool"] + 1)
     tiles = [
         (n, m)

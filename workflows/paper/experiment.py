@@ -35,7 +35,7 @@ Settings = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Findings:
-    """Figures of an experiment and what is published of them, for the table "Beside the publication" of its report."""
+    """Results of an experiment as numbers by name, and what is published of them, for a table in its report."""
 
     figures: Mapping[str, Any]
     published: Sequence[Statement] = ()
@@ -47,7 +47,7 @@ class Findings:
         object.__setattr__(self, "summary", {"source": self.source, "remarks": list(self.remarks)})
 
     def blocks(self) -> list[Block]:
-        """Return the table that compares figures with published ones, as a list; empty if nothing is published."""
+        """Return the table that compares the numbers with published ones, as a list; empty if nothing is published."""
         table = comparison(self)
         return [Block("Beside the publication", errors=table)] if table.rows else []
 

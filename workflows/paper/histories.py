@@ -61,7 +61,7 @@ def row(scene: str) -> Row:
 
 
 def main(settings: Settings, out: Path, jobs: int) -> Chapter:
-    """Run all scenes, save the figures, and return the chapter of the report."""
+    """Run all scenes, save their numbers, and return the chapter of the report."""
     scenes = settings["scenes"]
     results = dict(zip(scenes, rows(row, [{"scene": scene} for scene in scenes], out, jobs), strict=True))
     figures = {

@@ -1,4 +1,4 @@
-"""What Weyrer, Gerstmayr, Mikkola and Orzechowski publish of these experiments, and why figures differ from it.
+"""What Weyrer, Gerstmayr, Mikkola and Orzechowski publish of these experiments, and why results differ from it.
 
 Constants and functions hold statements, their source and remarks, in the order of `experiment.Findings`.
 """

@@ -141,7 +141,7 @@ def row(scene: str, basis: str, coordinates: list[int], band: float) -> Row:
 
 
 def main(settings: Settings, out: Path, jobs: int) -> Chapter:
-    """Compute all scenes and bases, save the figures, and return the chapter of the report."""
+    """Compute all scenes and bases, save the errors, and return the chapter of the report."""
     common = {"coordinates": settings["coordinates"], "band": settings["band"]}
     names = [(scene, basis) for scene in settings["scenes"] for basis in NAMES]
     found = rows(row, [common | {"scene": scene, "basis": basis} for scene, basis in names], out, jobs)

@@ -130,7 +130,7 @@ def row(scene: str, approach: str, repeats: int, share: float) -> Row:
 
 
 def main(settings: Settings, out: Path, jobs: int) -> Chapter:
-    """Measure all approaches one after the other, save the figures, and return the chapter of the report."""
+    """Measure all approaches one after the other, save the times, and return the chapter of the report."""
     unknown = sorted(set(settings["share"]) - set(APPROACHES))
     if unknown:
         allowed = f"one of {', '.join(APPROACHES)} is allowed"

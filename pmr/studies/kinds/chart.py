@@ -179,7 +179,7 @@ class Study(StudyBase):
         return Plan(tuple(runs), tuple(common_tasks.values()))
 
     def figures(self, results: StudyResults) -> Mapping[str, Scalar]:
-        """Return the figures that the class lists, of all points."""
+        """Return the numbers that the class lists under figures, of all points."""
         table = self.table(results)
         names, load = self.names, table["load"]
         least, doubt = governing_limit(load), in_doubt(load, table["error"], self.up_to).any(axis=1)

@@ -139,7 +139,7 @@ def cable_tip(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def _compare_tip(tip: Any, coordinates: int, needs: Needs) -> TaskResult:
-    """Return a task's result with the tip's displacement in m and its errors against the result ``finest``, if needed."""
+    """Return a task's result: the tip's displacement in m and, if ``finest`` is needed, its errors against that."""
     record: dict[str, Scalar] = {"coordinates": coordinates, "e_abs": None, "e_nrms": None}
     if "finest" in needs:
         finest = needs["finest"].arrays["tip"]
