@@ -65,12 +65,12 @@ def _used_shares(share: Share, states: States) -> list[float]:
 
 
 def first_load(top: float, *, grows: bool = False, near: float = np.nan, at_once: bool = True) -> Search:
-    """Generator for `run_searches` that returns the least load in kg in (0, top] at which a used share reaches 1.
+    """Return a search for the least load in kg in (0, top] at which the used share of a limit reaches 1.
 
-    It returns 0 if the share is 1 or more without a load, and None if it stays below 1 at all loads that are tried.
-    These are 0 and `top` if the share only `grows` with the load, else `NODES` evenly spaced loads, requested all
-    `at_once` or one after the other.  If the result is expected close to the load `near` in kg (NaN without a guess),
-    loads around that are tried first, and no others if the share reaches 1 between them.
+    `run_searches` runs it.  It returns 0 if the share is 1 or more without a load, and None if it stays below 1 at all
+    loads that are tried.  These are 0 and `top` if the share only `grows` with the load, else `NODES` evenly spaced
+    loads, requested all `at_once` or one after the other.  If the result is expected close to the load `near` in kg
+    (NaN without a guess), loads around that are tried first, and no others if the share reaches 1 between them.
     """
     if 0.0 < near < top:
         points = yield from _look_at(tuple(dict.fromkeys(min(near * factor, top) for factor in BESIDE)))

@@ -60,7 +60,10 @@ class StudyBase(Section):
         return []
 
     def figures(self, results: StudyResults) -> Mapping[str, Scalar]:
-        """Return numbers about all runs together, by name, for ``figures`` in summary.json; called when all are done."""
+        """Return numbers about all runs together, by name, for ``figures`` in summary.json.
+
+        It is called when all runs are done.
+        """
         return {}
 
     def tables(self, results: StudyResults) -> Mapping[str, str]:

@@ -86,10 +86,12 @@ class Study(StudyBase):
     """Loads that `limits` and stability allow at all `extensions` and angles, in all `cases`.
 
     `change` holds keys of the scene: a payload that the scene carries at the tip has to be removed there, for instance
-    by ``sections.fly.masses = []``.  Figures: the numbers of ``points`` and ``limits``; by limit ``governs.<name>``,
-    the number of points at which it allows least, ``never.<name>``, at which no load up to `up_to` reaches it, and
-    ``at_no_load.<name>``, at which it is passed without a load; ``in_doubt``, points at which the error bars leave open
-    which limit governs; of a case out of service ``stands.<name>``, points at which no limit is passed.
+    by ``sections.fly.masses = []``.
+
+    Figures: the numbers of ``points`` and ``limits``; by limit ``governs.<name>``, the number of points at which it
+    allows least, ``never.<name>``, at which no load up to `up_to` reaches it, and ``at_no_load.<name>``, at which it is
+    passed without a load; ``in_doubt``, points at which the error bars leave open which limit governs; of a case out of
+    service ``stands.<name>``, points at which no limit is passed.
     """
 
     kind: Literal["chart"] = Field(description="Kind of study")
