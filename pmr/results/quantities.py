@@ -171,24 +171,29 @@ def with_unit(value: float, unit: str) -> str:
 
 
 def _largest(numbers: Sequence[int]) -> Measure | None:
-    """Return the `Measure` that is the largest absolute value of these columns; None without any."""
+    """Return a function from values (T, c) of all columns to the largest absolute one (T,) of these columns.
+
+    None if `numbers` is empty.
+    """
     chosen = list(numbers)
     return (lambda values: np.abs(values[:, chosen]).max(axis=1)) if chosen else None
 
 
 def _forces(kind: str) -> Callable[[Columns, Callable[[str], bool]], Measure | None]:
-    """Return a `MeasureOf` whose value is the largest absolute force of a kind of contact."""
+    """Return a function that makes of columns the `Measure` of the largest absolute force of a kind of contact."""
 
     def measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
+        """Return the measure of the forces with names that a limit looks at; None without any."""
         return _largest([k for k in columns.of_kind(kind) if looks_at(columns.names[k])])
 
     return measure
 
 
 def _supports(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return the `Measure` that is the largest resultant force of a support, rigid or not; None without any.
+    """Return a function from values (T, c) of all columns to the largest resultant force of a support, (T,).
 
-    Moments count only if no force column is chosen; columns at the pivot of a boom never do.
+    Supports are rigid or not; `looks_at` tells of a name whether a limit depends on it.  Moments count only if no force
+    column is chosen; columns at the pivot of a boom never do.  None if no column is chosen.
     """
     at_pivot = set(columns.at_pivot().values())
     numbers = [k for k in columns.of_kind("support", "reaction") if k not in at_pivot]
@@ -209,24 +214,29 @@ def support_names(columns: Columns, number: int) -> tuple[str, ...]:
 
 
 def _cylinders(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return the `Measure` that is the largest force which moves a section along the boom; None without any.
+    """Return a function from values (T, c) of all columns to the largest force that moves a section, (T,).
 
-    `looks_at` is asked by the names of the sections' cylinders.  The force is that of `pmr.scene.mechanism.drive_rows`:
-    of a cylinder, or of a section on ropes or that others follow, from the forces of several cylinders.
+    `looks_at` tells of the name of a section's cylinder whether a limit depends on it; None if it depends on none.  The
+    force is that of `pmr.scene.mechanism.drive_rows`: of the cylinder or, for a section on ropes or that others follow,
+    a sum over several cylinders.
     """
     return _drive_measure([row for name, row in columns.drives.items() if looks_at(cylinder_of(name))])
 
 
 def _ropes(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return the `Measure` that is the largest force of a rope, or of a cylinder that moves a section on ropes.
+    """Return a function from values (T, c) of all columns to the largest force of ropes or what moves them, (T,).
 
-    `looks_at` is asked by the names of the sections; None without any.
+    These are the forces that move sections on ropes, or sections that others on ropes follow; `looks_at` tells of a
+    section's name whether a limit depends on it.  None if it depends on none.
     """
     return _drive_measure([columns.drives[name] for name in columns.ropes if looks_at(name)])
 
 
 def _drive_measure(rows: Sequence[Array]) -> Measure | None:
-    """Return the `Measure` that is the largest absolute force of these rows of shares (c,); None without any."""
+    """Return a function from values (T, c) to the largest absolute force (T,) over rows of shares (c,).
+
+    None if there are no rows.
+    """
     if not rows:
         return None
     shares = np.array(rows).T
@@ -234,14 +244,20 @@ def _drive_measure(rows: Sequence[Array]) -> Measure | None:
 
 
 def _deflection(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return the `Measure` that is the displacement of the last section's tip, over all directions."""
+    """Return a function from values (T, c) of all columns to the displacement (T,) of the last section's tip.
+
+    It is the length of the vector over all directions; None without a tip.
+    """
     tips = columns.of_kind("tip")
     last = [k for k in tips if columns.bodies[k] == columns.bodies[tips[-1]]]
     return (lambda values: np.sqrt(np.sum(values[:, last] ** 2, axis=1))) if last else None
 
 
 def _stress(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return the `Measure` that is the largest von Mises stress at the probes; None without any."""
+    """Return a function from values (T, c) of all columns to the largest von Mises stress (T,) at probes.
+
+    `looks_at` tells of a probe's name whether a limit depends on it; None if it depends on none.
+    """
     groups = dict[tuple[str, ...], list[list[int]]]()
     for probe, components in columns.stresses().items():
         if looks_at(probe):
@@ -253,7 +269,10 @@ def _stress(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None
 
 
 def _luffing_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return the `Measure` that is the absolute force of the luffing cylinder along itself; None without one."""
+    """Return a function from values (T, c) of all columns to the luffing cylinder's absolute force (T,).
+
+    None without a luffing cylinder; its name is not asked for.
+    """
     return _largest([k for k in columns.at_pivot().values() if columns.names[k] == CYLINDER])
 
 

@@ -157,7 +157,7 @@ def _off(rests: Sequence[AtRest], other: Sequence[AtRest], share: float) -> dict
 
 
 def _values(at: Postures, state: State, kind: str) -> list[float]:
-    """Return the outputs and contact forces of a kind in one state, in the alphabetical order of their names."""
+    """Return the outputs and contact forces of a kind in a state of the model `at`, sorted by their names."""
     outputs, forces = _numbers(at, kind)
     named = [(at.output_names[n], state.outputs[n]) for n in outputs]
     named += [(at.force_names[n], state.forces[n]) for n in forces]
@@ -165,6 +165,6 @@ def _values(at: Postures, state: State, kind: str) -> list[float]:
 
 
 def _numbers(at: Postures, kind: str) -> tuple[list[int], list[int]]:
-    """Return the indices of the outputs of a kind, and of the contacts of that kind."""
+    """Return the indices of the outputs of a kind of the model `at`, and of its contacts of that kind."""
     outputs, forces = at.output_kinds, at.force_kinds
     return [n for n, label in enumerate(outputs) if label == kind], [n for n, one in enumerate(forces) if one == kind]

@@ -142,7 +142,7 @@ def details(
 
 
 def _probes(at: Postures) -> dict[str, dict[str, int]]:
-    """Columns of each stress component by probe, without the probes that limits of the field add to the scene."""
+    """Return the columns of each stress component by probe, without probes that limits of the field have added."""
     return {probe: components for probe, components in at.columns.stresses().items() if FIELD not in probe}
 
 

@@ -87,9 +87,10 @@ class Kind:
 
 
 def _share_of_quantity(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
-    """Return the `Share` of a limit on a quantity that runs have too, such as a force or a stress.
+    """Return the function from states to the used shares (p,) of a limit on a quantity that runs have, too.
 
-    Raises InputError if the limit is on the luffing cylinder and its arm can't raise the boom.
+    Raises InputError if the limit is on the luffing cylinder and its arm can't raise the boom at the k-th posture of
+    `at`.
     """
     if limit.of == "luffing" and not at.arm[k] > 0.0:
         reason = f"at {np.rad2deg(at.luffing[k]):.4g} degrees the cylinder has an arm of {at.arm[k]:.2g} m"
@@ -99,7 +100,10 @@ def _share_of_quantity(limit: Limit, at: Postures, k: int, amounts: Sequence[flo
 
 
 def _share_of_users(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
-    """Return the `Share` of a limit on the absolute value of the user's function or expression."""
+    """Return the function from states to the used shares (p,) of a limit on a user's function or expression.
+
+    Its absolute value at the k-th posture of `at` counts.
+    """
     is_function, text = limit.of == "function", limit.function or limit.expression or ""
     evaluate = function_of(limit.name, text) if is_function else expression_of(text)
     amount = amount_of(evaluate, f"limits.{limit.name}.{limit.of}", text, at, k)
@@ -107,17 +111,20 @@ def _share_of_users(limit: Limit, at: Postures, k: int, amounts: Sequence[float]
 
 
 def _share_of_buckling(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
-    """Return the `Share` of a limit on the buckling factor."""
+    """Return the function from states to the used shares (p,) of a limit on the buckling factor."""
     return lambda states: limit.allowed_amount * np.array([form.inverse_factor(load) for form, load in _each(states)])
 
 
 def _share_of_frequency(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
-    """Return the `Share` of a limit on the lowest natural frequency."""
+    """Return the function from states to the used shares (p,) of a limit on the lowest natural frequency."""
     return lambda states: np.array([_ratio(limit.allowed_amount, form.frequency(load)) for form, load in _each(states)])
 
 
 def _share_of_overturning(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
-    """Return the `Share` of a limit on overturning, about the worst edge of the polygon."""
+    """Return the function from states to the used shares (p,) of a limit on overturning, about the worst edge.
+
+    The machine stands at the k-th posture of `at`, whose parts act by `amounts` (w,).
+    """
     tipping = limit.tipping(at, k, amounts)
     return lambda states: tipping.share(states, limit.factor)
 

@@ -56,7 +56,7 @@ class StudyBase(Section):
         """
 
     def hints(self) -> list[str]:
-        """Return a line for each number of the study that lies outside its usual range, as one in a wrong unit does."""
+        """Return a line for each key of the study whose number lies outside its usual range, as in a wrong unit."""
         return []
 
     def figures(self, results: StudyResults) -> Mapping[str, Scalar]:

@@ -107,6 +107,7 @@ def _entry(name: str, entry: str | None = None) -> Value:
     """Return a function that reads an amount, or an entry of a table of amounts."""
 
     def lookup(at: Amounts) -> float:
+        """Return the amount as a float."""
         amount: Any = at[name]
         return float(amount if entry is None else amount[entry])
 
@@ -117,6 +118,7 @@ def _apply(function: Callable[..., float], parts: list[Value]) -> Value:
     """Return a function that applies an operator to the values of `parts`; it raises ValueError for a complex value."""
 
     def apply(at: Amounts) -> float:
+        """Return the operator's value."""
         value = function(*(part(at) for part in parts))
         if isinstance(value, complex):
             raise ValueError("a power of a negative number is no real one")
@@ -166,6 +168,7 @@ def expression_of(text: str) -> Own:
     value: Value = value_of(text, ("load", "luffing", "slewing"), ("output", "force"))
 
     def evaluate(at: AtRest) -> float:
+        """Return the expression's value in one state."""
         numbers = {"load": at.load, "luffing": at.luffing, "slewing": at.slewing}
         return value(numbers | {"output": at.outputs, "force": at.forces})
 

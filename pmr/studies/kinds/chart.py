@@ -308,7 +308,7 @@ class Study(StudyBase):
         return len(self._angles) * len(self.slewing)
 
     def hints(self) -> list[str]:
-        """Return a line for each number of the study or its scene that lies outside its usual range."""
+        """Return a line for each key of the study whose number lies outside the range that is usual for its scene."""
         return hints_of(self, self._scene)
 
     @property
