@@ -1,4 +1,4 @@
-"""The whole way: scene -> full model -> reduce -> system -> simulate -> compare -> result."""
+"""The stages of a run from scene to result: full model, reduction, system, simulation, comparison."""
 
 from typing import TYPE_CHECKING
 

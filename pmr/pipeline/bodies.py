@@ -1,4 +1,4 @@
-"""The bodies of a scene on their way through a run: reduced, chosen among, simulated, recovered and judged."""
+"""The bodies of a scene during a run: reduced, sized to a tolerance, simulated, recovered and compared."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Motions:
-    """Motions by the simulators; of the reduced system on rank 0 alone."""
+    """Motions of the reduced system by all of its simulators, on rank 0 alone, and of the references."""
 
     reduced: Simulations | None
     moved: SimulatedSystem | None  # the reduced system with its motion
@@ -62,13 +62,13 @@ class Motions:
 
     @property
     def responses(self) -> dict[str, Response]:
-        """By model."""
+        """Responses by model: ``reduced`` and those of the references; on rank 0 alone."""
         assert self.reduced is not None  # as on rank 0
         return {"reduced": self.reduced.first.response, **self.references.responses}
 
     @property
     def seconds(self) -> dict[str, float]:
-        """Seconds of each simulator of the reduced system, and of each reference."""
+        """Seconds of each simulator of the reduced system, and of each reference; on rank 0 alone."""
         assert self.reduced is not None
         return {
             **self.reduced.seconds,
@@ -78,7 +78,7 @@ class Motions:
 
 @dataclass(frozen=True)
 class Precomputed:
-    """Results about the full model of a body alone that several runs share; a run takes them over."""
+    """Results of a single body's full model that several runs share; a run takes them instead of computing them."""
 
     snapshots: Snapshots
     references: Mapping[str, Response]  # ``full`` and ``ancf``, as the scene is compared with them
@@ -86,7 +86,11 @@ class Precomputed:
 
 
 class Bodies:
-    """Reduced as the scene asks, with the step and the coordinates that hold its tolerance; methods are collective."""
+    """Reduced and full models of a scene's bodies, as systems; all methods are collective.
+
+    If the scene has a tolerance or a budget, the reduced models have the coordinates, and `scene` the step, that meet
+    it.
+    """
 
     def __init__(
         self,
@@ -96,6 +100,11 @@ class Bodies:
         caches: Mapping[str, Cache],
         shared: Precomputed | None = None,
     ) -> None:
+        """Reduce the bodies, choose sizes and step, and join the reduced and the full models as systems.
+
+        The motion of a machine that moves by itself is computed here.  `built` are the full models and `caches` their
+        caches, by body; `shared` are results of a single body that other runs have computed.
+        """
         self.built, self.clock, self.caches, self.shared = built, clock, caches, shared
         self._comm = next(iter(built.values())).model.comm
         if shared is None:
@@ -122,7 +131,10 @@ class Bodies:
         self._other = self._another()
 
     def frequencies(self) -> Frequencies:
-        """The lowest natural frequencies on the way: of the reduced system, and of the full one where it is wanted."""
+        """Return the lowest natural frequencies over the paths: of the reduced system, and of the full one if wanted.
+
+        A single body's full frequencies always are, a boom's if the scene is compared with ``full``.
+        """
         with_full = ALONE in self.built or "full" in self.scene.compare.against
         at = places_on_way(self.scene, self.excitation, self.full.whole.size if with_full else 0)
         of_reduced_system = on_first(
@@ -135,7 +147,10 @@ class Bodies:
         return replace(natural, models={**first, "full": self._full_frequencies(at), **natural.models})
 
     def simulate(self, checkpoint: Checkpoint | None) -> Motions:
-        """The reduced system by all simulators, the references, and the reduction's error."""
+        """Simulate the reduced system by all simulators and the references, and estimate the reduction's error.
+
+        With a `checkpoint` a full-order simulation that was interrupted continues.
+        """
         steps = recovered_steps(self.scene).tolist()
         simulations = on_first(
             self._comm, lambda: simulate(self.scene, self.system, self.excitation, self.clock, steps)
@@ -152,6 +167,7 @@ class Bodies:
         return Motions(simulations, simulated, error, looked, references)
 
     def _look_at_bodies(self, simulations: Simulations | None) -> Mapping[str, Looked]:
+        """Return what the scene's recovery needs of each reduced body's motion; empty without a recovery."""
         if self.scene.recovery is None:
             return {}
         with self.clock.stage("recover"):
@@ -159,14 +175,14 @@ class Bodies:
             return of_reduced(self.scene, self.built, self.bodies, states)
 
     def recover(self, motions: Motions) -> Mapping[str, Recovered]:
-        """The fields that the scene asks for, by body."""
+        """Return by body the fields that the scene's recovery asks for, of the full model too if it was simulated."""
         with self.clock.stage("recover"):
             return beside_full(motions.looked, motions.references.states)
 
     def judge(
         self, motions: Motions, natural: Frequencies, recovered: Mapping[str, Recovered]
     ) -> tuple[list[Part], Any]:
-        """Judge motions and frequencies, and the tip's error over time, (T, d) m; on rank 0 alone."""
+        """Return the contributions to summary.json and the tip's estimated error (T, d) in m; on rank 0 alone."""
         scene, system, responses = self.scene, self.system, motions.responses
         simulated, error = motions.moved, motions.error
         assert motions.reduced is not None and simulated is not None and error is not None
@@ -200,7 +216,7 @@ class Bodies:
         return parts, error.band
 
     def results(self, recovered: Mapping[str, Recovered]) -> dict[str, BodyResult]:
-        """Results of each body; on rank 0."""
+        """Return shapes, fields, stresses and envelopes of each body; on rank 0 alone."""
         body_results = {}
         for name, body in self.bodies.items():
             model = body.model
@@ -212,7 +228,7 @@ class Bodies:
         return body_results
 
     def _chosen(self, scene: Scene) -> order.Choice | None:
-        """Models and a step to the scene's tolerance or within its budget, the same on every rank; None without one."""
+        """Return models and step that meet the scene's tolerance or budget, alike on every rank; None without one."""
         if scene.goal is None:
             return None
         models = {name: body.modal for name, body in self.bodies.items()}
@@ -234,16 +250,21 @@ class Bodies:
         return choice
 
     def _on_other(self, scene: Scene) -> dict[str, Any]:
-        """The models of the scene on another mesh."""
+        """Return the reduced models, by body, of a scene that differs in its mesh; a single body's are cached."""
 
         def make() -> dict[str, Any]:
+            """Build and reduce the bodies of the scene."""
             return {name: body.modal for name, body in reduce_bodies(scene, build_bodies(scene, self._comm)).items()}
 
         cache = self.caches.get(ALONE)
         return make() if cache is None else {ALONE: cache.model_of(scene, lambda: make()[ALONE])}
 
     def _another(self) -> Any:
-        """A model that tells the error of one which can't by itself; None where that can, or no model tells it."""
+        """Return another reduced model from which a single body's error is estimated; None if that is not needed.
+
+        It is not needed if the body's model can estimate its error by itself; None also if the other model can't be
+        made.
+        """
         if ALONE not in self.bodies or not asks_for_other(self.scene, self.bodies[ALONE].model):
             return None
         other = other_of(self.scene, self.bodies[ALONE].model)
@@ -253,11 +274,12 @@ class Bodies:
             return None
 
     def _error(self, simulated: SimulatedSystem) -> ReductionError:
-        """The reduction's, as it is estimated."""
+        """Return the estimated error of the reduction."""
         estimated = None if self.choice is None else self.choice.trial.estimate
         return reduction_error(self.scene, simulated, self.clock, self._other, estimated)
 
     def _full_frequencies(self, at: Visited) -> Array:
+        """Return the full system's lowest frequencies (S, f) in Hz at the positions `at`; from a cache, if any."""
         if self.shared is not None:
             return self.shared.frequencies
         c = self.excitation.amplitudes(list(self.excitation.terms), at.t)

@@ -1,6 +1,7 @@
-"""The full models of a scene's bodies as one system: its motion, by whoever is fastest for its size, and frequencies.
+"""The full models of a scene's bodies as one system: its motion, by the simulator that suits its size, and frequencies.
 
-A reference is checked before it judges: one that fails, or that can't be trusted (`pmr.compare.trust`), is none.
+A reference is checked before anything is compared with it: one that fails or that can't be trusted
+(`pmr.compare.trust`) counts as missing.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ MODES_OF_A_TURN = 6
 
 @dataclass(frozen=True)
 class References:
-    """Responses with which a reduced system is compared; other ranks than the first may have none."""
+    """Responses with which a reduced system is compared; on other ranks than 0 they may be missing."""
 
     responses: Mapping[str, Response]  # ``full`` and ``ancf`` as the scene asks for them
     # of every full body at the steps that were asked for, with this rank's rows of its coordinates
@@ -68,7 +69,7 @@ class References:
 
 @dataclass(frozen=True)
 class FullOrder:
-    """All bodies of a scene in full order, and who simulates them; every method is collective."""
+    """All bodies of a scene in full order (`whole`), and the name of their `simulator`; every method is collective."""
 
     scene: Scene
     whole: FullSystem
@@ -76,20 +77,20 @@ class FullOrder:
 
     @classmethod
     def of(cls, scene: Scene, models: Mapping[str, FullModel]) -> FullOrder:
-        """Full order of models by their bodies' names."""
+        """Join full models, by body, to the full order of a scene."""
         full_system = FullSystem(models, contacts_of(scene, models))
         return cls(scene, full_system, full_simulator(scene, full_system.size))
 
     @cached_property
     def gathered(self) -> System | None:
-        """The system on rank 0, for those that are not distributed."""
+        """The system as SciPy matrices on rank 0, for simulators that are not distributed; None on other ranks."""
         gathered_system = self.whole.gather()
         return gathered_system and replace(gathered_system, terms=terms_of(self.scene, gathered_system.bodies))
 
     def frequencies(self, s: Array, count: int, c: Array) -> Array:
-        """The lowest natural frequencies (S, f) in Hz where the paths are at s (S, P) m, every contact closed.
+        """Return the `count` lowest natural frequencies (S, f) in Hz at path coordinates s (S, P) in m.
 
-        The scene's terms have amplitudes c (S, k) there.
+        Every contact is closed; the system's terms, such as geometric stiffness, have amplitudes c (S, k).
         """
         if ALONE in self.whole.bodies and not c.size:
             solver = self.scene.reduction.solver
@@ -108,10 +109,10 @@ class FullOrder:
         checkpoint: Checkpoint | None = None,
         stepping: TimeStepping | None = None,
     ) -> References:
-        """All that the scene asks for, and the states of the full bodies at some of the `steps`.
+        """Simulate all references that the scene is compared with, and record states of the full bodies at `steps`.
 
-        A `stepping` has the parts that the reduced system made its steps in, where contacts only push.  With a
-        `checkpoint` a simulation that was cut off goes on.
+        If contacts only push, `stepping` says how the reduced system divided its steps.  With a `checkpoint` a
+        simulation that was interrupted continues.  References that fail are `References.missing`.
         """
         responses, missing, states = dict[str, Response](), dict[str, str](), dict[str, BodyStates]()
         for name in [name for name in ("full", "ancf") if name in self.scene.compare.against]:
@@ -127,7 +128,7 @@ class FullOrder:
         return References(responses, states, missing)
 
     def reference(self, name: str, clock: Clock | None = None) -> Response | None:
-        """Response of ``"full"`` or, of a body alone, ``"ancf"``; on rank 0, others may have none.
+        """Return the response of ``"full"`` or, for a single body, ``"ancf"``; on rank 0, others may get None.
 
         Raises SimulationError if it fails or can't be trusted (`pmr.compare.trust`); that of ``"full"`` on every rank.
         """
@@ -142,6 +143,7 @@ class FullOrder:
         return response
 
     def _excitation_on(self, stepping: TimeStepping | None) -> Excitation:
+        """Return the scene's excitation with this stepping, or with the scene's own if it is None."""
         excitation = Excitation.of(self.scene)
         return excitation.with_stepping(stepping or excitation.stepping)
 
@@ -152,7 +154,10 @@ class FullOrder:
         checkpoint: Checkpoint | None,
         stepping: TimeStepping | None,
     ) -> tuple[Response | None, dict[str, BodyStates]]:
-        """The response, and this rank's rows of the states at the steps."""
+        """Simulate the full system; return its response, and this rank's rows of the states at `steps`, by body.
+
+        Raises SimulationError on every rank if the response can't be trusted.
+        """
         system, comm, excitation = self.whole, self.whole.comm, self._excitation_on(stepping)
         rigid, x = system.compliance.rigid, places(system, excitation)
         refuse(self.simulator, needs_of(system, rigid, x, excitation.stepping.rho_inf), REFERENCE)
@@ -163,6 +168,7 @@ class FullOrder:
             else:
 
                 def make() -> Simulated:
+                    """Simulate the system on rank 0."""
                     assert self.gathered is not None  # as on rank 0
                     return simulate_by(self.scene, self.gathered, excitation, self.simulator, steps, done)
 
@@ -180,6 +186,7 @@ class FullOrder:
     def _simulate_distributed(
         self, excitation: Excitation, steps: Sequence[int], done: Progress, checkpoint: Checkpoint | None
     ) -> tuple[Response, dict[str, BodyStates]]:
+        """Simulate the full system by PETSc on all ranks; return what `_full` returns."""
         system = self._with_terms()
         recording = Recording(energies=True, states=[excitation.stepping.step * step for step in steps])
         start = static_start(system, excitation) if excitation.start == "equilibrium" else {}
@@ -199,7 +206,7 @@ class FullOrder:
         return with_forces_on_machine(self.scene, response), _states(system, history, list(steps), x, f)
 
     def _with_terms(self) -> FullSystem:
-        """The distributed system with its terms, whose sparse matrices every rank has whole."""
+        """Return the distributed system with its terms, whose sparse matrices every rank has whole."""
         if not list(frame_terms(self.scene)):
             return self.whole
         gathered_system = self.gathered
@@ -209,7 +216,10 @@ class FullOrder:
 
 
 def _states(system: FullSystem, history: History, steps: list[int], x: Array, f: Array) -> dict[str, BodyStates]:
-    """States of all bodies at the steps, whose sides are at x (T, sides) m under loads f (T, i) N."""
+    """Return the states of all bodies at `steps`, by body.
+
+    `x` (T, sides) in m are the positions of the contacts' sides over time, `f` (T, i) in N the loads on the inputs.
+    """
     states_of_bodies, first, forces, rubbing = (
         dict[str, BodyStates](),
         0,
@@ -231,7 +241,7 @@ def _states(system: FullSystem, history: History, steps: list[int], x: Array, f:
 
 
 def _reactions(full_system: FullSystem, history: History) -> tuple[dict[str, Supports], dict[str, Array]]:
-    """Rigid supports whose forces are no outputs yet, and these forces (T, h), by body."""
+    """Return by body its rigid supports whose forces are no outputs of the system, and their forces (T, h) in N."""
     system, bearing_contacts = full_system.with_supports(), set(output_contacts(full_system))
     rows = {
         (contact.inner.body, contact.inner.row): k
@@ -252,9 +262,11 @@ def _reactions(full_system: FullSystem, history: History) -> tuple[dict[str, Sup
 
 
 def _sparse(full_system: FullSystem, places_of: Array, count: int, c: Array) -> Array | None:
-    """By Lanczos iterations on the saddle point of the coordinates and the contacts' forces, on rank 0.
+    """Return the `count` lowest frequencies (S, f) in Hz, by Lanczos iterations on rank 0; None on other ranks.
 
-    Terms have amplitudes c (S, k); of what acts on rates the gyroscopic part counts, on the lowest modes without it.
+    The iterations are on the saddle point of the coordinates and the contact forces, at positions `places_of` (S,
+    sides) in m, where terms have amplitudes c (S, k).  Of the terms that act on rates only the antisymmetric,
+    gyroscopic part counts; it is projected on the lowest modes without it.
     """
     system = full_system.with_supports()
     gathered = {id(model): model.gather() for model in dict((id(model), model) for model in system.models).values()}

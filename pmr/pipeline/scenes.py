@@ -1,4 +1,4 @@
-"""Scenes run and reduced, and their structural models chosen and judged beside richer ones."""
+"""Running and reducing scenes, and choosing and checking their structural models by comparison with richer ones."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ STAGES = ("assemble", "snapshots", "pod", "reduce", "machine", "recover", "estim
 class Outcome:
     """Result of a run, and the system of its reduced bodies; a run returns it on rank 0.
 
-    So many of its warnings are `grave`: they come first.
+    `grave` is how many of the result's warnings are grave: they are the first ones.
     """
 
     result: RunResult
@@ -58,12 +58,15 @@ class Outcome:
 
     @property
     def reduced(self) -> Any:
-        """The `pmr.ReducedModel` of a body alone, or of each section by its name."""
+        """The `pmr.ReducedModel` of a single body, or those of all sections by name."""
         models = self.system.reduced
         return models.get(ALONE, models)
 
     def save(self, folder: Path) -> Path:
-        """Write the reduced model of a body alone, or the system of several or with terms, into a folder."""
+        """Write the reduced model to ``reduced.npz`` in a folder, or the system to ``system.npz``, and return the path.
+
+        It is the system for a boom of sections, and for a single body with terms such as geometric stiffness.
+        """
         if ALONE in self.system.bodies and not self.system.terms:
             return self.system.reduced[ALONE].save(folder / "reduced.npz")
         return self.system.save(folder / "system.npz")
@@ -79,13 +82,13 @@ def run(
     keep: Callable[[Outcome], None] | None = None,
     shared: Precomputed | None = None,
 ) -> Outcome | None:
-    """Reduce, simulate and compare a scene; on rank 0 of `comm` this returns the outcome, on other ranks None.
+    """Reduce, simulate and compare a scene; return the outcome on rank 0 of `comm`, None on other ranks; collective.
 
     The file `checkpoint` lets a full-order simulation continue after an interruption.  The folder `cache` keeps
     reductions and frequencies of full models for later runs.  With a folder `measures` the run also measures the errors
     of mesh and structural model, even if the scene does not ask for them; the folder keeps what takes longest.  They
-    are measured last: `keep` gets the outcome without them before, on rank 0.  Of a body alone what other runs have
-    computed may be `shared`.
+    are measured last: before that `keep` is called with the outcome without them, on rank 0.  `shared` are results of a
+    single body's full model that other runs have computed.
 
     Raises
     ------
@@ -112,6 +115,7 @@ def _run(
     keep: Callable[[Outcome], None] | None,
     shared: Precomputed | None,
 ) -> Outcome | None:
+    """Run a scene as `run` does; an error has the keys of the scene in its internal form."""
     check_installed(scene)
     chosen = _decide_models(scene, comm, clock, cache)
     scene = chosen.scene
@@ -153,7 +157,10 @@ def _outcome(
     recovered: Mapping[str, Recovered],
     free_motions: Sequence[str],
 ) -> Outcome:
-    """Outcome of a run with its errors, warnings and models."""
+    """Return the outcome of a run with its errors, warnings and models; on rank 0 alone.
+
+    `free_motions` are warnings of motions that the scene leaves free.
+    """
     assert motions.reduced is not None  # as on rank 0
     system, excitation = bodies.system, bodies.excitation
     scene, built, clock, (size, outputs) = bodies.scene, bodies.built, bodies.clock, _sizes(bodies.built)
@@ -201,10 +208,15 @@ def _outcome(
 
 
 def _measure(bodies: Bodies, motions: Motions, budget: Mapping[str, Any], measures: Path | None) -> Mapping[str, Any]:
-    """Measure the errors of a run's model and mesh, for ``budget`` of summary.json; collective."""
+    """Measure the errors of a run's model and mesh, for ``budget`` of summary.json; collective.
+
+    The model's is measured if the scene asks for it, or if `budget` lacks it and there is a folder `measures`; the
+    mesh's if there is such a folder and the scene has no tolerance or budget.  The folder keeps what takes longest.
+    """
     comm, clock, scene = next(iter(bodies.built.values())).model.comm, bodies.clock, bodies.asked
 
     def system_of(compared_scene: Scene) -> System:
+        """Return a scene's reduced bodies as a system."""
         return _reduced(compared_scene, comm).system
 
     is_wanted = scene.compare.richer not in ("auto", "none")
@@ -222,7 +234,7 @@ def _measure(bodies: Bodies, motions: Motions, budget: Mapping[str, Any], measur
 
 
 def _sizes(built: Mapping[str, Built]) -> tuple[int, int]:
-    """Coordinates and outputs of all full models."""
+    """Return the total numbers of coordinates and of outputs of all full models."""
     models = [body.model for body in built.values()]
     return sum(model.size for model in models), sum(model.outputs.getSize()[1] for model in models)
 
@@ -304,6 +316,7 @@ def reduce(
 
 
 def _reduced(scene: Scene, comm: MPI.Comm, clock: Clock | None = None, vectors: Vectors | None = None) -> Reduction:
+    """Build and reduce a scene's bodies with these vectors, or with the scene's basis if they are None; collective."""
     clock = clock or Clock()
     with clock.stage("assemble"):
         built = build_bodies(scene, comm)
@@ -314,6 +327,7 @@ def _reduced(scene: Scene, comm: MPI.Comm, clock: Clock | None = None, vectors: 
 
 
 def _decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None) -> Decided:
+    """Return the scene with models chosen as in `decide_models`, each option reduced by `_reduced`; collective."""
     return decide_models(scene, comm, clock, cache, lambda option: _reduced(option, comm).system)
 
 
@@ -328,7 +342,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Decided:
-    """A scene whose models are all known, and what was measured to choose them; the same on every rank."""
+    """A scene with all structural models set, and what was measured to choose them; alike on every rank."""
 
     scene: Scene
     part: Mapping[str, Any] | None = None  # ``budget.model`` of what was chosen; None where nothing was
@@ -336,9 +350,11 @@ class Decided:
 
 
 def decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None, system_of: SystemOf) -> Decided:
-    """The smallest models that are off by the scene's `compare.model_tolerance` at most, beside a shell; collective.
+    """Choose the simplest models that differ from a shell by `compare.model_tolerance` at most; collective.
 
-    Where none can be compared with a shell the smallest ones are taken, and the reason is said.
+    A scene without a choice of models is returned unchanged.  If none can be compared with a shell, the simplest models
+    are taken, and the reason is returned.  `system_of` reduces a scene to a system; `cache` is a folder for such
+    systems.
     """
     options = candidates(scene)
     if not options:
@@ -351,7 +367,7 @@ def decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None
 
 
 def measure_model(scene: Scene, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> Mapping[str, Any]:
-    """``budget.model`` of summary.json; what keeps it from being known stands there as ``reason``; collective."""
+    """Return ``budget.model`` of summary.json: differences to a richer model, or ``reason`` for none; collective."""
     if scene.frame is not None and scene.frame.machine is not None:
         return {"beside": None, "reason": ON_MACHINE}
     called = "richer model"
@@ -365,14 +381,15 @@ def measure_model(scene: Scene, comm: MPI.Comm, cache: Cache | None, system_of: 
 def mesh_measured(
     scene: Scene, system: System, response: Response | None, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf
 ) -> dict[str, Any]:
-    """``mesh`` of the budget and ``mesh_reason``, of the scene's own `system`, whose `response` rank 0 has.
+    """Return ``mesh`` of the budget and ``mesh_reason``: differences to the scene on another mesh; collective.
 
-    Collective.
+    `system` and `response`, None on other ranks than 0, are those of the scene itself.
     """
     if scene.frame is not None and scene.frame.machine is not None:
         return {"mesh_reason": ON_MACHINE}
 
     def beside_own(make: Callable[[], Scene], called: str) -> dict[str, Any]:
+        """Return how far the scene that `make` returns, `called` so, is from the own one, or the reason for none."""
         try:
             motion = on_first(comm, lambda: Motion.of(scene, system, response))
             other_motion = _motion_on_first(make(), comm, cache, system_of)
@@ -386,6 +403,7 @@ def mesh_measured(
 
 
 def _unknown_model_error(error: Exception, called: str) -> dict[str, Any]:
+    """Return what summary.json says of an error that can't be measured: ``reason`` and, if it is long, ``detail``."""
     reason = error.allowed if isinstance(error, InputError) else str(error)
     if isinstance(error, NotHeldError):
         short = f"a {called} of it is not held: {error.short}; pads or supports against that are needed"
@@ -394,10 +412,12 @@ def _unknown_model_error(error: Exception, called: str) -> dict[str, Any]:
 
 
 def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> Decided:
+    """Compare beams with a shell, the last of `options`, from the simplest on, and choose as `decide_models` does."""
     *beams, shell = options
     tried = list[dict[str, Any]]()
 
     def chosen_figures(scene: Scene, **more: Any) -> dict[str, Any]:
+        """Return ``chosen_model`` of summary.json for the scene that is chosen."""
         return _chosen_model(scene) | {"tolerance": scene.compare.model_tolerance, "tried": tried} | more
 
     try:
@@ -418,7 +438,7 @@ def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None, sys
 def _model_budget(
     scene: Scene, other: Motion | None, called: str, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf
 ) -> dict[str, Any]:
-    """On every rank, of motions that rank 0 has."""
+    """Return, on every rank, the difference of a scene's motion to an `other` motion, which rank 0 has."""
     motion = _motion_on_first(scene, comm, cache, system_of)
     part = None if motion is None or other is None else model_budget(scene, motion, other, called)
     errors: dict[str, Any] = comm.bcast(part)
@@ -426,12 +446,12 @@ def _model_budget(
 
 
 def _motion_on_first(scene: Scene, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> Motion | None:
-    """On rank 0; None on the others."""
+    """Reduce and simulate a scene; return its motion on rank 0, None on other ranks."""
     system = system_of(scene) if cache is None else cache.system_of(scene, lambda: system_of(scene))
     return on_first(comm, lambda: Motion.of(scene, system))
 
 
 def _chosen_model(scene: Scene) -> dict[str, Any]:
-    """The model that was chosen wherever none was known: that of the outermost body."""
+    """Return name and wall model of the outermost body's structural model."""
     last = members(scene)[-1]
     return {"name": model_of(last), "walls": last.part.body.walls}

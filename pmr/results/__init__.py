@@ -1,4 +1,4 @@
-"""What runs and studies leave in their folders: results as objects, tables in CSV, frames of pandas."""
+"""What runs and studies leave in their folders: results as objects, tables in CSV, data frames of pandas."""
 
 from pmr.fields.series import Fields
 from pmr.results.response import Energy, Response

@@ -1,11 +1,11 @@
-r"""Load cycles of a history, and damage by them, summed after Palmgren and Miner on an S-N line.
+r"""Load cycles of a history, and their damage, summed after Palmgren and Miner with an S-N line.
 
 .. math::
     D = \sum_i \frac{n_i}{N_i}, \qquad N_i = N_{ref} \Bigl(\frac{\Delta\sigma_{ref}}{\Delta\sigma_i}\Bigr)^m,
     \qquad N_{ref} = 2 \cdot 10^6
 
-over the ranges of rainflow cycles (`cycles`); those below the cut-off do none.  Miner: Cumulative
-damage in fatigue, Journal of Applied Mechanics 12, 1945.
+over the ranges :math:`\Delta\sigma_i` of rainflow cycles (`cycles`), which occur :math:`n_i` times; ranges below the
+cut-off do no damage.  Miner: Cumulative damage in fatigue, Journal of Applied Mechanics 12, 1945.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ REFERENCE_CYCLES = 2e6
 
 
 def cycles(t: Array, x: Array) -> Array:
-    """Rainflow cycles of a history x (T,) at times t (T,) in s, the largest first (ASTM E1049-85).
+    """Return the rainflow cycles of a history x (T,) at times t (T,) in s, the largest first (ASTM E1049-85).
 
-    Half ones are those that do not close.
+    Half cycles are those that do not close; ranges below a hundredth of the largest are left out.
 
     Returns
     -------
@@ -45,7 +45,7 @@ def cycles(t: Array, x: Array) -> Array:
 
 @dataclass(frozen=True)
 class SNLine:
-    """Cycles to failure over the range of a stress; an InputError is raised where a number is none that is allowed."""
+    """Line of cycles to failure over the range of a stress; raises InputError for a number that is not allowed."""
 
     slope: float  # m of the line, in logarithms
     reference: float  # range in Pa that is endured 2e6 times
@@ -59,15 +59,15 @@ class SNLine:
             raise InputError("S-N line", "cut_off", self.cut_off, "a range of 0 or more is allowed")
 
     def damage(self, ranges: Array, counts: Array) -> float:
-        """Damage by ranges (C,) Pa that come so many times (C,)."""
+        """Return the damage by ranges (C,) in Pa that occur `counts` (C,) times; 1 is failure."""
         share = (np.where(ranges < self.cut_off, 0.0, ranges) / self.reference) ** self.slope
         return float(counts @ share) / REFERENCE_CYCLES
 
 
 def damage(t: Array, stress: Array, line: SNLine, times: float = 1.0) -> float:
-    """Damage by a stress (T,) Pa over t (T,) s that is repeated so many times; 1 is failure.
+    """Return the damage by a stress (T,) in Pa at times t (T,) in s, repeated `times` times; 1 is failure.
 
-    Cycles of less than a hundredth of the largest range are left out, as `cycles` does.
+    Cycles below a hundredth of the largest range are left out, see `cycles`.
     """
     loops = cycles(t, stress)
     return times * line.damage(loops[:, 0], loops[:, 2])

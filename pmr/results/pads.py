@@ -1,4 +1,4 @@
-"""Pads as boxes in the frame of the section that a body slides in: its mouth stays at x = 0, the body moves by -s."""
+"""Pads as boxes in the axes of the section that a body slides in: its mouth stays at x = 0, the body moves by -s."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ CUBE = np.array([(x, y, z) for z in (0.0, 1.0) for x, y in ((0.0, 0.0), (1.0, 0.
 
 
 def pad_corners(ring: PadRing, place: tuple[str, Face, float], body: Array, box: Box | None, cube: Array) -> Array:
-    """Corners of a unit cube (k, 3) that becomes a pad at s = 0, (k, 3) m: a plate on a face of a body.
+    """Return the corners (k, 3) in m of a pad at s = 0: a plate on a face of a body.
 
-    Faces are bottom and top (z), right and left (y) of a body that reaches from least to largest coordinates `body`
-    (2, 3) m, or slanted ones of its `box`.
+    `cube` (k, 3) are the corners of a unit cube that is moved there.  `place` holds the pad's name, its face and its
+    position in m across the face.  Faces are bottom and top (z), right and left (y) of a body between the least and
+    largest coordinates `body` (2, 3) in m, or slanted ones of its `box`.
     """
     _, face, across = place
     size, local = np.array([ring.length, ring.width, THICK]), cube - [0.5, 0.5, 0.0]
@@ -42,10 +43,10 @@ def pad_corners(ring: PadRing, place: tuple[str, Face, float], body: Array, box:
 
 
 def pads_over_time(result: RunResult) -> Boxes | None:
-    """All pads of a body alone at the times of its recovered fields, with their forces in N, NaN if unknown.
+    """Return all pads of a single body at the times of its recovered fields, with their forces in N, NaN if unknown.
 
-    In a frame that moves they are where they are in space.
-    None without pads, and of a boom of sections.
+    With a frame that moves their corners are those in space.  None for a body without pads or fields, and for a boom of
+    sections.
     """
     if ALONE not in (travelling := result.travelling):
         return None
@@ -68,7 +69,7 @@ def pads_over_time(result: RunResult) -> Boxes | None:
 
 
 def _extent(fields: Fields, box: Box | None) -> Array:
-    """Extent of the body at rest, (2, 3) m: that of a beam is its box's."""
+    """Return least and largest coordinates (2, 3) in m of the body at rest; a beam is as wide as its box."""
     extent = np.array([fields.points.min(axis=0), fields.points.max(axis=0)])
     if fields.kind == "line" and box is not None:
         outside = np.array([corner.at for corner in box.corners])

@@ -1,8 +1,9 @@
-r"""The table of quantities: what results state, what it is called, in which unit, with which sign, and how it follows.
+"""The table of quantities: what results state, its name, unit and sign, and how it follows from a response.
 
 Summaries, warnings, tables, pages, studies and load charts ask this table (`QUANTITIES`, by the keys of summaries and
-studies).  A quantity that can limit a load chart has a `Measure`: one value of all columns at each time or state, of a
-run's `Response` as of a load chart's states.  So a limit of a chart and the figure of a run are one function.
+studies).  A quantity that can limit a load chart has a `Measure`: one value of all columns at each time of a run's
+`Response`, and in each state of a load chart.  So a limit of a chart and the number in a run's results are one
+function.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from pmr.scene.mechanism import AT_PIVOT, CYLINDER, drive_rows, rope_shares
 from pmr.scene.scene import Scene
 
 Array = NDArray[np.float64]
-#: Values (T,) of a quantity from those of all columns (T, c).
+#: Function from the values (T, c) of all columns to one quantity (T,).
 Measure = Callable[[Array], Array]
 
 #: Direction in the name of a support's row: ``base pivot x``, ``base support z at 2 m``.
@@ -31,7 +32,7 @@ DIRECTION = re.compile(r" r?[xyz](?= (?:at|on) |$)")
 #: SI prefixes of values in sentences.
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
 REACTION, PIVOT, FORCE = reaction_of(""), reaction_of(f"{AT_PIVOT} "), force_of("")
-#: Von Mises' stress squared by the components that models have.
+#: Matrices A of the von Mises stress squared, s^T A s, by the stress components s that models have.
 MISES: Mapping[tuple[str, ...], Array] = {
     ("axial",): np.eye(1),
     ("axial", "torsion"): np.diag([1.0, 3.0]),
@@ -44,14 +45,14 @@ MISES: Mapping[tuple[str, ...], Array] = {
 
 @dataclass(frozen=True)
 class Columns:
-    """Meaning of the columns of values.
+    """Meaning of c columns of values, which are outputs and forces.
 
     Attributes
     ----------
     names, kinds, units, bodies : tuples of str, (c,)
-        Kinds without directions, as ``"tip"``; forces by the names of their contacts.
+        Kinds without directions, such as ``"tip"``; forces by the names of their contacts.
     drives : mapping
-        Shares (c,) of the columns in the force of what moves each section along the boom, by section
+        By section, shares (c,) of the columns whose sum is the force that moves the section along the boom
         (`pmr.scene.mechanism.drive_rows`).
     ropes : tuple of str
         Sections that hang on ropes, or that others on ropes follow.
@@ -66,7 +67,7 @@ class Columns:
 
     @classmethod
     def of(cls, scene: Scene, response: Response) -> Columns:
-        """Columns of a scene's response, in the order of `values_of`."""
+        """Return the meaning of the columns of a scene's response, in the order of `values_of`."""
         outputs = response.outputs
         names = tuple(output.name.removeprefix(FORCE) for output in outputs)
         return cls(
@@ -79,15 +80,18 @@ class Columns:
         )
 
     def of_kind(self, *kinds: str) -> list[int]:
-        """Numbers of the columns of these kinds."""
+        """Return the numbers of the columns of these kinds."""
         return [k for k, kind in enumerate(self.kinds) if kind in kinds]
 
     def at_pivot(self) -> dict[str, int]:
-        """Columns of force and moment at the pivot and of the luffing cylinder: the last of each name, by direction."""
+        """Return the columns of forces and moments at the pivot, by direction, and of the luffing cylinder.
+
+        Of several columns with one name the last counts.
+        """
         return {name.removeprefix(PIVOT): k for k, name in enumerate(self.names) if name.startswith(PIVOT)}
 
     def stresses(self) -> dict[str, dict[str, int]]:
-        """Columns of each component of the stress at a probe, by probe and component."""
+        """Return the columns of the stress at probes, by probe and component."""
         by_probe = dict[str, dict[str, int]]()
         for k in self.of_kind("probe"):
             probe, separator, component = self.names[k].rpartition(" stress ")
@@ -97,12 +101,13 @@ class Columns:
 
 
 def values_of(response: Response) -> Array:
-    """All columns of a response (T, c), in the order of `Columns.of`."""
+    """Return all columns of a response side by side, (T, c), in the order of `Columns.of`."""
     parts = [response.displacement, response.slider_force, response.others]
     return np.hstack([part for part in parts if part is not None])
 
 
-#: How the columns that a limit looks at, by their names, make one value; None where there are none of them.
+#: Called with columns, and a function that tells of a name whether a limit depends on it; returns the `Measure` of the
+#: columns with such names, None if there are none of them.
 MeasureOf = Callable[[Columns, Callable[[str], bool]], Measure | None]
 
 
@@ -123,15 +128,15 @@ class Quantity:
     kinds : tuple of str
         Kinds of the columns of a response that hold it (`pmr.results.response.KINDS`).
     reported : str
-        Name of the one figure that is reported of it, such as ``"largest pad force"``; empty where none is.
+        Name of the one number that is reported of it, such as ``"largest pad force"``; empty without one.
     extreme : ``"size"``, ``"most"`` or ``"least"``
-        Which of its values that is: the largest without its sign, the largest, or the smallest.
+        Which of its values is reported: the largest absolute one (with its sign), the largest, or the smallest.
     sign : str
-        What it does where it is positive; empty where it has no sign, or those of the axes.
+        What a positive value means; empty if it has no sign, or that of the axes.
     limit : str
-        Key of a load chart's limit on it; empty where charts have none.
-    measure : function, optional
-        How a chart's columns make the value that is limited; a larger one is worse.
+        Key of a load chart's limit on it; empty if charts have none.
+    measure : MeasureOf, optional
+        Returns, for the columns of a chart, the `Measure` that is limited; a larger value is worse.
     """
 
     key: str
@@ -146,40 +151,50 @@ class Quantity:
     measure: MeasureOf | None = None
 
     def histories(self, response: Response) -> dict[str, Array]:
-        """Columns (T,) of a response that hold it, by their names; of pads that only push the peaks within steps."""
+        """Return the columns (T,) of a response that hold the quantity, by name, in the sense of `Response.column`."""
         outputs = enumerate(response.outputs)
         return {output.name: response.column(k) for k, output in outputs if output.kind in self.kinds}
 
     def value(self, extremes: Extremes) -> Extreme:
-        """The extreme that is reported."""
+        """Return the extreme that is reported."""
         return {"size": extremes.largest, "most": extremes.highest, "least": extremes.lowest}[self.extreme]
 
     def text(self, value: float) -> str:
-        """A value of it with its unit in a sentence, such as ``"12.5 kN"``."""
+        """Return a value with the quantity's unit for a sentence, such as ``"12.5 kN"``."""
         return with_unit(value, self.unit)
 
 
 def with_unit(value: float, unit: str) -> str:
-    """A value with three digits and its unit, from a thousand on with a prefix."""
+    """Return a value with three digits and its unit as text, with an SI prefix from a thousand on."""
     size, prefix = next(((size, name) for size, name in _PREFIXES if abs(value) >= size), (1.0, ""))
     return f"{value / size:.3g} {prefix}{unit}"
 
 
 def _largest(numbers: Sequence[int]) -> Measure | None:
-    """Largest absolute value of some columns."""
+    """Return a function from values (T, c) of all columns to the largest absolute one (T,) of these columns.
+
+    None if `numbers` is empty.
+    """
     chosen = list(numbers)
     return (lambda values: np.abs(values[:, chosen]).max(axis=1)) if chosen else None
 
 
 def _forces(kind: str) -> Callable[[Columns, Callable[[str], bool]], Measure | None]:
+    """Return a function that makes of columns the `Measure` of the largest absolute force of a kind of contact."""
+
     def measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
+        """Return the measure of the forces with names that a limit looks at; None without any."""
         return _largest([k for k in columns.of_kind(kind) if looks_at(columns.names[k])])
 
     return measure
 
 
 def _supports(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Resultant force of each support, those that give way and rigid ones; moments only where no force is chosen."""
+    """Return a function from values (T, c) of all columns to the largest resultant force of a support, (T,).
+
+    Supports are rigid or not; `looks_at` tells of a name whether a limit depends on it.  Moments count only if no force
+    column is chosen; columns at the pivot of a boom never do.  None if no column is chosen.
+    """
     at_pivot = set(columns.at_pivot().values())
     numbers = [k for k in columns.of_kind("support", "reaction") if k not in at_pivot]
     chosen = [k for k in numbers if any(looks_at(name) for name in support_names(columns, k))]
@@ -192,23 +207,36 @@ def _supports(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | No
 
 
 def support_names(columns: Columns, number: int) -> tuple[str, ...]:
-    """Names of a support's column: its own, and that of its contact, ``base pivot x``."""
+    """Return both names of a support's column: its own, and that of its contact, such as ``base pivot x``."""
     body, name = columns.bodies[number], columns.names[number]
     row = name.removeprefix(REACTION).removeprefix(f"{body}: ").removeprefix(FORCE)
     return name, f"{body} {row}".strip()
 
 
 def _cylinders(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Forces of what moves sections along the boom; of a section on ropes, or that others follow, with these."""
+    """Return a function from values (T, c) of all columns to the largest force that moves a section, (T,).
+
+    `looks_at` tells of the name of a section's cylinder whether a limit depends on it; None if it depends on none.  The
+    force is that of `pmr.scene.mechanism.drive_rows`: of the cylinder or, for a section on ropes or that others follow,
+    a sum over several cylinders.
+    """
     return _drive_measure([row for name, row in columns.drives.items() if looks_at(cylinder_of(name))])
 
 
 def _ropes(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Forces of ropes, and of cylinders that move sections on ropes, by the names of the sections."""
+    """Return a function from values (T, c) of all columns to the largest force of ropes or what moves them, (T,).
+
+    These are the forces that move sections on ropes, or sections that others on ropes follow; `looks_at` tells of a
+    section's name whether a limit depends on it.  None if it depends on none.
+    """
     return _drive_measure([columns.drives[name] for name in columns.ropes if looks_at(name)])
 
 
 def _drive_measure(rows: Sequence[Array]) -> Measure | None:
+    """Return a function from values (T, c) to the largest absolute force (T,) over rows of shares (c,).
+
+    None if there are no rows.
+    """
     if not rows:
         return None
     shares = np.array(rows).T
@@ -216,14 +244,20 @@ def _drive_measure(rows: Sequence[Array]) -> Measure | None:
 
 
 def _deflection(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Displacement of the tip of the last section."""
+    """Return a function from values (T, c) of all columns to the displacement (T,) of the last section's tip.
+
+    It is the length of the vector over all directions; None without a tip.
+    """
     tips = columns.of_kind("tip")
     last = [k for k in tips if columns.bodies[k] == columns.bodies[tips[-1]]]
     return (lambda values: np.sqrt(np.sum(values[:, last] ** 2, axis=1))) if last else None
 
 
 def _stress(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Von Mises' stress at probes."""
+    """Return a function from values (T, c) of all columns to the largest von Mises stress (T,) at probes.
+
+    `looks_at` tells of a probe's name whether a limit depends on it; None if it depends on none.
+    """
     groups = dict[tuple[str, ...], list[list[int]]]()
     for probe, components in columns.stresses().items():
         if looks_at(probe):
@@ -235,7 +269,10 @@ def _stress(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None
 
 
 def _luffing_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Force of the luffing cylinder along itself."""
+    """Return a function from values (T, c) of all columns to the luffing cylinder's absolute force (T,).
+
+    None without a luffing cylinder; its name is not asked for.
+    """
     return _largest([k for k in columns.at_pivot().values() if columns.names[k] == CYLINDER])
 
 
@@ -310,19 +347,22 @@ LIMITED = {quantity.limit: quantity for quantity in QUANTITIES.values() if quant
 
 
 def label_of_error(name: str) -> str:
-    """Name of what an error of summary.json is of, such as ``pad_force_between_kinks``; outputs have their own name."""
+    """Return the name of an error of summary.json, such as ``pad_force_between_kinks``, in words.
+
+    A key that is no quantity is its own name.
+    """
     key, separator, _ = name.partition("_between_kinks")
     label = QUANTITIES[key].label if key in QUANTITIES else key
     return f"{label} between kinks" if separator else label
 
 
 def mises(components: Array, names: Sequence[str]) -> Array:
-    """Von Mises' stress (...) in Pa of components (..., c) by their names."""
+    """Return the von Mises stress (...) in Pa of components (..., c) with these c names."""
     return np.asarray(np.sqrt(np.maximum(np.sum(components @ MISES[tuple(names)] * components, axis=-1), 0.0)))
 
 
 def fits(patterns: Sequence[str], name: str) -> bool:
-    """Whether a name fits one of some patterns with ``*`` for any text."""
+    """Return whether a name fits one of the patterns, in which ``*`` stands for any text."""
     return any(fnmatchcase(name, pattern) for pattern in patterns)
 
 
@@ -331,10 +371,11 @@ KINDS = ("beam", "tip", "pad_force", "cylinder_force", "support_force", "frequen
 
 
 def reduction_error(summary: Mapping[str, Any]) -> tuple[str, dict[str, float]]:
-    """Source of the errors of a reduction, in words, and the errors by kind, fractions; no words where none is there.
+    """Return how the errors of a reduction are known, in words, and the errors by kind as fractions.
 
-    Forces that jump at kinks of extensions count between kinks; those of sliders that strike at kinks don't count.
-    Frequencies are estimated, with a full model too.
+    They are those against the full model, if it was simulated, else estimates; those of frequencies are always
+    estimates.  Forces that jump at kinks of extensions are compared between kinks; pad forces with impacts are left
+    out.  An empty text and no errors if nothing is known.
     """
     errors, estimate = summary.get("errors", {}).get("reduced_vs_full", {}), summary.get("estimate") or {}
     source, how = (errors, "beside the full model") if "beam" in errors else (estimate, "estimated")

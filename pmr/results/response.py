@@ -26,7 +26,11 @@ FORCES = ("pad", "cylinder", "support")
 
 @dataclass(frozen=True)
 class Output:
-    """Meaning of one column of a response."""
+    """Meaning of one column of a response.
+
+    `place` is the position in m along the body, and `direction` x, y or z, of a displacement; `body` is empty for a
+    single body.
+    """
 
     name: str
     kind: str  # one of `KINDS`
@@ -37,12 +41,12 @@ class Output:
 
     @property
     def is_force(self) -> bool:
-        """Whether it is the force of a contact or spring."""
+        """Whether it is the force of a contact or of a spring."""
         return self.kind in FORCES
 
     @classmethod
     def of(cls, name: str, kind: str, body: str, place: float | None, unit: str) -> Output:
-        """Output whose kind and direction are given in one, such as ``"tip z"``."""
+        """Return an output whose kind and direction come as one text, such as ``"tip z"``."""
         what, _, direction = kind.partition(" ")
         return cls(name, what, body, place, direction, unit)
 
@@ -61,28 +65,31 @@ class Energy:
 
     @property
     def total(self) -> Array:
+        """Sum of the three energies (T,) in J."""
         return self.kinetic + self.strain + self.external
 
 
 @dataclass(frozen=True)
 class Response:
-    """Histories that one simulator computed, in quantities that all simulators have in common.
+    """Histories over T times that one simulator computed, in quantities that all simulators have in common.
 
     Attributes
     ----------
     t : (T,) array, s
     x : (o,) array, m
-        Beam coordinates of the outputs.
+        Positions along the beam of the o displacements.
     displacement : (T, o) array, m
-        Transverse displacements; the last column is the tip.  In space first those of all places along y, then along
+        Transverse displacements; the last column is the tip.  In space first those of all positions along y, then along
         z, then those of the tip.
     energy : Energy
     slider_force : (T, m) array, N
-        Multipliers of the sliders; in space forces of all pads.  `force_names` has their names.
+        Forces of m contacts: Lagrange multipliers of sliders, forces of pads, cylinders and supports that give way.
+        `force_names` has their names.
     residual_position : (T,) array, m
-        Largest violation of a row, the largest absolute entry of C(s) q; NaN where a simulator has no such rows.
+        Largest violation of a constraint, the largest absolute entry of C(s) q; NaN for simulators without constraints.
     residual_velocity : (T,) array, m/s
-        Largest violation of the row's time derivative, C(s) q' + C'(s) s' q; NaN likewise.
+        Largest violation of a constraint's time derivative, C(s) q' + C'(s) s' q; NaN for simulators without
+        constraints.
     seconds : float
         Wall time of the solver alone.
     output_names, output_units : tuples of str
@@ -91,20 +98,20 @@ class Response:
         Outputs that are neither in m nor in N, then reactions of rigid supports; `other_names` and `other_units` have
         their names and units.
     force_names : tuple of str
-        Of the columns of `slider_force`, (m,), likewise.
+        Of the columns of `slider_force`, (m,); empty in results of version 0.1, and where contacts have no names.
     round_off : float, m
-        Part of a displacement that may be round-off (`pmr.compare.errors.round_off`); 0 where it is not known.
+        Amount of a displacement that may be round-off (`pmr.compare.errors.round_off`); 0 where it is not known.
     force_round_off : float, N
-        Part of a force that may be round-off (`pmr.compare.errors.force_round_off`).
+        Amount of a force that may be round-off (`pmr.compare.errors.force_round_off`).
     force_peaks : (T, m) array, N, or None
         As `slider_force`, but for pads that only push the largest force within the step that ends at t.  None if steps
-        are not divided into parts.
+        are not divided.
     kinds, bodies : tuples of str
-        Kind and direction of each column, such as ``"tip z"`` (`KINDS`), and the body that it belongs to.
-        Columns of displacements come first, then those of forces, then the others.  Empty in earlier results.
+        Kind and direction of each column, such as ``"tip z"`` (`KINDS`), and the body that it belongs to.  Columns of
+        displacements come first, then those of forces, then the others.  Empty in earlier results.
     surplus : float
-        Share of the largest energy that comes neither from loads nor from moving rows (docs/time_integration.md); NaN
-        where a simulator has no energy balance, and in results of version 0.1.
+        Share of the largest energy that comes neither from loads nor from moving constraints
+        (docs/time_integration.md); NaN where a simulator has no energy balance, and in results of version 0.1.
     """
 
     t: Array
@@ -130,7 +137,7 @@ class Response:
 
     @property
     def outputs(self) -> tuple[Output, ...]:
-        """Meaning of each column: displacements, then forces, then all others; empty in results without it."""
+        """Meaning of each column: displacements, then forces, then all others; empty if the file does not store it."""
         names = (*self.output_names, *self.force_names, *self.other_names)
         if not len(names) == len(self.kinds) == len(self.bodies):
             return ()
@@ -141,11 +148,11 @@ class Response:
 
     @property
     def force_floor(self) -> float:
-        """Force in N up to which one may be round-off alone, beside the largest of all."""
+        """Force in N up to which one may be nothing but round-off."""
         return max(self.force_round_off, ROUND_OFF * float(np.abs(self.slider_force).max(initial=0.0)))
 
     def of(self, kind: str, body: str | None = None, direction: str | None = None) -> Array:
-        """All columns of a kind (T, k), of one body or along one direction alone, where these are given."""
+        """Return the histories (T, k) of a kind of columns, if not None only of one `body` or along one `direction`."""
         chosen = [
             self.column(k)
             for k, output in enumerate(self.outputs)
@@ -154,7 +161,7 @@ class Response:
         return np.stack(chosen, axis=1) if chosen else np.empty((len(self.t), 0))
 
     def with_forces(self, numbers: Sequence[int]) -> Response:
-        """Return this response with only these of its forces, in this order."""
+        """Return this response with those of its forces that have these `numbers`, in this order."""
         chosen, first, end = list(numbers), len(self.output_names), len(self.output_names) + len(self.force_names)
         columns = [*range(first), *(first + k for k in chosen), *range(end, len(self.kinds))] if self.kinds else []
         return replace(
@@ -167,7 +174,7 @@ class Response:
         )
 
     def with_others(self, values: Array, outputs: Iterable[Output]) -> Response:
-        """Return this response with further outputs (T, k) that are neither displacements nor forces of contacts."""
+        """Return this response with further columns (T, k), which are neither displacements nor contact forces."""
         added = list(outputs)
         return replace(
             self,
@@ -179,11 +186,14 @@ class Response:
         )
 
     def when(self, t: float, s: float | None = None) -> str:
-        """A time in s in words, with the path coordinate in m where one is given."""
+        """Return a time in s in words, with the path coordinate `s` in m if it is not None."""
         return f"at {t:g} s" + ("" if s is None else f" (s = {s:.4g} m)")
 
     def column(self, number: int) -> Array:
-        """History (T,) of one of the outputs, forces as `force` has them."""
+        """Return the history (T,) of the column with this number, in the order of `outputs`.
+
+        Forces of pads that only push are the peaks within each step, if these are stored.
+        """
         forces = self.slider_force if self.force_peaks is None else self.force_peaks
         for columns in (self.displacement, forces, self.others):
             if columns is not None and number < columns.shape[1]:
@@ -192,14 +202,14 @@ class Response:
         raise IndexError(number)
 
     def other(self, name: str) -> Array:
-        """One of the other outputs, (T,)."""
+        """Return the history (T,) of the output with this name among `others`."""
         assert self.others is not None
         return self.others[:, self.other_names.index(name)]
 
     def force(self, name: str, unnamed: int) -> Array:
-        """A force by its name, (T,) N, NaN if it isn't known; column `unnamed` where the response has no names.
+        """Return the force (T,) in N with this name, NaN if there is none; column `unnamed` if forces have no names.
 
-        Of pads that only push the peaks within each step, where these are known.
+        Forces of pads that only push are the peaks within each step, if these are stored.
         """
         forces = self.slider_force if self.force_peaks is None else self.force_peaks
         if not self.force_names:
@@ -210,7 +220,7 @@ class Response:
 
     @property
     def columns(self) -> dict[str, list[str]]:
-        """Names of the columns of each array (T, c), with their units in brackets."""
+        """Names of the columns of each array (T, c), with their units in brackets, by the array's name."""
         displacement_names = self.output_names or tuple(f"output {k}" for k in range(self.displacement.shape[1]))
         forces = self.force_names or tuple(f"force {k}" for k in range(self.slider_force.shape[1]))
         other_columns = [f"{name} [{unit}]" for name, unit in zip(self.other_names, self.other_units, strict=True)]
@@ -222,14 +232,14 @@ class Response:
 
     @property
     def tip(self) -> Array:
-        """Vertical displacement of the free end of the last body, (T,) m: the last column without kinds."""
+        """Vertical displacement (T,) in m of the free end of the last body; the last column if there are no kinds."""
         tip_columns = self.of("tip")
         return tip_columns[:, -1] if tip_columns.shape[1] else self.displacement[:, -1]
 
 
 @dataclass(frozen=True)
 class Extreme:
-    """Value of a history with the time in s and the path coordinate in m at which it has it."""
+    """A value of a history, the time in s and the path coordinate in m at which the history has it."""
 
     value: float
     t: float
@@ -238,7 +248,7 @@ class Extreme:
 
 @dataclass(frozen=True)
 class Extremes:
-    """Smallest and largest value of a history, the times in s and the path coordinates in m at which it has them."""
+    """Smallest and largest value of a history, their times in s and path coordinates in m."""
 
     least: float
     t_least: float
@@ -249,24 +259,24 @@ class Extremes:
 
     @classmethod
     def of(cls, values: Array, t: Array, s: Array) -> Extremes:
-        """Extremes of values (T,) at times t (T,) and path coordinates s (T,)."""
+        """Return the extremes of values (T,) at times t (T,) in s and path coordinates s (T,) in m."""
         first, last = int(np.argmin(values)), int(np.argmax(values))
         low, high = float(values[first]), float(values[last])
         return cls(low, float(t[first]), float(s[first]), high, float(t[last]), float(s[last]))
 
     @property
     def lowest(self) -> Extreme:
-        """The smallest value."""
+        """The smallest value, with its time and path coordinate."""
         return Extreme(self.least, self.t_least, self.s_least)
 
     @property
     def highest(self) -> Extreme:
-        """The largest value."""
+        """The largest value, with its time and path coordinate."""
         return Extreme(self.most, self.t_most, self.s_most)
 
     @property
     def largest(self) -> Extreme:
-        """The value of the largest size, with its sign."""
+        """The value of the largest size, with its sign, time and path coordinate."""
         return self.highest if self.most >= -self.least else self.lowest
 
     @property
@@ -276,11 +286,11 @@ class Extremes:
 
     @classmethod
     def from_summary(cls, summary: Mapping[str, float]) -> Extremes:
-        """Extremes as `summary` has written them."""
+        """Return the extremes from a mapping that `summary` returned."""
         return cls(*(float(summary[f"{what}{end}"]) for end in ("min", "max") for what in ("", "t_", "s_")))
 
     def summary(self) -> dict[str, float]:
-        """By the names that summaries and tables give them."""
+        """Return ``{min,t_min,s_min,max,t_max,s_max}``, the names of summaries and tables."""
         return {
             "min": self.least, "t_min": self.t_least, "s_min": self.s_least,
             "max": self.most, "t_max": self.t_most, "s_max": self.s_most,
@@ -288,14 +298,16 @@ class Extremes:
 
 
 def outputs_of(scene: Scene, response: Response) -> tuple[Output, ...]:
-    """Meaning of all columns of a response: displacements, then forces, then all others.
+    """Return the meaning of all columns of a response: displacements, then forces, then all others.
 
-    Else by what their names have meant since names were given; without names by the order of columns before that.
+    For results of earlier versions that do not store it, it follows from the columns' names, or without names from
+    their order.
     """
     return response.outputs or (*_displacements(scene, response), *_forces(scene, response), *_others(scene, response))
 
 
 def _displacements(scene: Scene, response: Response) -> Iterator[Output]:
+    """Yield the meaning of each displacement by its name."""
     tips = {named(body, of.observe.tip_along(d)): ("tip", body, d) for body, of in scene.bodies.items() for d in "xyz"}
     beams = {named(body, f"{d} at "): ("beam", body, d) for body in scene.bodies for d in "xyz"}
     names = response.output_names or _unnamed_displacements(scene, response)
@@ -306,7 +318,7 @@ def _displacements(scene: Scene, response: Response) -> Iterator[Output]:
 
 
 def _unnamed_displacements(scene: Scene, response: Response) -> tuple[str, ...]:
-    """Names of displacements before columns were named: places along each direction, then the tip along each."""
+    """Return names of displacements for results without names: positions along each direction, then the tip."""
     (body,) = scene.bodies.values()
     across = transverse(member_at(scene))
     each = len(response.x) // len(across) - 1
@@ -314,6 +326,7 @@ def _unnamed_displacements(scene: Scene, response: Response) -> tuple[str, ...]:
 
 
 def _forces(scene: Scene, response: Response) -> Iterator[Output]:
+    """Yield the meaning of each force by its name."""
     count = response.slider_force.shape[1]
     outputs_of = {name: output for body, of in scene.bodies.items() for name, output in _of_body(body, of).items()}
     for body in scene.bodies:
@@ -330,7 +343,7 @@ def _forces(scene: Scene, response: Response) -> Iterator[Output]:
 
 
 def _of_body(body: str, of: OneBody) -> dict[str, Output]:
-    """Forces of its pads on the ground, outputs or rows of contacts, and of its supports that give way."""
+    """Return by name the forces of a body's pads on the ground and of its supports that give way."""
     outputs = dict[str, Output]()
     for ring in of.pads:
         for pad, _, _ in ring.places:
@@ -343,7 +356,10 @@ def _of_body(body: str, of: OneBody) -> dict[str, Output]:
 
 
 def _unnamed_forces(scene: Scene) -> list[str]:
-    """Outputs before rows, those of rows that move last; nothing where points slide."""
+    """Return names of forces for results without names; empty where points slide.
+
+    Pads that stay come first, those that only push after the others, then pads that move.
+    """
     (body,) = scene.bodies.values()
     faces = felt_faces(member_at(scene))
     staying = [ring for ring in body.pads if not ring.moving and ring.stiffness != "rigid"]
@@ -352,6 +368,7 @@ def _unnamed_forces(scene: Scene) -> list[str]:
 
 
 def _others(scene: Scene, response: Response) -> Iterator[Output]:
+    """Yield the meaning of each other column by its name: reaction, friction, or else what a probe measures."""
     for name, unit in zip(response.other_names, response.other_units, strict=True):
         kind = next((kind for kind in ("reaction", "friction") if name.startswith(f"{kind} of ")), "probe")
         place = name.removeprefix(reaction_of(""))

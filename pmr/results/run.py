@@ -1,4 +1,4 @@
-"""What a run leaves behind: responses of every simulator, errors, frequencies, what is known of each body.
+"""What a run leaves behind: responses of every simulator, errors, frequencies, and results of each body.
 
 The report reads these objects and computes nothing.
 """
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Paths:
-    """Path coordinates and their rates over time: of a body alone that of its slider, else extensions of sections."""
+    """Path coordinates and their rates over T times: of a single body its slider's, else the sections' extensions."""
 
     names: tuple[str, ...]  # (P,)
     values: Array  # (T, P) m
@@ -38,7 +38,7 @@ class Paths:
 
 @dataclass(frozen=True)
 class Loads:
-    """Loads on each input over time."""
+    """Loads on each of i inputs over T times."""
 
     names: tuple[str, ...]  # (i,)
     units: tuple[str, ...]  # (i,)
@@ -47,7 +47,7 @@ class Loads:
 
 @dataclass(frozen=True)
 class Shapes:
-    """The basis as seen on the beam: singular values (k,) and the transverse shapes (o, r) at x (o,) m."""
+    """The basis of a beam: singular values (k,) and transverse shapes (o, r) of r vectors at positions x (o,) in m."""
 
     singular_values: Array
     x: Array
@@ -66,12 +66,12 @@ class FrequencyMap:
 
 @dataclass(frozen=True)
 class Frequencies:
-    """Lowest natural frequencies in Hz with everything at rest, (S, f) by model.
+    """The f lowest natural frequencies in Hz of the system at rest, (S, f) by model, at S positions of its paths.
 
     Models are ``reduced``, ``full`` and ``closed_form``, that of a uniform beam pinned at 0 with one slider; every
-    contact is closed.  `along` is what `RunResult.along` is, `paths` the coordinates of all paths; `over_joints` is
-    there where two joints move each on a path of its own.
-    With second order the system is stressed as it is at the times `t`, (S,) s, when a run is there first.
+    contact is closed.  `along` are the positions as in `RunResult.along`, `paths` the coordinates of all paths.
+    `over_joints` is None unless two joints move, each on a path of its own.  With second order the system is stressed
+    as a run is at the times `t` (S,) in s, when it first reaches the positions.
     """
 
     along: Array  # (S,) m
@@ -83,19 +83,22 @@ class Frequencies:
 
 @dataclass(frozen=True)
 class FrequencyResponse:
-    """How far the tip moves under a sinusoidal load of unit size, with the sliders at rest.
+    """Displacement of the tip by a sinusoidal load of unit size on each of i inputs, with the sliders at rest.
 
     Attributes
     ----------
     s : (S,) array, m
+        Path coordinates.
     f : (W,) array, Hz
+        Frequencies of the load.
     gain : (S, W, i) array
-        In `units`; `static` (S, i) with its sign at f = 0.
+        Amplitude in `units`; `static` (S, i) is the displacement at f = 0, with its sign.
     damped : bool
-        Whether anything damps it: otherwise peaks are as high as the frequencies happen to lie.
+        Whether anything damps the system: if not, the height of peaks depends on the choice of `f`.
     outputs : tuple of str
-        Of each input the direction in which it moves the tip most.
+        For each input the direction in which it moves the tip most.
     inputs, units : tuples of str
+        Names of the inputs, and the units of their gains.
     """
 
     s: Array
@@ -112,8 +115,9 @@ class FrequencyResponse:
 class BodyResult:
     """Results of one body.
 
-    `fields` are some of what a scene's recovery asks for, in the body's own frame; `peak_stress` the largest von Mises
-    stress (F,) in Pa by model over all of its times; `envelopes` have forces along a beam, likewise.
+    `fields` are those that a scene's recovery asks for, at some of the times, in the body's own axes; `peak_stress` is
+    the largest von Mises stress (F,) in Pa at all F times of the recovery, and `envelopes` are section forces along a
+    beam over these times, both by model.
     """
 
     shapes: Shapes | None = None
@@ -140,10 +144,10 @@ Columns = Mapping[str, list[str]]
 
 @dataclass(frozen=True)
 class Part:
-    """Figures by their keys in summary.json, and warnings, a line each.
+    """A contribution to summary.json: values by key, and warnings, a line each.
 
-    `grave` are those of what does not hold, or makes a figure useless: they come before those of how far figures are
-    off.
+    `grave` are warnings of something that does not hold or makes a result useless; they come before `warnings`, which
+    say how far results are off.
     """
 
     figures: Mapping[str, Any] = field(default_factory=dict)
@@ -152,9 +156,9 @@ class Part:
 
 
 def combine_parts(parts: Sequence[Part]) -> dict[str, Any]:
-    """All figures, and under ``warnings`` all warnings: grave ones first, each kind in the order of the parts.
+    """Return the keys of all parts and, under ``warnings``, all warnings, grave ones first.
 
-    Raises ValueError if two parts have figures of the same key.
+    Warnings of each kind are in the order of the parts.  Raises ValueError if two parts have the same key.
     """
     summary, warnings = dict[str, Any](), list[str]()
     for part in parts:
@@ -166,7 +170,7 @@ def combine_parts(parts: Sequence[Part]) -> dict[str, Any]:
 
 
 def grave(parts: Iterable[Part]) -> list[str]:
-    """The grave warnings of all parts."""
+    """Return the grave warnings of all parts."""
     return [line for part in parts for line in part.grave]
 
 
@@ -178,13 +182,13 @@ class RunResult:
     `bodies` has results by section; a single body has the empty name.
 
     `summary` is the content of summary.json: ``errors.<a>_vs_<b>.{tip,beam}`` (e_NRMS, fractions),
-    ``absolute_errors`` likewise (e_abs, m), ``not_judged`` (`pmr.compare.trust.NotJudged`),
+    ``absolute_errors.<a>_vs_<b>.{tip,beam}`` (e_abs, m), ``not_judged`` (`pmr.compare.trust.NotJudged`),
     ``max_displacement`` and ``max_error`` (m),
     ``estimate.{beam,tip,pad_force,velocity,probe,probes,by,chi,largest,not_covered}`` (`pmr.compare.estimate`),
-    ``step.{beam,tip,largest,finest,settled,by,enough,band}`` (`pmr.compare.step_error`), ``warnings``,
-    ``coordinates``, ``basis``, ``seconds``, ``versions``, ``scene_hash``, ``pads`` and ``cylinders`` (name, min and max
-    in N, their times), ``sections`` of a boom (name, coordinates, errors) and more;
-    ``max_von_mises.{full,reduced}`` (Pa) where stresses are recovered.
+    ``step.{beam,tip,largest,finest,settled,by,enough,band}`` (`pmr.compare.step_error`), ``warnings``, ``coordinates``,
+    ``basis``, ``seconds``, ``versions``, ``scene_hash``, ``pads`` and ``cylinders`` (name, min and max in N, their
+    times), ``sections`` of a boom (name, coordinates, errors) and more; ``max_von_mises.{full,reduced}`` (Pa) where
+    stresses are recovered.
     """
 
     scene: Scene
@@ -200,28 +204,29 @@ class RunResult:
 
     @property
     def body(self) -> BodyResult:
-        """Result of a body alone, or of the outermost section."""
+        """Result of a single body, or of the outermost section of a boom."""
         return list(self.bodies.values())[-1]
 
     @property
     def along(self) -> Array:
-        """Place by which figures and tables are ordered, (T,) m: reach of a boom, or path of a body's slider."""
+        """Coordinate (T,) in m over which results are drawn and listed: a boom's reach, or a single body's path."""
         return self.paths.values[:, 0] if self.reach is None else self.reach
 
     def along_at(self, t: Array) -> Array:
-        """Place as in `along` at the times t (S,) in s of a response, which may have fewer steps."""
+        """Return `along` (S,) in m at the times t (S,) in s of a response, which may have fewer steps."""
         return np.interp(t, np.linspace(float(t[0]), float(t[-1]), len(self.along)), self.along)
 
     @property
     def coordinate(self) -> str:
-        """Name of `along`: ``s`` or ``reach``."""
+        """Name of `along`: ``s`` for a single body, ``reach`` for a boom."""
         return "s" if self.reach is None else "reach"
 
     @property
     def travelling(self) -> dict[str, tuple[Fields, Array]]:
-        """Fields of each body, and how far it has slid (F,) in m at their times: a boom's section out of the base.
+        """Fields of each body, and the distance (F,) in m that it has slid along x at the F times of the fields.
 
-        A body alone slides into what holds it, by -s; not at all where points slide along it.
+        A boom's section slides out of the base by the extensions up to its own.  A single body slides by -s into the
+        pads that hold it, or not at all if points slide along it.
         """
         t = self.responses["reduced"].t
         if self.reach is None:
@@ -235,7 +240,7 @@ class RunResult:
         }
 
     def pose(self, t: Array) -> Pose | None:
-        """Motion in space of the axes of `travelling` at the times t (S,) s; None without a frame that moves."""
+        """Return the motion in space of the axes of `travelling` at the times t (S,) in s; None without a frame."""
         frame = self.scene.frame
         if frame is None:
             return None
@@ -246,7 +251,7 @@ class RunResult:
 
     @property
     def columns(self) -> dict[str, list[str]]:
-        """Names of the columns of each array of trajectories.npz, with their units in brackets."""
+        """Names of the columns of each array of trajectories.npz, with their units in brackets, by the array's name."""
         column_names = {"loads": _with_units(self.loads.names, self.loads.units)}
         if self.reach is None:
             for name in _MODELS:
@@ -263,7 +268,7 @@ class RunResult:
         return column_names
 
     def save(self, folder: Path) -> None:
-        """Write scene.json, summary.json, trajectories.npz, whose ``columns`` names columns, and fields."""
+        """Write scene.json, summary.json, fields, and trajectories.npz, whose ``columns`` names the columns."""
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "scene.json").write_text(self.scene.model_dump_json(indent=1, exclude={"section"}), encoding="utf-8")
         self.save_summary(folder)
@@ -290,12 +295,12 @@ class RunResult:
         npz.write(folder / "trajectories.npz", arrays)
 
     def save_summary(self, folder: Path) -> None:
-        """Write summary.json alone, where it is all that changed."""
+        """Write summary.json alone."""
         (folder / "summary.json").write_text(npz.json_text(self.summary, indent=1), encoding="utf-8")
 
     @classmethod
     def load(cls, folder: Path) -> RunResult:
-        """Read what `save` wrote, or an earlier version."""
+        """Read a folder that `save` wrote, in this version or an earlier one."""
         finish_swap(folder)
         file = folder / "scene.json"
         scene = stored_scene(json.loads(file.read_text(encoding="utf-8")), str(file))
@@ -320,19 +325,22 @@ class RunResult:
 
 
 def _with_units(names: Iterable[str], units: Iterable[str]) -> list[str]:
+    """Return each name followed by its unit in brackets."""
     return [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
 
 
 def _prefix(body: str) -> str:
-    """Beginning of the names of arrays of a body."""
+    """Return the beginning of the names of a body's arrays in trajectories.npz."""
     return "" if body == ALONE else f"bodies.{body}."
 
 
 def _fields_file(body: str) -> str:
+    """Return the name of the file of a body's fields."""
     return f"{'-'.join(filter(None, ('fields', body)))}.npz"
 
 
 def _paths(data: Data, columns: Columns) -> Paths:
+    """Return the paths from the arrays of trajectories.npz."""
     if "s" in data:
         return Paths((SLIDER,), data["s"][:, None], data["s_rate"][:, None])
     values = data["extensions"]
@@ -342,12 +350,13 @@ def _paths(data: Data, columns: Columns) -> Paths:
 
 
 def _loads(values: Array, columns: Columns) -> Loads:
+    """Return the loads from their values (T, i) and the names of columns."""
     parts = [column.removesuffix("]").rpartition(" [") for column in columns.get("loads", ())]
     return Loads(tuple(name for name, _, _ in parts), tuple(unit for _, _, unit in parts), values)
 
 
 def _frequency_arrays(frequencies: Frequencies, alone: bool) -> dict[str, NDArray[Any]]:
-    """Arrays of frequencies as files have them: of a body alone in rad/s, by the path coordinate."""
+    """Return the arrays of frequencies for trajectories.npz: of a single body in rad/s by s, of a boom in Hz."""
     if alone:
         none = np.empty((len(frequencies.along), 0))
         circular = {f"frequencies.{name}": TURN * frequencies.models.get(name, none) for name in _MODELS}
@@ -361,6 +370,7 @@ def _frequency_arrays(frequencies: Frequencies, alone: bool) -> dict[str, NDArra
 
 
 def _frequencies(data: Data) -> Frequencies:
+    """Return the frequencies in Hz from the arrays of trajectories.npz."""
     if "frequencies.s" not in data:
         return npz.record(Frequencies, npz.rename_keys(data, _RENAMED), "frequencies.")
     s = data["frequencies.s"]
@@ -370,6 +380,7 @@ def _frequencies(data: Data) -> Frequencies:
 
 
 def _body(folder: Path, data: Data, name: str) -> BodyResult:
+    """Return the results of a body from the arrays of trajectories.npz and the file of its fields."""
     of, file = _prefix(name), folder / _fields_file(name)
     stress, along = f"{of}peak_stress.", f"{of}envelope."
     models = sorted({key.removeprefix(along).split(".")[0] for key in data if key.startswith(along)})

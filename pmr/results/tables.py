@@ -1,6 +1,7 @@
-"""Tables that an engineer takes away: forces, frequencies, stresses, probes and their load cycles, in CSV.
+"""Tables for engineers in CSV: forces, reactions, frequencies, stresses, probes and their load cycles, section forces.
 
-Every column says its unit in brackets.  A ``model`` is who says so: ``reduced``, ``full`` or ``ancf``.
+Every column has its unit in brackets.  A column ``model`` says which model a row is of: ``reduced``, ``full``,
+``ancf``.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ WHOLE = "whole body"
 
 @dataclass(frozen=True)
 class Table:
-    """Named columns, and rows in their order."""
+    """Names of columns, and rows."""
 
     columns: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
@@ -48,19 +49,19 @@ class Table:
 
 @dataclass(frozen=True)
 class Reaction:
-    """A rigid support, and the unit of what it carries: N, or N m."""
+    """A rigid support, and the unit of its reaction: N for a force, N m for a moment."""
 
     support: str
     unit: str
 
 
 def tables(result: RunResult) -> dict[str, Table]:
-    """Tables for which a run has rows, by the names of their files; of a boom of sections `s` is its reach."""
+    """Return the tables for which a run has rows, by file name; for a boom of sections ``s`` is its reach."""
     return {name: table for name, make in _TABLES.items() if (table := make(result)).rows}
 
 
 def write(result: RunResult, folder: Path) -> None:
-    """Write each table as ``tables/<name>.csv`` into a run's folder."""
+    """Write each table of a run as ``tables/<name>.csv`` into the run's folder."""
     (folder / "tables").mkdir(parents=True, exist_ok=True)
     for name, table in tables(result).items():
         with (folder / "tables" / f"{name}.csv").open("w", encoding="utf-8", newline="") as stream:
@@ -70,7 +71,7 @@ def write(result: RunResult, folder: Path) -> None:
 
 
 def forces(result: RunResult) -> Table:
-    """Smallest and largest force of every pad, slider and support that gives way, when, and where the path is then."""
+    """Return smallest and largest force of every pad, slider and support that gives way, and when and where."""
     rows: list[tuple[Cell, ...]] = [
         (model, name, *extremes.summary().values())
         for model, response in result.responses.items()
@@ -80,7 +81,7 @@ def forces(result: RunResult) -> Table:
 
 
 def force_extremes(response: Response, path: Array) -> dict[str, Extremes]:
-    """Extremes of each force of a response, by its contact; `path` is s(t) (T,) m at the response's times."""
+    """Return the extremes of each force of a response, by contact; `path` (T,) are path coordinates in m over time."""
     return {
         name.removeprefix(FORCE_OF): Extremes.of(response.force(name, 0), response.t, path)
         for name in response.force_names
@@ -88,13 +89,19 @@ def force_extremes(response: Response, path: Array) -> dict[str, Extremes]:
 
 
 def probe_extremes(response: Response, path: Array) -> dict[str, Extremes]:
-    """Extremes of each output in another unit than m and N, by its name."""
+    """Return the extremes of each output that is neither in m nor in N, by name, without reactions.
+
+    `path` (T,) are path coordinates in m over time.
+    """
     extremes = {name: Extremes.of(response.other(name), response.t, path) for name in response.other_names}
     return {name: extreme for name, extreme in extremes.items() if not name.startswith(REACTION_OF)}
 
 
 def reaction_extremes(response: Response, path: Array) -> dict[Reaction, Extremes]:
-    """Extremes of forces in N and moments in N m of each rigid support; zero where all is round-off."""
+    """Return the extremes of each rigid support's force in N or moment in N m; zero where all is round-off.
+
+    `path` (T,) are path coordinates in m over time.
+    """
     extremes, largest = dict[Reaction, Extremes](), 0.0
     for name in response.other_names:
         if name.startswith(REACTION_OF):
@@ -109,7 +116,7 @@ def reaction_extremes(response: Response, path: Array) -> dict[Reaction, Extreme
 
 
 def reactions(result: RunResult) -> Table:
-    """Smallest and largest force or moment on every rigid support."""
+    """Return smallest and largest force or moment of every rigid support, and when and where."""
     rows: list[tuple[Cell, ...]] = [
         (model, of.support, of.unit, *extremes.summary().values())
         for model, response in result.responses.items()
@@ -119,7 +126,7 @@ def reactions(result: RunResult) -> Table:
 
 
 def frequencies(result: RunResult) -> Table:
-    """Lowest frequencies over the path coordinate s, or over the reach of a boom of sections."""
+    """Return the lowest frequencies in Hz over the path coordinate, or over the reach of a boom of sections."""
     lowest = result.frequencies
     heads = [f"{name.replace('_', ' ')} {k + 1} [Hz]" for name, f in lowest.models.items() for k in range(f.shape[1])]
     values = np.column_stack([lowest.along, *lowest.models.values()])
@@ -127,7 +134,7 @@ def frequencies(result: RunResult) -> Table:
 
 
 def stress_peaks(result: RunResult) -> dict[str, dict[str, Mapping[str, Any]]]:
-    """By model, the largest von Mises stress in each region of each body, as summary.json has it."""
+    """Return the largest von Mises stress in each region of each body, by model; only of bodies with regions."""
     peaks = dict[str, dict[str, Mapping[str, Any]]]()
     for name, part in parts_of(result.summary).items():
         for model, regions in part.get("stress_by_region", {}).items():
@@ -136,12 +143,12 @@ def stress_peaks(result: RunResult) -> dict[str, dict[str, Mapping[str, Any]]]:
 
 
 def parts_of(summary: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
-    """Part of summary.json about each section by its name; of a body alone, under the empty name, it is all."""
+    """Return what summary.json says of each section, by its name; of a single body, under the empty name, all of it."""
     return {part["name"]: part for part in summary.get("sections", ())} or {ALONE: summary}
 
 
 def stress_by_part(summary: Mapping[str, Any]) -> dict[str, dict[str, Mapping[str, Any]]]:
-    """By model, the largest von Mises stress in each region of each body; of a body without regions in all of it."""
+    """Return the largest von Mises stress in each region of each body, by model, or in a body without regions."""
     peaks = dict[str, dict[str, Mapping[str, Any]]]()
     for name, part in parts_of(summary).items():
         for model, peak in part.get("stress_peak", {}).items():
@@ -153,7 +160,7 @@ def stress_by_part(summary: Mapping[str, Any]) -> dict[str, dict[str, Mapping[st
 
 
 def stress(result: RunResult) -> Table:
-    """Largest von Mises stress of each body, whole or by regions, when and where."""
+    """Return the largest von Mises stress of each region, with its time and position."""
     rows = [
         (model, region, peak["value"], peak["t"], *peak["position"], peak["face"])
         for model, regions in stress_by_part(result.summary).items()
@@ -164,7 +171,7 @@ def stress(result: RunResult) -> Table:
 
 
 def probes(result: RunResult) -> Table:
-    """Smallest and largest value of what each probe measures."""
+    """Return smallest and largest value of what each probe measures, with times and path coordinates."""
     rows = []
     for model, response in result.responses.items():
         extremes = probe_extremes(response, result.along_at(response.t))
@@ -178,7 +185,7 @@ def probes(result: RunResult) -> Table:
 
 
 def load_cycles(result: RunResult) -> Table:
-    """Rainflow cycles of what the probes measure in stress and strain, for a fatigue assessment."""
+    """Return the rainflow cycles of stresses and strains at probes, for an assessment of fatigue."""
     rows = []
     for model, response in result.responses.items():
         for probe in _probes(result, response):
@@ -189,7 +196,7 @@ def load_cycles(result: RunResult) -> Table:
 
 
 def section_forces(result: RunResult) -> Table:
-    """Smallest and largest force and moment of each section of beams, and stress in its corners: the envelope."""
+    """Return the envelope of beams: smallest and largest force, moment and corner stress at each position."""
     rows = []
     for name, body in result.bodies.items():
         for model, envelope in body.envelopes.items():
@@ -212,22 +219,24 @@ _TABLES: Mapping[str, Callable[[RunResult], Table]] = {
 
 
 def _extremes(unit: str) -> tuple[str, ...]:
+    """Return the heads of the columns of extremes in this unit."""
     return f"min [{unit}]", "t_min [s]", "s_min [m]", f"max [{unit}]", "t_max [s]", "s_max [m]"
 
 
 def _extremes_in_column() -> tuple[str, ...]:
-    """Heads of extremes whose unit stands in a column of its own."""
+    """Return the heads of the columns of extremes whose unit is in a column of its own."""
     return tuple(name.removesuffix(" []") for name in _extremes(""))
 
 
 def _probes(result: RunResult, response: Response) -> Iterator[Mapping[str, Any]]:
+    """Yield the probes of summary.json that the response has."""
     yield from (probe for probe in result.summary.get("probes", ()) if probe["name"] in response.other_names)
 
 
 def load(folder: str | Path) -> dict[str, DataFrame]:
-    """Results of a run or a study in a folder, as frames of pandas by name; names of columns have the units.
+    """Results of a run or a study in a folder, as data frames of pandas by name; names of columns have the units.
 
-    Of a run these are its tables (`pmr.results.tables`), and the histories of each simulator over the time in s, under
+    For a run these are its tables (`pmr.results.tables`), and the histories of each simulator over the time in s, under
     the name of the simulator.  A study has ``runs`` and ``seconds``.  A collection has the frames of all its studies,
     such as ``<study>/runs``.
 

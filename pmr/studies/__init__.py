@@ -1,5 +1,5 @@
-"""Many runs and one table of them.  A study file (`files`) names its kind, which plans `tasks`.
+"""Many runs and one table of them.
 
-`call` has them done by `workers`, processes here or beside the ranks of MPI, which put results into a store; `results`
-makes one table of them.
+A study file (`files`) names a kind of study (`kinds`), which plans `tasks`.  `call` has `workers` compute these, in
+processes of this machine or of the ranks of MPI, which write results into a store; `results` makes one table of them.
 """

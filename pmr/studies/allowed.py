@@ -1,4 +1,4 @@
-"""Loads that limits allow at one place, by searches side by side: states that several ask for are computed once."""
+"""Loads that limits allow in one posture and load case, by searches side by side that share the states they compute."""
 
 from __future__ import annotations
 
@@ -15,24 +15,29 @@ from pmr.simulation.statics.postures import HOOK, Postures
 from pmr.studies.limits import Limit, Share
 
 Array = NDArray[np.float64]
-#: Asks for the shares of a limit that some loads use, and then of others, and returns the load that reaches it.
+#: Yields loads in kg, is sent the used shares of a limit under them, again and again, and returns the load at which
+#: the share reaches 1, or None.
 Search = Generator[tuple[float, ...], Sequence[float], float | None]
 Key = TypeVar("Key")
-#: A load, and what it uses less all of it.
+#: A load in kg, and the used share of a limit less 1.
 Point = tuple[float, float]
 
-#: Loads at which is looked whether a limit is passed.
+#: Number of loads at which the share is computed first.
 NODES = 9
-#: Where is looked beside a load that is known nearly, as shares of it.
+#: Loads that are tried close to an expected one, as shares of it.
 BESIDE = (0.99, 0.998, 1.0, 1.002, 1.01)
-#: How far off a load may be, as a share of the largest and of itself, and what is left of a limit that is round-off.
+#: Allowed error of a load, as a share of the largest load and of itself; distance of a share from 1 that is round-off.
 OF_TOP, OF_LOAD, NOTHING = 1e-12, 1e-13, 1e-13
-#: Points of which a curve is made at most, and how many times its last change is taken as its error.
+#: Most points of an interpolating polynomial, and the factor on its last change that is taken as its error.
 POINTS, DOUBT = 5, 2.0
 
 
 def run_searches(loaded: Loaded, searches: Mapping[Key, tuple[Share, Search]]) -> dict[Key, float | None]:
-    """Result of each search over equilibria at one place; used shares are infinite where nothing stands."""
+    """Run searches over the equilibria of one place side by side, and return the result of each by its key.
+
+    A search comes with the function from states to the used shares of its limit; the share is infinite under a load
+    without a stable equilibrium.  Loads that several searches ask for are computed once.
+    """
     results, requests = dict[Key, float | None](), {key: next(search) for key, (_, search) in searches.items()}
     while requests:
         groups = list(dict.fromkeys(requests.values()))  # several may ask for the same
@@ -50,6 +55,7 @@ def run_searches(loaded: Loaded, searches: Mapping[Key, tuple[Share, Search]]) -
 
 
 def _used_shares(share: Share, states: States) -> list[float]:
+    """Return the used share of each state; infinite where there is no stable equilibrium."""
     if states.stands.all():
         return share(states).tolist()
     used = np.full(len(states.load), np.inf)
@@ -59,11 +65,12 @@ def _used_shares(share: Share, states: States) -> list[float]:
 
 
 def first_load(top: float, *, grows: bool = False, near: float = np.nan, at_once: bool = True) -> Search:
-    """Search for the smallest load in (0, top] at which all of a limit is used; it returns 0 where no load is needed.
+    """Return a search for the least load in kg in (0, top] at which the used share of a limit reaches 1.
 
-    It returns None where `top` does not use all of it.  Where what is used `grows` with the load, only its ends are
-    looked at, else some loads between, `at_once` or one after the other; where it is known to be `near` a load, loads
-    beside that.
+    `run_searches` runs it.  It returns 0 if the share is 1 or more without a load, and None if it stays below 1 at all
+    loads that are tried.  These are 0 and `top` if the share only `grows` with the load, else `NODES` evenly spaced
+    loads, requested all `at_once` or one after the other.  If the result is expected close to the load `near` in kg
+    (NaN without a guess), loads around that are tried first, and no others if the share reaches 1 between them.
     """
     if 0.0 < near < top:
         points = yield from _look_at(tuple(dict.fromkeys(min(near * factor, top) for factor in BESIDE)))
@@ -81,15 +88,17 @@ def first_load(top: float, *, grows: bool = False, near: float = np.nan, at_once
 
 
 def _look_at(loads: tuple[float, ...]) -> Generator[tuple[float, ...], Sequence[float], list[Point]]:
+    """Request the used shares at `loads` in kg; return points (load, share - 1)."""
     used = yield loads
     return [(load, share - 1.0) for load, share in zip(loads, used, strict=True)]
 
 
 def _root(points: list[Point], apart: float) -> Generator[tuple[float, ...], Sequence[float], float]:
-    """The first load of which points in order say that all is used between two of them.
+    """Return the first load in kg, to about `apart` kg, at which the used share reaches 1 between ascending points.
 
-    By a polynomial of the load over what is left (inverse interpolation), with its error from the one of a degree less;
-    where that does not halve what the root lies in, by quarters of it.
+    By inverse interpolation: a polynomial for the load as a function of share - 1, whose error is estimated from the
+    polynomial of one degree less.  Where that does not halve the interval, the quarters of the interval are tried as
+    well.
     """
     before = np.inf
     while True:
@@ -112,9 +121,10 @@ def _root(points: list[Point], apart: float) -> Generator[tuple[float, ...], Seq
 
 
 def _curve(points: Sequence[Point], k: int) -> tuple[float, float]:
-    """Load at which a polynomial through points about the k-th has its root, and its last change.
+    """Return the load in kg at which a polynomial through points near the k-th has share 1, and its last change in kg.
 
-    By Neville's scheme, through those that ascend; no numbers where infinitely much is used.
+    The load is a polynomial of share - 1 through at most `POINTS` points along which the share increases, by Neville's
+    scheme; the change is that from the polynomial of one degree less.  NaN for both if the k-th share is infinite.
     """
     if points[k][1] == np.inf:
         return np.nan, np.nan
@@ -141,15 +151,19 @@ def _curve(points: Sequence[Point], k: int) -> tuple[float, float]:
 
 #: Half the square of a cantilever's slope over that of its deflection by the length: (3 / 2)^2 / 2.
 PROJECTED = 1.125
-#: Share of a limit that is used without the load, at most, where a bar is made of what is left.
+#: Largest share of a limit used without the load that counts when the error by large rotations is computed.
 MOST_AT_REST = 0.99
-#: Share of a load by which less of it has to stand.
+#: Share by which a load is reduced to be just below the load of a limit.
 BELOW = 1e-6
 
 
 @dataclass(frozen=True)
 class Place:
-    """The k-th place of a boom, where each of the parts acts by its amount, and the load by a factor among these."""
+    """A boom in the k-th posture of `at` and in one load case.
+
+    `amounts` are those by which each of ``at.parts`` acts: factors on the weight and on the load that is looked for,
+    the scene's other loads in their units.
+    """
 
     at: Postures
     k: int
@@ -158,29 +172,34 @@ class Place:
 
     @cached_property
     def loaded(self) -> Loaded:
-        """Equilibria of the boom at this place under any load."""
+        """Equilibria of the boom at this place as a function of the load in kg."""
         named = dict(zip(self.at.parts, self.amounts, strict=True))
         return Loaded(self.at.at(self.k, named, named[HOOK]))
 
     def share(self, limit: Limit) -> Share:
-        """Function of states that returns the used share of a limit."""
+        """Return the function from states to the used shares (p,) of `limit` at this place.
+
+        It is made once for each limit.
+        """
         if limit not in self._shares:
             self._shares[limit] = limit.share(self.at, self.k, self.amounts)
         return self._shares[limit]
 
     @cached_property
     def _shares(self) -> dict[Limit, Share]:
+        """Functions that `share` has returned, by limit."""
         return {}
 
     def used(self, limit: Limit, state: State) -> float:
-        """The share of a limit that a state uses."""
+        """Return the share of `limit` that one state uses."""
         return float(self.share(limit)(States.of([state]))[0])
 
 
 def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, near: Array | None = None) -> Array:
-    """The load in kg that each limit allows at a place, that of stability last; NaN where none up to `up_to`.
+    """Return the load in kg that each limit allows at a place, (l,), stability last; NaN if it is above `up_to` in kg.
 
-    `near` is what another model says.
+    0 for limits that are passed without a load, and for all if the boom is then unstable.  `near` (l,) are loads in kg
+    that another model allows, around which the searches look first; NaN or None without a guess.
     """
     loaded, near_loads = place.loaded, np.full(len(limits) + 1, np.nan) if near is None else near
     first = loaded.state(0.0)
@@ -195,12 +214,15 @@ def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, near: Arr
 
 
 def _standing_loads(loaded: Loaded, loads: Array) -> Array:
-    """Return loads (l,) in kg; NaN in place of those under which, less a little, the boom does not stand."""
+    """Return loads (l,) in kg, replaced by NaN if the boom is unstable under a load a little (`BELOW`) smaller."""
     return np.where(loaded.states((loads * (1.0 - BELOW)).tolist()).stands, loads, np.nan)
 
 
 def _by_limit(limits: Sequence[Limit], place: Place, top: float, near: Array) -> Array:
-    """The load in kg at which each limit is reached, NaN where it is not up to `top`."""
+    """Return the load (l,) in kg at which each limit is reached, without stability; NaN if it is above `top`.
+
+    `near` are loads in kg near which they are expected, NaN where nothing is.
+    """
     loaded, loads, searches = place.loaded, np.full(len(limits), np.nan), dict[int, tuple[Share, Search]]()
     for n, (limit, guess) in enumerate(zip(limits, near.tolist(), strict=False)):
         direct = limit.directly(loaded.state(0.0).form, guess, top) if loaded.both_ways else None
@@ -217,11 +239,13 @@ def _by_limit(limits: Sequence[Limit], place: Place, top: float, near: Array) ->
 
 
 def bent_further(limits: Sequence[Limit], place: Place, loads: Array, reach: float) -> Array:
-    r"""Change of allowed loads (l,) in kg by large rotations; 0 for stability, the last one, where it is unknown.
+    r"""Return the change (l,) in kg of allowed loads (l,) by large rotations; 0 for stability, the last one.
 
-    A tip that is w to the side of a boom of length l stands by :math:`\theta \approx 3 w / 2 l` aside, and projections
-    that second order takes as 1 are :math:`1 - \theta^2 / 2`.  Of a limit of which the rest uses :math:`u_0` these are
-    :math:`\tfrac98 (w / l)^2 P / (1 - u_0)`; of overturning of the moment of load and boom together.
+    A tip that is displaced by w across a boom of length l (`reach` in m) is inclined by
+    :math:`\theta \approx 3 w / 2 l`, and projections that second order takes as 1 are :math:`1 - \theta^2 / 2`.  With
+    the share :math:`u_0` of the limit that is used without a load, an allowed load P changes by
+    :math:`\tfrac98 (w / l)^2 P / (1 - u_0)`; for a limit of overturning :math:`P / (1 - u_0)` is replaced by
+    `Tipping.moved_by`.  The change by stability is not known.
     """
     changes, tip = np.zeros(len(loads)), [n for n, kind in enumerate(place.at.output_kinds) if kind == "tip"]
     states, unloaded = place.loaded.states(loads.tolist()), place.loaded.states([0.0])
@@ -239,7 +263,7 @@ def bent_further(limits: Sequence[Limit], place: Place, loads: Array, reach: flo
 
 
 def _stable(loaded: Loaded, up_to: float) -> float:
-    """Load in kg from which on the boom has no stable equilibrium; NaN where that is above `up_to`."""
+    """Return the least load in kg under which the boom has no stable equilibrium; NaN if it is above `up_to` in kg."""
     if loaded.both_ways:
         critical = loaded.state(0.0).form.critical
         return critical if critical <= up_to else np.nan
@@ -250,5 +274,5 @@ def _stable(loaded: Loaded, up_to: float) -> float:
 
 
 def _buckling_share(states: States) -> Array:
-    """Loads of states as shares of the load that buckles the boom (p,)."""
+    """Return the load of each state over the load at which the boom buckles with the state's closed contacts, (p,)."""
     return states.load / np.array([form.critical for form in states.forms])

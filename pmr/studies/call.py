@@ -1,4 +1,4 @@
-"""One call of ``pmr study``: open tasks of its plans, computed by a pool of workers, and the tables of its parts."""
+"""One call of ``pmr study``: tasks without a result are computed by a pool of workers, then tables are written."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from pmr.studies.study import StudyBase
 from pmr.studies.tasks import Failure, Node, Ready, open_nodes
 from pmr.studies.workers import NOT_COMPUTING, Order, Pool, code_of_tasks
 
-#: What digests of results leave out, so that a change there computes nothing again: a task's own one has its module.
+#: Files that the digest of the code leaves out, so that tasks are not computed again when these change; the digest of
+#: a task covers the module of its own function.
 LEFT_OUT = (*NOT_COMPUTING, "studies/kinds/")
 #: Keys of study files that name files: where these lie is of no interest to readers of a summary.
 FILES = {"scene", "scenes"}
@@ -29,7 +30,7 @@ NAMED = 4  # tasks that a line of progress names
 
 @dataclass(frozen=True)
 class Progress:
-    """Numbers of tasks that are done, failed (or skipped) and there are in all, and seconds."""
+    """Numbers of tasks that are done, that failed or were skipped, and of all, and the seconds that have passed."""
 
     done: int
     failed: int
@@ -54,7 +55,8 @@ Watch = Callable[[Progress], None]
 class Outcome:
     """Results of a call of ``pmr study``.
 
-    `results` are those of each part, by name; `computed` is the number of tasks that this call computed itself.
+    `results` are the runs of each part's study, by the part's name; `computed` is the number of tasks that this call
+    computed, which leaves out tasks with a stored result.
     """
 
     results: Mapping[str, StudyResults]
@@ -62,16 +64,20 @@ class Outcome:
 
     @property
     def done(self) -> int:
-        """Number of runs that are there."""
+        """Number of runs that have a result."""
         return sum(record.status == "done" for results in self.results.values() for record in results.runs)
 
     @property
     def is_complete(self) -> bool:
+        """Whether all runs have a result."""
         return all(results.is_complete for results in self.results.values())
 
 
 def compute(project: Project, folder: Path, pool: Pool, watch: Watch) -> Outcome:
-    """Compute what is not there yet; results of tasks go into a folder of `folder`, no table is written."""
+    """Compute the tasks without a result and return the results of all; no tables are written.
+
+    Results of tasks are stored in ``folder / "tasks"``.  `watch` is called as in `run_tasks`.
+    """
     store, code = Store(folder / "tasks"), environment.code_digest(environment.sources(), LEFT_OUT)
     store.prepare()
     nodes = open_nodes([part.plan for part in project.parts], code, store.sound)
@@ -83,9 +89,10 @@ def compute(project: Project, folder: Path, pool: Pool, watch: Watch) -> Outcome
 
 
 def run_tasks(nodes: Mapping[str, Node], store: Store, pool: Pool, watch: Watch) -> dict[str, Failure]:
-    """Compute nodes as `open_nodes` returns them into the store, each as soon as the results that it needs are there.
+    """Compute the nodes of `open_nodes`, each as soon as the results that it needs are stored.
 
-    Returns the failures by digest.  `watch` is called with the progress whenever a task ends, and every second.
+    Results are written into the store, failures are returned by digest.  Blocks until all are done; `watch` is called
+    with the progress whenever a task ends, and every second.
     """
     ready, code, begin = Ready(nodes), code_of_tasks(), time.monotonic()
     running: dict[Future[Failure | None], Node] = {}
@@ -93,6 +100,7 @@ def run_tasks(nodes: Mapping[str, Node], store: Store, pool: Pool, watch: Watch)
     done, failures = set[str](), dict[str, Failure]()
 
     def start(node: Node) -> None:
+        """Submit a task to the pool."""
         task = node.task
         order = Order(task.key, node.digest, task.address, task.arguments, node.needs, str(store.folder), code)
         running[pool.submit(order)] = node
@@ -125,6 +133,7 @@ def run_tasks(nodes: Mapping[str, Node], store: Store, pool: Pool, watch: Watch)
 
 
 def _failure(future: Future[Failure | None]) -> Failure | None:
+    """Return the failure of a submitted task, None if it is done; an error of the worker itself is a failure, too."""
     try:
         return future.result()
     except Exception as error:  # the machine could not even start a process, say
@@ -134,7 +143,7 @@ def _failure(future: Future[Failure | None]) -> Failure | None:
 def _progress(
     nodes: Mapping[str, Node], done: set[str], failures: Mapping[str, Failure], elapsed: float, keys: list[str]
 ) -> Progress:
-    """Progress after `elapsed` seconds, while the tasks with these keys are computed."""
+    """Return the progress after `elapsed` seconds, while the tasks with these `keys` are computed."""
     cost_done = sum(nodes[digest].task.cost for digest in done)
     cost_left = sum(node.task.cost for digest, node in nodes.items() if digest not in done and digest not in failures)
     left = elapsed * cost_left / cost_done if cost_done else None
@@ -142,7 +151,11 @@ def _progress(
 
 
 def save(project: Project, outcome: Outcome, folder: Path) -> list[Path]:
-    """Write the tables, and say where: in `folder`, or for a collection in a folder in it for each part."""
+    """Write the tables and summaries, and return the paths of the tables.
+
+    A single study is written to `folder`; each study of a collection to a folder in it, and a summary of all runs to
+    `folder`.
+    """
     written = []
     for part in project.parts:
         results = outcome.results[part.name]
@@ -158,7 +171,7 @@ def save(project: Project, outcome: Outcome, folder: Path) -> list[Path]:
 
 
 def _rename_runs(name: str, results: StudyResults) -> list[RunRecord]:
-    """Runs of a part, with keys and files as they are called in the folder of the collection."""
+    """Return a part's runs with keys ``<name>/<key>`` and with files relative to the folder of the collection."""
     return [
         replace(run, key=f"{name}/{run.key}", file=run.file and os.path.normpath(os.path.join(name, run.file)))
         for run in results.runs
@@ -166,7 +179,7 @@ def _rename_runs(name: str, results: StudyResults) -> list[RunRecord]:
 
 
 def _of_study(study: StudyBase, results: StudyResults) -> dict[str, Any]:
-    """Keys of a study, the figures of all of its runs, and what is published about it."""
+    """Return what summary.json says of a study: its keys, what is published, and, if complete, its figures."""
     base = set(StudyBase.model_fields)
     keys = {name: value for name, value in study.model_dump(mode="json").items() if name not in base | FILES}
     return {
@@ -180,6 +193,7 @@ def _of_study(study: StudyBase, results: StudyResults) -> dict[str, Any]:
 
 
 def _summary(title: str, kind: str) -> dict[str, Any]:
+    """Return what begins every summary.json: title, kind, versions, commit, date and machine."""
     return {
         "title": title,
         "kind": kind,

@@ -1,4 +1,4 @@
-"""Load cases of a chart: what acts at once, every factor the user's own, and which standard it is from."""
+"""Load cases of a chart: loads that act at once, factors that the user chooses, the standard they are from."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ class Exposed(Section):
 
 
 class Wind(Section):
-    r"""A wind that blows steadily: :math:`F = q A c`, :math:`q = \rho v^2 / 2`."""
+    r"""A wind that blows steadily, with a force on each area: :math:`F = q A c`, :math:`q = \rho v^2 / 2`.
+
+    A is the area, c its shape factor, :math:`\rho` the density of the air and v the speed.
+    """
 
     speed: Annotated[float, Field(gt=0.0), Usual(0.5, 75.0, unit="m/s")] = Field(description="m/s")
     density: Annotated[float, Field(gt=0.0), Usual(0.5, 2.0, unit="kg/m^3")] = Field(
@@ -46,7 +49,7 @@ class Wind(Section):
 
 
 class LoadCase(Section):
-    """Loads that act at once, and their factors; every factor is the user's own."""
+    """Loads that act at once, with factors that the user chooses."""
 
     name: str = Field(description="What it is called")
     standard: str = Field(default="", description="Source of the factors, for the report")
@@ -67,6 +70,7 @@ class LoadCase(Section):
 
     @model_validator(mode="after")
     def _check_keys(self) -> Self:
+        """Refuse a hoisting class without a speed, or the reverse, and a load that both `loads` and the wind name."""
         if (self.hoisting_class is None) != (self.hoisting_speed is None):
             raise ValueError("hoisting_class and hoisting_speed go together")
         twice = set(self.loads) & set(self.wind.forces if self.wind else ())
@@ -80,7 +84,10 @@ class LoadCase(Section):
         return self.load > 0.0
 
     def check_loads(self, key: str, load_names: set[str], classes: Mapping[str, tuple[float, float]]) -> None:
-        """An InputError with the `key` is raised for a load or a class that is not known."""
+        """Raise InputError, with `key` as the case's key, if the case names a load or hoisting class that is not known.
+
+        `load_names` are the scene's loads; `classes` hold phi2,min and beta2 in s/m by class.
+        """
         if self.hoisting_class is not None:
             hoisting_factor(f"{key}.hoisting_class", classes, self.hoisting_class, 0.0)
         named: list[tuple[str, str, Any]] = [(f"loads.{name}", name, amount) for name, amount in self.loads.items()]
@@ -94,13 +101,17 @@ class LoadCase(Section):
                 raise InputError("study", f"{key}.{of}", value, allowed)
 
     def hoisting_factor(self, classes: Mapping[str, tuple[float, float]]) -> float:
-        """The class's factor of the load; 1 without a class."""
+        """Return the dynamic factor of the case's hoisting class and speed; 1 without a class."""
         if self.hoisting_class is None:
             return 1.0
         return hoisting_factor("hoisting_class", classes, self.hoisting_class, self.hoisting_speed or 0.0)
 
     def acting_amounts(self, classes: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
-        """``name``, ``weight``, ``load`` with the class's factor, and ``loads`` with those of the wind."""
+        """Return the case as plain values: ``name`` and the amounts ``weight``, ``load`` and ``loads``.
+
+        ``weight`` is the factor on all weights, ``load`` that on the load times the hoisting factor; ``loads`` are
+        those of the scene by name, wind included.
+        """
         loads = self.loads | (self.wind.forces if self.wind else {})
         return {
             "name": self.name,
@@ -111,7 +122,11 @@ class LoadCase(Section):
 
 
 def hoisting_factor(key: str, classes: Mapping[str, tuple[float, float]], name: str, speed: float) -> float:
-    r""":math:`\phi_2 = \phi_{2,min} + \beta_2 v` of a class; an InputError with the `key` is raised for others."""
+    r"""Return :math:`\phi_2 = \phi_{2,min} + \beta_2 v` of the hoisting class `name` at a speed v in m/s.
+
+    `classes` hold :math:`\phi_{2,min}` and :math:`\beta_2` in s/m by class; an InputError that names the `key` is
+    raised for a class that is not among them.
+    """
     if name not in classes:
         raise InputError("study", key, name, f"one of {', '.join(classes)} is allowed")
     least, slope = classes[name]

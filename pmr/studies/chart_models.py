@@ -1,4 +1,4 @@
-"""Models of a load chart at all its places: a reduced one, and richer ones that tell the errors of its loads."""
+"""Models of a load chart in all its postures: a reduced one, and richer ones that indicate the errors of its loads."""
 
 from __future__ import annotations
 
@@ -39,24 +39,28 @@ Array = NDArray[np.float64]
 CONTACTS = TypeAdapter(tuple[Contact, ...])
 #: Why the error of the mesh is not known.
 NO_FINER_MESH = "a finer one is made of beams with rigid walls alone"
-#: Luffing angles at each extension whose forces attachment modes answer.
+#: Number of luffing angles at each extension for whose contact forces there are attachment modes.
 ANSWERED = 3
-#: Places at which the richer model's buckling factor is compared with that of full order.
+#: Number of postures in which the richer model's buckling factor is compared with that of full order.
 MEASURED = 5
-#: Why limits are not compared of what the richer model has at other places, or not at all.
+#: Why limits are not compared with a richer model that has their quantity at other positions, or not at all.
 STRESS = "it depends on how walls bend at pads, loads and corners"
-#: What makes the error unknown, as in runs.
+#: Errors because of which a richer structural model counts as not available, as in runs.
 UNKNOWN = (InputError, ConvergenceError, SimulationError, ValueError, ImportError)
 
 
 def postures(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: `Postures` of the reduced system, ``reduced.``, and with ``error`` of a richer one, ``richer.``.
+    """Task: compute the `Postures` of the reduced system of a chart and, with ``error``, of systems to compare it with.
 
-    Those of a finer mesh, ``finer.``, are there where all bodies are beams.
+    Arrays by the beginning of their names:
 
-    ``mended`` is the share of a mesh's error that it does not have.
-    Arrays ``reach`` (P,) m along the boom and ``tip`` (P, 3) m on the ground, undeformed, as well, and ``contacts``, of
-    which warnings have to know.  Warnings are those of a run that hold for the scene wherever it stands.
+    - ``reduced.``; with ``error`` also ``richer.``, of `richer_system`, and for beams ``finer.``, of a finer mesh.
+    - ``mended``: the share of the mesh's error that the finer mesh removes; ``too_stiff``: that of `too_stiff`.
+    - ``reach`` (P,): length of the boom in m; ``tip`` (P, 3): the undeformed tip in m in the axes of the ground.
+    - ``bent.``, outputs of `Bent`; ``turned.<angle>``, loads of `acceleration_loads`; ``contacts``, those of the system
+      as JSON.
+
+    Warnings are those of a run that hold for the scene in all postures.
     """
     from pmr.compare.accuracy import mesh
     from pmr.compare.accuracy.mesh import FINER, ORDER
@@ -90,7 +94,7 @@ def postures(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def on_finer_mesh(scene: Scene) -> System | None:
-    """Reduced system of beams on elements half as long; None for other bodies, whose reduction takes long."""
+    """Return the reduced system of beams on elements half as long; None for other bodies, which take long."""
     from pmr.compare.accuracy.mesh import finer_beams, has_rigid_beams, once
 
     if not has_rigid_beams(scene) or any(part.mesh.file is not None for part in scene.sections):
@@ -100,7 +104,12 @@ def on_finer_mesh(scene: Scene) -> System | None:
 
 
 def richer_system(scene: Scene, system: System, at: Stands, up_to: float) -> System:
-    """System with attachment modes for contact forces under no and half of the largest load, and for buckling."""
+    """Return the system with attachment modes for its contact forces, without a load and with half the largest.
+
+    Half the load at which the boom buckles counts where that is less; further modes are for the contact forces of the
+    shape in which it buckles.  `at` are all postures, of which three angles at each extension are used; `up_to` is in
+    kg.
+    """
     from pmr.compare.estimate import system_with_attachment_modes
 
     few = at.some(_sample_places(at))
@@ -120,10 +129,10 @@ def richer_system(scene: Scene, system: System, at: Stands, up_to: float) -> Sys
 
 
 def too_stiff(scene: Scene, better: System, full: System, at: Stands, up_to: float) -> float:
-    """By which share the buckling factor of a richer system is above that of full order, at most, at a few places.
+    """Return the largest share by which the richer system's buckling factor exceeds that of full order; 0 if none.
 
-    A shape of few coordinates buckles later than that of all (Rayleigh's quotient), and the two models' errors of
-    opposite sign may cancel in their difference.
+    It is taken in a few of the postures `at`, under half of `up_to` in kg.  A shape of few coordinates buckles later
+    than that of all (Rayleigh's quotient), and the two models' errors of opposite sign may cancel in their difference.
     """
     every = _sample_places(at)
     few = at.some(every[np.linspace(0, len(every) - 1, min(MEASURED, len(every))).astype(int)])
@@ -139,7 +148,7 @@ def too_stiff(scene: Scene, better: System, full: System, at: Stands, up_to: flo
 
 
 def _sample_places(at: Stands) -> NDArray[np.int64]:
-    """Numbers of places: at each extension those of the least, a middle and the largest angle."""
+    """Return the numbers of the postures with the least, a middle and the largest luffing angle of each extension."""
     groups = dict[tuple[float, ...], list[int]]()
     for k in range(at.count):
         groups.setdefault(tuple(float(extension[k]) for extension in at.extensions.values()), []).append(k)
@@ -151,10 +160,10 @@ def _sample_places(at: Stands) -> NDArray[np.int64]:
 
 
 def richer_model(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: `Postures` of a richer structural model, ``model.``, and what it is ``called``; or the ``reason`` for none.
+    """Task: compute the `Postures` of a richer structural model, arrays ``model.``, and what it is ``called``.
 
-    It is the model that runs are compared with (`pmr.scene.model_ladder.model_comparison`), with 20 free modes a
-    section.
+    Array ``reason`` says instead why there is none.  It is the model that runs are compared with
+    (`pmr.scene.model_ladder.model_comparison`), with 20 free modes a section.
     """
     from pmr.system.from_scene import force_names
 
@@ -170,12 +179,13 @@ def richer_model(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def _without(reason: str) -> TaskResult:
+    """Return a task's result with the reason why there is no richer structural model."""
     return TaskResult(arrays={"reason": np.array(reason)})
 
 
 @dataclass(frozen=True)
 class ComparedModel:
-    """Postures of another model, what it is called, and by which share of their difference the reduced one is off."""
+    """Postures of another model, what it is `called`, and the factor `share` from a difference to it to an error."""
 
     postures: Postures
     called: str
@@ -184,9 +194,10 @@ class ComparedModel:
 
 @dataclass(frozen=True)
 class Models:
-    """Postures of the reduced model, a richer one, one on a finer mesh and a richer structural one.
+    """Postures of the reduced model (`reduced`) and of the models that it is compared with, None where there is none.
 
-    Of the last three those are None that are not there.
+    `better` is the reduced one with attachment modes, `finer` one on a finer mesh, `structural` a richer structural
+    model.
     """
 
     reduced: Postures
@@ -194,13 +205,13 @@ class Models:
     finer: Postures | None
     structural: Postures | None
     called: str  # what the richer structural model is called, or why there is none
-    mended: float  # share of a mesh's error that the finer one does not have
+    mended: float  # share of the mesh's error that the finer mesh removes
     above: float  # share by which the richer model's buckling factor is above that of full order
     reach: Array  # (P,) m
 
     @classmethod
     def of(cls, needs: Needs) -> Models:
-        """Collect the results of the tasks `postures` and `richer_model`."""
+        """Collect the models from the results of the tasks `postures` and, if there is one, `richer_model`."""
         arrays, model_arrays = needs["postures"].arrays, needs["model"].arrays if "model" in needs else {}
         reduced = npz.record(Postures, arrays, "reduced.")
         better, finer = (_postures(arrays, name) for name in ("richer", "finer"))
@@ -210,7 +221,7 @@ class Models:
 
     @property
     def compared(self) -> dict[str, ComparedModel]:
-        """Models with which the reduced one is compared, by the part of the error that they tell."""
+        """Models with which the reduced one is compared, by the error that they indicate: of the model or the mesh."""
         by_part = dict[str, ComparedModel]()
         if self.structural is not None:
             by_part["model"] = ComparedModel(self.structural, self.called, 1.0)
@@ -219,7 +230,7 @@ class Models:
         return by_part
 
     def not_covered(self, limits: Sequence[Limit]) -> list[str]:
-        """Parts of the error that are not in the bars, a clause each."""
+        """Return the errors that the error bars of a chart with these limits do not cover, a clause each."""
         if self.better is None:
             return ["any error: error_bars = false"]
         of = sorted({limit.of for limit in limits if not limit.kind.in_richer})
@@ -231,5 +242,5 @@ class Models:
 
 
 def _postures(arrays: Mapping[str, NDArray[Any]], model: str) -> Postures | None:
-    """Postures of a model; None where a task has not stored any."""
+    """Return the postures of a model from a task's arrays; None where the task has not stored any."""
     return npz.record(Postures, arrays, f"{model}.") if f"{model}.K" in arrays else None

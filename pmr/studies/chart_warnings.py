@@ -1,4 +1,4 @@
-"""Warnings of a load chart: those that a run has, for the boom at rest at each place, without and with its load."""
+"""Warnings of a load chart: those of a run, evaluated for the boom at rest at each point, without and with its load."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from pmr.system.contacts import Contact
 
 Array = NDArray[np.float64]
 
-#: Kinds of outputs and contacts, as a budget calls their errors.
+#: Names of the errors in a budget, by the kind of outputs and contacts.
 KINDS = {"tip": "tip", "pad": "pad_force", "cylinder": "cylinder_force", "support": "support_force"}
 
 
 @dataclass(frozen=True)
 class AtRest:
-    """A place under a load in kg at which the boom stands, and where that is in words."""
+    """The boom in equilibrium in one posture and load case (`place`) under a load in kg; `words` describe these."""
 
     place: Place
     load: float
@@ -38,23 +38,26 @@ class AtRest:
 
     @property
     def state(self) -> State:
-        """Outputs and forces of the boom at this place under this load."""
+        """Outputs, contact forces and closed contacts in this equilibrium."""
         return self.place.loaded.state(self.load)
 
 
 @dataclass(frozen=True)
 class RestingResponse(Response):
-    """A response that has a place at rest for each time, numbered from 0."""
+    """Response whose times 0, 1, 2, ... are the numbers of equilibria; `words` describe each of these."""
 
     words: tuple[str, ...] = ()
 
     def when(self, t: float, s: float | None = None) -> str:
-        """Say at which place of the boom a time stands for."""
+        """Return the description of equilibrium number `t`; the path coordinate `s` is ignored."""
         return self.words[int(t)]
 
 
 def boom_at_rest(place: Place, load: float, reach: float) -> list[AtRest]:
-    """The boom at a place without a load, and just below a load in kg, as far as it stands."""
+    """Return the equilibria at a place without a load and just below `load` in kg, leaving out those that are unstable.
+
+    The second one is there only if `load` is positive; `reach` in m is for the description alone.
+    """
     at, k = place.at, place.k
     where = f"at a reach of {reach:.4g} m, raised {np.rad2deg(at.luffing[k]):.4g} degrees"
     if at.slewing[k]:
@@ -74,10 +77,11 @@ def warnings_of_row(
     cases: Array,
     first: int,
 ) -> tuple[str, ...]:
-    """Lines of a run's warnings at the places of a row, without a load and under the least of the loads (p, l) kg.
+    """Return a run's warnings at the points of a row of a chart, without a load and just below the least allowed one.
 
-    `places` has a place in all load cases, by its number, of which `first` is the least of the row; `cases` (p, l) are
-    those of the loads.
+    `loads` (p, l) in kg are the allowed loads of l limits at p points and `cases` (p, l) the numbers of the load cases
+    that allow least; `first` is the number of the row's first point.  `places` is a function of a model's postures and
+    of the number of a point; it returns a `Place` for each load case.
     """
     reach, compared = models.reach, models.compared
     rests, of_compared = list[AtRest](), {part: list[AtRest]() for part in compared}
@@ -105,7 +109,7 @@ def warnings_of_row(
 
 
 def left_out_loads(scene: Scene, cases: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Lines about loads that act in runs of a scene and in none of a chart's cases, each with its ``loads`` by name."""
+    """Yield a line for each load of a scene that acts in its runs and that no case names in its ``loads``."""
     named = {HOOK} | {name for case in cases for name in case["loads"]}
     for part in scene.sections:
         for load in part.loads:
@@ -114,7 +118,7 @@ def left_out_loads(scene: Scene, cases: Sequence[Mapping[str, Any]]) -> Iterator
 
 
 def _response(rests: Sequence[AtRest]) -> RestingResponse:
-    """Displacements of the tip and forces of contacts, a place for each time."""
+    """Return the tip's displacements and the contact forces in these equilibria, each at a time; all else is zero."""
     at, states = rests[0].place.at, [at_rest.state for at_rest in rests]
     t, nothing = np.arange(len(rests), dtype=float), np.zeros(len(rests))
     tip = _numbers(at, "tip")[0]
@@ -134,7 +138,11 @@ def _response(rests: Sequence[AtRest]) -> RestingResponse:
 
 
 def _off(rests: Sequence[AtRest], other: Sequence[AtRest], share: float) -> dict[str, Any]:
-    """Error of each kind of figure at rest by those of another model, of whose difference it is a share; fractions."""
+    """Return the relative error of each kind of output and contact force, by the name of its error.
+
+    It is `share` times the difference to another model, whose equilibria `other` are the counterparts of `rests`.
+    Kinds that the models lack or number differently are left out.
+    """
     pairs = [(at_rest.state, counterpart.state) for at_rest, counterpart in zip(rests, other, strict=True)]
     pairs = [(mine, theirs) for mine, theirs in pairs if theirs.stands]
     differences = dict[str, float]()
@@ -149,7 +157,7 @@ def _off(rests: Sequence[AtRest], other: Sequence[AtRest], share: float) -> dict
 
 
 def _values(at: Postures, state: State, kind: str) -> list[float]:
-    """Outputs and forces of a kind, in the order of their names."""
+    """Return the outputs and contact forces of a kind in a state of the model `at`, sorted by their names."""
     outputs, forces = _numbers(at, kind)
     named = [(at.output_names[n], state.outputs[n]) for n in outputs]
     named += [(at.force_names[n], state.forces[n]) for n in forces]
@@ -157,6 +165,6 @@ def _values(at: Postures, state: State, kind: str) -> list[float]:
 
 
 def _numbers(at: Postures, kind: str) -> tuple[list[int], list[int]]:
-    """Numbers of outputs and of contacts of a kind."""
+    """Return the indices of the outputs of a kind of the model `at`, and of its contacts of that kind."""
     outputs, forces = at.output_kinds, at.force_kinds
     return [n for n, label in enumerate(outputs) if label == kind], [n for n, one in enumerate(forces) if one == kind]

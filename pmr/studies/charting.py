@@ -1,4 +1,7 @@
-"""Loads that the limits of a chart allow at its places, in all load cases, with the parts of their errors."""
+"""Loads that the limits of a chart allow at its points, in all load cases, and their errors by source.
+
+A point of a chart is a posture of the boom: one extension of each section, one luffing and one slewing angle.
+"""
 
 from __future__ import annotations
 
@@ -28,8 +31,8 @@ from pmr.studies.tasks import Arguments, Needs, TaskResult
 
 Array = NDArray[np.float64]
 
-#: How many times as large an error is taken as another model says; where buckling decides (docs/load_chart.md).
-#: That of reduction is taken twice: a run with the load as a mass has other modes, and as large an error of its own.
+#: Factors on the error that another model indicates; the second one where buckling decides (docs/load_chart.md).
+#: The error of reduction is doubled: a run with the load as a mass has other modes, and as large an error of its own.
 MARGIN, MARGIN_OF_BUCKLING = 1.25, 2.0
 #: Parts of an error bar.
 PARTS = ("reduction", "mesh", "model", "rotation")
@@ -37,25 +40,35 @@ PARTS = ("reduction", "mesh", "model", "rotation")
 
 @dataclass(frozen=True)
 class Chart:
-    """Limits of a chart and the load cases in which they are evaluated."""
+    """Limits of a chart and the load cases in which they are evaluated.
+
+    Array shapes of its methods: c load cases; l limits, in the order of `limits`, with stability as the last one.
+    """
 
     limits: Sequence[Limit]
-    amounts: Sequence[Sequence[float]]  # by case: of all parts
-    up_to: float  # kg
+    amounts: Sequence[Sequence[float]]  # by case: the amount of each of `Postures.parts`
+    up_to: float  # kg, largest load that is looked for
     gravity: float  # m/s^2
 
     def places(self, at: Postures, k: int) -> list[Place]:
-        """Return the k-th place of a model, in each load case."""
+        """Return the k-th posture of the model `at` as one `Place` for each load case."""
         return [Place(at, k, amounts, self.gravity) for amounts in self.amounts]
 
     def loads(self, places: Sequence[Place], near: Array | None = None, more: Sequence[Limit] = ()) -> Array:
-        """Load in kg that each limit allows in each case (c, l), those `more` before stability."""
+        """Return the loads (c, l) in kg that the limits allow, one row for each of `places`; NaN if more than `up_to`.
+
+        Columns are `limits`, then those of `more`, then stability.  `near` (c, l) holds loads in kg near which each
+        search begins, NaN without one.
+        """
         nearby = [None] * len(places) if near is None else list(near)
         limits = [*self.limits, *more]
         return np.array([allowed_loads(limits, place, self.up_to, c) for place, c in zip(places, nearby, strict=True)])
 
     def passed_limits(self, at: Postures, k: int) -> NDArray[np.bool_]:
-        """Which limits are passed without a load in each case (c, l), stability last where nothing stands."""
+        """Return whether each limit is exceeded without a load at the k-th posture of the model `at`, (c, l).
+
+        The last column, stability, is true in cases without a stable equilibrium; all other limits are false in these.
+        """
         is_passed = np.zeros((len(self.amounts), len(self.limits) + 1), dtype=bool)
         for row, place in zip(is_passed, self.places(at, k), strict=True):
             state = place.loaded.state(0.0)
@@ -64,11 +77,16 @@ class Chart:
         return is_passed
 
     def least_loads(self, loads: Array) -> Array:
-        """Least of the loads (c, l) in kg of all cases, (l,); the largest load that is looked for in place of NaN."""
+        """Return for each limit the smallest of its loads (c, l) in kg over all cases, (l,); `up_to` if all are NaN."""
         return np.asarray(np.nan_to_num(_least(loads)[1], nan=self.up_to))
 
     def of_reduction(self, models: Models, k: int, loads: Array) -> Array:
-        """Error (l,) in kg of the reduced model's allowed loads (c, l), by the richer model."""
+        """Return for each limit the error (l,) in kg that reduction causes in its smallest load over all cases.
+
+        `loads` (c, l) in kg are those that the reduced model allows at the k-th posture.  The error is a margin times
+        the difference to the smallest load that the richer model `Models.better` allows.  For buckling and stability
+        that model is also taken to buckle by a share `Models.above` too late, and the larger difference counts.
+        """
         assert models.better is not None
         count, above = len(self.limits), models.above
         buckling = [number for number, limit in enumerate(self.limits) if limit.of == "buckling"]
@@ -87,9 +105,12 @@ class Chart:
         return np.asarray(np.array(margins) * np.maximum(np.abs(other - reduced), np.abs(before - reduced)))
 
     def of_other(self, models: Models, of: str, k: int, loads: Array) -> Array:
-        """Error (l,) in kg of the allowed loads (c, l) of the ``"mesh"`` or the ``"model"``, by a finer or richer one.
+        """Return for each limit the error (l,) in kg that mesh or structural model cause in its smallest load.
 
-        Not a number where it is not known.
+        `loads` (c, l) in kg are those that the reduced model allows at the k-th posture; the smallest over all cases
+        counts.  The error is the difference to that of ``models.compared[of]``, `of` being ``"mesh"`` or ``"model"``,
+        times the share of this model.  NaN for limits that this model can't evaluate, and for all limits if there is no
+        such model.
         """
         error = np.full(loads.shape[1], np.nan)
         if (other := models.compared.get(of)) is not None:
@@ -100,24 +121,34 @@ class Chart:
         return error
 
     def of_rotation(self, places: Sequence[Place], loads: Array, reach: float) -> Array:
-        """Part (l,) in kg of allowed loads that second order neglects, in the governing case."""
+        """Return for each limit the error (l,) in kg that large rotations cause in its smallest load over all cases.
+
+        `loads` (c, l) in kg are those that the limits allow at `places`, one for each case; `reach` is the length of
+        the boom in m.  The error is that of `bent_further` in the case with the smallest load, times a margin.
+        """
         case, load = _least(loads)
         by_case = {n: MARGIN * bent_further(self.limits, places[n], load, reach) for n in set(case.tolist())}
         return np.array([by_case[n][number] for number, n in enumerate(case.tolist())])
 
 
 def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: what limits allow at some of the places; ``place`` (p, 2) m, radius and height of the undeformed tip.
+    """Task: compute the loads that the limits allow at the points of one row of a chart.
 
-    Arrays: ``load`` (p, l) kg, the least of all cases, with ``case`` (p, l), its number, and ``error`` (p, l) kg; NaN
-    where no load up to the largest reaches a limit.  ``error`` is the sum of ``error.reduction``, ``error.mesh`` and
-    ``error.model``, not a number where they are not known, and ``error.rotation``; ``not_covered`` (p,) says in words
-    what it lacks.  With ``hoist`` also ``hoist`` (p,), by which factor of its
-    weight the least load of all pulls as it is lifted off, in the first case's amounts.  ``passed`` (p, c, l) says
-    which limits are passed in the cases out of service, `left`.  Arrays ``at.`` are those of
-    `pmr.studies.governing.details` at ``at.place`` (l,), where each limit governs the largest load of these places, or
-    -1.
-    Figures are the extremes of the loads that all limits allow.
+    Argument ``rows`` holds the number of the row's first point and of the first one behind the row.  Arrays of the p
+    points, l limits (stability last) and c cases out of service:
+
+    - ``place`` (p, 2) m: radius and height of the undeformed tip.
+    - ``load`` (p, l) kg: the smallest over all cases in service, NaN if no load up to ``up_to`` reaches the limit;
+      ``case`` (p, l): the number of that case.
+    - ``error`` (p, l) kg: ``error.reduction`` + ``error.mesh`` + ``error.model`` + ``error.rotation``, the mesh's and
+      the model's counting as 0 where they are NaN, which means unknown; ``not_covered`` (p,): in words what it lacks.
+    - ``hoist`` (p,), only with ``hoist`` among the arguments: the largest force of the rope over the weight of the
+      point's smallest load when that is hoisted off the ground, in the first case's amounts.
+    - ``passed`` (p, c, l): whether the limit is exceeded without a load in a case out of service (argument ``left``).
+    - ``at.<name>``: arrays of `pmr.studies.governing.details` at the points ``at.place`` (l,), where each limit governs
+      the largest load of the row; -1 if it governs at none.
+
+    Record: ``load.least`` and ``load.most``, the extremes over the points of the smallest load over all limits, in kg.
     """
     models = Models.of(needs)
     at, cases, gravity = models.reduced, arguments["cases"], arguments["gravity"]
@@ -152,7 +183,7 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def _at_place(chart: Chart, models: Models, k: int, rope: Rope | None) -> dict[str, NDArray[Any]]:
-    """The arrays of `allow_row` at the k-th place."""
+    """Return one point's row of the arrays ``load``, ``case``, ``error...`` and ``hoist`` of `allow_row`."""
     places = chart.places(models.reduced, k)
     loads = chart.loads(places)
     case, load = _least(loads)
@@ -172,38 +203,50 @@ def _at_place(chart: Chart, models: Models, k: int, rope: Rope | None) -> dict[s
 
 
 def _hoist_factor(loaded: Loaded, load: float, rope: Rope, gravity: float) -> float:
-    """The factor by which a load pulls that is hoisted off the ground; NaN for none and where no limit is reached."""
+    """Return the rope's largest force over the load's weight at lift-off; NaN if the load in kg is 0 or infinite."""
     if not 0.0 < load < np.inf:
         return np.nan
     return lift_off(loaded.state(load).form, load, rope, gravity)
 
 
 def _least(loads: Array) -> tuple[NDArray[np.int64], Array]:
-    """Numbers of the cases (l,) that allow least, and how much that is, of loads (c, l)."""
+    """Return for each limit the number of the case with the smallest load, and that load, both (l,).
+
+    `loads` are (c, l); the load is NaN only if those of all cases are.
+    """
     finite = np.where(np.isnan(loads), np.inf, loads)
     case = finite.argmin(axis=0)
     return case, loads[case, np.arange(loads.shape[1])]
 
 
 def _amount(case: Mapping[str, Any], part: str) -> float:
+    """Amount of a part in a case: factor on the weight or on the load, or a named load in N or N m, 0 if not named."""
     if part in (WEIGHT, HOOK):
         return float(case["weight" if part == WEIGHT else "load"])
     return float(case["loads"].get(part, 0.0))
 
 
 def governing_limit(load: Array) -> NDArray[np.int64]:
-    """Number of the limit that allows least at each place, -1 where none is reached, of loads (P, l) kg."""
+    """Return the number of the limit with the smallest load at each point, (P,); -1 where all loads are NaN.
+
+    `load` (P, l) in kg at P points of l limits; NaN if no load that was looked for reaches the limit.
+    """
     least = np.where(np.isnan(load), np.inf, load)
     return np.where(np.isfinite(least.min(axis=1)), least.argmin(axis=1), -1)
 
 
 def lowest(load: Array, error: Array, up_to: float) -> Array:
-    """Loads (P, l) kg less their errors; those of limits that are not reached are `up_to` at least without these."""
+    """Return loads (P, l) in kg less their errors (P, l); a NaN load counts as `up_to` in kg, a NaN error as 0."""
     return np.asarray(np.nan_to_num(load, nan=up_to) - np.nan_to_num(error))
 
 
 def in_doubt(load: Array, error: Array, up_to: float) -> NDArray[np.bool_]:
-    """Which limits (P, l) may govern within the error bars, where these are several."""
+    """Return which limits may govern within their error bars, (P, l); all false at points where only one may.
+
+    `load` and `error` are (P, l) in kg at P points of l limits.  A limit may govern if its load less its error is at
+    most the smallest sum of load and error of any limit at the point.  NaN loads mean that no load up to `up_to`
+    reaches the limit: it may govern only if `up_to` less its error is below `up_to`.  NaN errors count as 0.
+    """
     low = lowest(load, error, up_to)
     low = np.where(np.isnan(load) & (low >= up_to), np.inf, low)
     high = np.where(np.isnan(load), np.inf, load + np.nan_to_num(error))

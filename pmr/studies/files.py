@@ -1,4 +1,4 @@
-"""Reading a study file: its kind decides what it may say; a collection names other study files."""
+"""Reading a study file: its kind decides which keys it may have; a collection names other study files."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ EXPERIMENTS = ("combinations", "error_map", "histories", "residual", "speed")
 
 
 class Collection(Section):
-    """Several studies in one call: `files`, and by a file's name without suffix what to change in it."""
+    """Several studies in one call: `files`, and what to `change` in each, by the file's name without suffix."""
 
     kind: Literal["collection"] = Field(description="Several studies in one call")
     title: str = Field(description="For reports")
@@ -38,7 +38,7 @@ class Collection(Section):
 
 @dataclass(frozen=True)
 class Part:
-    """One study of a call and its plan; `name` is its folder, empty for a study that stands alone."""
+    """One study of a call and its plan; `name` is its folder, empty for a study outside a collection."""
 
     name: str
     study: StudyBase
@@ -55,11 +55,11 @@ class Project:
 
     @property
     def runs(self) -> tuple[str, ...]:
-        """Names of all runs: their keys, in a collection behind that of the part."""
+        """Names of all runs: their keys, in a collection ``<part>/<key>``."""
         return tuple(_run_name(part, run) for part in self.parts for run in part.plan.runs)
 
     def only(self, names: Sequence[str]) -> Project:
-        """Return the project with the named runs alone; raises InputError if there is no such run."""
+        """Return the project with the named runs alone; raises InputError if there is no run of a name."""
         unknown = sorted(set(names) - set(self.runs))
         if unknown:
             close = hint(unknown[0], self.runs)
@@ -72,20 +72,22 @@ class Project:
 
 
 def _run_name(part: Part, run: Task) -> str:
+    """Return a run's key, in a collection with the part's name before it."""
     return f"{part.name}/{run.key}" if part.name else run.key
 
 
 def kind_names() -> list[str]:
-    """All kinds of studies."""
+    """Return the names of all kinds of studies, ``"collection"`` included."""
     return sorted([*(module.name for module in pkgutil.iter_modules(kinds.__path__)), COLLECTION])
 
 
 def schemas() -> dict[str, dict[str, Any]]:
-    """JSON schema of each kind of study file."""
+    """Return the JSON schema of each kind of study file."""
     return {kind: _model(kind).model_json_schema() for kind in kind_names()}
 
 
 def _model(kind: str) -> type[BaseModel]:
+    """Return the class that validates study files of a kind."""
     if kind == COLLECTION:
         return Collection
     model: type[StudyBase] = importlib.import_module(f"{kinds.__name__}.{kind}").Study
@@ -93,7 +95,7 @@ def _model(kind: str) -> type[BaseModel]:
 
 
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Project:
-    """Read a study file, a TOML file with a ``kind``, and those it names, down to their plans.
+    """Read a study file, which is TOML with a ``kind``, and the files that it names; return studies and plans.
 
     Names of files in it are relative to it, ``extends`` names a base file; `overrides` are ``"section.key=value"``.
     Raises InputError in one line: file, key, value, what is allowed.
@@ -121,6 +123,7 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Project:
 
 
 def _read(path: str | Path, changes: Sequence[Change]) -> TomlFile:
+    """Read a study file and apply changes to it; InputError for an unknown kind."""
     file = TomlFile.read(path, DIALECT)
     for change in changes:
         file.apply(change)
@@ -135,6 +138,7 @@ def _read(path: str | Path, changes: Sequence[Change]) -> TomlFile:
 
 
 def _part(name: str, file: TomlFile) -> Part:
+    """Return the study of a file and its plan; an InputError of the plan names the file."""
     study = file.validate(_model(file.data["kind"]))
     assert isinstance(study, StudyBase)  # collections are no parts
     try:

@@ -1,4 +1,4 @@
-"""What a boom does where a limit governs its load chart: shape, forces, stresses, and how it swings when it stops."""
+"""The boom at points of a chart where a limit governs: shape, forces, stresses, and how it swings when it stops."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 class Stop(Section):
-    """A stop of luffing or slewing, whose speed falls steadily to nothing."""
+    """A stop of luffing or slewing, whose speed falls to zero at a constant rate."""
 
     of: Literal["luffing", "slewing"] = Field(description="Motion that is stopped")
     speed: Annotated[float, Field(gt=0.0)] = Field(
@@ -36,7 +36,10 @@ class Stop(Section):
 
 @dataclass(frozen=True)
 class Stopping:
-    """A stop in rad/s, and the loads (P, i) of a unit of the angle's acceleration at all places."""
+    """A stop of luffing or slewing (`of`) from a `speed` in rad/s to rest `within` seconds.
+
+    `turned` (P, i) are the loads on i inputs by a unit of the angle's acceleration, at P postures.
+    """
 
     of: str
     speed: float
@@ -44,10 +47,15 @@ class Stopping:
     turned: Array
 
     def row(self, place: Place, load: float, limit: Limit | None) -> Array:
-        """Five numbers: by which factor the tip swings beyond a steady deceleration, and what is used of a limit.
+        """Return five numbers (5,) of the boom at a place under a load in kg, which stops in this way.
 
-        The share at rest, under a steady deceleration, and at most in the stop, of both directions; the speed in rad/s.
-        Not numbers where nothing stands, or the tip does not move.
+        - First the largest displacement of the tip during and after the stop, over that under a lasting steady
+          deceleration and in its direction; NaN if the tip does not move.
+        - Then the used share of `limit` at rest, that under a lasting steady deceleration, and the largest one during
+          and after the stop, the worse direction of motion counting; NaN if `limit` is None.
+        - Last the speed in rad/s.
+
+        If the boom is unstable all but the speed are NaN.
         """
         none, state = np.array([*[np.nan] * 4, self.speed]), place.loaded.state(load)
         swing = stopping_swing(state.form, load, self._acting_loads(place, load), self.within) if state.stands else None
@@ -70,6 +78,7 @@ class Stopping:
         return np.array([factor, place.used(limit, state), steadily, most(swing.outputs, swing.forces), self.speed])
 
     def _acting_loads(self, place: Place, load: float) -> Acting:
+        """Return the loads by a unit of the angle's acceleration, those on the suspended load in kg included."""
         at, k = place.at, place.k
         f = self.turned[k].copy()
         if self.of == "luffing":  # the load hangs: what lifts its rope accelerates it, and nothing sideways
@@ -80,7 +89,10 @@ class Stopping:
 
 
 def chosen(load: Array) -> NDArray[np.int64]:
-    """By limit (l,) the number of the place of those of loads (p, l) kg at which it governs the largest; or -1."""
+    """Return for each limit (l,) the row of `load` (p, l) in kg at which it governs the largest load; -1 if at none.
+
+    A limit governs a row if its load is the smallest there; rows whose smallest load is 0 or NaN don't count.
+    """
     least = np.where(np.isnan(load), np.inf, load)
     which, most = least.argmin(axis=1), least.min(axis=1)
     numbers = np.full(load.shape[1], -1)
@@ -94,11 +106,19 @@ def chosen(load: Array) -> NDArray[np.int64]:
 def details(
     limits: Sequence[Limit], places: Sequence[Place | None], loads: Array, bent: Bent, stops: Sequence[Stopping]
 ) -> dict[str, NDArray[Any]]:
-    """Arrays of places, each of one limit, None without one, under their loads (p,) kg.
+    """Return arrays that describe the boom at places, the n-th where the n-th limit governs, stability last.
 
-    ``forces`` (p, m) N, ``bent`` (p, b) m across the boom at ``bent.x`` of ``bent.section`` along ``direction.names``,
-    ``stress`` (p, s) Pa, von Mises', ``used`` (p, l), shares of all limits and of what it buckles under, and
-    ``luffing`` (p,) rad, with the names of all, and ``stops`` (p, stops, 5) as `Stopping.row` has them.
+    `loads` (p,) in kg act at the p places.  A place is None, and its rows are NaN, if its limit governs nowhere; if all
+    are None there are no arrays.
+
+    - ``forces`` (p, m) N of m contacts, and their ``kinds`` (m,).
+    - ``bent`` (p, b) m: displacements across the boom at the positions ``bent.x`` (b,) m of the sections
+      ``bent.section`` (b,) in the directions ``direction.names`` (b,).
+    - ``stress`` (p, s) Pa: von Mises stress at probes.
+    - ``used`` (p, l): used shares of all limits, and the load over the buckling load as the last one.
+    - ``luffing`` (p,) rad.
+    - ``stops`` (p, stops, 5): numbers of `Stopping.row`.
+    - ``forces.names``, ``stress.names``, ``section.names``: names of contacts, probes, sections.
     """
     at = next((place.at for place in places if place is not None), None)
     if at is None:
@@ -122,12 +142,15 @@ def details(
 
 
 def _probes(at: Postures) -> dict[str, dict[str, int]]:
-    """Components of stress by the probes that the scene itself has."""
+    """Return the columns of each stress component by probe, without probes that limits of the field have added."""
     return {probe: components for probe, components in at.columns.stresses().items() if FIELD not in probe}
 
 
 def _row(limits: Sequence[Limit], place: Place, load: float, bent: Bent) -> dict[str, Array]:
-    """Arrays of `details` at a place, just below the load: at the limit of stability nothing stands."""
+    """Return one place's row of the arrays of `details`, without ``stops``, under slightly less than `load` in kg.
+
+    At the limit of stability itself there is no equilibrium.
+    """
     at, load = place.at, load * (1.0 - BELOW)
     state = place.loaded.state(load)
     shape = Place(bent.measured(at), place.k, place.amounts, place.gravity).loaded.state(load)
@@ -145,5 +168,6 @@ def _row(limits: Sequence[Limit], place: Place, load: float, bent: Bent) -> dict
 
 
 def _swings(limit: Limit | None, place: Place, load: float, stops: Sequence[Stopping]) -> dict[str, Array]:
+    """Return one place's ``stops`` (stops, 5) of `details`, under slightly less than `load` in kg."""
     stop_rows = [stop.row(place, load * (1.0 - BELOW), limit) for stop in stops]
     return {"stops": np.array(stop_rows).reshape(-1, 5)}

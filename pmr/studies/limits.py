@@ -1,8 +1,8 @@
-r"""Limits of a load chart: what may not be passed, and which share of a limit a load uses.
+r"""Limits of a load chart: which quantities may not pass which amounts, and the share of a limit that a load uses.
 
 `KINDS` declares each of them once: its amount, its unit and how the share follows from states.  The share is 1 where
-the limit is reached, with the limit's own factor :math:`\gamma`: :math:`\gamma |r| / r_{most}`, r being the run's own
-quantity (`pmr.results.quantities`) or what a user makes of `AtRest`, and of the others
+the limit is reached, with the limit's own factor :math:`\gamma`: :math:`\gamma |r| / r_{most}`, r being a quantity that
+runs have too (`pmr.results.quantities`) or a user's function or expression of `AtRest`, and of the others
 
 ===========  ===============================================================================
 buckling     :math:`\gamma \Lambda_{least} / \Lambda`, all axial forces growing
@@ -38,40 +38,42 @@ from pmr.system.from_scene import force_names
 
 Array = NDArray[np.float64]
 Positive = Annotated[float, Field(gt=0.0)]
-#: The shares (p,) of a limit that states use.
+#: Function from p states to the shares (p,) of a limit that they use; 1 reaches it.
 Share = Callable[[States], Array]
-#: The limit that every chart has: beyond it nothing stands.
+#: The limit that every chart has: beyond it there is no stable equilibrium.
 STABILITY = "stability"
-#: What names of probes of the field begin with, behind the body's; faces that are looked at, where cells have them.
+#: Beginning of the names of probes of the field, behind the body's name; faces that they look at, if cells have them.
 FIELD, FACES = "field of ", ("outer", "inner")
-#: Models of bodies that have a field; what a mesh without regions is called.
+#: Structural models with a stress field; name of the region of a mesh without regions.
 WITH_FIELD, WHOLE = ("shell", "solid"), "walls"
-#: Numbers that the places of a chart may need in all.
+#: Most numbers that a limit of the field may store for all points of a chart.
 MOST_NUMBERS = 2**27
 
 
 @dataclass(frozen=True)
 class Kind:
-    """What a chart can limit, ``of`` in its file.
+    """A quantity that a chart can limit, which its file names with ``of``.
 
     Attributes
     ----------
     amount : str
-        The limit's key that holds it: ``most``, ``least``, or nothing.
+        The limit's key that holds the allowed amount: ``most``, ``least``, or nothing.
     unit : str
-        Its unit, empty where there is none or the user knows it.
+        Unit of the amount, empty where there is none or only the user knows it.
     share : callable
-        Returns, of a limit at the k-th place where parts act by amounts, the `Share` that states use.
+        Called with a limit, postures, the number k of one of these and the amounts (w,) by which the parts
+        ``Postures.parts`` act; returns the `Share`, a function from states to used shares.
     usual : Usual, optional
-        What is usual of it.
+        Range in which the amount usually lies.
     names : callable, optional
-        Returns the scene's names among which ``which`` chooses; None where that takes a model, or there are none.
+        Returns the scene's names among which ``which`` chooses; None if only a model knows them, or there are none.
     directly : callable, optional
-        Of an eigenvalue: returns the load in kg of a form that reaches it, near a load and up to another.
+        Of an eigenvalue: called with a form, the allowed amount, a load in kg near which the result is expected (NaN
+        without one) and the largest load in kg; returns the load in kg at which the eigenvalue reaches the amount.
     grows : bool
-        Whether the share grows with the load alone.
+        Whether the share can only grow with the load, so that looking at the largest one says whether it is reached.
     in_richer : bool
-        Whether a richer structural model has it at the same places.
+        Whether a richer structural model has the quantity at the same positions.
     """
 
     amount: Literal["most", "least", ""]
@@ -85,6 +87,11 @@ class Kind:
 
 
 def _share_of_quantity(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
+    """Return the function from states to the used shares (p,) of a limit on a quantity that runs have, too.
+
+    Raises InputError if the limit is on the luffing cylinder and its arm can't raise the boom at the k-th posture of
+    `at`.
+    """
     if limit.of == "luffing" and not at.arm[k] > 0.0:
         reason = f"at {np.rad2deg(at.luffing[k]):.4g} degrees the cylinder has an arm of {at.arm[k]:.2g} m"
         raise InputError("study", "luffing", None, f"angles at which it raises the boom are allowed: {reason}")
@@ -93,6 +100,10 @@ def _share_of_quantity(limit: Limit, at: Postures, k: int, amounts: Sequence[flo
 
 
 def _share_of_users(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
+    """Return the function from states to the used shares (p,) of a limit on a user's function or expression.
+
+    Its absolute value at the k-th posture of `at` counts.
+    """
     is_function, text = limit.of == "function", limit.function or limit.expression or ""
     evaluate = function_of(limit.name, text) if is_function else expression_of(text)
     amount = amount_of(evaluate, f"limits.{limit.name}.{limit.of}", text, at, k)
@@ -100,37 +111,45 @@ def _share_of_users(limit: Limit, at: Postures, k: int, amounts: Sequence[float]
 
 
 def _share_of_buckling(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
+    """Return the function from states to the used shares (p,) of a limit on the buckling factor."""
     return lambda states: limit.allowed_amount * np.array([form.inverse_factor(load) for form, load in _each(states)])
 
 
 def _share_of_frequency(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
+    """Return the function from states to the used shares (p,) of a limit on the lowest natural frequency."""
     return lambda states: np.array([_ratio(limit.allowed_amount, form.frequency(load)) for form, load in _each(states)])
 
 
 def _share_of_overturning(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
+    """Return the function from states to the used shares (p,) of a limit on overturning, about the worst edge.
+
+    The machine stands at the k-th posture of `at`, whose parts act by `amounts` (w,).
+    """
     tipping = limit.tipping(at, k, amounts)
     return lambda states: tipping.share(states, limit.factor)
 
 
 def _stress_probes(scene: Scene) -> list[str]:
+    """Names of a scene's probes that measure stress."""
     bodies = scene.bodies.items()
     return [named(body, p.name) for body, part in bodies for p in part.probes if "stress" in p.measures]
 
 
 def _force_names_of(kind: str) -> Callable[[Scene], Sequence[str]]:
+    """Return a function of a scene that lists the names of its contact forces of this kind."""
     return lambda scene: force_names(scene)[kind]
 
 
-#: What is usual of a quantity, by its unit.
+#: Usual range of a quantity, by its unit.
 USUAL = {"Pa": Usual(1e6, 1e10, unit="Pa"), "N": Usual(0.05, 1e3, "weight", "N"), "m": Usual(1e-5, 1.0, "reach", "m")}
 USUAL_PRESSURE = Usual(1e4, 1e10, unit="Pa")
-#: Names that the quantities of a run are chosen by, where no model is needed to know them.
+#: Functions that list a scene's names among which a limit chooses, by quantity, if no model is needed for them.
 NAMES: Mapping[str, Callable[[Scene], Sequence[str]]] = {
     "stress": _stress_probes,
     "rope": lambda scene: list(rope_shares(scene)),
     **{kind: _force_names_of(kind) for kind in ("pad", "cylinder", "support")},
 }
-#: All kinds of limits: the quantities of a run, and what a run has no quantity for.
+#: All kinds of limits: quantities that runs have too, and others.
 KINDS: Mapping[str, Kind] = {
     key: Kind("most", q.unit, _share_of_quantity, USUAL.get(q.unit), NAMES.get(key), in_richer=q.unit != "Pa")
     for key, q in LIMITED.items()
@@ -182,15 +201,18 @@ class Limit(Section):
 
     @property
     def kind(self) -> Kind:
+        """The declaration in `KINDS` of what is limited."""
         return KINDS[self.of]
 
     @property
     def hint_numbers(self) -> dict[str, tuple[float, Usual]]:
+        """`most` and its usual range, for hints; empty without a `most` or a usual range."""
         usual = USUAL_PRESSURE if self.area else self.kind.usual
         return {"most": (self.most, usual)} if self.most is not None and usual is not None else {}
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
+        """Refuse keys that are missing for what is limited, and keys that belong to another limit."""
         needed = self.kind.amount
         for key in ("most", "least"):
             if (getattr(self, key) is not None) != (key == needed):
@@ -210,20 +232,24 @@ class Limit(Section):
 
     @property
     def allowed_amount(self) -> float:
-        """Largest allowed value, of a pad with an area its force; or `factor` times the smallest one."""
+        """Largest allowed value: `most`, for a pad with an area `most` times the area; or `factor` times `least`."""
         if self.least is not None:
             return self.factor * self.least
         return float(self.most or 0.0) * float(np.prod(self.area or (1.0,)))
 
     def share(self, at: Postures, k: int, amounts: Sequence[float]) -> Share:
-        """Function of states at the k-th place that returns the used share of the limit, parts acting by `amounts`.
+        """Return the function from states to the used shares (p,) of the limit at the k-th posture of `at`.
 
-        An InputError is raised where it looks at nothing.
+        `amounts` (w,) are those by which the parts ``at.parts`` act.  Raises InputError if the model has none of the
+        columns that the limit depends on.
         """
         return self.kind.share(self, at, k, amounts)
 
     def measure(self, columns: Columns) -> Measure:
-        """The amount of which `most` is allowed, from values of these columns; an InputError is raised without any."""
+        """Return the function from values (p, c) of `columns` to the quantity (p,) that `most` bounds.
+
+        Raises InputError if none of the columns belongs to the limit.
+        """
         measure_of = LIMITED[self.of].measure
         measure = measure_of and measure_of(columns, self.looks_at)
         if measure is None:
@@ -232,19 +258,26 @@ class Limit(Section):
         return measure
 
     def directly(self, form: Form, near: float, up_to: float) -> float | None:
-        """The load in kg that it allows as long as no contact opens; None for a limit that is no eigenvalue.
+        """Return the load in kg at which the eigenvalue of `form` reaches the limit while no contact opens or closes.
 
-        It may be known to be `near` a load, and is not needed above the largest.
+        None for a limit on something else than an eigenvalue; infinite if no load reaches it.  `near` is a load in kg
+        near which it is expected, NaN without one; a load above `up_to` may be returned as infinite.
         """
         directly = self.kind.directly
         return None if directly is None else directly(form, self.allowed_amount, near, up_to)
 
     def tipping(self, at: Postures, k: int, amounts: Sequence[float]) -> Tipping:
-        """Moments about the edges of a limit of overturning."""
+        """Return the moments about the edges of the support polygon at the k-th posture of `at`.
+
+        `amounts` (w,) are those by which the parts ``at.parts`` act.
+        """
         return Tipping.of(self.polygon, self.height, self.machine, at, k, np.asarray(amounts))
 
     def check(self, scene: Scene) -> None:
-        """An InputError is raised where a name that it looks at is none of the scene's; that takes no model."""
+        """Raise InputError if the limit names a probe, contact, function or quantity that the scene lacks.
+
+        It builds no model, so names that only a model knows are not checked.
+        """
         if self.of == "luffing" and (scene.frame is None or scene.frame.cylinder is None):
             allowed = "a scene with frame.cylinder is allowed, which says where its hinges are"
             raise InputError("study", f"limits.{self.name}.of", self.of, allowed)
@@ -260,7 +293,7 @@ class Limit(Section):
                 raise self._unknown_name(names)
 
     def looks_at(self, name: str) -> bool:
-        """Return whether the limit depends on a column, a probe or a point of the field, by its name."""
+        """Return whether the limit depends on the column, the probe or the point of the field with this name."""
         if self.of not in ("stress", "field"):
             return fits(self.which, name)
         body, separator, suffix = name.rpartition(FIELD)
@@ -270,30 +303,32 @@ class Limit(Section):
         return bool(separator) and (fits(self.which, body or WHOLE) or fits(self.which, named(body, region)))
 
     def _unknown_name(self, names: Sequence[str]) -> InputError:
+        """Return the error of a name in ``which`` that is not among `names`; empty `names`: nothing can be limited."""
         allowed = f"names among {', '.join(names)} are allowed" if names else f"the scene has no {self.of} to look at"
         return InputError("study", f"limits.{self.name}.which", ", ".join(self.which), allowed)
 
 
 def _each(states: States) -> Iterator[tuple[Form, float]]:
+    """Iterate over the states' forms and loads in kg."""
     return zip(states.forms, states.load.tolist(), strict=True)
 
 
 def _ratio(part: float, total: float) -> float:
-    """Ratio of a part to the total; infinite where the total is not positive."""
+    """Return `part` over `total`; infinite if the total is not positive."""
     return part / total if total > 0.0 else np.inf
 
 
 def bodies_with_field(scene: Scene) -> list[str]:
-    """Names of shells and solids, as limits of the field choose among them."""
+    """Names of a scene's shells and solids, for limits of the field; ``"walls"`` for a body without a name."""
     named_members = zip(scene.names, members(scene), strict=True)
     return [name or WHOLE for name, member in named_members if model_of(member) in WITH_FIELD]
 
 
 def with_fields(scene: Scene, patterns: Sequence[str], places: int) -> Scene:
-    """The scene with probes at all stress points of bodies, or of their regions, whose name fits one of the patterns.
+    """Return the scene with probes at all stress points of those bodies or regions that one of the `patterns` fits.
 
-    A region is called as its body and itself, ``fly: flange``.  An InputError is raised where nothing fits, or where so
-    many points at so many places would fill the memory.
+    A region's name is its body's and its own, ``fly: flange``.  Raises InputError if no body or region fits, or if so
+    many points at so many `places` (points of the chart) would fill the memory.
     """
     if not patterns:
         return scene
@@ -312,7 +347,7 @@ def with_fields(scene: Scene, patterns: Sequence[str], places: int) -> Scene:
 
 
 def _field_probes(name: str, model: Any, patterns: Sequence[str]) -> Iterator[Probe]:
-    """Probes at the stress points of a body's regions whose name, or the body's, fits one of the patterns."""
+    """Yield probes at the stress points of those regions whose name, or whose body's, fits one of the patterns."""
     rows = model.stresses() if hasattr(model, "stresses") else None
     if rows is None or not set(FACES) & set(rows.faces) and len(rows.components) < 6:
         return

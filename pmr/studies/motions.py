@@ -1,8 +1,8 @@
 """Full and reduced models of a scene, of several bases and of every size, and their motions, simulated alike.
 
-Of a boom of sections the size is the number of elastic modes of each section; rigid-body motions and modes of cylinders
-come on top.  Motions begin in static equilibrium or at rest, as the scene says.  Where pads push, models take the parts
-of a step that the full one took.
+For a boom of sections the size is the number of elastic modes of each section; rigid-body motions and modes of
+cylinders are added.  Motions begin in static equilibrium or at rest, as the scene says.  Where pads push, models divide
+steps into the same parts as the full model did.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Every so many steps of the full motion are snapshots of it.
+#: Number of steps of the full motion from one snapshot of it to the next.
 EVERY = 5
 #: Rigid-body motions of a section, at most.
 RIGID = 6
@@ -44,16 +44,17 @@ OF_SECTIONS = ("modes", "flexibility")
 
 @dataclass(frozen=True)
 class Case:
-    """A scene, its full models as one system, and the motion of that."""
+    """A scene, its full models as one system, and the motion of that system."""
 
     scene: Scene
-    full: System  # of a body alone in its modal coordinates
-    excitation: Excitation  # in the parts of a step that the full motion took
+    full: System  # a single body's in its modal coordinates
+    excitation: Excitation  # with steps divided as in the full motion
     run: SystemTrajectory
     response: Response
 
     @classmethod
     def of(cls, scene: Scene) -> Case:
+        """Build the full models of a scene and simulate their motion."""
         is_alone = len(scene.sections) == 1
         full = System.of(modal_form(shared.body_of(scene)).body) if is_alone else shared.full_system(scene)
         excitation = in_parts(full, Excitation.of(scene))
@@ -62,9 +63,9 @@ class Case:
 
 
 def displacement(scene: Scene, system: System, factor: float, every: int, rho_inf: float | None = None) -> Array:
-    """Displacements (T, o) in m of a system at each `every`-th step, which is `factor` times as long as the scene's.
+    """Return the displacements (T, o) in m of a system at each `every`-th step of its motion.
 
-    The spectral radius `rho_inf` is the scene's, too, where none is named.
+    Steps are `factor` times as long as the scene's; the spectral radius is `rho_inf`, or the scene's if it is None.
     """
     driven = Excitation.of(scene)
     grid = replace(driven.stepping, step=factor * driven.stepping.step)
@@ -74,7 +75,7 @@ def displacement(scene: Scene, system: System, factor: float, every: int, rho_in
 
 @dataclass(frozen=True)
 class Models:
-    """Systems of models by their size, from the smallest to the largest."""
+    """Models of one basis as systems: `of` returns the one of a size from `smallest` to `largest`."""
 
     of: Callable[[int], System]
     largest: int
@@ -82,7 +83,10 @@ class Models:
 
 
 def reduced_to(scene: Scene, basis: str, largest: int) -> Scene:
-    """Return the scene with what a basis needs for models of up to this size, and nothing to be searched."""
+    """Return the scene with the reduction that a basis needs for models of up to the size `largest`.
+
+    For a boom of sections goals of accuracy and budgets are removed, so that no size is searched.
+    """
     solver = scene.sections[0].reduction.solver
     if len(scene.sections) > 1:
         update = {"coordinates": RIGID + largest, "flexibility": True, "estimate": True}
@@ -100,10 +104,10 @@ def reduced_to(scene: Scene, basis: str, largest: int) -> Scene:
 
 
 def models(scene: Scene, basis: str) -> Models:
-    """Models of a scene that was `reduced_to` a basis.
+    """Return the models of a scene that `reduced_to` made for a basis.
 
     ``pod`` and ``visited`` are POD of eigenmodes with the sliders held, at all nodes or at nine positions that the path
-    visits; ``modes`` are free modes, and nothing of those left out; ``flexibility`` has their flexibility as well.
+    visits; ``modes`` are free modes without the flexibility of those left out, ``flexibility`` free modes with it.
     """
     if len(scene.sections) > 1:
         return _models_of_sections(scene, basis)
@@ -118,11 +122,12 @@ def models(scene: Scene, basis: str) -> Models:
 
 
 def _flexible_models(longest: ReducedModel) -> Models:
-    """Models with as many enrichment modes as the longest one has."""
+    """Return models of free modes with flexibility, each with as many enrichment modes as the longest one has."""
     every = extend(longest) if longest.enrichment else longest
     more = every.size - longest.size
 
     def of(size: int) -> System:
+        """Return the system of a model with `size` free modes."""
         leading = every if size + more == every.size else replace(truncate(every, size + more), enrichment=None)
         return System.of(truncate(leading, size) if more else leading)
 
@@ -132,7 +137,7 @@ def _flexible_models(longest: ReducedModel) -> Models:
 
 
 def models_of_motion(case: Case) -> Models:
-    """Models of a body alone on the POD of its full motion's modal coordinates."""
+    """Return the models of a single body on the POD of its full motion's modal coordinates."""
     (body,) = case.full.reduced.values()
     U, sigma, _ = np.linalg.svd(case.run.bodies[ALONE].q[::EVERY].T, full_matrices=False)
     rank = int(np.sum(sigma > sigma[0] * 1e-13))
@@ -140,13 +145,14 @@ def models_of_motion(case: Case) -> Models:
 
 
 def _models_of_sections(boom: Scene, basis: str) -> Models:
-    """Models with so many elastic modes a section."""
+    """Return models of a boom whose size is the number of elastic modes of each section."""
     from pmr.reduction.bodies import reduce_bodies
 
     bodies = reduce_bodies(boom, shared.bodies_of(boom))
     trials = trials_of(boom, {name: body.modal for name, body in bodies.items()})
 
     def of(size: int) -> System:
+        """Return the system with `size` elastic modes in each section."""
         modal = trials.models(trials.uniform(size))
         if basis == "modes":
             modal = {name: _without_flexibility(model) for name, model in modal.items()}

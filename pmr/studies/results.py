@@ -2,7 +2,7 @@
 
 ``runs.csv`` and ``runs.npz`` hold the runs in the order of the plan: key, status, reason, parameters, figures.  They
 are the same to the last byte however many workers there were and however often the study was cut off; times, which
-differ each time, stand in ``seconds.csv``.
+differ from call to call, are in ``seconds.csv``.
 """
 
 from __future__ import annotations
@@ -29,18 +29,19 @@ from pmr.studies.tasks import Failure, Plan, Scalar, TaskResult, digests
 FORMAT = "pmr-task-result"
 FORMAT_VERSION = 3  # warnings belong to the result
 STALE_AFTER = 3600.0  # s, age at which a file under construction counts as abandoned
-#: Between the warnings in a cell of the table.
+#: Text between two warnings in a cell of the table.
 SEPARATOR = " | "
-#: Files that go together, and those that are made of them.
+#: Files that are written together, and the reports that are made of them.
 TABLES, REPORT = ("runs.csv", "runs.npz", "seconds.csv", "summary.json"), ("report.html", "report.pdf")
 
 
 @dataclass(frozen=True)
 class Store:
-    """Folder of the results of tasks, one npz file with a JSON header each, by the digest of what decides the result.
+    """Folder of the results of tasks, one npz file with a JSON header each, named by the result's digest.
 
-    A file appears under its name only when it is complete, and a damaged one counts as none; so a study that was cut
-    off goes on with what is there.  Equal tasks of several studies share a file.  Nothing in it is pickled.
+    The digest is that of all that decides the result.  A file appears under its name only when it is complete, and a
+    damaged one counts as missing; so a study that was cut off continues with the files that are there.  Equal tasks of
+    several studies share a file.  Nothing in it is pickled.
     """
 
     folder: Path
@@ -50,14 +51,14 @@ class Store:
         return self.folder / f"{digest}.npz"
 
     def prepare(self) -> None:
-        """Make the folder, and clear away what interrupted processes left half-written."""
+        """Make the folder, and delete files that interrupted processes left unfinished more than an hour ago."""
         self.folder.mkdir(parents=True, exist_ok=True)
         for file in self.folder.glob("*.part"):
             if file.is_file() and time.time() - file.stat().st_mtime > STALE_AFTER:
                 file.unlink(missing_ok=True)
 
     def sound(self, digest: str) -> bool:
-        """Whether the result is there, and undamaged to the last byte."""
+        """Return whether the file of this digest is there and undamaged to the last byte."""
         try:
             self.read(digest)
         except npz.DamagedError:
@@ -65,7 +66,7 @@ class Store:
         return True
 
     def write(self, digest: str, key: str, result: TaskResult) -> None:
-        """Put the result of the task with this key in its place, all of it or nothing.
+        """Write the result of the task `key` to the file of this digest, all of it or nothing.
 
         Raises TypeError or ValueError if the record holds anything but finite scalars.
         """
@@ -81,13 +82,14 @@ class Store:
         npz.write(self.path(digest), {f"array.{name}": array for name, array in result.arrays.items()}, header)
 
     def headline(self, digest: str) -> TaskResult:
-        """Read a result without its arrays."""
+        """Return the result with this digest without its arrays; raises DamagedError as `read` does."""
         return self.read(digest, only=(npz.HEADER,))
 
     def read(self, digest: str, only: Collection[str] | None = None) -> TaskResult:
-        """Return the result with this digest, with `only` some members of its file; arrays are read-only.
+        """Return the result with this digest; its arrays are read-only.
 
-        Raises DamagedError if the file is missing or damaged.
+        `only` names the members of the file that are read; all if it is None.  Raises DamagedError if the file is
+        missing or damaged.
         """
         file = self.path(digest)
         try:
@@ -105,7 +107,10 @@ class Store:
 
 
 def _check_record(record: Mapping[str, Scalar]) -> dict[str, Scalar]:
-    """Return a record as plain Python scalars, all of which are finite."""
+    """Return a record as plain Python scalars.
+
+    Raises TypeError for a value that is no scalar, ValueError for a float that is not finite.
+    """
     plain: dict[str, Scalar] = {}
     for name, value in record.items():
         value = value.item() if isinstance(value, np.generic) else value
@@ -119,9 +124,10 @@ def _check_record(record: Mapping[str, Scalar]) -> dict[str, Scalar]:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """One run: what was varied, how it went, and what came out.
+    """One run: the parameters that were varied, its status, and the numbers that came out, `figures`.
 
-    `figures` are empty where `status` is ``"failed"`` or ``"skipped"``; `file` is where its arrays are.
+    `status` is ``"done"``, ``"failed"`` or ``"skipped"``; without ``"done"`` `figures` are empty, and `reason` says why
+    in one line and `detail` at length.  `file` is the path of its arrays, relative to the study's folder.
     """
 
     key: str
@@ -136,7 +142,7 @@ class RunRecord:
 
     @property
     def row(self) -> dict[str, Scalar]:
-        """Row of the run in the table."""
+        """Cells of the run in the table, by column: key, status, reason, parameters, figures, warnings."""
         head = {"run": self.key, "status": self.status, "reason": self.reason}
         return {**head, **self.parameters, **self.figures, "warnings": SEPARATOR.join(self.warnings)}
 
@@ -149,7 +155,7 @@ class CountedWarning:
     runs: tuple[str, ...]
 
     def line(self, count: int) -> str:
-        """The warning in words, where the study has so many runs; the text is that of the first run."""
+        """Return the warning as a line that says which of the study's `count` runs have it."""
         if count == 1:
             return self.text
         if len(self.runs) == 1:
@@ -168,7 +174,10 @@ class StudyResults:
     def collect(
         cls, folder: Path, plan: Plan, code: str, store: Store, failures: Mapping[str, Failure]
     ) -> StudyResults:
-        """Collect the records of a plan's runs from the store and, by digest, from the failures."""
+        """Return the records of a plan's runs: of failed ones from `failures`, by digest, of all others from the store.
+
+        `code` is the digest of the code that computed them; `folder` is the study's own.
+        """
         digest = digests(plan, code)
         runs = []
         for task in plan.runs:
@@ -185,7 +194,7 @@ class StudyResults:
 
     @classmethod
     def load(cls, folder: Path) -> StudyResults:
-        """Read what `save` wrote."""
+        """Read the results from the summary.json that `save` wrote into `folder`."""
         finish_swap(folder)
         runs = json.loads((folder / "summary.json").read_text())["runs"]
         for run in runs:
@@ -194,7 +203,7 @@ class StudyResults:
 
     @property
     def warnings(self) -> list[CountedWarning]:
-        """The warnings of all runs counted by their kind, those of most runs first."""
+        """Warnings of all runs, one entry for each kind, the kind that most runs have first."""
         of_kind = dict[str, dict[str, str]]()
         for run in self.runs:
             for text in run.warnings:
@@ -204,22 +213,24 @@ class StudyResults:
 
     @property
     def is_complete(self) -> bool:
+        """Whether all runs are done."""
         return all(run.status == "done" for run in self.runs)
 
     def arrays(self, key: str) -> Mapping[str, NDArray[Any]]:
-        """Arrays of one run."""
+        """Read the arrays of the run with this key from the store."""
         file = next(run.file for run in self.runs if run.key == key)
         path = self.folder / file
         return Store(path.parent).read(path.stem).arrays
 
     def column(self, name: str) -> NDArray[Any]:
-        """One column of the table; NaN (or an empty text) where a run has no such figure."""
+        """Return one column (runs,) of the table; NaN, or an empty text among texts, where a run has no such value."""
         return _column([run.row.get(name) for run in self.runs])
 
     def save(self, summary: Mapping[str, Any], tables: Mapping[str, str] | None = None) -> None:
-        """Write runs.csv, runs.npz, seconds.csv and summary.json, which holds `summary` and the runs; further `tables`.
+        """Write runs.csv, runs.npz, seconds.csv, summary.json (`summary` and the runs) and further `tables`.
 
-        A report that is there belongs to what was there before, and goes.
+        `tables` are texts by file name; an empty text writes no file.  Old files of these names are replaced or
+        deleted, and so is an existing report, which shows the old results.
         """
         rows = [run.row for run in self.runs]
         names = _names(rows)
@@ -234,11 +245,12 @@ class StudyResults:
             _write(new / "summary.json", self._text(summary))
 
     def save_summary(self, summary: Mapping[str, Any]) -> None:
-        """Write summary.json alone; a report that is there goes."""
+        """Write summary.json alone, with `summary` and the runs, and delete an existing report."""
         with fresh(self.folder, ("summary.json", *REPORT)) as new:
             _write(new / "summary.json", self._text(summary))
 
     def _text(self, summary: Mapping[str, Any]) -> str:
+        """Return the text of summary.json: the keys of `summary`, and all runs under ``runs``."""
         runs = [
             vars(run) | {n: dict(getattr(run, n)) for n in ("parameters", "figures", "seconds")} for run in self.runs
         ]
@@ -246,24 +258,26 @@ class StudyResults:
 
 
 def _names(rows: Iterable[Mapping[str, Scalar]]) -> list[str]:
-    """Names of the columns of rows, in the order in which they come up, warnings last."""
+    """Return the names of the columns of rows in the order of their first appearance, ``warnings`` last."""
     names = dict.fromkeys(name for row in rows for name in row)
     return sorted(names, key=lambda name: name == "warnings")
 
 
 def csv_text(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Text of a CSV file with these heads and rows of cells."""
+    """Return the text of a CSV file with a line of column heads and rows of cells."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([heads, *rows])
     return text.getvalue()
 
 
 def _csv(rows: Sequence[Mapping[str, Scalar]]) -> str:
+    """Return the text of a CSV file of rows by column name; cells that a row lacks are empty."""
     names = _names(rows)
     return csv_text(names, [[_cell(row.get(name)) for name in names] for row in rows])
 
 
 def _cell(value: Scalar) -> str:
+    """Return a value as text: None as an empty one, booleans in small letters, numbers with all digits."""
     if value is None:
         return ""
     if isinstance(value, bool):
@@ -272,6 +286,7 @@ def _cell(value: Scalar) -> str:
 
 
 def _column(values: Sequence[Scalar]) -> NDArray[Any]:
+    """Return values as an array of texts, None as an empty one, or of numbers, None as NaN."""
     values_given = [value for value in values if value is not None]
     if any(isinstance(value, str) for value in values_given):
         return np.array(["" if value is None else str(value) for value in values])
@@ -281,4 +296,5 @@ def _column(values: Sequence[Scalar]) -> NDArray[Any]:
 
 
 def _write(path: Path, text: str) -> None:
+    """Write a text file in UTF-8."""
     path.write_text(text, encoding="utf-8")

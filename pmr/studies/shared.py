@@ -1,8 +1,8 @@
 """Tasks that runs of many kinds have in common: eigenmodes at a slider position, references, frequencies.
 
-Each is planned from a scene with only what decides the result.  So runs that differ in anything else share it,
-within a study and across the studies of a collection.  The functions import the finite-element world when they are
-called: planning does without it.
+Each is planned from a scene that is stripped of all that does not decide the result, so that runs which differ in
+anything else share the task, within a study and across the studies of a collection.  The functions import FEniCSx when
+they are called: planning works without it.
 """
 
 from __future__ import annotations
@@ -39,37 +39,37 @@ NOTHING = Constant(amount=0.0)
 
 
 def scene_arguments(scene: Scene) -> dict[str, Any]:
-    """A scene as arguments of a task; the hash stands for the content of files that the scene names."""
+    """Return a scene as arguments of a task: ``scene``, its keys, and ``hash``, which covers files that it names."""
     plain = scene.model_copy(update={"title": "", "published": None})
     return {"scene": plain.model_dump(mode="json"), "hash": plain.hash}
 
 
 def scene_of(arguments: Arguments) -> Scene:
-    """The scene that `scene_arguments` was given."""
+    """Return the scene from arguments that `scene_arguments` made."""
     return Scene.model_validate(arguments["scene"])
 
 
 def refuse_second_order(scene: Scene) -> None:
-    """An InputError is raised for a body alone with second order, which most kinds of study do not follow."""
+    """Raise InputError for a single body with second order, which most kinds of studies can't compute."""
     if len(scene.sections) == 1 and scene.frame is not None and scene.frame.second_order:
         allowed = "false is allowed in a study of a body alone; studies of kind 'scenes' follow second order"
         raise InputError("scene", "frame.second_order", scene.frame.second_order, allowed)
 
 
 def model_of(scene: Scene) -> FullModel:
-    """The full model of a body alone, as `bodies_of` has it."""
+    """Return the full model of a scene's single body; it is stored for the next task, see `bodies_of`."""
     return bodies_of(scene)[ALONE].model
 
 
 def body_of(scene: Scene) -> FullBody:
-    """Full model of a scene's body in one piece: a task has one rank."""
+    """Return the full model of a scene's single body as SciPy matrices; a task has one rank."""
     body = model_of(scene).gather()
     assert body is not None
     return body
 
 
 def full_system(scene: Scene) -> System:
-    """All full models of a scene as one system in one piece: a task has one rank."""
+    """Return all full models of a scene, with their contacts, as one system of SciPy matrices; a task has one rank."""
     from pmr.fullmodel.model import FullSystem
 
     models = {name: built.model for name, built in bodies_of(scene).items()}
@@ -79,19 +79,20 @@ def full_system(scene: Scene) -> System:
 
 
 def reduced_system(scene: Scene) -> System:
-    """All bodies of a scene, reduced as it asks, as one system."""
+    """Return all bodies of a scene, reduced by their own settings, as one system."""
     from pmr.reduction.bodies import join_bodies, reduce_bodies
 
     return join_bodies(scene, reduce_bodies(scene, bodies_of(scene)))
 
 
 def bodies_of(scene: Scene) -> Mapping[str, Built]:
-    """The scene's full models and structures, stored for the next task of this process that asks for the same ones."""
+    """Return a scene's full models and structures by body; they are stored for later tasks of this process."""
     return _built(_without_loads(scene).model_copy(update={"title": "", "published": None, "damping": scene.damping}))
 
 
 @lru_cache(maxsize=4)
 def _built(scene: Scene) -> Mapping[str, Built]:
+    """Build the full models of a scene's bodies and log their warnings."""
     from pmr.fullmodel.build import build_bodies, log_warnings
 
     built = build_bodies(scene)
@@ -100,13 +101,16 @@ def _built(scene: Scene) -> Mapping[str, Built]:
 
 
 def with_reduction(scene: Scene, reduction: Reduction) -> Scene:
-    """The scene with the same reduction of every body."""
+    """Return the scene with this reduction of every body."""
     parts = tuple(part.model_copy(update={"reduction": reduction}) for part in scene.sections)
     return scene.model_copy(update={"sections": parts})
 
 
 def modes_tasks(scene: Scene) -> dict[str, Task]:
-    """Tasks ``modes0``, ``modes1``, ... for eigenmodes at each of the scene's slider positions, one for free modes."""
+    """Return tasks ``modes0``, ``modes1``, ... that compute eigenmodes at each slider position of the snapshots.
+
+    A basis of free modes has one task; vectors from a file or from a package's function have none.
+    """
     choice = scene.reduction
     if choice.given:
         return {}
@@ -136,7 +140,7 @@ def modes_tasks(scene: Scene) -> dict[str, Task]:
 
 
 def reference_task(scene: Scene, name: str) -> Task:
-    """Task that simulates what a reduced model is compared with: ``"full"`` or ``"ancf"``."""
+    """Return the task that simulates a model to compare with, the `name` of which is ``"full"`` or ``"ancf"``."""
     is_ancf = name == "ancf"
     alone = scene.model_copy(
         update={
@@ -149,12 +153,12 @@ def reference_task(scene: Scene, name: str) -> Task:
 
 
 def frequencies_task(scene: Scene) -> Task:
-    """Task that computes the full model's lowest frequencies over the path."""
+    """Return the task that computes the full model's lowest frequencies over the path."""
     return _task(frequencies, "frequencies", "frequencies", _without_loads(scene))
 
 
 def snapshots_from(scene: Scene, needs: Needs) -> Snapshots:
-    """The scene's snapshots, from the results of its `modes_tasks` where it has any."""
+    """Return a scene's snapshots from the results of its `modes_tasks`, or from the file that it names."""
     from pmr.reduction.from_scene import given_vectors
     from pmr.reduction.snapshots import Snapshots
 
@@ -167,12 +171,16 @@ def snapshots_from(scene: Scene, needs: Needs) -> Snapshots:
 
 
 def response_from(result: TaskResult) -> Response:
-    """The response of a `reference_task`."""
+    """Return the response from the result of a `reference_task`."""
     return npz.record(Response, result.arrays)
 
 
 def modes_at(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: eigenmodes with the slider held at one of the scene's positions."""
+    """Task: eigenmodes with the slider held at the scene's position number ``position``.
+
+    Arrays of k modes with n coordinates: ``phi`` (n, k), ``omega`` (k,) in rad/s, ``residuals`` (k,), ``s`` (k,), the
+    position in m.
+    """
     from pmr.fullmodel.eigensolvers import eigensolver
     from pmr.reduction.snapshots import positions
 
@@ -185,7 +193,7 @@ def modes_at(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def modes_released(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: the modes of a scene whose basis needs no slider positions."""
+    """Task: the modes of a scene whose basis needs no slider positions; arrays as those of `modes_at`."""
     from pmr.reduction.from_scene import take_snapshots
 
     scene = scene_of(arguments)
@@ -195,7 +203,7 @@ def modes_released(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def reference(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: response of the full model or of the ANCF cable."""
+    """Task: simulate the full model or the ANCF cable, as argument ``simulator`` says; arrays of the `Response`."""
     from pmr.pipeline.full_order import FullOrder
 
     scene = scene_of(arguments)
@@ -205,7 +213,7 @@ def reference(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def frequencies(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: the full model's lowest frequencies in rad/s, ``omega`` (S, f), over the path, ``s`` (S,)."""
+    """Task: the full model's f lowest frequencies ``omega`` (S, f) in rad/s at path coordinates ``s`` (S,) in m."""
     from pmr.compare.frequencies import CURVES, visited_positions
     from pmr.fullmodel.eigensolvers import lowest_frequencies
 
@@ -216,6 +224,7 @@ def frequencies(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def _without_loads(scene: Scene) -> Scene:
+    """Return the scene without loads, damping, comparison and settings of time steps and reduction."""
     end = scene.time.end  # the path is visited up to it
     unloaded = scene.without_loads().model_copy(
         update={
@@ -230,6 +239,7 @@ def _without_loads(scene: Scene) -> Scene:
 
 
 def _task(function: TaskFunction, kind: str, name: str, scene: Scene, **more: Any) -> Task:
+    """Return a task of the scene, whose key is `name` and a digest of its arguments; `more` are further arguments."""
     arguments = scene_arguments(scene) | more
     digest = hashlib.sha256(json.dumps(arguments, sort_keys=True).encode()).hexdigest()[:12]
     return Task(f"{name}-{digest}", function, arguments, cost=COSTS[kind])

@@ -1,4 +1,4 @@
-"""What a study file may say, whatever its kind; a kind adds its own keys and its plan."""
+"""Keys that all study files share; a kind of study adds its own keys and its plan."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Count = Annotated[int, Field(ge=1, strict=True)]
 
 
 class Statement(Section):
-    """Statement of a publication about something that the study finds out too."""
+    """Published statement that is compared with a figure of the study."""
 
     figure: str = Field(description="Name of the study's own figure")
     text: str = Field(description="What it is")
@@ -35,7 +35,7 @@ class Statement(Section):
 
 
 class StudyBase(Section):
-    """A study: what is varied, validated and frozen.
+    """A study: settings of its runs, validated and frozen.
 
     A kind is a module of `pmr.studies.kinds` with a class ``Study`` derived from this one, whose ``kind`` is a Literal
     of the module's name.
@@ -49,26 +49,30 @@ class StudyBase(Section):
 
     @abstractmethod
     def plan(self) -> Plan:
-        """The tasks; everything that can be refused is refused here, before anything runs.
+        """Return the tasks of the study; all that can be refused is refused here, before anything runs.
 
-        Raises InputError with source ``"study"`` for a key of the study file; the reader of the file replaces it.
+        Raises InputError with source ``"study"`` for a key of the study file; the reader of the file puts its name
+        there.
         """
 
     def hints(self) -> list[str]:
-        """A sentence for each key of the study whose number is not usual, as one in another unit is."""
+        """Return a line for each key of the study whose number lies outside its usual range, as in a wrong unit."""
         return []
 
     def figures(self, results: StudyResults) -> Mapping[str, Scalar]:
-        """Figures of all runs together, once they are there: they go into summary.json, for reports."""
+        """Return numbers about all runs together, by name, for ``figures`` in summary.json.
+
+        It is called when all runs are done.
+        """
         return {}
 
     def tables(self, results: StudyResults) -> Mapping[str, str]:
-        """Further tables of the runs that are done, by the names of their files, as text.
+        """Return the texts of further tables of the runs that are done, by file name.
 
-        An old file of a table without text goes.
+        For an empty text no file is written, and an old file is deleted.
         """
         return {}
 
     def summary_line(self, results: StudyResults) -> str:
-        """The main result in one line for the terminal, once all runs are there; empty without one."""
+        """Return the main result in one line for the terminal, empty without one; called when all runs are done."""
         return ""

@@ -1,4 +1,4 @@
-"""Tasks of a study, each a function call with a name; the plan that lists them, and the graph of those to compute."""
+"""Tasks of a study, each a named call of a function; the plan that lists them, and the graph of those to compute."""
 
 from __future__ import annotations
 
@@ -20,22 +20,25 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 
-#: What stands in one cell of the table.
+#: Value of one cell of the table.
 Scalar = float | int | bool | str | None
-#: What a key of a task may be: it is the name of a file, too.
+#: Longest key of a task, and the pattern of keys: they are names of files, too.
 LONGEST = 120
 KEY = re.compile(rf"[A-Za-z0-9][A-Za-z0-9._=,+-]{{0,{LONGEST - 1}}}")
 
 
 def key_of(text: str) -> str:
-    """A key that says what `text` does: what a key can't hold becomes ``_``, the end of what is too long a digest."""
+    """Return a task key that resembles `text`: ``_`` for characters that keys can't hold.
+
+    The end of a text that is too long becomes a digest of it; a key that would begin with a sign begins with 0.
+    """
     key = re.sub(r"[^A-Za-z0-9._=,+-]+", "_", text)
     key = key if key[:1].isalnum() else f"0{key}"
     return key if len(key) <= LONGEST else f"{key[: LONGEST - 9]}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 
 
 def number(value: Scalar) -> float:
-    """A cell that holds a number; raises TypeError if it is empty or holds a text."""
+    """Return a table's cell as a float; raises TypeError if it is empty (None) or a text."""
     if value is None or isinstance(value, str):
         raise TypeError(f"{value!r} is no number")
     return float(value)
@@ -43,11 +46,11 @@ def number(value: Scalar) -> float:
 
 @dataclass(frozen=True)
 class TaskResult:
-    """Figures, arrays, times and warnings that a task returns.
+    """Numbers for the table (`record`), arrays, times and warnings that a task returns.
 
-    The figures of its `record`, one column of the table each, are the same on every machine that computes alike; so
-    measured times, which differ from run to run, stand apart in `seconds`.  `warnings` are those of a run of the same
-    scene, a line each; what is logged as a warning meanwhile joins them.
+    Each entry of the `record` is a column of the table, and the same on every machine that computes alike; measured
+    times, which differ from run to run, are in `seconds` instead.  `warnings` are those of a run of the same scene, a
+    line each; what is logged as a warning while the task runs joins them.
     """
 
     record: Mapping[str, Scalar] = field(default_factory=dict)  # a float must be finite; None leaves the cell empty
@@ -66,11 +69,11 @@ class Failure:
 
     @classmethod
     def of(cls, error: BaseException) -> Failure:
-        """Failure by an error that was raised."""
+        """Return the failure by an error that was raised; `detail` is its traceback."""
         return cls(" ".join(f"{type(error).__name__}: {error}".split()), "".join(traceback.format_exception(error)))
 
     def of_dependent(self, key: str) -> Failure:
-        """Failure of a task that needs the one with this key."""
+        """Return the failure of a task that is skipped because it needs the task `key`, which has this failure."""
         reason = self.reason if self.status == "skipped" else f"needs {key}, which failed: {self.reason}"
         return Failure(reason, status="skipped")
 
@@ -99,6 +102,7 @@ class Task:
     alone: bool = False
 
     def __post_init__(self) -> None:
+        """Raise ValueError for a key that can't name a file, or a function that is not one of a module."""
         if not KEY.fullmatch(self.key):
             raise ValueError(f"task key {self.key!r}: {KEY.pattern} is allowed")
         if "." in self.function.__qualname__:
@@ -110,8 +114,9 @@ class Task:
         return f"{self.function.__module__}:{self.function.__qualname__}"
 
     def digest(self, code: str, needs: Mapping[str, str]) -> str:
-        """Digest of what decides the result: the code, the source of the function's module, its arguments and, by name,
-        the digests of what it needs.
+        """Return the digest of what decides the result: code, function, source of its module, arguments, needs.
+
+        `code` is the digest of the code; `needs` are the digests of the results that the task needs, by name.
         """
         content = [code, self.address, _source(self.function.__module__), self.arguments, needs]
         return hashlib.sha256(json.dumps(content, sort_keys=True, allow_nan=False).encode()).hexdigest()[:24]
@@ -119,17 +124,19 @@ class Task:
 
 @lru_cache
 def _source(module: str) -> str:
+    """Return the source of an imported module."""
     return inspect.getsource(sys.modules[module])
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The tasks of one study."""
+    """The tasks of one study: its runs, and tasks whose results several runs need."""
 
     runs: tuple[Task, ...]  # one row of the table each, in this order
     shared: tuple[Task, ...] = ()  # what several runs need, without a row; computed once if a run still needs it
 
     def __post_init__(self) -> None:
+        """Raise InputError if two tasks have one key, ValueError if a task needs one that the plan lacks."""
         twice = [key for key, count in Counter(task.key.casefold() for task in self).items() if count > 1]
         if twice:
             allowed = f"two runs are called {', '.join(twice)}; names of scenes and cases, and values, must differ"
@@ -147,7 +154,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Node:
-    """A task with the digests of what it needs, by name.
+    """A task with its digest and, by name, the digests of the results that it needs.
 
     `urgency` is the cost of the longest chain of tasks that begins here: the most urgent first keeps all workers busy
     longest (list scheduling by upward rank; Topcuoglu, Hariri, Wu 2002, section 4.1).
@@ -160,7 +167,10 @@ class Node:
 
 
 def digests(plan: Plan, code: str) -> dict[str, str]:
-    """Digest of each task of a plan, by key; raises ValueError if tasks need each other in a circle."""
+    """Return the digest of each task of a plan, by key; raises ValueError if tasks need each other in a circle.
+
+    `code` is the digest of the code that tasks compute with.
+    """
     tasks, digest_of_task = {task.key: task for task in plan}, dict[str, str]()
     for key in _in_order({key: task.needs.values() for key, task in tasks.items()}):
         task = tasks[key]
@@ -169,9 +179,10 @@ def digests(plan: Plan, code: str) -> dict[str, str]:
 
 
 def open_nodes(plans: Sequence[Plan], code: str, is_done: Callable[[str], bool]) -> dict[str, Node]:
-    """Tasks that are to be computed, by digest, in an order in which nothing precedes what it needs.
+    """Return the tasks that are to be computed, by digest, each behind the tasks that it needs.
 
-    These are the runs that are not done and, of what is shared, only what they still need.
+    These are the runs that are not done and those shared tasks that they need and that are not done; `is_done` tells of
+    a digest whether its result is stored, `code` is the digest of the code.
     """
     tasks, needs, wanted = dict[str, Task](), dict[str, dict[str, str]](), set[str]()
     for plan in plans:
@@ -192,7 +203,7 @@ def open_nodes(plans: Sequence[Plan], code: str, is_done: Callable[[str], bool])
 
 
 class Ready:
-    """The nodes whose needs are met, most urgent first."""
+    """Queue of the nodes whose needs are met, most urgent first."""
 
     def __init__(self, nodes: Mapping[str, Node]) -> None:
         self._nodes = nodes
@@ -205,6 +216,7 @@ class Ready:
         self._add_ready()
 
     def __bool__(self) -> bool:
+        """Whether a node is queued."""
         return bool(self._heap)
 
     def pop(self) -> Node:
@@ -212,17 +224,18 @@ class Ready:
         return self._nodes[heapq.heappop(self._heap)[1]]
 
     def done(self, digest: str) -> None:
-        """Make the nodes ready that waited for this one alone, whether it has a result or failed."""
+        """Queue the nodes that waited only for the one with this digest, which has ended: with a result or failed."""
         self._sorter.done(digest)
         self._add_ready()
 
     def _add_ready(self) -> None:
+        """Queue the nodes whose needs have been met since the last call."""
         for digest in self._sorter.get_ready():
             heapq.heappush(self._heap, (self._rank[digest], digest))
 
 
 def _in_order(needs: Mapping[str, Iterable[str]]) -> list[str]:
-    """Return keys in an order in which each stands behind all that it needs; raises ValueError for a circle."""
+    """Return keys in an order in which each follows all keys that it needs; raises ValueError for a circle."""
     try:
         return list(TopologicalSorter(needs).static_order())
     except CycleError as error:

@@ -3,9 +3,11 @@ r"""A machine that tips over an edge of the polygon it stands on.
 .. math::
     \gamma\, \frac{P\; \hat n \cdot (p + u) \times F_1}{-\hat n \cdot (M - P\, (p + u) \times F_1 + M_m)} = 1
 
-with an edge's direction n, taken about it: M what the boom presses on its machine with at the pivot, as a run has it
-(`pmr.simulation.reactions`), the load's part of it by its force F_1 at the tip p that is displaced by u, and the weight
-of the machine M_m.  All of it in the axes of the base, which may be inclined; the weight acts on the deflected boom.
+Moments are taken about an edge with the unit vector n along it.  M is the moment of the force and moment with which the
+boom presses on its machine at the pivot, as in a run (`pmr.simulation.reactions`).  The load's part of M is that of P
+times its force F_1, the force of a kg, at the tip p, which is displaced by u.  M_m is the moment of the machine's
+weight, :math:`\gamma` the limit's factor.  All are in the axes of the base, which may be inclined; the weight acts on
+the deflected boom.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 class Mass(Section):
-    """A part of the machine below the boom."""
+    """A mass of the machine below the boom."""
 
     name: str = Field(description="Name of the mass, for the report")
     mass: Annotated[float, Usual(0.02, 1e6, "boom", "kg")] = Field(gt=0.0, description="kg")
@@ -42,12 +44,12 @@ class Mass(Section):
 
 @dataclass(frozen=True)
 class Tipping:
-    """Moments about all edges at one place, anticlockwise: those that are positive tip the machine."""
+    """Moments about the e edges of a polygon at one posture; positive ones tip the machine, edges run anticlockwise."""
 
-    machine: Array  # (e,) N m: of the machine's weight
-    boom: Array  # (e, o): of boom and load together, by outputs
-    tips: Array  # (e,) N m: of a kg of the load at the undeformed tip
-    moved: Array  # (e, o) N: by which that grows with outputs
+    machine: Array  # (e,) N m: moment of the machine's weight
+    boom: Array  # (e, o): moment of boom and load together, by a unit of each of o outputs
+    tips: Array  # (e,) N m: moment of a kg of the load at the undeformed tip
+    moved: Array  # (e, o): change of `tips` by a unit of each output
 
     @classmethod
     def of(
@@ -59,9 +61,11 @@ class Tipping:
         k: int,
         amounts: Array,
     ) -> Tipping:
-        """Moments at the k-th place, about edges between corners X, Y in m from the pivot, `height` above them.
+        """Compute the moments at the k-th posture of `at`, about the edges between corners X, Y in m from the pivot.
 
-        An InputError is raised where a run does not know all that the boom presses on its machine with.
+        The pivot is `height` m above the corners; `machine` are masses below the boom; `amounts` (w,) are those by
+        which the w parts ``at.parts`` (weight, load, loads of the scene) act.  Raises InputError if a force or moment
+        at the pivot is not among the outputs.
         """
         turned = rotation(at.luffing[k : k + 1], at.slewing[k : k + 1])[0]
         edges = _edges(tuple(polygon), height)
@@ -84,13 +88,19 @@ class Tipping:
         )
 
     def share(self, states: States, factor: float) -> Array:
-        """Share of the resisting moment that `factor` times the load uses, about the worst edge (p,)."""
+        """Return the moment of `factor` times the load over the resisting one about the worst edge, (p,) for p states.
+
+        Infinite where nothing resists.
+        """
         load = states.load[:, None] * (self.tips + states.outputs @ self.moved.T)
         held = load - self.machine - states.outputs @ self.boom.T
         return np.asarray(np.where(held > 0.0, factor * load / np.where(held > 0.0, held, 1.0), np.inf).max(axis=1))
 
     def moved_by(self, states: States, factor: float) -> float:
-        """The load in kg whose moment is that of boom and load, about the worst edge, in one state."""
+        """Return the load in kg whose moment is that of the load, plus the boom's own divided by `factor`.
+
+        Both are absolute moments about the worst edge; `states` hold one state.
+        """
         load = states.load[0] * (self.tips + states.outputs[0] @ self.moved.T)
         boom = states.outputs[0] @ self.boom.T - load
         held = -self.machine - boom
@@ -99,14 +109,17 @@ class Tipping:
 
 
 def area(polygon: Sequence[tuple[float, float]]) -> float:
-    """Twice the signed area, positive where the corners go round anticlockwise."""
+    """Return twice the signed area of a polygon in m^2, positive if its corners X, Y run anticlockwise."""
     x, y = np.array(polygon, float).T
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
 @lru_cache(64)  # each place of a chart has the same
 def _edges(polygon: tuple[tuple[float, float], ...], height: float) -> Array:
-    """Rows (e, 6) that make of a force and its moment about the pivot the moment about each edge, anticlockwise."""
+    """Return rows (e, 6) whose product with a force and its moment about the pivot (6,) is the moment about each edge.
+
+    Edges run anticlockwise, whichever way the corners are given.
+    """
     corners = np.array([(*corner, -height) for corner in polygon], float)
     if area(polygon) < 0.0:
         corners = corners[::-1]
@@ -116,13 +129,16 @@ def _edges(polygon: tuple[tuple[float, float], ...], height: float) -> Array:
 
 
 def _cross_matrix(force: Array) -> Array:
-    """Matrix (3, 3) that makes u x F of u."""
+    """Return the matrix (3, 3) whose product with a vector u is the cross product u x F with the `force` F."""
     x, y, z = force.tolist()
     return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
 
 
 def _at_pivot(at: Postures) -> Array:
-    """Rows (6, o) of force and moment at the pivot among the outputs; an InputError is raised where one is unknown."""
+    """Return the rows (6, o) that select force and moment at the pivot from o outputs.
+
+    Rows of y, rx and rz are zero for a planar boom; raises InputError if another direction is not among the outputs.
+    """
     columns, count = at.columns.at_pivot(), len(at.output_names)
     planar = not {"y", "rx", "rz"} & set(columns)
     missing = [axis for axis in AXES if axis not in columns and not (planar and axis in ("y", "rx", "rz"))]
@@ -138,6 +154,6 @@ def _at_pivot(at: Postures) -> Array:
 
 @lru_cache(64)
 def _tip(names: tuple[str, ...], kinds: tuple[str, ...]) -> Array:
-    """Rows (3, o) that make of outputs the displacement of the tip along the boom's axes."""
+    """Return the rows (3, o) that select the tip's displacement along the boom's x, y and z from o outputs."""
     tips = [name if kind == "tip" else "" for name, kind in zip(names, kinds, strict=True)]
     return np.array([[name.endswith(axis) for name in tips] for axis in "xyz"], dtype=float)

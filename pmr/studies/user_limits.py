@@ -1,4 +1,4 @@
-"""Limits of the user's own: what a function of an installed package, or an expression in the file, makes of a state."""
+"""Limits that users define themselves: a function of an installed package, or an arithmetic expression in the file."""
 
 from __future__ import annotations
 
@@ -47,10 +47,11 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
 
 
 def value_of(text: str, names: tuple[str, ...], tables: tuple[str, ...]) -> Value:
-    """Compile an expression: numbers, + - * / **, `FUNCTIONS`, `names`, and entries of `tables` as table["name"].
+    """Compile an expression to a function that returns its value from a mapping of amounts.
 
-    A ValueError says in one line what is not allowed; what is computed may raise a KeyError of a name that a table does
-    not have, a ValueError or an ArithmeticError.
+    Allowed are numbers, + - * / **, `FUNCTIONS`, `names`, and entries of `tables` as table["name"]; a ValueError says
+    in one line what is not.  The function may raise KeyError for an entry that a table lacks, ValueError or
+    ArithmeticError.
     """
     if len(text) > LONGEST:
         raise ValueError(f"at most {LONGEST} characters are allowed")
@@ -65,13 +66,14 @@ def value_of(text: str, names: tuple[str, ...], tables: tuple[str, ...]) -> Valu
 
 
 def entries(text: str, table: str) -> list[str]:
-    """Names of the entries of a table that an expression asks for, which `value_of` has taken."""
+    """Return the names of the entries of a table that an expression accepted by `value_of` uses."""
     subscripts = [node for node in ast.walk(ast.parse(text, mode="eval")) if isinstance(node, ast.Subscript)]
     of_table = [node for node in subscripts if isinstance(node.value, ast.Name) and node.value.id == table]
     return [str(node.slice.value) for node in of_table if isinstance(node.slice, ast.Constant)]
 
 
 def _value(node: ast.expr, names: tuple[str, ...], tables: tuple[str, ...]) -> Value:
+    """Compile one node of an expression, and the nodes below it; ValueError if it is not allowed."""
     if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
         constant = _as_float(node.value)
         return lambda at: constant
@@ -91,7 +93,7 @@ def _value(node: ast.expr, names: tuple[str, ...], tables: tuple[str, ...]) -> V
 
 
 def _as_float(number: float) -> float:
-    """A number of an expression: powers of floats overflow where those of integers would fill the memory."""
+    """Return a number as a float, since powers of integers could fill the memory; ValueError if too large."""
     try:
         value = float(number)
     except OverflowError:  # of integers; 1e400 is infinite
@@ -102,7 +104,10 @@ def _as_float(number: float) -> float:
 
 
 def _entry(name: str, entry: str | None = None) -> Value:
+    """Return a function that reads an amount, or an entry of a table of amounts."""
+
     def lookup(at: Amounts) -> float:
+        """Return the amount as a float."""
         amount: Any = at[name]
         return float(amount if entry is None else amount[entry])
 
@@ -110,7 +115,10 @@ def _entry(name: str, entry: str | None = None) -> Value:
 
 
 def _apply(function: Callable[..., float], parts: list[Value]) -> Value:
+    """Return a function that applies an operator to the values of `parts`; it raises ValueError for a complex value."""
+
     def apply(at: Amounts) -> float:
+        """Return the operator's value."""
         value = function(*(part(at) for part in parts))
         if isinstance(value, complex):
             raise ValueError("a power of a negative number is no real one")
@@ -124,7 +132,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class AtRest:
-    """The boom in equilibrium under a load: what a function of the entry points `pmr.limits` is given."""
+    """The boom in equilibrium under a load: the argument of functions that packages offer as `pmr.limits`."""
 
     load: float  # kg
     luffing: float  # rad
@@ -137,7 +145,10 @@ Own = Callable[[AtRest], float]
 
 
 def function_of(limit: str, name: str | None) -> Own:
-    """Function of an entry point by its name; raises InputError where no package offers it."""
+    """Return the function of the entry point `name`; InputError if no package offers it.
+
+    `limit` is the name of the limit, for the error.
+    """
     offered = environment.plugin_objects("pmr.limits", frozenset())
     function: Any = offered.get(name or "")
     if function is None:
@@ -150,13 +161,14 @@ def function_of(limit: str, name: str | None) -> Own:
 
 @lru_cache(256)  # each place of a chart asks for the same
 def expression_of(text: str) -> Own:
-    """Function of an expression in ``load``, ``luffing``, ``slewing``, ``output["name"]`` and ``force["name"]``.
+    """Compile an expression in ``load``, ``luffing``, ``slewing``, ``output["name"]`` and ``force["name"]``.
 
     A ValueError says what is not allowed in it.
     """
     value: Value = value_of(text, ("load", "luffing", "slewing"), ("output", "force"))
 
     def evaluate(at: AtRest) -> float:
+        """Return the expression's value in one state."""
         numbers = {"load": at.load, "luffing": at.luffing, "slewing": at.slewing}
         return value(numbers | {"output": at.outputs, "force": at.forces})
 
@@ -164,7 +176,7 @@ def expression_of(text: str) -> Own:
 
 
 def check_names(limit: str, text: str, scene: Scene) -> None:
-    """An InputError is raised for a force, a tip or a probe that an expression asks for and the scene does not have."""
+    """Raise InputError for a force, tip or probe that the expression `text` of a limit uses and the scene lacks."""
     forces = [name for names in force_names(scene).values() for name in names]
     tip = named(scene.names[-1], scene.sections[-1].observe.tip)
     probes = [named(body, probe.name) for body, part in scene.bodies.items() for probe in part.probes]
@@ -176,10 +188,15 @@ def check_names(limit: str, text: str, scene: Scene) -> None:
 
 
 def amount_of(limit_function: Own, key: str, text: str | None, at: Postures, k: int) -> Callable[[States], Array]:
-    """Apply a user's limit function to states at the k-th place (p,); raises InputError if it fails."""
+    """Return a function from states to the values (p,) of a user's limit function at the k-th posture.
+
+    It raises InputError with `key` and `text` (the function's name or the expression) if the limit function fails or
+    returns NaN.
+    """
     luffing, slewing = float(at.luffing[k]), float(at.slewing[k])
 
     def amount(load: float, outputs: Mapping[str, float], forces: Mapping[str, float]) -> float:
+        """Return the limit function's value in one state."""
         try:
             value = float(limit_function(AtRest(load, luffing, slewing, outputs, forces)))
         except KeyError as error:
@@ -193,6 +210,7 @@ def amount_of(limit_function: Own, key: str, text: str | None, at: Postures, k: 
         return value
 
     def amounts(states: States) -> Array:
+        """Return the limit function's values (p,) in all states."""
         outputs, forces = (
             [dict(zip(names, row, strict=True)) for row in of.tolist()]
             for names, of in ((at.output_names, states.outputs), (at.force_names, states.forces))

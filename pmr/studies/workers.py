@@ -1,9 +1,9 @@
 """Workers: child processes that run one task after the other, on this machine or on the ranks that MPI launched.
 
-Tasks never run in the process that plans, nor in one that MPI launched.  So a task that brings its process down (a
-crash in compiled code, no memory left) fails alone, it sees the same single thread and the same single MPI process
-whether the study runs on one machine or on many, and it computes the same bits.  A local thread or a rank, by an
-executor of `concurrent.futures`, only looks after the child process of one worker.
+Tasks never run in the process that plans, nor in one that MPI launched.  So a task that ends its process (a crash in
+compiled code, no memory left) fails alone, it sees the same single thread and the same single MPI process whether the
+study runs on one machine or on many, and it computes the same bits.  A local thread or a rank, called by an executor of
+`concurrent.futures`, only passes orders to the child process of one worker.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from pmr.studies.tasks import Failure, TaskResult
 
 #: Libraries read these when they are loaded.
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
-#: By these a process takes itself for a rank of its parent's MPI job.
+#: Beginnings of variables by which a process takes itself for a rank of its parent's MPI job.
 OF_MPI = ("OMPI_", "ORTE_", "PRTE_", "PMIX_", "PMI_", "PMI2_", "HYDI_", "HYDRA_", "MPI_LOCAL", "SLURM_")
-#: What no task computes with, by the beginnings of paths within pmr.
+#: Beginnings of paths within pmr of code that no task computes with.
 NOT_COMPUTING = ("report/", "cli/")
 PATIENCE = 10.0  # s for a child to leave by itself
 #: What a child runs: it finds modules where its parent does.
@@ -47,9 +47,10 @@ OTHER_CODE = "pmr was edited since the study was planned, or is another one on t
 
 @dataclass(frozen=True)
 class Order:
-    """A task as text: what to call, with what, and where results are.
+    """A task as text: its function, arguments, the digests of results that it needs, and the folder of the store.
 
-    `code` is the digest of the code that it was planned by, see `code_of_tasks`; empty where any will do.
+    `address` is ``"module:name"`` of the function.  `code` is the digest of the code that planned the task (see
+    `code_of_tasks`); if empty, any code may run it.
     """
 
     key: str
@@ -62,14 +63,14 @@ class Order:
 
 
 def code_of_tasks() -> str:
-    """Digest of the code that tasks compute with, as it stands in its files now."""
+    """Return the digest of the code that tasks compute with, as its files are now."""
     return environment.code_digest(environment.sources(), NOT_COMPUTING)
 
 
 class Worker:
-    """The parent's side of one child process; `path` is where the child finds modules, as in ``sys.path``.
+    """The parent's side of one child process, which is started at the first order, and again if it has ended.
 
-    A child that dies is replaced for the next order.
+    `path` is where the child finds modules, as in ``sys.path``.
     """
 
     def __init__(self, path: Sequence[str]) -> None:
@@ -78,7 +79,7 @@ class Worker:
         self._child: subprocess.Popen[str] | None = None
 
     def run(self, order: Order) -> Failure | None:
-        """Have a task done, whose result is in the store when this returns None."""
+        """Have the child run a task, and wait for it; None if its result is in the store, else the failure."""
         child = self._child if self._child is not None and self._child.poll() is None else self._start()
         self._log.seek(0)  # the child writes where its parent has stopped to read
         self._log.truncate()
@@ -95,7 +96,7 @@ class Worker:
         return Failure(f"its process died ({_cause(child.wait())})", self._last_words())
 
     def close(self) -> None:
-        """Let the child leave; it takes no part of a task with it that is not done."""
+        """End the child at once, or kill it after `PATIENCE` seconds; of a task that runs nothing is stored."""
         if self._child is not None:
             assert self._child.stdin is not None
             with suppress(BrokenPipeError):
@@ -107,6 +108,7 @@ class Worker:
                 self._child.wait()
 
     def _start(self) -> subprocess.Popen[str]:
+        """Start a child with one thread a library and without variables of an MPI launcher."""
         variables = {name: value for name, value in os.environ.items() if not name.startswith(OF_MPI)}
         variables |= dict.fromkeys(ONE_THREAD, "1")
         self._child = subprocess.Popen(
@@ -120,11 +122,13 @@ class Worker:
         return self._child
 
     def _last_words(self) -> str:
+        """Return the last lines that the child printed."""
         self._log.seek(0)
         return "\n".join(self._log.read().decode(errors="replace").splitlines()[-LAST_LINES:])
 
 
 def _cause(code: int) -> str:
+    """Return in words why a process ended: its exit code, or the signal of a negative one."""
     if code >= 0:
         return f"exit code {code}"
     name = signal.Signals(-code).name
@@ -133,7 +137,7 @@ def _cause(code: int) -> str:
 
 @dataclass(frozen=True)
 class Pool:
-    """Something that has orders done some time, `slots` at a time."""
+    """Workers that run `slots` orders at a time; the future of a submitted order holds the failure, or None."""
 
     slots: int
     submit: Callable[[Order], Future[Failure | None]]
@@ -141,11 +145,12 @@ class Pool:
 
 @contextmanager
 def local_pool(jobs: int) -> Iterator[Pool]:
-    """Pool of workers on this machine, each in a thread; their child processes end with the block."""
+    """Yield a pool of `jobs` workers on this machine, each with a thread and a child, which end with the block."""
     thread, workers = threading.local(), [Worker(sys.path) for _ in range(jobs)]
     unused = iter(workers)
 
     def start_thread() -> None:
+        """Give this thread a worker of its own."""
         thread.worker = next(unused)
 
     executor = ThreadPoolExecutor(jobs, initializer=start_thread)
@@ -159,7 +164,10 @@ def local_pool(jobs: int) -> Iterator[Pool]:
 
 @contextmanager
 def rank_pool() -> Iterator[Pool | None]:
-    """Yield a pool of the other ranks on rank 0; on these it yields None once they are no longer needed."""
+    """Yield on rank 0 a pool of all other ranks; collective.
+
+    All other ranks run orders until the block of rank 0 ends; only then it yields None on them.
+    """
     from mpi4py import MPI
     from mpi4py.futures import MPICommExecutor
 
@@ -171,7 +179,7 @@ def rank_pool() -> Iterator[Pool | None]:
 
 
 def launched_ranks() -> int:
-    """Number of ranks that a launcher started, 1 without one; MPI is started only if there are several.
+    """Return the number of ranks that a launcher started, 1 without one; MPI is started only if there are several.
 
     Raises InputError if the launcher belongs to another MPI than mpi4py, so that each process would take itself for the
     only one.
@@ -191,21 +199,23 @@ def launched_ranks() -> int:
 
 
 def run_on_rank(order: Order, path: list[str]) -> Failure | None:
-    """Have an order done by the child process of this rank."""
+    """Run an order in the child process of this rank; `path` is where the child finds modules."""
     return _worker_of_rank(tuple(path)).run(order)
 
 
 @lru_cache(1)
 def _worker_of_rank(path: tuple[str, ...]) -> Worker:
+    """Return the worker of this rank, made at the first call; its child ends with this process."""
     worker = Worker(path)
     atexit.register(worker.close)
     return worker
 
 
 def serve() -> None:
-    """Serve orders as the child process of a worker until its input ends: line by line, an answer for each.
+    """Run the orders of the parent, one a line on standard input, and answer each by a line with null or the failure.
 
-    What a library prints goes to the error stream, never between the answers.  When the parent dies the child goes too.
+    Runs as the child process of a worker until its input ends.  What libraries print is redirected to the error stream,
+    so that it can't mix with the answers.  When the parent dies, the child ends, too.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
     lines, answers = os.fdopen(os.dup(0)), os.fdopen(os.dup(1), "w")
@@ -218,6 +228,7 @@ def serve() -> None:
     is_busy = threading.Event()
 
     def listen() -> None:
+        """Queue the orders; end the process if the input ends while a task runs."""
         for line in lines:
             orders.put(line)
         if is_busy.is_set():
@@ -236,6 +247,10 @@ def serve() -> None:
 
 
 def _run(order: Order, notes: logging.handlers.BufferingHandler) -> Failure | None:
+    """Run an order and write its result into the store; return the failure, None without one.
+
+    `notes` collects the warnings that are logged meanwhile, which join those of the result.
+    """
     if order.code not in ("", code_of_tasks()):
         return Failure(OTHER_CODE)
     notes.flush()
@@ -259,4 +274,5 @@ def _run(order: Order, notes: logging.handlers.BufferingHandler) -> Failure | No
 
 @lru_cache(8)  # the next tasks may need the same
 def _result(store: str, digest: str) -> TaskResult:
+    """Read the result with this digest from the store in a folder."""
     return Store(Path(store)).read(digest)

@@ -29,7 +29,11 @@ MEASURES = {"beam": "e_NRMS of the beam (–)", "strain": "Strain energy error i
 
 
 def row(scene: str, snapshots: int, modes: int, most_modes: int, fewest: int) -> Row:
-    """Errors (c,) of one combination over its numbers of coordinates, by treatment; singular values, kappa."""
+    """Return the errors (c,) of one combination over its c numbers of coordinates, by treatment.
+
+    ``kappa`` is the share of the squared ``singular_values`` that `STATED` coordinates hold; an error is NaN where the
+    snapshots span fewer dimensions.
+    """
     basis, coordinates = combination(scene, snapshots, modes, most_modes), np.arange(fewest, snapshots * modes + 1)
     squares = np.sort(basis.singular_values**2)
     held = squares[: len(squares) - min(STATED, len(squares))].sum() / squares.sum()
@@ -41,6 +45,7 @@ def row(scene: str, snapshots: int, modes: int, most_modes: int, fewest: int) ->
 
 
 def main(settings: Settings, out: Path, jobs: int) -> Chapter:
+    """Compute all combinations, save their numbers, and return the chapter of the report."""
     names = [f"({n},{m})" for n, m in settings["combinations"]]
     common = {"scene": settings["scene"], "fewest": settings["fewest"]}
     common["most_modes"] = max(m for _, m in settings["combinations"])
@@ -52,7 +57,11 @@ def main(settings: Settings, out: Path, jobs: int) -> Chapter:
 
 
 def figures_of(results: dict[str, Row]) -> dict[str, float | None]:
-    """First number of coordinates below the largest error, errors with all coordinates, and kappa."""
+    """Return ``<combination>.kappa`` and, by treatment, ``first``, ``beam`` and ``strain``.
+
+    ``first`` is the fewest coordinates whose error is below the largest possible one, None without one; ``beam`` and
+    ``strain`` are the errors with all coordinates.
+    """
     figures: dict[str, float | None] = {}
     for name, result in results.items():
         short = name.strip("()").replace(",", "x")
@@ -70,12 +79,13 @@ def figures_of(results: dict[str, Row]) -> dict[str, float | None]:
 
 
 def first_below(result: Row, treatment: str) -> float | None:
-    """The first number of coordinates whose error is below the maximum."""
+    """Return the fewest coordinates whose error along the beam is below the largest possible one; None without one."""
     below = np.flatnonzero(np.nan_to_num(result[f"{treatment}.beam"], nan=1.0) < BELOW_MAXIMUM)
     return int(result["coordinates"][below[0]]) if len(below) else None
 
 
 def chapter(results: dict[str, Row], findings: Findings) -> Chapter:
+    """Return the chapter of the report on these rows, by combination."""
     stated = {
         name: {t: at_most(result["coordinates"], result[f"{t}.beam"], STATED) for t in TREATED}
         for name, result in results.items()
@@ -124,16 +134,17 @@ def chapter(results: dict[str, Row], findings: Findings) -> Chapter:
 
 
 def at_most(coordinates: np.ndarray, error: np.ndarray, most: int) -> float:
-    """The error with so many coordinates, or with the largest number that there is."""
+    """Return the error (c,) at the largest number of coordinates (c,) that is at most `most` and has an error."""
     return float(error[np.flatnonzero((coordinates <= most) & np.isfinite(error))[-1]])
 
 
 def _number(value: float | None) -> str:
+    """Return a number as text, a dash for None."""
     return "–" if value is None else plain(value)
 
 
 def draw_errors(results: dict[str, Row]) -> Figure:
-    """Both errors, a row each; rows left in on the left, dropped on the right."""
+    """Draw both errors over the number of coordinates; on the left with the pin's rows, on the right without."""
     columns = ("round_off", "dropped")
     figure, axes = sheet(
         WIDE,
@@ -168,7 +179,7 @@ def draw_errors(results: dict[str, Row]) -> Figure:
 
 
 def draw_singular_values(results: dict[str, Row]) -> Figure:
-    """Singular values over the first one, of all combinations."""
+    """Draw the singular values of all combinations over the first of each."""
     figure, axes = sheet(WIDE, 2.4)
     ax, least = axes[0, 0], 1.0
     for number, result in enumerate(results.values()):

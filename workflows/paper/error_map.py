@@ -36,7 +36,10 @@ LABELLED = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 
 
 def row(scene: str, snapshots: int, modes: int, most_modes: int, coordinates: list[int]) -> Row:
-    """Mean errors of one combination over numbers of coordinates, by treatment; not a number where one has no model."""
+    """Return the mean error of one combination over numbers of coordinates, by treatment.
+
+    NaN if one of its models can't be simulated.
+    """
     basis, known = combination(scene, snapshots, modes, most_modes), dict[tuple[int, int], float]()
     result: Row = {}
     for treatment, models in basis.models.items():
@@ -54,6 +57,7 @@ def row(scene: str, snapshots: int, modes: int, most_modes: int, coordinates: li
 
 
 def main(settings: Settings, out: Path, jobs: int) -> Chapter:
+    """Compute all combinations, save their numbers, and return the chapter of the report."""
     pools = range(settings["smallest_pool"], settings["largest_pool"] + 1)
     tiles = [
         (n, m)
@@ -63,6 +67,7 @@ def main(settings: Settings, out: Path, jobs: int) -> Chapter:
     ]
 
     def coordinates(pool: int) -> list[int]:
+        """Return the numbers of coordinates over which errors of a pool of snapshots are averaged."""
         top = min(settings["budget"], pool)
         return list(range(max(settings["fewest"], top - settings["averaged"] + 1), top + 1))
 
@@ -75,7 +80,11 @@ def main(settings: Settings, out: Path, jobs: int) -> Chapter:
 
 
 def figures_of(results: dict[tuple[int, int], Row], marked: int) -> dict[str, object]:
-    """Best combination, its error, the marked ones and their median pool, by treatment."""
+    """Return the number of ``combinations`` and, by treatment, the best ones.
+
+    ``best`` and its ``error``; ``marked``, the best `marked` ones; ``pool``, the median of their numbers of snapshots;
+    ``singular``, how many can't be simulated.
+    """
     figures: dict[str, object] = {"combinations": len(results)}
     pools = np.array([n * m for n, m in results])
     for treatment in TREATMENTS:
@@ -90,6 +99,7 @@ def figures_of(results: dict[tuple[int, int], Row], marked: int) -> dict[str, ob
 
 
 def chapter(results: dict[tuple[int, int], Row], settings: Settings, findings: Findings) -> Chapter:
+    """Return the chapter of the report on these rows, by snapshots and modes."""
     figures = findings.figures
     best = {name: f"({str(figures[f'{name}.best']).replace('x', ',')})" for name in TREATED}
     error = {name: percent(float(figures[f"{name}.error"])) for name in TREATED}
@@ -131,9 +141,11 @@ def chapter(results: dict[tuple[int, int], Row], settings: Settings, findings: F
 
 
 def _best(results: dict[tuple[int, int], Row], figures: dict[str, object]) -> Grid:
+    """Return the table of the marked combinations, by treatment, best first."""
     columns = {name: str(figures[f"{name}.marked"]).split() for name in TREATED}
 
     def cell(name: str, place: int) -> str:
+        """Return the combination of a rank and its error; a dash if there are fewer."""
         if place >= len(columns[name]):
             return "–"
         n, m = map(int, columns[name][place].split("x"))
@@ -147,7 +159,7 @@ def _best(results: dict[tuple[int, int], Row], figures: dict[str, object]) -> Gr
 def draw_map(
     results: dict[tuple[int, int], Row], settings: Settings, figures: dict[str, object], treatment: str, width: float
 ) -> Figure:
-    """Tiles over snapshots and modes in logarithmic colours."""
+    """Draw a treatment's errors as tiles over snapshots and modes, in logarithmic colours; `width` is in inches."""
     n, m, wide = settings["most_snapshots"], settings["most_modes"], width > HALF
     margins = {"left": 0.6, "right": 0.62, "top": 0.1, "bottom": 0.38}
     figure, axes = sheet(width, 0.48 + (width - 1.22) * (0.62 if wide else 0.75), margins=margins)
@@ -176,7 +188,7 @@ def draw_map(
 
 
 def _draw_colour_key(figure: Figure, ax: Axes, norm: LogNorm) -> None:
-    """A strip of colours beside the map, labelled in per cent."""
+    """Draw a strip of colours to the right of the map, labelled in per cent."""
     box, inch = ax.get_position(), 1.0 / figure.get_figwidth()
     strip = figure.add_axes((box.x1 + 0.1 * inch, box.y0, 0.1 * inch, box.height))
     strip.imshow(np.linspace(0.0, 1.0, 256)[:, None], cmap=COLOURS, origin="lower", aspect="auto", extent=(0, 1, 0, 1))

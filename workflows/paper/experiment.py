@@ -2,7 +2,7 @@
 
 An experiment is a script with `SETTINGS`, a function that computes a row, and ``main(settings, out, jobs)``, which
 returns its chapter of the report. ``python combinations.py --out DIR --jobs 2 --set "fewest=5"`` runs one of them, and
-so does ``pmr study combinations``. Rows that are there already are read and not computed again.
+so does ``pmr study combinations``. Stored rows are read and not computed again.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Settings = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Findings:
-    """Figures of an experiment, and what is published of them, as the table "Beside the publication" takes them."""
+    """Results of an experiment as numbers by name, and what is published of them, for a table in its report."""
 
     figures: Mapping[str, Any]
     published: Sequence[Statement] = ()
@@ -47,7 +47,7 @@ class Findings:
         object.__setattr__(self, "summary", {"source": self.source, "remarks": list(self.remarks)})
 
     def blocks(self) -> list[Block]:
-        """The table with verdicts; nothing where nothing is published."""
+        """Return the table that compares the numbers with published ones, as a list; empty if nothing is published."""
         table = comparison(self)
         return [Block("Beside the publication", errors=table)] if table.rows else []
 
@@ -55,7 +55,10 @@ class Findings:
 def run(
     main: Callable[[Settings, Path, int], Chapter | list[Chapter]], defaults: Settings, document: str, title: str = ""
 ) -> None:
-    """Run an experiment as its command line says, and write its report and summary; exit code 2 for bad input."""
+    """Run an experiment with the options of the command line, and write its report; exit with code 2 for bad input.
+
+    `main` computes the chapters, `defaults` are its settings, the first line of `document` describes it in ``--help``.
+    """
     parser = argparse.ArgumentParser(description=document.partition("\n")[0])
     parser.add_argument("--out", type=Path, default=Path("reports", Path(inspect.getfile(main)).stem))
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
@@ -72,7 +75,7 @@ def run(
 
 
 def changed(defaults: Settings, changes: Sequence[str]) -> Settings:
-    """The settings with changes such as ``"fewest=5"``; an InputError is raised for a key that is not there."""
+    """Return the settings with changes such as ``"fewest=5"``; InputError for a key that is not among them."""
     settings = dict(defaults)
     for text in changes:
         key, _, value = text.partition("=")
@@ -86,7 +89,7 @@ def changed(defaults: Settings, changes: Sequence[str]) -> Settings:
 
 
 def report(out: Path, chapters: Sequence[Chapter], title: str = "") -> Path:
-    """Write report.html and report.pdf of chapters into a folder; where report.html is."""
+    """Write report.html and report.pdf of chapters into the folder `out`, and return the path of report.html."""
     text = render(
         "study_report.html", title or chapters[0].title, chapters, kind=with_date("Study report", []), introduction=()
     )
@@ -94,11 +97,12 @@ def report(out: Path, chapters: Sequence[Chapter], title: str = "") -> Path:
 
 
 def save(out: Path, **content: Any) -> None:
-    """Write summary.json; arrays become lists, and what is not a number becomes null."""
+    """Write `content` to summary.json in the folder `out`; arrays become lists, NaN and infinite numbers null."""
     (out / "summary.json").write_text(json.dumps(_plain(content), indent=1, allow_nan=False) + "\n")
 
 
 def _plain(value: Any) -> Any:
+    """Return a value as JSON holds it: arrays as lists, numbers that are not finite as None."""
     if isinstance(value, Mapping):
         return {str(key): _plain(part) for key, part in value.items()}
     if isinstance(value, list | tuple | np.ndarray):
@@ -108,9 +112,10 @@ def _plain(value: Any) -> Any:
 
 
 def rows(compute: Callable[..., Row], parameters: Sequence[Mapping[str, Any]], out: Path, jobs: int) -> list[Row]:
-    """Rows ``compute(**p)`` for each p in their order; stored ones are read.
+    """Return the rows ``compute(**p)`` for each p of `parameters`, in this order; stored rows are read.
 
-    Each is computed in one of `jobs` processes with one thread, or with 0 in this process.
+    Each is computed in one of `jobs` processes with one thread, or in this process if `jobs` is 0, and stored in the
+    folder `out`.
     """
     folder = out / "rows"
     folder.mkdir(parents=True, exist_ok=True)
@@ -128,18 +133,23 @@ def rows(compute: Callable[..., Row], parameters: Sequence[Mapping[str, Any]], o
 
 
 def _store(compute: Callable[..., Row], parameters: Mapping[str, Any], file: Path) -> None:
+    """Compute a row and write it to a file, whole or not at all."""
     part = file.with_suffix(f".{os.getpid()}.part.npz")
     np.savez(part, **compute(**parameters))
     part.replace(file)
 
 
 def _read(file: Path) -> Row:
+    """Read a row from its file."""
     with np.load(file, allow_pickle=False) as data:
         return {name: array if array.ndim else array.item() for name, array in data.items()}
 
 
 def _digest(compute: Callable[..., Row], parameters: Mapping[str, Any]) -> str:
-    """Digest of what a row depends on: its function's module, this package, parameters, and files that these name."""
+    """Return the digest of what decides a row: sources of its module, this one and the package, and parameters.
+
+    The text of files that parameters name is covered, too.
+    """
     files = {name: Path(value).read_text() for name, value in parameters.items() if _names_file(value)}
     source = inspect.getsource(inspect.getmodule(compute)) + inspect.getsource(inspect.getmodule(rows))
     content = [compute.__name__, source, _package(), dict(parameters), files]
@@ -147,11 +157,13 @@ def _digest(compute: Callable[..., Row], parameters: Mapping[str, Any]) -> str:
 
 
 def _names_file(value: Any) -> bool:
+    """Return whether a parameter is the path of a TOML file."""
     return isinstance(value, str) and value.endswith(".toml") and Path(value).is_file()
 
 
 @lru_cache
 def _package() -> str:
+    """Return the digest of the sources of `pmr` without its reports."""
     folder, digest = Path(pmr.__file__).parent, hashlib.sha256()
     for file in sorted((*folder.rglob("*.py"), *folder.rglob("*.c"))):
         if "report" not in file.relative_to(folder).parts:

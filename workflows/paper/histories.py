@@ -1,7 +1,7 @@
 """Histories: tip displacement and energy of the reduced beam, the full one and the ANCF cable, and their differences.
 
-Weyrer et al., sections "Tip Displacement, Energy, and Accuracy" and "Accuracy". Each scene is reduced as its file says;
-beside it stands the same basis with the pin's rows dropped.
+Weyrer et al., sections "Tip Displacement, Energy, and Accuracy" and "Accuracy". Each scene is reduced as its file says,
+and once more on the same basis with the pin's rows dropped.
 """
 
 from __future__ import annotations
@@ -32,7 +32,12 @@ MARCHED = [
 
 
 def row(scene: str) -> Row:
-    """Errors between the three models as a run of the scene measures them; tip and energy (T,) of each."""
+    """Return errors between the three models, as in summary.json of the scene's run, and their histories.
+
+    ``<model>.tip_history`` (T,) in m and ``<model>.energy`` (T,) in J at the times ``t`` (T,) in s; slider position
+    ``s`` (T,) in m, ``moving`` (T,), the sum of the loads ``load`` (T,); ``dropped.<error>`` of the model without the
+    pin's rows.
+    """
     loaded = pmr.load_scene(scene, MARCHED)
     outcome = pmr.run(loaded)
     summary, responses = outcome.result.summary, outcome.result.responses
@@ -56,6 +61,7 @@ def row(scene: str) -> Row:
 
 
 def main(settings: Settings, out: Path, jobs: int) -> Chapter:
+    """Run all scenes, save their numbers, and return the chapter of the report."""
     scenes = settings["scenes"]
     results = dict(zip(scenes, rows(row, [{"scene": scene} for scene in scenes], out, jobs), strict=True))
     figures = {
@@ -69,6 +75,7 @@ def main(settings: Settings, out: Path, jobs: int) -> Chapter:
 
 
 def chapter(results: dict[str, Row], findings: Findings) -> Chapter:
+    """Return the chapter of the report on these rows, by scene."""
     names = {scene: f"{Path(scene).stem.removeprefix('paper_')} case" for scene in results}
     worst, dropped = (
         max(result[key] for result in results.values()) for key in ("errors.reduced_vs_full.beam", "dropped.beam")
@@ -121,7 +128,7 @@ def chapter(results: dict[str, Row], findings: Findings) -> Chapter:
 
 
 def draw_histories(result: Row) -> Figure:
-    """Path and load, tip and energy over time."""
+    """Draw slider position, load, tip displacement and energy of one scene over time."""
     figure, axes = sheet(WIDE, 4.8, rows=4, sharex=True, gridspec_kw={"hspace": 0.18}, margins={"top": 0.35})
     t = result["t"]
     panels = [("Slider in m", {"": result["s"]}), ("Load in N", {"": result["load"]})]

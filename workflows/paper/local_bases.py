@@ -4,9 +4,10 @@ r"""Local bases: modes with the slider held, one set for each of several positio
     u = V(s)\, p, \qquad V^T M V \ddot p + (V^T D V + 2 \dot s V^T M V')\, \dot p
     + \big(V^T K V + \ddot s V^T M V' + \dot s^2 V^T M V'' + \dot s V^T D V'\big)\, p = V^T B f
 
-No row is left: the modes hold the slider where they were computed, and nearly so between. Modes at neighbouring
-positions are rotated onto each other (Procrustes) before cubic splines go through them. ``matrices`` leaves the terms
-in V' and V'' out, as parametric model reduction does for parameters that don't change while it simulates.
+There are no constraint rows: the modes hold the slider at the positions where they were computed, and nearly so between
+these. Modes at neighbouring positions are rotated onto each other (Procrustes) before cubic splines are fitted to them.
+The method ``matrices`` leaves the terms in V' and V'' out, as parametric model reduction does for parameters that don't
+change during a simulation.
 
 Amsallem, Farhat: An online method for interpolating linear parametric reduced-order models, SIAM Journal on Scientific
 Computing 33, 2011 (alignment); Panzer, Mohring, Eid, Lohmann: Parametric model order reduction by matrix interpolation,
@@ -43,14 +44,17 @@ SHORTEST = 0.02
 
 
 def held_modes(full: object, phi: np.ndarray, omega2: np.ndarray, s: float, r: int) -> np.ndarray:
-    """The r lowest modes (n, r), in modal coordinates, of the body with its rows held at s in m; M-orthonormal."""
+    """Return the r lowest modes (n, r) of the body with its rows held at s in m, M-orthonormal.
+
+    They are in the coordinates of the body's own modes `phi` (n, n), whose squared frequencies are `omega2` (n,).
+    """
     C = full.rows.at(s).toarray() @ phi
     free = scipy.linalg.qr(C.T)[0][:, len(C) :]
     return free @ scipy.linalg.eigh(free.T @ (omega2[:, None] * free), subset_by_index=[0, r - 1])[1]
 
 
 def aligned(modes: list[np.ndarray]) -> np.ndarray:
-    """Sets of modes (k, n, r), each rotated onto the one before: the polar factor of V_k^T V_{k-1}."""
+    """Return sets of modes (k, n, r), each rotated onto the one before by the polar factor of V_k^T V_{k-1}."""
     result = [modes[0]]
     for V in modes[1:]:
         U, _, Wt = np.linalg.svd(V.T @ result[-1])
@@ -59,7 +63,11 @@ def aligned(modes: list[np.ndarray]) -> np.ndarray:
 
 
 def simulate(scene: str, r: int, method: str) -> np.ndarray:
-    """Displacements (T, o) in m from rest by generalized-alpha; raises SimulationError where the motion grows."""
+    """Return displacements (T, o) in m of r local modes, from rest by generalized-alpha.
+
+    `method` is ``"local"``, or ``"matrices"`` without the terms in V' and V''. Raises SimulationError if the motion
+    grows without bound.
+    """
     full, phi, omega2, _, _ = full_motion(scene)
     loaded = pmr.load_scene(scene, PLAIN)
     length = float(np.ptp(full.output_positions))
@@ -99,7 +107,7 @@ def simulate(scene: str, r: int, method: str) -> np.ndarray:
 
 
 def row(scene: str, method: str, coordinates: int) -> Row:
-    """e_NRMS along the beam against the full model's motion; not a number where there is no model."""
+    """Return ``error``, the e_NRMS along the beam against the full model's motion; NaN if there is no model."""
     reference = full_motion(scene)[3].displacement
     try:
         if method == "flexibility":
@@ -111,6 +119,7 @@ def row(scene: str, method: str, coordinates: int) -> Row:
 
 
 def main(settings: Settings, out: Path, jobs: int) -> Chapter:
+    """Compute all scenes, methods and numbers of coordinates, save the errors, and return the chapter of the report."""
     asked = [(s, m, r) for s in settings["scenes"] for m in METHODS for r in settings["coordinates"]]
     found = rows(row, [{"scene": s, "method": m, "coordinates": r} for s, m, r in asked], out, jobs)
     figures = {f"{s}.{m}.{r}": one["error"] for (s, m, r), one in zip(asked, found, strict=True)}
@@ -119,6 +128,7 @@ def main(settings: Settings, out: Path, jobs: int) -> Chapter:
 
 
 def chapter(figures: dict[str, float], settings: Settings, findings: Findings) -> Chapter:
+    """Return the chapter of the report on errors by ``<scene>.<method>.<coordinates>``."""
     scenes, sizes = settings["scenes"], settings["coordinates"]
     caption = "Normalised RMS error along the beam against the full model, over the number of coordinates."
     grids = [
@@ -149,7 +159,7 @@ def chapter(figures: dict[str, float], settings: Settings, findings: Findings) -
 
 
 def draw_errors(figures: dict[str, float], settings: Settings) -> Figure:
-    """A panel a scene."""
+    """Draw the errors over the number of coordinates, one panel for each scene."""
     scenes, sizes = settings["scenes"], np.array(settings["coordinates"])
     figure, axes = sheet(
         WIDE, 2.6, columns=len(scenes), margins={"top": 0.5}, sharey=True, gridspec_kw={"wspace": 0.05}

@@ -1,6 +1,6 @@
-r"""Reduced models of every size on the POD of eigenmodes: the bases are nested, so one decomposition serves all sizes.
+"""Reduced models of every size on the POD of eigenmodes: the bases are nested, so one decomposition serves all sizes.
 
-Eigenmodes vanish at the pin, and so do their POD vectors: the two rows of the pin say nothing but round-off. They can
+Eigenmodes vanish at the pin, and so do their POD vectors: the two rows of the pin hold nothing but round-off. They can
 be treated in three ways:
 
 dropped
@@ -9,9 +9,9 @@ last
     Each row holds one of the last coordinates, and r - 2 move.
 round_off
     The rows stay as the singular value decomposition of the pool leaves them, as in the paper. Their entries are
-    round-off, but a row holds whatever its entries say, however small: *some* combination of the coordinates is held.
-    Where the singular values fall quickly it is one of the last, where they fall slowly any. Another LAPACK, or another
-    order of the snapshots, holds another one.
+    round-off, but a row constrains by its entries, however small: *some* combination of the coordinates is held.  Where
+    the singular values fall quickly it is one of the last coordinates, where they fall slowly it may be any.  Another
+    LAPACK, or another order of the snapshots, holds another combination.
 """
 
 from __future__ import annotations
@@ -32,24 +32,24 @@ PLAIN = ["compare.against=[]", "reduction.basis=eigenmodes", "simulation.simulat
 
 @dataclass(frozen=True)
 class NestedModels:
-    """Models on the first vectors of a basis."""
+    """Models on the first vectors of a basis, for every number of coordinates."""
 
     longest: pmr.ReducedModel  # on all vectors
     spent: int = 0  # coordinates that the pin's rows hold, which never move
 
     def of(self, coordinates: int) -> pmr.ReducedModel | None:
-        """The model with so many coordinates; None where all of them are held, so that nothing moves."""
+        """Return the model with this number of coordinates; None if all of them are held, so that nothing moves."""
         free = min(coordinates - self.spent, self.longest.size)
         return self.longest.leading(free) if free > 0 else None
 
     def has(self, coordinates: int) -> bool:
-        """Whether the pool spans so many dimensions: further vectors are round-off."""
+        """Return whether the pool spans so many dimensions that these coordinates are not round-off."""
         return coordinates - self.spent <= self.longest.size
 
 
 @dataclass(frozen=True)
 class Combination:
-    """A basis from a number of snapshots with a number of modes each."""
+    """Models on the basis from a number of snapshots with a number of modes each, and its singular values."""
 
     models: Mapping[str, NestedModels]  # by treatment
     singular_values: np.ndarray  # (k,)
@@ -58,17 +58,17 @@ class Combination:
 
 @lru_cache
 def full_motion(scene: str) -> tuple[object, pmr.Response]:
-    """Operators of the full model, and its motion."""
+    """Return the operators of a scene's full model and its motion."""
     loaded = pmr.load_scene(scene, PLAIN)
     full = pmr.full_model(loaded)
     return full, pmr.simulate(loaded, pmr.project(full, np.eye(full.size)))
 
 
 def combination(scene: str, snapshots: int, modes: int, most_modes: int) -> Combination:
-    """Models on the POD of eigenmodes with the slider held at so many positions.
+    """Return models on the POD of the lowest `modes` eigenmodes, with the slider held at `snapshots` positions.
 
     At each of them `most_modes` are computed, as many as any combination has: the round-off of a mode, which decides
-    what the pin's rows hold, depends on how many LAPACK computes beside it.
+    what the pin's rows hold, depends on how many LAPACK computes together.
     """
     counts = [f"reduction.snapshots={snapshots}", f"reduction.modes={most_modes}", "reduction.coordinates=3"]
     every, full = pmr.reduce(pmr.load_scene(scene, [*PLAIN, *counts])).snapshots, full_motion(scene)[0]
@@ -92,9 +92,9 @@ def combination(scene: str, snapshots: int, modes: int, most_modes: int) -> Comb
 
 
 def errors(scene: str, model: pmr.ReducedModel | None) -> tuple[float, float]:
-    """e_NRMS along the beam, and the error in J of the strain energy summed over all steps.
+    """Return a model's e_NRMS along the beam and the error in J of its strain energy, summed over all steps.
 
-    Not a number where the model can't be simulated. A model without coordinates stays at rest.
+    NaN if the model can't be simulated. `model` is None for one without coordinates, which stays at rest.
     """
     reference = full_motion(scene)[1]
     strain = float(reference.energy.strain.sum())

@@ -23,7 +23,10 @@ SETTINGS = {"histories": {}, "convergence": "convergence", **{name: {} for name 
 
 
 def main(settings: Settings, out: Path, jobs: int) -> list[Chapter]:
+    """Run all experiments and the convergence study, each into a folder of `out`, and return their chapters."""
+
     def chapter_of(name: str, module: object) -> Chapter:
+        """Run one experiment, write its own report, and return its chapter."""
         folder = out / name
         folder.mkdir(parents=True, exist_ok=True)
         own = module.main(module.SETTINGS | settings[name], folder, jobs)

@@ -1,6 +1,6 @@
-"""What Weyrer, Gerstmayr, Mikkola and Orzechowski publish of these experiments, and why figures differ from it.
+"""What Weyrer, Gerstmayr, Mikkola and Orzechowski publish of these experiments, and why results differ from it.
 
-Each constant has the statements, the source and remarks, as `experiment.Findings` takes them.
+Constants and functions hold statements, their source and remarks, in the order of `experiment.Findings`.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ ERROR_MAP = (
 
 
 def histories(scenes: list[str]) -> tuple[list[Statement], str, list[str]]:
-    """What the files of the scenes say is published of their errors."""
+    """Return what the scenes' files say is published of their errors: statements, source, remarks."""
     spoken = {"full": "full", "ancf": "ANCF", "reduced": "reduced"}
     statements: list[Statement] = []
     for name in scenes:
@@ -138,7 +138,7 @@ def histories(scenes: list[str]) -> tuple[list[Statement], str, list[str]]:
 
 
 def speed(names: list[str]) -> tuple[list[Statement], str, list[str]]:
-    """Times and ratios of each case."""
+    """Return what is published of the solver's times in these cases: statements, source, remarks."""
     common = {
         "seconds.ancf": ("ANCF cable", "around 4 s", 4.0, "seconds"),
         "full_over_ancf": ("full beam over ANCF", "roughly 6 to 8 times", 7.0, "ratio"),

@@ -7,9 +7,9 @@ pod
 modes
     Eigenmodes on the supports with the slider released.
 harmonic
-    POD of harmonic responses with the slider held along the visited stretch, up to `band`; M-orthonormal.
+    POD of harmonic responses with the slider held along the visited stretch, up to `band` in Hz; M-orthonormal.
 flexibility
-    The same eigenmodes with the flexibility of those left out (docs/moving_residual_flexibility.md).
+    The eigenmodes of ``modes`` with the flexibility of those left out (docs/moving_residual_flexibility.md).
 trajectory
     POD of the full model's own motion, M-orthonormal: no basis of fixed vectors holds more of it.
 """
@@ -60,7 +60,7 @@ REPEATS = 5
 
 @lru_cache
 def full_motion(scene: str) -> tuple[object, np.ndarray, np.ndarray, pmr.Response, np.ndarray]:
-    """Operators; all modes (n, n) with their omega^2 (n,); the motion, also in modal coordinates (T, n)."""
+    """Return the full model, its modes (n, n), their squared frequencies (n,), response, and modal motion (T, n)."""
     loaded = pmr.load_scene(scene, PLAIN)
     full = pmr.full_model(loaded)
     omega2, phi = scipy.linalg.eigh(full.K.toarray(), full.M.toarray())
@@ -76,14 +76,14 @@ REDUCED = {
 
 
 def scene_of(scene: str, basis: str, largest: int) -> Scene:
-    """The scene as models of a basis with up to so many coordinates are reduced and simulated."""
+    """Return the scene with the reduction to models of a basis with up to `largest` coordinates."""
     size = min(largest, 30) if basis == "pod" else largest
     reduction = [f"reduction.{change}" for change in REDUCED.get(basis, [])]
     return pmr.load_scene(scene, [*PLAIN, *reduction, f"reduction.coordinates={size}"])
 
 
 def models(scene: str, basis: str, largest: int, band: float) -> tuple[Callable[[int], pmr.ReducedModel], int]:
-    """Models of one basis by their number of coordinates, and the largest number."""
+    """Return a function from the number of coordinates to the model of a basis, and the largest number."""
     if basis in REDUCED:
         longest = pmr.reduce(scene_of(scene, basis, largest)).reduced
         return longest.leading, longest.size
@@ -96,7 +96,13 @@ def models(scene: str, basis: str, largest: int, band: float) -> tuple[Callable[
 
 
 def _responses(scene: str, full: object, phi: np.ndarray, omega2: np.ndarray, band: float) -> Iterator[np.ndarray]:
-    r"""Responses (n, i) to unit loads, z = h (b - c^T lambda) with h = 1 / (omega_j^2 (1 + i eta) - omega^2)."""
+    r"""Yield modal responses (n, 2 i) to unit loads on i inputs at each position and frequency, real parts first.
+
+    .. math:: z = h\, (b - c^T \lambda), \qquad h_j = 1 / (\omega_j^2 (1 + i \eta) - \omega^2)
+
+    with modal loads b (n, i), the slider's rows c at s, and their forces :math:`\lambda`, which hold them or load their
+    compliance.
+    """
     compliance, B = np.diag(full.rows.compliance), phi.T @ full.B
     for s in np.linspace(*pmr.load_scene(scene, PLAIN).path_bounds, POSITIONS):
         c = full.rows.at(float(s)).toarray() @ phi
@@ -107,7 +113,11 @@ def _responses(scene: str, full: object, phi: np.ndarray, omega2: np.ndarray, ba
 
 
 def row(scene: str, basis: str, coordinates: list[int], band: float) -> Row:
-    """Errors (c,) along the beam, seconds (c,) of the fastest simulation, and estimates (c,), where there are any."""
+    """Return ``beam``, ``seconds`` and ``estimate``, each (c,) over c numbers of coordinates; NaN without a value.
+
+    They are the errors along the beam, the solver's seconds of the fastest simulation, and the run's estimates of the
+    error, which only the basis ``flexibility`` has.
+    """
     reference, values = full_motion(scene)[3].displacement, np.full((3, len(coordinates)), np.nan)
     largest = max(coordinates)
     if basis != "flexibility":
@@ -131,6 +141,7 @@ def row(scene: str, basis: str, coordinates: list[int], band: float) -> Row:
 
 
 def main(settings: Settings, out: Path, jobs: int) -> Chapter:
+    """Compute all scenes and bases, save the errors, and return the chapter of the report."""
     common = {"coordinates": settings["coordinates"], "band": settings["band"]}
     names = [(scene, basis) for scene in settings["scenes"] for basis in NAMES]
     found = rows(row, [common | {"scene": scene, "basis": basis} for scene, basis in names], out, jobs)
@@ -151,6 +162,7 @@ def main(settings: Settings, out: Path, jobs: int) -> Chapter:
 
 
 def chapter(results: dict[tuple[str, str], Row], sizes: list[int], findings: Findings) -> Chapter:
+    """Return the chapter of the report on these rows, by scene and basis."""
     scenes, figures = list(dict.fromkeys(scene for scene, _ in results)), findings.figures
     few = 6 if 6 in sizes else sizes[len(sizes) // 2]
     gains = {scene: figures[f"{scene}.modes.{few}"] / figures[f"{scene}.flexibility.{few}"] for scene in scenes}
@@ -212,11 +224,12 @@ def chapter(results: dict[tuple[str, str], Row], sizes: list[int], findings: Fin
 
 
 def _percent(error: float) -> str:
+    """Return an error in per cent as text, a dash for NaN."""
     return "–" if np.isnan(error) else percent(error)
 
 
 def draw_errors(results: dict[tuple[str, str], Row], sizes: list[int]) -> Figure:
-    """A panel a scene."""
+    """Draw the errors of all bases over the number of coordinates, one panel for each scene."""
     scenes = list(dict.fromkeys(scene for scene, _ in results))
     lines = -(-len(scenes) // 2)
     gaps = {"wspace": 0.05, "hspace": 0.3}
@@ -247,7 +260,7 @@ def draw_errors(results: dict[tuple[str, str], Row], sizes: list[int]) -> Figure
 
 
 def draw_time(results: dict[tuple[str, str], Row], scene: str) -> Figure:
-    """Error over the seconds of the compiled simulator, of one scene."""
+    """Draw the errors of all bases in one scene over the compiled simulator's time."""
     figure, axes = sheet(WIDE, 2.8, margins={"top": 0.5})
     ax = axes[0, 0]
     for number, basis in enumerate(NAMES):
@@ -264,7 +277,7 @@ def draw_time(results: dict[tuple[str, str], Row], scene: str) -> Figure:
 
 
 def _draw_legend(figure: Figure) -> None:
-    """Two rows, filled row by row."""
+    """Draw the legend of all bases in two rows, filled row by row."""
     handles = [Line2D([], [], label=label, **dots(number, 2.2)) for number, label in enumerate(NAMES.values())]
     by_column = [handle for column in range(3) for handle in handles[column::3]]
     figure.legend(handles=by_column, loc="upper left", bbox_to_anchor=(0.07, 1.0), ncols=3, borderaxespad=0.25)

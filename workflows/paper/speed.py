@@ -72,21 +72,25 @@ PAPER, OURS = "#d55e00", "#0072b2"
 
 
 class Later(SignalBase):
-    """A signal from some time on: its value at t is that of another one at t + begin."""
+    """A signal whose value at the time t is that of another `signal` at t + `begin`, in s."""
 
     signal: SignalBase
     begin: float
 
     def value(self, t: Any) -> Any:
+        """Return the value of the other signal at t + `begin`."""
         return self.signal.value(np.asarray(t) + self.begin)
 
     def rate(self, t: Any) -> Any:
+        """Return the rate of the other signal at t + `begin`."""
         return self.signal.rate(np.asarray(t) + self.begin)
 
 
 def row(scene: str, approach: str, repeats: int, share: float) -> Row:
-    """Seconds (repeats,) of the solver for the whole time span; a run of ten steps goes before, which loads and
-    compiles.
+    """Return ``seconds`` (repeats,) that the solver takes for the whole time span, ``coordinates`` and ``share``.
+
+    If only a `share` of the time span is simulated, seconds are extrapolated. A run of ten steps comes first and is not
+    counted: it loads and compiles.
     """
     model, formulation, _ = APPROACHES[approach]
     loaded = pmr.load_scene(scene)
@@ -101,6 +105,7 @@ def row(scene: str, approach: str, repeats: int, share: float) -> Row:
     whole, steps = Excitation.of(loaded), loaded.time.steps
 
     def seconds(begin: float, count: int) -> float:
+        """Return the solver's seconds for `count` steps from the time `begin` in s on."""
         paths, loads = (
             {name: Later(signal=signal, begin=begin) for name, signal in signals.items()}
             for signals in (whole.paths, whole.loads)
@@ -125,6 +130,7 @@ def row(scene: str, approach: str, repeats: int, share: float) -> Row:
 
 
 def main(settings: Settings, out: Path, jobs: int) -> Chapter:
+    """Measure all approaches one after the other, save the times, and return the chapter of the report."""
     unknown = sorted(set(settings["share"]) - set(APPROACHES))
     if unknown:
         allowed = f"one of {', '.join(APPROACHES)} is allowed"
@@ -150,6 +156,7 @@ def main(settings: Settings, out: Path, jobs: int) -> Chapter:
 
 
 def chapter(results: dict[tuple[str, str], Row], scenes: list[str], repeats: int, findings: Findings) -> Chapter:
+    """Return the chapter of the report on these rows, by scene and approach."""
     figures, span = findings.figures, findings.figures["span"]
     parts = {name: one["share"] for (_, name), one in results.items() if one["share"] < 1.0}
     said = ", ".join(f"{APPROACHES[name][2]}: {percent(share)}" for name, share in parts.items())
@@ -190,6 +197,7 @@ def chapter(results: dict[tuple[str, str], Row], scenes: list[str], repeats: int
 
 
 def _grid(results: dict[tuple[str, str], Row], scene: str, words: str, span: float) -> Grid:
+    """Return the table of the solver's times in one scene, whose time span is `span` in s; `words` are its title."""
     lines = []
     for name, (_, _, text) in APPROACHES.items():
         one = results[scene, name]
@@ -201,7 +209,7 @@ def _grid(results: dict[tuple[str, str], Row], scene: str, words: str, span: flo
 
 
 def draw_seconds(results: dict[tuple[str, str], Row], scenes: list[str], span: float) -> Figure:
-    """Repeats and medians on a logarithmic axis, one panel a scene."""
+    """Draw repeats and medians of the solver's times on a logarithmic axis, one panel for each scene."""
     margins, places = {"left": 1.75, "top": 0.45}, {name: -n for n, name in enumerate(APPROACHES)}
     figure, axes = sheet(WIDE, 3.1, columns=len(scenes), margins=margins, sharey=True, gridspec_kw={"wspace": 0.08})
     every = np.concatenate([one["seconds"] for one in results.values()])

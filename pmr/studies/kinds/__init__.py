@@ -1,1 +1,1 @@
-"""Kinds of studies: one module each, named as the ``kind`` in the study file, with a class ``Study``."""
+"""Kinds of studies: each module is called as the ``kind`` in a study file and has a class ``Study``."""

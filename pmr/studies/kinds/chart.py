@@ -28,7 +28,7 @@ from pmr.studies.results import StudyResults, csv_text
 from pmr.studies.study import Count, StudyBase
 from pmr.studies.tasks import Plan, Scalar, Task
 
-#: Places in all, at most.
+#: Most points of a chart.
 MOST = 200_000
 
 
@@ -44,16 +44,21 @@ class Range(Section):
 
     @model_validator(mode="after")
     def _check_order(self) -> Self:
+        """Refuse a `most` below `least`."""
         if self.most < self.least:
             raise of_key("most", self.most, f"at least {self.least:g}, which is `least`, is allowed")
         return self
 
     @property
     def values(self) -> tuple[float, ...]:
+        """Evenly spaced values from `least` to `most`, `count` of them."""
         return tuple(np.linspace(self.least, self.most, self.count).tolist())
 
     def of_sections(self, names: Sequence[str]) -> list[dict[str, float]]:
-        """Extensions of sections: of all together, or of one after the other, the first of `names` first."""
+        """Return the extensions in m by section of each of the `count` rows.
+
+        All sections telescope together, or one after the other in the order of `names`, as `order` says.
+        """
         rows = list[dict[str, float]]()
         for share in np.linspace(0.0, 1.0, self.count):
             in_turn = np.clip(share * len(names) - np.arange(len(names)), 0.0, 1.0)
@@ -64,7 +69,7 @@ class Range(Section):
 
 
 class Hoist(Section):
-    """How a load is hoisted off the ground: the factor that this makes of its weight is computed at each point."""
+    """How a load is hoisted off the ground, for the dynamic factor on its weight that is computed at each point."""
 
     speed: Annotated[float, Field(gt=0.0), Usual(1e-3, 5.0, unit="m/s")] = Field(
         description="Steady speed of the hook, m/s"
@@ -78,11 +83,14 @@ class Hoist(Section):
 
 
 class Study(StudyBase):
-    """Loads that `limits` allow at all `extensions` and angles, in all `cases`; what `stability` allows among them.
+    """Loads that `limits` and stability allow at all `extensions` and angles, in all `cases`.
 
-    `change` holds keys of the scene: what it carries there as a payload has to go, as ``sections.fly.masses = []``.
-    Figures: ``points``, ``limits``; by limit ``governs.<name>``, points at which it allows least, ``never.<name>`` and
-    ``at_no_load.<name>``; ``in_doubt``, points at which the error bar changes which limit governs; of a case out of
+    `change` holds keys of the scene: a payload that the scene carries at the tip has to be removed there, for instance
+    by ``sections.fly.masses = []``.
+
+    Figures: the numbers of ``points`` and ``limits``; by limit ``governs.<name>``, the number of points at which it
+    allows least, ``never.<name>``, at which no load up to `up_to` reaches it, and ``at_no_load.<name>``, at which it is
+    passed without a load; ``in_doubt``, points at which the error bars leave open which limit governs; of a case out of
     service ``stands.<name>``, points at which no limit is passed.
     """
 
@@ -118,6 +126,7 @@ class Study(StudyBase):
 
     @model_validator(mode="after")
     def _check_names(self) -> Self:
+        """Refuse names of limits or cases that occur twice, and cases of which none is in service."""
         for what, names in (
             ("limits", [entry.name for entry in self.limits]),
             ("cases", [case.name for case in self.cases]),
@@ -129,6 +138,7 @@ class Study(StudyBase):
         return self
 
     def plan(self) -> Plan:
+        """Return a task for each row of extensions, and the tasks of all rows: postures and a richer model."""
         scene, rows, size = self._scene, self._rows, self._size
         for limit in self.limits:
             limit.check(scene)
@@ -171,6 +181,7 @@ class Study(StudyBase):
         return Plan(tuple(runs), tuple(common_tasks.values()))
 
     def figures(self, results: StudyResults) -> Mapping[str, Scalar]:
+        """Return the numbers that the class lists under figures, of all points."""
         table = self.table(results)
         names, load = self.names, table["load"]
         least, doubt = governing_limit(load), in_doubt(load, table["error"], self.up_to).any(axis=1)
@@ -190,7 +201,7 @@ class Study(StudyBase):
         return figures
 
     def summary_line(self, results: StudyResults) -> str:
-        """The least and the largest load that all limits allow."""
+        """Return a line with the least and the largest load in kg that all limits allow, over the points."""
         points = len(self._points)
         columns = [results.column(name) for name in ("load.least", "load.most")]
         if not all(np.isfinite(column).any() for column in columns):
@@ -200,7 +211,7 @@ class Study(StudyBase):
         return f"it carries {low:.0f} to {high:.0f} kg at {points} points, by all limits{self._bars(results)}"
 
     def _bars(self, results: StudyResults) -> str:
-        """How far lower bounds are below the loads at most, and what the error bars do not cover, in words."""
+        """Return a clause: how far in kg error bars lower the loads at most, and which errors they do not cover."""
         table = self.table(results)
         load = np.nan_to_num(table["load"], nan=self.up_to).min(axis=1)
         lower = np.maximum(lowest(table["load"], table["error"], self.up_to).min(axis=1), 0.0)
@@ -209,6 +220,7 @@ class Study(StudyBase):
 
     @property
     def _in_service(self) -> list[LoadCase]:
+        """Load cases with a load."""
         return [case for case in self.cases if case.in_service]
 
     @property
@@ -218,25 +230,30 @@ class Study(StudyBase):
 
     @property
     def _class_factor(self) -> float | None:
+        """Dynamic factor of `hoist`'s hoisting class at its speed; None without a class.
+
+        Raises InputError for a class that is not among `classes`.
+        """
         if self.hoist is None or self.hoist.hoisting_class is None:
             return None
         return hoisting_factor("hoist.hoisting_class", self.classes, self.hoist.hoisting_class, self.hoist.speed)
 
     @property
     def names(self) -> list[str]:
-        """Names of all limits, that of stability last."""
+        """Names of all limits, ending with that of stability."""
         return [*(limit.name for limit in self.limits), STABILITY]
 
     def table(self, results: StudyResults) -> dict[str, Any]:
-        """All points of runs that are done, as planned: ``load``, ``error`` (P, l) kg, ``case`` (P, l) of each limit.
+        """Return the arrays of all points of the runs that are done, in the order of the plan, by name.
 
-        Raises an IndexError if no run is done.
+        They are those of `pmr.studies.charting.allow_row` without ``at.<name>``: ``load`` (P, l) in kg, ``error`` (P,
+        l) in kg and ``case`` (P, l), for instance, of P points and l limits.  Raises IndexError if no run is done.
         """
         parts = [results.arrays(run.key) for run in results.runs if run.status == "done"]
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0] if name[:3] != "at."}
 
     def tables(self, results: StudyResults) -> Mapping[str, str]:
-        """``chart.csv``: a row for each point of the runs that are done; empty where none is."""
+        """Return the text of ``chart.csv`` with a row for each point of the runs that are done; empty if no run is."""
         done = [run.status == "done" for run in results.runs]
         if not any(done):
             return {"chart.csv": ""}
@@ -249,7 +266,11 @@ class Study(StudyBase):
     def _cells(
         self, table: Mapping[str, Any], k: int, row: Mapping[str, float], luffing: float, slewing: float
     ) -> list[tuple[str, float | str]]:
-        """Heads and values of the k-th point's row of ``chart.csv``."""
+        """Return column heads and values of the k-th row of ``chart.csv``.
+
+        The point has extensions `row` in m and the angles `luffing` and `slewing` in the scene's unit; `table` is that
+        of `Study.table`.
+        """
         frame, names = self._scene.frame, np.array(self.names)
         angle = "degrees" if frame is not None and frame.unit == "degrees" else "rad"
         load, error = table["load"][k], table["error"][k]
@@ -278,24 +299,26 @@ class Study(StudyBase):
         ]
 
     def not_covered(self, results: StudyResults) -> str:
-        """Parts of the error that the bars lack, in clauses."""
+        """Return the errors that the error bars do not cover, as clauses separated by semicolons."""
         return str(self.table(results)["not_covered"][0])
 
     @property
     def _size(self) -> int:
-        """Number of points of a run."""
+        """Number of points in a row of the chart, which is a run of the study."""
         return len(self._angles) * len(self.slewing)
 
     def hints(self) -> list[str]:
+        """Return a line for each key of the study whose number lies outside the range that is usual for its scene."""
         return hints_of(self, self._scene)
 
     @property
     def _points(self) -> list[tuple[dict[str, float], float, float]]:
-        """Extensions and angles in the scene's unit of all points."""
+        """All points: extensions in m by section, luffing and slewing angle in the scene's unit."""
         return [(row, a, b) for row in self._rows for a in self._angles for b in self.slewing]
 
     @cached_property
     def _scene(self) -> Scene:
+        """The scene with `change` applied and with second order; InputError if no chart can be made of it."""
         scene = scenes.vary(self.scene, [Change(self.change, "change")])
         if scene.frame is None or scene.frame.luffing is None:
             raise InputError("study", "scene", str(self.scene), "a scene whose [frame] has a luffing angle is allowed")
@@ -314,7 +337,7 @@ class Study(StudyBase):
 
     @cached_property
     def _rows(self) -> list[dict[str, float]]:
-        """Extensions in m by section, of each row of the chart."""
+        """Extensions in m by section of each row of the chart; InputError for one that is missing or out of range."""
         scene = self._scene
         names = scene.names[1:] if len(scene.sections) > 1 else ()
         extensions = self.extensions
@@ -339,6 +362,7 @@ class Study(StudyBase):
 
     @cached_property
     def _angles(self) -> tuple[float, ...]:
+        """Luffing angles in the scene's unit; InputError if there is none."""
         angles = self.luffing.values if isinstance(self.luffing, Range) else self.luffing
         if not angles:
             raise InputError("study", "luffing", None, "at least one angle is allowed")
@@ -346,7 +370,7 @@ class Study(StudyBase):
 
 
 def _check_at_rest(scene: Scene) -> None:
-    """Refuse what moves below a boom: a machine that moves by itself, or a base whose motion is not constant."""
+    """Raise InputError for a machine that moves by itself, or a base whose motion is not constant."""
     assert scene.frame is not None
     if scene.frame.machine is not None:
         raise InputError("scene", "frame.machine", None, "a machine that stands still is allowed in a load chart")
@@ -359,6 +383,7 @@ def _check_at_rest(scene: Scene) -> None:
 
 
 def _cell(value: float | str) -> str:
+    """Return a value as text: a number with nine digits, NaN as an empty text."""
     if isinstance(value, str):
         return value
     return "" if np.isnan(value) else f"{value:.9g}"

@@ -1,7 +1,7 @@
 """Convergence with the mesh: the full beam and the ANCF cable with more and more elements.
 
-Weyrer et al., section "Convergence Analysis": the absolute error e_abs of the transverse tip displacement, the norm of
-its difference over all steps to that of the finest discretisation of the same approach, in m.
+Weyrer et al., section "Convergence Analysis": the absolute error e_abs in m of the transverse tip displacement is the
+norm, over all steps, of its difference from that of the finest mesh of the same approach.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ COSTS = {"ancf": 0.1, "full": 0.01}
 
 
 class Study(StudyBase):
-    """Numbers of elements of the full beam and of the ANCF cable, at least two each; of a boom those of every section.
+    """Numbers of elements of the full beam and of the ANCF cable, at least two each; of a boom, those of every section.
 
-    Figures, for each approach: ``chosen.<approach>``, the error in m with the elements that the scene asks for, and
-    ``least.<approach>``, the smallest of all.
+    Figures, for each approach: ``chosen.<approach>``, the error in m with the number of elements that the scene has,
+    and ``least.<approach>``, the smallest of all.
     """
 
     kind: Literal["convergence"] = Field(description="Kind of study")
@@ -45,6 +45,7 @@ class Study(StudyBase):
     @field_validator("full", "ancf")
     @classmethod
     def _check_increasing(cls, elements: tuple[int, ...]) -> tuple[int, ...]:
+        """Refuse numbers of elements that do not increase, and a single one."""
         if list(elements) != sorted(set(elements)):
             raise ValueError("numbers of elements must increase")
         if len(elements) == 1:
@@ -52,6 +53,7 @@ class Study(StudyBase):
         return elements
 
     def plan(self) -> Plan:
+        """Return a task for each approach and number of elements; all but the finest need the finest one's result."""
         scene = scenes.load_any(self.scene) if scenes.has_sections(self.scene) else scenes.beam_scene(self.scene)
         shared.refuse_second_order(scene)
         profile = scene.sections[0].body.profile
@@ -66,6 +68,7 @@ class Study(StudyBase):
         return Plan((*self._runs(scene, "ancf", self.ancf), *self._runs(scene, "full", self.full)))
 
     def _runs(self, scene: Scene, approach: str, elements: tuple[int, ...]) -> list[Task]:
+        """Return the tasks of an approach, ``"ancf"`` or ``"full"``, for increasing numbers of elements."""
         function = {"ancf": cable_tip, "full": full_tip}[approach]
         runs = []
         for count in elements:
@@ -77,6 +80,7 @@ class Study(StudyBase):
         return runs
 
     def figures(self, results: StudyResults) -> dict[str, Scalar]:
+        """Return ``chosen.<approach>`` and ``least.<approach>`` in m; a chosen one that was not run is None."""
         scene, record = scenes.load_any(self.scene), dict[str, Scalar]()
         counts = {body.mesh.elements for body in scene.bodies.values()}
         choices = {"ancf": scene.compare.ancf_elements, "full": counts.pop() if len(counts) == 1 else None}
@@ -91,7 +95,10 @@ class Study(StudyBase):
 
 
 def with_elements(scene: Scene, count: int) -> Scene:
-    """Return the scene with so many elements in every section, and without what the full model's motion needs not."""
+    """Return the scene with `count` elements in every section, and without all that its full model does not need.
+
+    Comparison, recovery, choices of simulators, accuracy and budget and the reduction are removed.
+    """
     update = {
         "compare": Compare(against=()), "simulation": Simulation(), "recovery": None, "accuracy": None, "budget": None
     }  # fmt: skip
@@ -104,7 +111,8 @@ def with_elements(scene: Scene, count: int) -> Scene:
 def full_tip(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: ``coordinates``, ``e_abs`` (m) and ``e_nrms`` of the full model's tip; array ``tip`` in m.
 
-    That has the transverse displacement (T,) of a beam alone, all directions (T, d) of a boom's tip.
+    The array holds the transverse displacement (T,) of a single beam, or all d directions (T, d) of a boom's tip.
+    Errors are those against the result ``finest``, which all tasks but the finest one need; None for that one.
     """
     scene = shared.scene_of(arguments)
     system = shared.full_system(scene)
@@ -117,7 +125,10 @@ def full_tip(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def cable_tip(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: ``coordinates``, ``e_abs`` (m) and ``e_nrms`` of the ANCF cable's tip; array ``tip`` (T,) in m."""
+    """Task: ``coordinates``, ``e_abs`` (m) and ``e_nrms`` of the ANCF cable's tip; array ``tip`` (T,) in m.
+
+    Errors are those against the result ``finest``, which all tasks but the finest one need; None for that one.
+    """
     scene = shared.scene_of(arguments)
     elements = scene.mesh.elements
     compared = scene.compare.model_copy(update={"ancf_elements": elements})
@@ -128,6 +139,7 @@ def cable_tip(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def _compare_tip(tip: Any, coordinates: int, needs: Needs) -> TaskResult:
+    """Return a task's result: the tip's displacement in m and, if ``finest`` is needed, its errors against that."""
     record: dict[str, Scalar] = {"coordinates": coordinates, "e_abs": None, "e_nrms": None}
     if "finest" in needs:
         finest = needs["finest"].arrays["tip"]

@@ -1,4 +1,4 @@
-"""A parameter study: scenes, each with keys changed as asked, reduced, simulated and compared."""
+"""A parameter study: scenes, each with keys changed as the study says, reduced, simulated and compared."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ if TYPE_CHECKING:
     from pmr.pipeline.bodies import Precomputed
 
 Array = NDArray[np.float64]
-#: What names of section forces begin with, by their units.
+#: Beginning of the columns of section forces, by their units.
 BEAM_ROOMS = {"N": "beam_forces", "N m": "beam_moments"}
-#: Frequencies that are stated, at these places of the path: where s is least, in the middle, where it is largest.
+#: Number of frequencies that are stated, and names of the path coordinates: the least, the middle and the largest one.
 FREQUENCIES, PLACES = 3, ("s_min", "s_middle", "s_max")
-#: Frequencies of a body alone whose errors are stated.
+#: Number of frequencies of a single body whose errors are stated.
 COMPARED_FREQUENCIES = 3
 
 
 @dataclass(frozen=True)
 class Point:
-    """A run: the changes that it asks for, and what they are called in keys of tasks and in the table."""
+    """One run: changes of a scene, words for them in the task's key, and their values by column of the table."""
 
     changes: tuple[Change, ...]
     words: tuple[str, ...]
@@ -50,11 +50,12 @@ class Point:
 
 
 def grid_points(grid: Mapping[str, Any]) -> Iterator[Point]:
-    """All combinations of a grid's lists, the last list varying fastest; of an empty grid the one without changes.
+    """Yield a point for each combination of a grid's lists, the last list varying fastest.
 
-    ``{"reduction": {"modes": [4, 6], "coordinates": [10, 20]}}`` has four, the first called ``modes=4`` and
-    ``coordinates=10``; a name is the shortest end of a dotted key that tells it from the others.  Raises InputError
-    with source ``"study"``, if something else than a list with values stands at the end of a key.
+    An empty grid has one point, without changes.  ``{"reduction": {"modes": [4, 6], "coordinates": [10, 20]}}`` has
+    four, the first with the words ``modes=4`` and ``coordinates=10``.  A word begins with the last part of the dotted
+    key, or the whole key if two keys end alike.  Raises InputError with source ``"study"`` if the value of a key is not
+    a list with values.
     """
     lists = dict(_lists(grid, ""))
     last = Counter(key.rpartition(".")[2] for key in lists)
@@ -69,6 +70,7 @@ def grid_points(grid: Mapping[str, Any]) -> Iterator[Point]:
 
 
 def _lists(tables: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Sequence[Any]]]:
+    """Yield dotted key and list of each list in nested tables; InputError for an empty list or another value."""
     for key, value in tables.items():
         if isinstance(value, Mapping):
             yield from _lists(value, f"{prefix}{key}.")
@@ -79,17 +81,19 @@ def _lists(tables: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Sequen
 
 
 def _nest(key: str, value: Any) -> dict[str, Any]:
+    """Return nested tables with a value at a dotted key."""
     for part in reversed(key.split(".")):
         value = {part: value}
     return dict(value)
 
 
 def _is_plain(value: Any) -> bool:
+    """Return whether a value fits into one cell of a table."""
     return isinstance(value, (float, int, str))
 
 
 def _word(value: Any, number: int) -> str:
-    """Return a value as part of a key, or its number in the list where it has characters that keys can't have."""
+    """Return a value as text for a key; ``no<i>``, the i-th of its list, if keys can't hold its characters."""
     text = str(value).lower() if isinstance(value, bool) else str(value)
     return text if _is_plain(value) and KEY.fullmatch(f"0{text}") else f"no{number + 1}"
 
@@ -102,9 +106,9 @@ class Case(Section):
 
 
 class Study(StudyBase):
-    """All combinations of `scenes`, `cases` and `grid`; `change` goes before and holds for all.
+    """All combinations of `scenes`, `cases` and `grid`; `change` is applied first, in all runs.
 
-    A list in `grid` is what its key takes one after the other: ``[grid] reduction.coordinates = [10, 14, 20]``.
+    A list in `grid` holds the values that its key takes in turn: ``[grid] reduction.coordinates = [10, 14, 20]``.
     """
 
     kind: Literal["scenes"] = Field(description="Kind of study")
@@ -114,6 +118,7 @@ class Study(StudyBase):
     grid: dict[str, Any] = Field(default={}, description="Keys of the scenes and the values that each takes in turn")
 
     def plan(self) -> Plan:
+        """Return a task for each run, and for single bodies the eigenmodes, frequencies and references they share."""
         runs, common = [], dict[str, Task]()
         for file, point in self._points():
             key = key_of(",".join(point.words) or file.stem)
@@ -129,7 +134,7 @@ class Study(StudyBase):
         return Plan(tuple(runs), tuple(common.values()))
 
     def _points(self) -> Iterator[tuple[Path, Point]]:
-        """Scene files, and what to change in them, of all runs."""
+        """Yield the scene's file and the changes of each run."""
         for file in self.scenes:
             of_scene: dict[str, Scalar] = {"scene": file.stem} if len(self.scenes) > 1 else {}
             for i, case in enumerate(self.cases or [None]):
@@ -142,7 +147,10 @@ class Study(StudyBase):
 
 
 def _varied_scene(file: Path, point: Point, key: str) -> Scene:
-    """The scene of the run with this key; an InputError names the key of the study that makes it impossible."""
+    """Return the scene of the run `key`: the file with the point's changes.
+
+    An InputError for a value that the study sets names the key of the study.
+    """
     try:
         return scenes.vary(file, point.changes)
     except InputError as error:
@@ -153,7 +161,7 @@ def _varied_scene(file: Path, point: Point, key: str) -> Scene:
 
 
 def run_case(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: `run_scene`; of a body alone with eigenmodes, references and frequencies that other runs share."""
+    """Task: run a scene by `run_scene`; a single body's eigenmodes, references and frequencies come from the needs."""
     from pmr.pipeline.bodies import Precomputed
 
     scene = shared.scene_of(arguments)
@@ -165,12 +173,18 @@ def run_case(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def figures_of(scene: Scene, response: Response, s: Array, frequencies: Array) -> dict[str, Scalar]:
-    """Figures of a simulated model with frequencies (S, f) in Hz at path coordinates s (S,) in m, ascending.
+    """Return columns of the table about a simulated model, from its response and frequencies.
 
-    ``largest_force`` of all in N but for rigid supports; ``forces.<of>.{min,t_min,s_min,max,t_max,s_max}`` in N, s
-    and m; of rigid supports ``reactions.<of>.{min,...}`` in N and ``moments.<of>.{min,...}`` in N m;
-    ``path.{s_min,s_max}`` in m, and ``frequencies.<place>.<i>`` in Hz there and midway;
-    ``probes.<name>.{min,...}`` likewise in the probe's unit, with ``range``, the largest of its load cycles.
+    `frequencies` (S, f) are in Hz at ascending path coordinates `s` (S,) in m.
+
+    - ``largest_force``: the largest contact force in N, without rigid supports.
+    - ``forces.<contact>.{min,t_min,s_min,max,t_max,s_max}``: extremes of a contact force in N, their times in s and
+      path coordinates in m.
+    - ``reactions.<support>.{min,...}`` in N and ``moments.<support>.{min,...}`` in N m of rigid supports.
+    - ``probes.<name>.{min,...}`` in the probe's unit, with ``range``, the largest of its load cycles.
+    - ``path.{s_min,s_max}`` in m.
+    - ``frequencies.{s_min,s_middle,s_max}.<i>``: the i-th in Hz at the least, the middle and the largest path
+      coordinate; None if the model has fewer.
     """
     path, record = scene.along(response.t), dict[str, Scalar]()
     if forces := force_extremes(response, path):
@@ -191,14 +205,15 @@ def figures_of(scene: Scene, response: Response, s: Array, frequencies: Array) -
 
 
 def _extreme_figures(name: str, extremes: Extremes) -> dict[str, Scalar]:
-    """Figures ``<name>.{min,t_min,s_min,max,t_max,s_max}`` of the extremes of a history."""
+    """Return columns ``<name>.{min,t_min,s_min,max,t_max,s_max}`` of the extremes of a history."""
     return {f"{name}.{key}": value for key, value in extremes.summary().items()}
 
 
 def stresses(summary: Mapping[str, Any]) -> dict[str, Scalar]:
-    """``stress.<region>.{max,t_max,x,y,z}``: the largest von Mises stress in Pa of the reduced model, when and where.
+    """Return ``stress.<region>.{max,t_max,x,y,z}``: the largest von Mises stress of the reduced model in each region.
 
-    `summary` is that of a run, or of what was recovered; a mesh without regions is ``whole body``.
+    ``max`` is in Pa, its time ``t_max`` in s, its position in m.  `summary` is that of a run or of a recovery; a mesh
+    without regions is ``whole body``.
     """
     record = dict[str, Scalar]()
     for region, peak in stress_by_part(summary).get("reduced", {}).items():
@@ -208,11 +223,14 @@ def stresses(summary: Mapping[str, Any]) -> dict[str, Scalar]:
 
 
 def of_bodies(summary: Mapping[str, Any]) -> dict[str, Scalar]:
-    """Figures of bodies by name: `stresses`, ``mass.<body>`` in kg, and of beams their section forces.
+    """Return columns of the table about bodies, from the summary of a run.
 
-    ``mass`` is that of all with what is attached, ``utilisation`` the largest stress over the yield stress, with
-    ``utilisation_t`` in s, ``utilisation_section``, and ``_x``, ``_y``, ``_z`` in m there;
-    ``beam_forces.<quantity>.{min,t_min,x_min,max,...}`` in N, ``beam_moments.<quantity>.`` in N m.
+    - ``stress.<region>...``: those of `stresses`.
+    - ``mass`` in kg of all bodies with the masses attached to them, and ``mass.<body>`` of one.
+    - ``damage.<probe>``: damage by fatigue.
+    - ``utilisation``: the largest stress over the yield stress, at ``utilisation_t`` in s in ``utilisation_section`` at
+      ``utilisation_{x,y,z}`` in m.
+    - ``beam_forces.<quantity>.{min,t_min,x_min,max,...}``: section forces in N; ``beam_moments.<quantity>...`` in N m.
     """
     record, masses = stresses(summary), {mass["name"]: mass for mass in summary.get("masses", ())}
     weights = {name: float(mass["mass"] + mass["attached"]) for name, mass in masses.items()}
@@ -234,13 +252,14 @@ def of_bodies(summary: Mapping[str, Any]) -> dict[str, Scalar]:
 
 
 def run_scene(scene: Scene, precomputed: Precomputed | None = None) -> TaskResult:
-    """Result of a run as a row of a table, with its warnings; of a body alone with what is computed already.
+    """Run a scene with its first simulator and return the results as a row of the table, with arrays and warnings.
 
-    Figures: ``errors.<a>_vs_<b>.<place>`` (e_NRMS), ``coordinates.full`` and ``.reduced``, ``max_displacement`` and
-    ``max_error`` (m), ``cylinders.<name>.{min,max}`` and ``ropes.<name>.{min,max}`` (N), what `figures_of` and
-    `of_bodies` say; ``largest_force`` of a boom is that of its pads.  Of a body alone also ``basis.kappa`` and
+    `precomputed` are eigenmodes, references and frequencies of a single body that need not be computed again.  Record:
+    ``errors.<model>_vs_<reference>.<output>`` (e_NRMS), ``coordinates.full`` and ``.reduced``, ``max_displacement`` and
+    ``max_error`` (m), ``cylinders.<name>.{min,max}`` and ``ropes.<name>.{min,max}`` (N), those of `figures_of` and
+    `of_bodies`; ``largest_force`` of a boom is that of its pads.  For a single body also ``basis.kappa`` and
     ``frequency_error.<i>``, the largest relative error of the i-th frequency over the path.  Arrays: ``t`` (s), ``tip``
-    and ``reach``, of a body alone its path (m), ``frequencies.<model>`` (Hz); ``singular_values`` of a body alone.
+    (m), ``reach`` (path coordinates in m), ``frequencies.<model>`` (Hz), for a single body also ``singular_values``.
     """
     from pmr.files.whole import users_folder
     from pmr.pipeline import run
@@ -270,7 +289,7 @@ def run_scene(scene: Scene, precomputed: Precomputed | None = None) -> TaskResul
 
 
 def _frequency_errors(frequencies: Frequencies) -> dict[str, Scalar]:
-    """Figures ``frequency_error.<i>``, the largest over the path; None where the reduced model lacks the frequency."""
+    """Return ``frequency_error.<i>``, the largest over the path; None if the reduced model lacks the i-th frequency."""
     if "full" not in frequencies.models:
         return {}
     off = np.abs(frequencies.models["reduced"] / frequencies.models["full"] - 1.0).max(axis=0)[:COMPARED_FREQUENCIES]

@@ -1,11 +1,11 @@
-"""Accuracy against time: bases and sizes, steps, meshes, and what each costs online and offline.
+"""Accuracy against time: bases and sizes, steps, meshes, and the processor time of each, online and offline.
 
 Methods are the bases of `pmr.studies.motions.models`, and
 
 trajectory
     POD of the full model's own motion.
 
-Axial coordinates, which nothing excites, are left out of planar beams, for all methods alike.
+Axial coordinates, which no load excites, are left out of planar beams in all methods alike.
 """
 
 from __future__ import annotations
@@ -33,20 +33,21 @@ from pmr.studies.study import Count, StudyBase
 from pmr.studies.tasks import Arguments, Needs, Plan, Scalar, Task, TaskFunction, TaskResult, key_of, number
 from pmr.system.system import System
 
-#: Of errors along the body.
+#: Tolerances of the e_NRMS along the body.
 TOLERANCES = (0.05, 0.01, 0.001, 0.0001)
 
 
 def points(figures: Mapping[str, Scalar]) -> list[tuple[int, float, float]]:
-    """Coordinates, step as a multiple of the scene's, and error of each model that was simulated."""
+    """Return coordinates, step as a multiple of the scene's, and error of each simulated model among `figures`."""
     split = [(name.split("."), value) for name, value in figures.items() if name.startswith("total.")]
     return [(int(part[1]), float(".".join(part[2:])), number(value)) for part, value in split if value is not None]
 
 
 def coarsest_within(figures: Mapping[str, Scalar], tolerance: float) -> tuple[int, float] | None:
-    """Fewest coordinates that hold a tolerance, and the longest step with which they do; None where none do.
+    """Return the fewest coordinates that hold a tolerance and the longest step with which they do; None if none do.
 
-    With shorter steps they have to, too: errors of model and step that cancel each other are no merit.
+    Steps are multiples of the scene's.  All shorter steps of `figures` have to hold it, too: errors of model and step
+    that cancel each other are no merit.
     """
     for r in sorted({r for r, _, _ in points(figures)}):
         longest = None
@@ -64,20 +65,21 @@ Method = Literal["pod", "visited", "modes", "flexibility", "trajectory"]
 METHODS: tuple[Method, ...] = get_args(Method)
 #: The reference's step, as a share of the smallest one that is tried.
 FINER = 0.25
-#: Simulations of which the fastest counts.
+#: Number of simulations, of which the fastest counts.
 REPEATS = 3
-#: Free modes with their flexibility, as good as all: what steps and meshes are tried on.
+#: Number of free modes that serve as well as all, in trials of steps and meshes.
 MANY = 20
 
 
 class Study(StudyBase):
-    """Each of `scenes` with each of `methods`, of `coordinates` and with the scene's step times each of `steps`.
+    """Each of `scenes` by each of `methods`, with numbers of `coordinates` and the scene's step times each of `steps`.
 
-    Beside that, for each scene, spectral radii and for planar beams numbers of elements.  Of booms of sections the
-    methods are ``modes`` and ``flexibility`` alone, and `coordinates` elastic modes of each section.
+    For each scene of a single body also spectral radii, and for planar beams numbers of elements.  For booms of
+    sections the methods are ``modes`` and ``flexibility`` alone, and `coordinates` are numbers of elastic modes of each
+    section.
 
-    Figures: ``<scene>.<method>.<tolerance>``, as ``"6 x 0.5"``: the fewest coordinates that hold the tolerance with any
-    of the steps, and the longest one with which they do, as a multiple of the scene's.
+    Figures: ``<scene>.<method>.<tolerance>``, such as ``"6 x 0.5"``: the fewest coordinates that hold the tolerance
+    with any of the steps, and the longest step with which they do, as a multiple of the scene's.
     """
 
     kind: Literal["trade"]
@@ -89,6 +91,7 @@ class Study(StudyBase):
     elements: tuple[Count, ...] = (4, 8, 16, 32, 64)
 
     def plan(self) -> Plan:
+        """Return a task for each scene and method, radii or elements, and a reference for each scene."""
         runs, truths = [], []
         for file in self.scenes:
             scene, name = without_axial(scenes.load_any(file)).model_copy(update={"recovery": None}), file.stem
@@ -114,12 +117,14 @@ class Study(StudyBase):
         return Plan(tuple(runs), tuple(truths))
 
     def _check_steps(self, count: int) -> None:
+        """Refuse `steps` that lack 1 or do not divide the largest; that has to divide the scene's `count` of steps."""
         ratios = [count / max(self.steps), *(max(self.steps) / factor for factor in self.steps)]
         if any(ratio != round(ratio) for ratio in ratios) or 1.0 not in self.steps:
             allowed = f"1 and factors that divide the largest, and that one the {count} steps, are allowed"
             raise InputError("study", "steps", list(self.steps), allowed)
 
     def figures(self, results: StudyResults) -> dict[str, Scalar]:
+        """Return ``<scene>.<method>.<tolerance>`` as the class describes it; None if no model holds the tolerance."""
         record: dict[str, Scalar] = {}
         for run in results.runs:
             scene, method = run.parameters["scene"], run.parameters["method"]
@@ -130,7 +135,7 @@ class Study(StudyBase):
 
 
 def without_axial(scene: Scene) -> Scene:
-    """A planar beam without coordinates along its axis; any other scene as it is."""
+    """Return the scene of a planar beam without coordinates along its axis; any other scene unchanged."""
     if len(scene.sections) > 1 or scene.body.profile is None:
         return scene
     profile = scene.body.profile.model_copy(update={"axial": False})
@@ -138,9 +143,10 @@ def without_axial(scene: Scene) -> Scene:
 
 
 def reference(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: ``y`` (T, o) in m, the full model's motion with a step `FINER` than all that are tried.
+    """Task: ``y`` (T, o) in m, the full model's motion with a step `FINER` times the smallest that is tried.
 
-    Figures: ``step``, what its own step is off by, as a fraction.  Warnings are those of a run with the scene's step.
+    Record: ``step``, the estimated relative error that this step still causes.  Warnings are those of a run with the
+    scene's step.
     """
     case, steps = Case.of(shared.scene_of(arguments)), arguments["steps"]
     finest = FINER * steps[-1]
@@ -153,13 +159,17 @@ def reference(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def errors_of_method(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: a method's errors.
+    """Task: errors and times of a method with r coordinates, for all r of the study that the basis can have.
 
-    Figures: ``total.<r>.<factor>``, e_NRMS of all displacements against the reference with the scene's step times a
-    factor; ``reduction.<r>``, the same against the full model with the scene's own step; of a body alone
-    ``energy.<r>``, the largest difference to that one's energy while the slider moves, over its largest energy;
-    ``reference``, what the reference's step is off by; ``scene step`` in s and the number of ``steps``.  None where no
-    model can be simulated.  Seconds: ``offline``, of the processor, ``step.<r>`` and ``full``, of one step.
+    Record, None where a model can't be simulated:
+
+    - ``total.<r>.<factor>``: e_NRMS of all displacements against the reference, with the scene's step times a factor.
+    - ``reduction.<r>``: e_NRMS of all displacements against the full model, both with the scene's step.
+    - ``energy.<r>``, for a single body: the largest difference from the full model's energy while the slider moves,
+      over the largest energy of that, 1000 at most.
+    - ``reference``: the error of the reference's step; ``scene step`` in s, and the number of ``steps``.
+
+    Seconds: ``offline``, processor time to make all models; ``step.<r>`` and ``full``, time of one step.
     """
     case, truth, method = Case.of(shared.scene_of(arguments)), needs["truth"], arguments["method"]
     scene, steps, is_alone = case.scene, case.scene.time.steps, len(case.scene.sections) == 1
@@ -192,7 +202,10 @@ def errors_of_method(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def errors_of_radii(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: ``rho.<radius>.<factor>``, e_NRMS of many free modes with other spectral radii, against the reference."""
+    """Task: ``rho.<radius>.<factor>``, e_NRMS against the reference with this spectral radius and step factor.
+
+    The model is that of many free modes, so that its own error is small.
+    """
     scene, truth, steps = shared.scene_of(arguments), needs["truth"].arrays["y"], arguments["steps"]
     system, record = _many(scene), dict[str, Scalar]()
     for radius in arguments["radii"]:
@@ -203,13 +216,14 @@ def errors_of_radii(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def errors_of_meshes(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: ``tip.<elements>``, e_NRMS of the tip, many free modes, against twice the largest number of elements.
+    """Task: ``tip.<elements>``, e_NRMS of the tip against twice the largest number of elements, with many free modes.
 
     None where a mesh is too coarse for a model, as with two sliders within one element.
     """
     scene = shared.scene_of(arguments)
 
     def tip(count: int) -> Array:
+        """Return the tip's displacement (T, 1) in m with `count` elements."""
         finer = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"elements": count})})
         return displacement(finer, _many(finer), 1.0, 1)[:, -1:]
 
@@ -223,7 +237,7 @@ def errors_of_meshes(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def _many(scene: Scene) -> System:
-    """Return a body's model of many free modes."""
+    """Return a body's model of `MANY` free modes, of a coarse beam fewer, with the flexibility of all others."""
     from pmr.pipeline import reduce
 
     size = 2 * (scene.mesh.elements + 1) if scene.body.profile is not None else 10 * MANY
