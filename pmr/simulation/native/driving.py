@@ -164,7 +164,10 @@ class Drivers:
         self._write(readings)
 
     def lead_rates(self, rates: Array) -> None:
-        """Write the rates (2, n) at the step's beginning and end: as given if given at both, else the mean rate of the step."""
+        """Write the rates (2, n) at the step's beginning and end.
+
+        Rates that are given at both are taken as they are; else both are the mean rate of the step.
+        """
         smooth, mean = np.minimum(self.rows, self._begun_rows) >= 2, (self.motions[0] - self._begun[0]) / self._step
         rates[0], rates[1] = np.where(smooth, self._begun[1], mean), np.where(smooth, self.motions[1], mean)
 
@@ -232,7 +235,7 @@ def _numbers(names: Sequence[str], numbers: Sequence[int]) -> dict[str | int, in
 
 
 def number_of(name: str | int, names: Sequence[str], key: str) -> int:
-    """Position of a name in `names`; a number is returned unchanged.  Raises InputError for any other name or number."""
+    """Position of a name in `names`; a number is returned as it is.  Raises InputError for any other value."""
     if not isinstance(name, str) and 0 <= name < len(names):
         return int(name)
     if name not in names:

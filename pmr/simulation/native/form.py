@@ -67,7 +67,7 @@ class SystemForm:
 
     @cached_property
     def frame(self) -> MovingFrame | None:
-        """Frame of the system's scene that drives inputs and terms; None if there is none, or if it drives other ones."""
+        """Frame of the system's scene; None if there is none, or if it drives other inputs and terms."""
         try:
             return MovingFrame.of(self.system)
         except InputError:
@@ -80,16 +80,22 @@ class SystemForm:
 
     @property
     def modal(self) -> System:
-        """System in modal coordinates, with fewer contacts for rings of pads; a body with tables alone has no carriers."""
+        """System in modal coordinates, with combined contacts (`combined`) instead of rings of pads.
+
+        A body whose tables over its path say all has no carriers.
+        """
         return self.combined.system
 
     @cached_property
     def combined(self) -> Combined:
-        """System in modal coordinates, and how the forces of all contacts follow from those of its combined contacts."""
+        """System in modal coordinates, and how the forces of all contacts follow from those of combined ones."""
         return in_modes(self.system, self.forms)
 
     def forces(self, multipliers: Array, friction: Array | None) -> Array:
-        """Forces (..., m) in N of all contacts from the kernel's multipliers, in cylinders with the friction of their pads."""
+        """Forces (..., m) in N of all contacts from the kernel's multipliers; of cylinders with their pads' friction.
+
+        `friction` (..., n) in N is that of the pads, or None.
+        """
         forces, pads = self.combined.forces(multipliers), Friction.of(self.system.contacts)
         return forces if pads is None or friction is None else forces + pads.along(friction)
 

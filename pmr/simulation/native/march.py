@@ -142,10 +142,10 @@ class March:
         return self.observe(1, lambda first, steps: None)
 
     def observe(self, every: int, take: Callable[[int, Steps], None], progress: Progress | None = None) -> float:
-        """Take all steps, and return the solver's time in s; each `every`-th step is recorded, and `take` called with these.
+        """Take all steps, and return the solver's time in s; `take` gets each `every`-th step, some at a time.
 
-        Its arguments are the number of the first of some consecutive records, and these; the first is the last record
-        of the call before, or the start.  The energy is not checked.
+        Its arguments are the number of the first of these records, and the records; the first one is the last of the
+        call before, or the start.  The energy is not checked.
         """
         count = (len(self.t) - 1) // every
         most = max(1, min(BLOCK // every, RECORDED // (2 * self.form.kernel.modes), count))

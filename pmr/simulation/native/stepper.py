@@ -323,7 +323,10 @@ class Stepper:
         return dict(zip(paths, kernel.frame_drivers(self._bound.motions)[0][: kernel.paths].tolist(), strict=True))
 
     def _levels(self, parts: int, scene: Recorded | None) -> tuple[tuple[int, ...], float]:
-        """Numbers of parts among which a step chooses, and the contact frequency in rad/s (0 without pushing contacts)."""
+        """Numbers of parts among which a step chooses, and the contact frequency in rad/s.
+
+        The frequency is 0 unless contacts only push and `parts` is 0.
+        """
         modal = self._form.modal
         if np.isnan(modal.clearance).all():
             return (1,), 0.0
