@@ -139,9 +139,9 @@ def write_sid(body: NodalBody, target: Path) -> Path:
 
 
 def _centrifugal(of: Array) -> Array:
-    """Coefficients (m, [m,] 6) of phi . omega x (omega x r) over the products of omega's components.
+    """Coefficients (m, [m,] 6) of the integral of phi . omega x (omega x r) over the products of omega's components.
 
-    `of` (3, 3, m, [m]) are the integrals of products of the components of r (or its modes) and of phi.
+    `of` (3, 3, m, [m]) are integrals of products of a component of r (or of its modes) and one of phi.
     """
     trace = np.einsum("ii...->...", of)
     squares = [of[a, a] - trace for a, b in PRODUCTS[:3]]
@@ -185,7 +185,7 @@ def _node(number: int, point: Array, translation: Array, turned: Array) -> Itera
 
 
 def _taylor(indent: int, name: str, value: Taylor, m: int) -> Iterator[str]:
-    """Yield the lines of a matrix."""
+    """Yield the lines of a matrix called `name`, of a body with m modes."""
     yield f"{'':{indent}}{name}"
     sizes = {"order": int(value.M1 is not None), "nrow": len(value.M0), "ncol": value.M0.shape[1], "nq": m, "nqn": 0}
     structure = value.structure if np.any(value.M0) or value.M1 is not None else 0

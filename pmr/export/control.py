@@ -82,9 +82,9 @@ if __name__ == "__main__":
 
 
 def write_matlab(npz_path: Path, target: Path, options: Options) -> Path:
-    """Write A, B, C, D as arrays (., ., S) over the grid points s, as MATLAB's ``ss`` takes them, with all names.
+    """Write A, B, C, D as arrays (., ., S) over S grid points s, as MATLAB's ``ss`` takes them; return `target`.
 
-    Raises InputError as `pmr.export.state_space.held_at`.
+    The file also has all names.  Raises InputError as `pmr.export.state_space.held_at`.
     """
     return _write_matrices(*_interpolable(npz_path, options), target)
 
@@ -109,9 +109,8 @@ def write_python_control(npz_path: Path, target: Path, options: Options) -> Path
 def write_frequency_response(npz_path: Path, target: Path, options: Options) -> Path:
     """Write gain (output's unit over the input's) and phase (degrees) as a table, and a picture of the gain over s.
 
-    The output is the last displacement, that of the tip.
-
-    Raises InputError as `write_matlab`.
+    The output is the last displacement, that of the tip.  The table's path `target` is returned; the picture is next to
+    it.  Raises InputError as `write_matlab`.
     """
     check_installed("matplotlib")
     system, s = load_places(npz_path, options)
@@ -190,7 +189,10 @@ def _write_matrices(space: StateSpace, off: tuple[float, float], target: Path) -
 
 
 def _table(space: StateSpace, f: Array, response: NDArray[np.complex128], output: str) -> str:
-    """Comma-separated table of gain and phase of the `response` (S, W, i) at frequencies f (W,) in Hz."""
+    """Comma-separated table of gain and phase of the complex `response` (S, W, i) from i inputs to one output.
+
+    S are grid points of s, f (W,) frequencies in Hz.
+    """
     of = [f"{output} / {name}" for name in space.inputs]
     places = ["s in m"] if len(space.paths) < 2 else [f'"{path} in m"' for path in space.paths]
     lines = [",".join([*places, "f in Hz", *(f'"{what} of {pair}"' for pair in of for what in ("gain", "phase"))])]
@@ -203,7 +205,7 @@ def _table(space: StateSpace, f: Array, response: NDArray[np.complex128], output
 
 
 def _draw(space: StateSpace, f: Array, gain: Array, output: str, target: Path) -> None:
-    """Draw the `gain` (S, W, i) over s and f (W,) in Hz, one panel for each input, as .png."""
+    """Draw the `gain` (S, W, i) over S grid points and frequencies f (W,) in Hz, one panel for each input, as .png."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -68,8 +68,8 @@ def _is_free(file: Path) -> bool:
 def script_data(system: System, source: str) -> Arrays:
     """Arrays that the script reads: matrices, contacts, signals, start.
 
-    Raises InputError of the file `source` if the system's provenance has no usable scene, the scene has a frame that
-    moves or a signal that is no sum of polynomials and sines, or no output is a displacement.
+    Raises InputError, which names the file `source`, if the system's provenance has no usable scene, the scene has a
+    frame that moves or a signal that is no sum of polynomials and sines, or no output is a displacement.
     """
     for body in system.bodies.values():
         if ALONE in system.bodies:

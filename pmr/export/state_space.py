@@ -118,9 +118,10 @@ def _refuse(system: System, source: str) -> None:
 
 
 def _modes(system: System, assembly: Assembly, C: Array, firm: NDArray[np.bool_], source: str) -> tuple[Array, Array]:
-    """Modes X (n, r) with X^T M X = 1 and C X = 0, and omega^2 (r,), of a system with rigid contacts C (S, m_r, n).
+    """Modes X (n, r) with X^T M X = 1 and C X = 0, and omega^2 (r,), of a system with m_r rigid contacts.
 
-    `firm` (m,) is the mask of rigid contacts.  Raises InputError if C depends on the grid point.
+    C (S, m_r, n) are their rows at S grid points, `firm` (m,) is their mask among all contacts.  Raises InputError if C
+    depends on the grid point.
     """
     travelling = np.abs(C - C[0]).max(axis=(0, 2)) > SAME * np.abs(C).max(initial=0.0)
     if travelling.any():
@@ -245,8 +246,8 @@ def section_alone(npz_path: Path, name: str) -> System:
 def places(system: System, text: str | None) -> Mapping[str, Array]:
     """Coordinates (S,) in m of each path: those of `text`, or a grid between the ends of each path (`PLACES` points).
 
-    `text` is ``1.5,2,4`` for one path, and ``mid=2,fly=3; mid=2.5,fly=3`` for several.  Raises InputError for any other
-    text, and for coordinates off the paths.
+    `text` is ``1.5,2,4`` for one path, and ``mid=2,fly=3; mid=2.5,fly=3`` for several; None: the grid.  Raises
+    InputError for any other text, and for coordinates off the paths.
     """
     ranges = system.ranges
     if text is None:

@@ -49,9 +49,11 @@ class Listed(SignalBase):
         return np.array(self.values)[np.clip(np.asarray(t, float).astype(int), 0, last)]
 
     def rate(self, t: ArrayLike) -> Array:
+        """Zero, in the shape of t."""
         return np.zeros(np.shape(t))
 
     def second_rate(self, t: ArrayLike) -> Array:
+        """The constant `acceleration`, in the shape of t."""
         return np.full(np.shape(t), self.acceleration)
 
 
@@ -230,7 +232,7 @@ def _response(
 def _springs(
     system: System, assembly: Assembly
 ) -> tuple[NDArray[np.int64], Sequence[str], Sequence[str], Sequence[str]]:
-    """Numbers of the outputs that are forces of the bodies' springs, and names, kinds and bodies of these."""
+    """Indices of the outputs that are forces of the bodies' springs, and names, kinds and bodies of these."""
     numbers, names, kinds, owners = list[int](), list[str](), list[str](), list[str]()
     for name, body in system.bodies.items():
         of = column_names(body)

@@ -42,7 +42,10 @@ BLOCK = 4096
 
 
 def potential(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
-    """Potential energy of the loads (T, i), -q^T B f (T,) in J (Weyrer et al., equation for H(t))."""
+    """Potential energy (T,) in J of the loads (T, i): minus loads times displacements of their points.
+
+    Without residual flexibility -q^T B f (Weyrer et al., equation for H(t)).
+    """
     motion = np.asarray(trajectory.q @ body.B)
     if body.flexibility is not None:
         motion = motion + body.flexibility.input_motion(trajectory.s, trajectory.multipliers, loads)

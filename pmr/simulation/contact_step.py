@@ -151,14 +151,17 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Lengths:
-    """Numbers of parts (T,) of each of T steps, in all N - 1 parts; the largest number is a multiple of all others."""
+    """Numbers of parts (T,) of each of T steps, N - 1 parts in all; the largest number is a multiple of all others."""
 
     stepping: TimeStepping
     parts: Indices
 
     @classmethod
     def of(cls, stepping: TimeStepping, omega: float) -> Lengths:
-        """Parts of the schedule, or those that contacts of frequency `omega` in rad/s need; one for each step if 0."""
+        """Parts of the schedule, or those that contacts of frequency `omega` in rad/s need.
+
+        One for each step if `omega` is 0.
+        """
         if omega == 0.0:
             return cls(stepping, np.ones(stepping.steps, np.int64))
         return cls(stepping, np.array(stepping.schedule or [contact_step.parts(omega, stepping)] * stepping.steps))

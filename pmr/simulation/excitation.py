@@ -29,7 +29,7 @@ Load = TypeVar("Load")
 
 @dataclass(frozen=True)
 class Excitation:
-    """Signals of P paths s(t), of the loads f(t) and of the terms c(t), and the time grid t_k, k = 0 ... T - 1."""
+    """Signals of P paths s(t), i loads f(t) and k terms c(t), and a time grid of T times."""
 
     paths: Mapping[str, SignalBase]  # signals of P paths by their names, in m
     loads: Mapping[str, SignalBase]  # signals of loads in N or N m, by input name
@@ -108,7 +108,7 @@ class Excitation:
         return self._columns(self.loads.values())
 
     def forces(self, names: Sequence[str], t: Array | None = None) -> Array:
-        """Loads (T, i) in N or N m, one column for each input in the order of `names`, the inputs' names.
+        """Loads (T, i) in N or N m, one column for each of the inputs `names`, in this order.
 
         They are sampled at the steps or, if given, at other times t (T,) in s.  Errors as `in_order`.
         """
@@ -116,7 +116,7 @@ class Excitation:
         return self.f if t is None and tuple(names) == tuple(self.loads) else self._columns(signals, t)
 
     def amplitudes(self, names: Sequence[str], t: Array | None = None) -> Array:
-        """Amplitudes c (T, k), one column for each term in the order of `names`, the system's term names.
+        """Amplitudes c (T, k), one column for each of the terms `names`, in this order.
 
         They are sampled at the steps or, if given, at other times t (T,) in s.  Errors as `in_order`.
         """
@@ -150,7 +150,7 @@ def in_order(
 ) -> tuple[Load, ...]:
     """Return the signals of `loads` in the order of `names`, the names of a system's inputs or terms.
 
-    `of` says which, for the message.  Raises InputError unless `loads` has exactly these names.
+    `of` is ``input`` or ``term``, for the message.  Raises InputError unless `loads` has exactly these names.
     """
     if set(loads) != set(names):
         allowed = f"{', '.join(loads) or 'none'} given, one for each {of} is allowed: {', '.join(names) or 'none'}"

@@ -216,7 +216,7 @@ class State:
         return _skew_part(np.tensordot(self.d, J[:, 0], (0, 0)) + J[:, 1:].sum(axis=0))
 
     def forces(self) -> Array:
-        """Left sides (6 + n + P,) of the equations at a = alpha = q'' = s'' = 0, with the weight."""
+        """Left sides (6 + n + P,) of the equations at zero accelerations a, alpha, q'', s'', with the weight."""
         omega, e, S = self.omega, _E[0], len(self.masses)
         spin = skew(omega)
         A = spin @ spin

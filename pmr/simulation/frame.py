@@ -153,6 +153,7 @@ class Motion(OfAngles):
 
     @property
     def products(self) -> Products:
+        """Products of the component (`of_field`)."""
         return of_field(self.field, len(self.paths), self.pivot, bool(self.base), self.factor)
 
     def quantities(self, t: Array) -> Callable[[Quantity], Array]:
@@ -220,6 +221,7 @@ class Pushed(Amplitude):
 
     @property
     def products(self) -> Products:
+        """Products of `of`, each times factor over length."""
         return tuple(product.times(self.factor, ("over", self.number)) for product in products_of(self.of, self.name))
 
     def quantities(self, t: Array) -> Callable[[Quantity], Array]:

@@ -48,6 +48,7 @@ class Derived(SignalBase):
 
     @property
     def breaks(self) -> Floats:
+        """Breaks of all signals from which this one follows."""
         return tuple(sorted({b for signal in self.signals for b in signal.breaks}))
 
 
@@ -320,11 +321,13 @@ class AtSteps(SignalBase):
     name: str
 
     def value(self, t: ArrayLike) -> Array:
+        """Value at the times t (...) in s, on the line between two steps."""
         of: Samples = self.samples
         values = of.inputs[self.name]
         return np.asarray(np.interp(np.asarray(t, float) / of.step, np.arange(len(values)), values))
 
     def rate(self, t: ArrayLike) -> Array:
+        """Slope of the line through the times t (...) in s; at a step that of the line after it."""
         of: Samples = self.samples
         k = np.clip(np.floor(np.asarray(t, float) / of.step + SAME).astype(int), 0, of.values.shape[1] - 2)
         return np.asarray(np.diff(of.inputs[self.name])[k] / of.step)

@@ -73,7 +73,7 @@ CLOSE = 1e3
 #: coordinates: 3e-12, solid of 20,000: 6e-10, as sharp as its modes are).
 CLASSICAL = 1e-8
 #: Modes are coupled by any other damping if it leaves more than this share between them, and more than the modes'
-#: own error, `ERROR`, makes of the rest.
+#: own error, `ERROR`, causes between them.
 COUPLED, ERROR = 1e-9, 1e-10
 
 

@@ -220,7 +220,7 @@ class MovingFrame:
 
     @cached_property
     def numbers(self) -> Indices:
-        """Numbers (p, 3) of the three quantities in each product; missing ones are `ONE`."""
+        """Indices (p, 3) of the three quantities in each product, in `quantities`; missing ones are `ONE`."""
         number, rows = {quantity: k for k, quantity in enumerate(self.quantities)}, list[list[int]]()
         for products in (*self.inputs, *self.terms):
             rows += [[number[k] for k in (*product.of, *[ONE] * (FACTORS - len(product.of)))] for product in products]
@@ -228,7 +228,7 @@ class MovingFrame:
 
     @cached_property
     def first(self) -> Indices:
-        """Number of the first product of each input and term, and in the end the number p of all, (i + K + 1,)."""
+        """Indices (i + K + 1,) of the first product of each input and term, followed by the number p of all products."""
         return np.cumsum([0, *map(len, (*self.inputs, *self.terms))])
 
     @property

@@ -36,7 +36,7 @@ from pmr.system.contacts import Contact, Friction
 
 Array = NDArray[np.float64]
 
-#: Violation of a row that counts as round-off, relative to what its entries make of the largest coordinate.
+#: Violation of a row that counts as round-off, over the sum of its entries' sizes times the largest coordinate.
 ROW_TOLERANCE = 1e-8
 
 

@@ -148,7 +148,7 @@ def _fine_enough(f: float) -> str:
 def _overshoot(signal: SignalBase, stepping: TimeStepping) -> tuple[float, float]:
     """Largest overshoot of a signal at its breaks beyond the values at the steps around, and the time of it in s.
 
-    The overshoot is a share of the signal's whole range; (0, 0) if the signal has no breaks.
+    The overshoot is a share of the signal's whole range; (0, 0) if the signal has no breaks or is constant.
     """
     steps, h, breaks = stepping.steps, stepping.step, np.array(signal.breaks)
     breaks = breaks[(breaks > 0.0) & (breaks < stepping.end)]
@@ -200,10 +200,11 @@ class Recorder:
         self._recorded: SystemTrajectory | None = None
 
     def __call__(self, block: Block) -> None:
+        """Record the selected steps of a block; without any, the first block only sets the arrays' shapes."""
         low, high = np.searchsorted(self._steps, [block.first, block.first + block.count])
         if self._recorded is not None and low == high:
             return
-        # Numbers in a row are taken as they stand, in a fifth of the time.
+        # A whole block is taken without indexing, in a fifth of the time.
         some = block.at(slice(None) if high - low == block.count else self._steps[low:high] - block.first)
         if high - low == len(self._steps):
             self._recorded = some.map_arrays(_own)

@@ -101,12 +101,12 @@ class Drivers:
 
     @property
     def first_load(self) -> int:
-        """Number of the first load among the drivers."""
+        """Index of the first load among the drivers."""
         return len(self.paths)
 
     @property
     def first_motion(self) -> int:
-        """Number of the first motion among the drivers."""
+        """Index of the first motion among the drivers."""
         return self.first_load + len(self.loads)
 
     @property
@@ -266,7 +266,7 @@ def _output_variables(drivers: Drivers, names: Identifiers, first: int) -> Itera
 
 
 class Identifiers:
-    """Makes names of letters, digits and underscores that differ from all before; `taken` are names not to be used."""
+    """Makes names of letters, digits and underscores, each different from all made so far and from those `taken`."""
 
     def __init__(self, taken: Iterable[str] = ()) -> None:
         self._taken = set(taken)

@@ -31,7 +31,10 @@ Array = NDArray[np.float64]
 
 
 class Contacts:
-    """Rigid contacts and m' contacts that give way, of which some may only push; forces of the latter."""
+    """Rigid contacts and m' contacts that give way, of which some may only push; forces of the latter.
+
+    Sizes: n coordinates, i inputs, m contacts, each with one or two sides; x (sides,) are positions of sides on bodies.
+    """
 
     def __init__(self, equations: Equations, inputs: Inputs) -> None:
         self._equations = equations
@@ -229,7 +232,7 @@ class Pads:
         self.grip = Grip.at_start(self._equations.system.contacts, rows.s, self._multipliers(rows, q, f, 0.0))
 
     def end(self, rows: Rows, q: Array, f: Array, t: float) -> PadState:
-        """End the present step at t s, so that its friction is where the next step begins; otherwise as `state`."""
+        """End the present step at t s: the next one starts from its friction.  Otherwise as `state`."""
         ended = self.state(rows, q, f, t)
         self.grip, self.t = ended.grip, t
         return ended

@@ -41,7 +41,10 @@ Array = NDArray[np.float64]
 
 
 class Equations:
-    """Equations of a system on the n coordinates that its supports leave free, at any positions x of contact sides."""
+    """Equations of a system on the n coordinates that its supports leave free, at any positions of contact sides.
+
+    A contact has one or two sides, each on a body; x (sides,) in m are their positions along these.
+    """
 
     def __init__(self, system: System) -> None:
         self.system, self.assembly = system, Assembly(system)
@@ -151,9 +154,9 @@ def check_path(name: str, path: Any) -> None:
 
 
 class Paths:
-    """Extensions of all sections at a time, some of which may be coordinates of nodes.
+    """Extensions of all P paths at a time, some of which may be coordinates of nodes.
 
-    Behind them are the paths `aside`, which move no section.
+    The paths `aside`, which move no section, follow those of the sections.
     """
 
     def __init__(self, mbs: Any, scene: Scene, paths: Mapping[str, Any], aside: Sequence[str] = ()) -> None:
@@ -224,16 +227,19 @@ def value_of(driving: Driving, mbs: Any, t: float) -> float:
     return float(driving.value(t) if hasattr(driving, "value") else driving(mbs, t))
 
 
-#: Number of the side positions, which stays as long as they do, loads in N (or N m) and amplitudes of terms.
+#: Index of the side positions, which stays as long as they do, loads in N (or N m) and amplitudes of terms.
 State = tuple[int, tuple[float, ...], tuple[float, ...]]
 
 
 class Inputs(ABC):
-    """Side positions and loads at a time, and quantities that depend on the positions, computed in blocks."""
+    """Side positions and loads at a time, and quantities that depend on the positions, computed in blocks.
+
+    Side positions that stay for some time have one index.
+    """
 
     @abstractmethod
     def state(self, t: float) -> State:
-        """Number of the side positions, loads and amplitudes at t s."""
+        """Index of the side positions, loads and amplitudes at t s."""
 
     @abstractmethod
     def begin(self, t: float) -> None:
@@ -241,10 +247,10 @@ class Inputs(ABC):
 
     @abstractmethod
     def places(self, first: int, count: int) -> Array:
-        """Side positions x (T, sides) in m from number `first` on: `count` of them, or as many as are known."""
+        """Side positions x (T, sides) in m from index `first` on: `count` of them, or as many as are known."""
 
     def number(self, t: float) -> int:
-        """Number of the side positions at t s; it stays the same as long as they do."""
+        """Index of the side positions at t s."""
         return self.state(t)[0]
 
     def loads(self, t: float) -> tuple[float, ...]:

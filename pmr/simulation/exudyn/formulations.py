@@ -125,7 +125,7 @@ def _contact_parameters(
         return equations.matrix(factor * pads.stiffness(at, state))
 
     def finish(mbs: Any, items: SystemItems, t: float) -> None:
-        """End the step before the one that ends at t, so that its friction is where the next step begins."""
+        """End the step before the one that ends at t: the next one starts from its friction."""
         nonlocal reached, loads
         if pads.law is None:
             return
@@ -213,12 +213,15 @@ def add_with_callbacks(mbs: Any, equations: Equations, inputs: Inputs, start: St
     rows = inputs.along(lambda x: equations.rows(x).C, equations.size * m)
 
     def force(mbs: Any, t: float, item: int, q: Any, q_t: Any) -> Any:
+        """User function: loads (n,) on the coordinates at t s."""
         return equations.B @ np.array(inputs.loads(t))
 
     def constraint(mbs: Any, t: float, item: int, q: Any, q_t: Any, velocity_level: bool) -> Any:
+        """User function: values C q (m,) of the contact rows at t s."""
         return rows(t) @ q
 
     def jacobian(mbs: Any, t: float, item: int, q: Any, q_t: Any, velocity_level: bool) -> Any:
+        """User function: contact rows C (m, n) at t s."""
         return rows(t)
 
     return with_contacts(
@@ -244,6 +247,7 @@ def nothing_beyond_matrices(equations: Equations, steps: Steps) -> Any:
     no_more = equations.matrix(sp.csr_matrix(equations.K.shape))
 
     def jacobian(mbs: Any, t: float, item: int, q: Any, q_t: Any, factor: float, factor_t: float) -> Any:
+        """User function: zero Jacobian (n, n), after the check of the step."""
         steps.check(t)
         return no_more
 

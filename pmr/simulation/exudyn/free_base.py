@@ -296,7 +296,8 @@ def driven_by_base(system: System, loads: Mapping[str, Driving]) -> dict[str, Dr
 def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on: OnBody) -> dict[str, Driving]:
     """Amplitudes of the terms by name: those of loads that stress the boom; all others are zero, as the base adds them.
 
-    A cylinder whose extension is a coordinate is zero, too.  Raises InputError for a path that is no extension.
+    Terms of a cylinder whose extension is a coordinate are zero, too.  Raises InputError for a path that is no
+    extension.
     """
     for name in dict.fromkeys((*on.scene.names[1:], *paths)):
         check_path(name, paths.get(name))

@@ -141,6 +141,7 @@ def add_pre_step_function(mbs: Any, function: PreStep) -> None:
     earlier = present["function"]
 
     def both(mbs: Any, t: float) -> bool:
+        """Call both functions; return whether both let the simulation go on."""
         goes_on = earlier(mbs, t)
         return bool(function(mbs, t) and goes_on)
 

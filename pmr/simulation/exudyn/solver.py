@@ -115,6 +115,7 @@ def _to_the_next(times: Array) -> Callable[[Any, Any, Any], None]:
     ends = iter(zip(times[1:].tolist(), np.diff(times).tolist(), strict=True))
 
     def update(solver: Any, system: Any, settings: Any) -> None:
+        """Set the solver's time and step length to those of the next step."""
         solver.it.currentTime, solver.it.currentStepSize = next(ends)
 
     return update
@@ -125,6 +126,7 @@ def _report(mbs: Any, integration: Any, progress: Progress) -> None:
     every, steps_done = max(1, integration.numberOfSteps // 100), 0
 
     def count(mbs: Any, t: float) -> bool:
+        """Pre-step function: count the steps, and report progress."""
         nonlocal steps_done
         steps_done += 1
         if steps_done % every == 0:

@@ -17,7 +17,7 @@ from pmr.kernel.further import AXES
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 #: Angles but that of slewing turn once at most, rad.  A motion that a step takes farther than this share of its range,
-#: or of a turn, jumps; one in a frame that goes on by so much, m or rad, without second rates has no inertia.
+#: or of a turn, jumps; one in a frame that changes its motion by this, m or rad, without second rates has no inertia.
 WHOLE_TURN, JUMP, LEFT_OUT = 2.0 * np.pi, 0.1, 1e-6
 #: Largest float that is taken at once; entry of an unknown name, whose limits refuse every value.
 LARGEST, NOWHERE = 1e300, (0, 1.0, 0.0, 0.0, 0.0)
@@ -39,6 +39,9 @@ class Drivers:
     The rows of `motions` are values, rates and second rates; motions that are not given at a step keep them.  `rows`
     (n,) counts how many of the three were given for the next step.  Both are arrays that the kernel reads; they are
     written as memory views, in a tenth of the time that NumPy takes.
+
+    `names` are those of paths, loads and motions of the frame (None without a frame), `ranges` the smallest and largest
+    coordinate of each path in m, and `in_parts` says whether steps are divided into parts.
 
     Raises InputError for a number out of its range or not finite, for an unknown name, and for a path that is missing
     at the start.
@@ -65,12 +68,12 @@ class Drivers:
         self._load_numbers = _numbers(loads, range(first, first + len(loads)))
         self._frame_numbers = _numbers(frame or (), range(first + len(loads), motions.shape[1]))
         self._angles = {first + len(loads) + k: name for k, name in enumerate(frame or ()) if name not in AXES}
-        #: names by numbers of what has inertia in a frame, and no warning yet that its second rate is missing
+        #: names, by numbers, of drivers with inertia in a frame for which a missing second rate is not yet warned of
         self._unwarned = (dict(enumerate(self.paths)) | self._angles) if self._in_frame else {}
         self._told, self._placed, self._started = set[str](), False, False
         self._begun, self._begun_rows = motions.copy(), rows.copy()  # where the last step ended
 
-        # numbers of motions by their names, and within what numbers and their changes are taken at once
+        # by name: numbers of motions, and limits of values and changes that are taken at once
         unlimited = (-LARGEST, LARGEST, 2.0 * LARGEST, LARGEST)
         limits = [(low, high, JUMP * (high - low), (high - low) / step) for low, high in self._ranges]
         self._limits: Limits = {name: (k, *limits[k]) for name, k in self._path_numbers.items()}

@@ -124,6 +124,7 @@ class March:
         paths, inputs, least = self.form.kernel.paths, self.form.kernel.inputs, 0.0
 
         def record_block(first: int, steps: Steps) -> None:
+            """Store energies and work of some steps, and hand these to `take`."""
             nonlocal least
             at = slice(first, first + len(steps.z))
             self._stored[at], self._work[at] = steps.energy.T
@@ -153,9 +154,11 @@ class March:
         room = self._room(record)
 
         def advance(first: int, last: int) -> None:
+            """Take the steps of records first to last - 1."""
             self._advance((first - 1) * every, last - first, every, record)
 
         def hand_over(first: int, last: int) -> None:
+            """Check some records, and hand them to `take`."""
             steps = room.at(slice(last - first + 1))
             self._check_finite(steps.z, first - 1, every)
             for forces in (steps.multipliers, steps.peaks):

@@ -154,7 +154,7 @@ class Stepper:
             initial = dict.fromkeys(system.bodies, initial)
         self._start(initial, static=scene is not None and scene.static)
         self._drivers.end_step()
-        # what is written and read at once in each step: a single load, the only path of whole steps
+        # taken without `Drivers` in each step: a single load, and a single path if steps are not divided
         self._in_parts, alone = moving is None and not undivided, moving is None and undivided
         low, high = next(iter(self._ranges.values()), (1.0, 0.0))
         self._low, self._high, self._jump = (
@@ -189,7 +189,7 @@ class Stepper:
         InputError
             If a path leaves its range or would cross all of it in a step, an angle other than that of slewing is more
             than a turn, a number is not finite, the system has no such name, or there is not one load for each input.
-            What jumps, or moves in a frame without second rates, is told once by a warning of `logging`.
+            A motion that jumps, or that has no second rate in a frame, is reported once by a warning of `logging`.
         SimulationError
             If contacts depend on each other.
         """

@@ -84,6 +84,8 @@ def follow(march: March, excitation: Excitation, take: Take, progress: Progress 
     P, i = form.kernel.paths, form.kernel.inputs
 
     def hand_over(first: int, steps: Steps) -> None:
+        """Hand some steps to `take` as a block."""
+
         def trajectory_at(rows: Indices | slice) -> SystemTrajectory:
             """Trajectory of rows of the block."""
             some, numbers = steps.at(rows), np.arange(first, first + len(steps.z))[rows]
@@ -134,6 +136,7 @@ def observe(
     rubbing, P = Friction.of(system.contacts), form.kernel.paths
 
     def record_outputs(first: int, steps: Steps) -> None:
+        """Compute and store outputs and contact forces of some records."""
         nonlocal evaluated
         begun, rows = perf_counter(), slice(first, first + len(steps.z))
         numbers, column, load = np.arange(rows.start, rows.stop) * every, 0, P
@@ -177,9 +180,9 @@ def displacements(
 
 
 def by_body(system: System, outputs: Sequence[int] | None) -> dict[str, Indices | slice]:
-    """Numbers of `outputs` within each body's own outputs; None: all.
+    """Indices of `outputs` within each body's own outputs; None: all.
 
-    The arguments are numbers among those of all bodies, one body after the other, ascending.
+    The arguments are indices among the outputs of all bodies, one body after the other, ascending.
     """
     ends = np.cumsum([0, *(body.outputs.shape[0] for body in system.bodies.values())])
     if outputs is None:

@@ -41,13 +41,13 @@ _DAMAGE = (KeyError, TypeError, ValueError, OverflowError, RecursionError)
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """Folder in which a simulation is stored from time to time, and from which it resumes.
+    """File in which a simulation is stored from time to time, and from which it resumes.
 
     Attributes
     ----------
     file : Path
-        Replaced at each checkpoint, and last when the simulation ends: a simulation that is started again ends at
-        once with the same result.  Whoever has stored the result may delete it.
+        Replaced at each checkpoint, and a last time when the simulation ends: a simulation that is started again ends
+        at once with the same result.  It may be deleted once the result is stored.
     seconds : float
         Wall time between two checkpoints.
     """

@@ -118,8 +118,8 @@ class Constraint:
 
     .. math:: (dq\, C S^{-1} C^T + 1/k)\, \lambda = C q_{free}
 
-    for the closed contacts, which `pushing` decides.  S^{-1} E is stored if that of all `shared` integrators fits into
-    `STORED_BYTES`.
+    for the closed contacts, which `pushing` decides.  `q_gain` is dq.  S^{-1} E is stored if that of all `shared`
+    integrators fits into `STORED_BYTES`.
     """
 
     def __init__(
@@ -198,6 +198,6 @@ def compliances(system: FullSystem, factor: BlockFactor, visited: VisitedCarrier
 
 
 def paths(system: FullSystem, x: Array, step: int = 0) -> PathRows:
-    """The system's rows with the sides at x (T, q) in m, set to a step."""
+    """The system's rows with its q sides at x (T, q) in m, set to one of the T steps."""
     course = Course(system, x)
     return PathRows(course, VisitedCarriers(system, course), step)

@@ -28,7 +28,10 @@ from pmr.fullmodel.model import FullModel, FullSystem, consecutive
 
 
 class BlockFactor:
-    """Factors of a matrix of each body; bodies that are the same model share one.  Collective."""
+    """Factors of a matrix of each body, by the function `factorised`; collective.
+
+    Bodies that are the same model share one.
+    """
 
     def __init__(self, system: FullSystem, factorised: Callable[[FullModel], AnyFactor]) -> None:
         self._local, self._factors = system.local, dict[int, AnyFactor]()

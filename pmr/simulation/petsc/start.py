@@ -81,6 +81,7 @@ class Terms:
         self._iteration: FixedPoint | None = None
 
     def __bool__(self) -> bool:
+        """Whether the system has terms or friction."""
         return bool(self._parts) or self._friction is not None
 
     def forces(self, q: Array, v: Array, c: Array) -> Array:
@@ -104,10 +105,10 @@ class Terms:
         return Rubbed(force, sums, friction.gaps_of(sums), at_limits)
 
     def slide(self, old: Grip, rubbed: Rubbed, c: Array, h: float, multipliers: Array, matrix: Array) -> Grip:
-        """Friction of the pads after a step of h s.
+        """Friction of the pads after a step of h s, from `old` at its beginning.
 
-        The path coordinates of the joints follow the amplitudes in c; `multipliers` (m,) and `matrix` (m, m) as in
-        `slide`.
+        c are the amplitudes of the terms, followed by the joints' path coordinates at the step's end; `multipliers`
+        (m,) and `matrix` (m, m) as in `pmr.simulation.start.slide`.
         """
         if self._friction is None:
             return old

@@ -1,26 +1,26 @@
-r"""Equilibrium of a system of bodies under constant loads, at given places.
+r"""Equilibrium of a system of bodies under constant loads, with its paths held, and buckling factors.
 
 .. math::
     \Bigl(K + \sum_k c_k G_k\Bigr) q + C^T \lambda = B f, \qquad
     C q + H f - F \lambda = g \text{ where a contact is closed}, \quad \lambda = 0 \text{ where it is open}
 
-with the clearances g and the system's terms at their amplitudes c.
-Contacts that only push are closed where they push and open where a gap is left; of the ones that are wrong the kernel
-says which change sides (`pmr.kernel.laws.ContactSearch`; docs/pads.md has the proof that this ends).  A body that open
-contacts leave free for the moment is held by its mass times a frequency far below all others; the last solve has none
-of that.
+with the clearances g and the system's terms at their amplitudes c.  Contacts that only push are closed where they push
+and open where a gap is left; if some are on the wrong side, the kernel says which of these change sides
+(`pmr.kernel.laws.ContactSearch`; docs/pads.md has the proof that this ends).  A body that open contacts leave free for
+the moment is held by its mass times a frequency far below all others; the last solve is without that.
 
-Terms may make K indefinite while contacts are open that close later, and then changing sides need not end.  So where
-it does not, the energy is minimised in steps, each with a share of omega^2 M added and its force at the last q taken
-away (Rockafellar: Monotone operators and the proximal point algorithm, SIAM Journal on Control and Optimization 14,
-1976): each has one solution, and where they come to rest the system stands by itself, and stably.
+Terms may make K indefinite while contacts are open that close later, and then changing sides need not end.  In this
+case the energy is minimised in steps, each with a share of omega^2 M added and its force at the last q subtracted
+(Rockafellar: Monotone operators and the proximal point algorithm, SIAM Journal on Control and Optimization 14, 1976):
+each step has one solution, and where they converge the system is in stable equilibrium without the addition.
 
-Buckling of a system under axial forces: by which factors they grow until something stands still bent.
+Buckling of a system under axial forces: the factors Lambda of these forces at which the system is in equilibrium in a
+bent shape, too,
 
 .. math::
     \Bigl(K + \Lambda \sum_k c_k G_k\Bigr) q + C^T \lambda = 0, \qquad C q - F \lambda = 0
 
-with the geometric stiffness :math:`c_k G_k` of terms (`pmr.system.terms`) under the loads that are looked at.  With the
+with the geometric stiffness :math:`c_k G_k` of terms (`pmr.system.terms`) under the loads in question.  With the
 flexibility A of the bodies and their contacts, symmetric and at least semi-definite, 1/Lambda are the eigenvalues of
 :math:`-L^T \sum c_k G_k\, L`, :math:`A = L L^T`.
 """
@@ -58,7 +58,7 @@ SHARES, STEPS, FEW = (1.0, 1e-1, 1e-2, 1e-3, 1e-4), 20, 50
 ROUND_OFF = 1e-9
 #: Equations up to which a dense factor is quicker than a sparse one.
 DENSE = 300
-#: An equilibrium whose strain energy is a smaller share of what its entries cancel is held by round-off alone.
+#: An equilibrium with a strain energy below this share of the sum of its terms' sizes is held by round-off alone.
 ROUND_OFF_OF_K = 1e2 * float(np.finfo(float).eps)
 
 
@@ -215,6 +215,7 @@ def saddle_point_solver(K: sp.csr_matrix, rows: ContactRows) -> Callable[[Array]
         return lambda right: np.full(right.shape, np.nan)
 
     def solve(right: Array) -> Array:
+        """Solution (n + m, ...) for right sides (n + m, ...), with one refinement."""
         scaled = (units * right.T).T
         solution = once(scaled)
         solution += once(scaled - matrix @ solution)
@@ -251,7 +252,7 @@ Solve = Callable[[Array], Array]
 
 #: Coordinates up to which all factors are found at once, dense.
 DENSE_UP_TO = 600
-#: Share of the largest eigenvalue below which a factor is none: what round-off leaves of zero.
+#: Share of the largest eigenvalue below which an eigenvalue is round-off of zero.
 EIGEN_ROUND_OFF = 1e-10
 
 

@@ -38,7 +38,7 @@ Mask = NDArray[np.bool_]
 ROUND_OFF, RIGID = 1e-9, 1e-4
 #: Pull or overlap that is round-off, over the largest force or displacement.
 WRONG = 1e-9
-#: Sets of closed contacts that are tried at one load; share of the lowest omega^2 that holds what open ones leave free.
+#: Most sets of closed contacts tried at one load; multiple of M, over the lowest omega^2, that holds free bodies.
 MOST_SETS, ALMOST_FREE = 200, 1e-8
 
 
@@ -154,7 +154,7 @@ class Form:
         if not np.isfinite(size := float(np.linalg.norm(flexibility))):
             return
         if size * np.abs(K).max() > 1.0 / np.finfo(float).eps or (L := root(flexibility)) is None:
-            return  # nothing but round-off holds it, or past buckling by what is there without the load
+            return  # nothing but round-off holds it, or it buckles under the fixed loads alone
         self.eta, V = np.linalg.eigh(L.T @ e.G[1] @ L)
         least = float(self.eta[0]) if len(self.eta) else 0.0
         some = -least > ROUND_OFF * np.abs(self.eta).max(initial=0.0) and least < 0.0
@@ -191,8 +191,8 @@ class Form:
     def responses(self, loads: Array) -> Array:
         """Responses (p, o + m + d) under loads (p,): outputs, contact forces, and overlaps of the d contacts that push.
 
-        An overlap is how far a contact's sides move towards each other beyond its gap.  NaN where no equilibrium
-        exists.
+        An overlap is C q - F lambda - g: how far a contact's sides move towards each other beyond its gap.  NaN where
+        no equilibrium exists.
         """
         if not self.held:
             e = self.equations
@@ -285,7 +285,7 @@ class Form:
         return np.asarray(-pull / np.linalg.norm(pull))
 
     def frequency(self, load: float) -> float:
-        """Lowest natural frequency in Hz with the load as a mass in kg at its position; 0 past buckling."""
+        """Lowest natural frequency in Hz under `load` in kg, a mass that moves along its own directions; 0 past buckling."""
         if load >= self.critical:
             return 0.0
         M, place = self.condensed.M, self.condensed.place
@@ -338,7 +338,7 @@ class Loaded:
 
     @cached_property
     def _closed(self) -> Form:
-        """Form with the contacts that were closed in the last equilibrium; at first all."""
+        """Form with every contact closed; used if no contact can open."""
         return self._form(self._last)
 
     def _form(self, closed: Mask) -> Form:

@@ -319,14 +319,14 @@ def _up(still: Scene, at: Stands) -> Array:
 
 
 def _hook_inputs(system: System) -> NDArray[np.int64]:
-    """Numbers of the inputs along which `HOOK` moves as a mass: those of its weight, and the one across the boom."""
+    """Indices of the inputs along which `HOOK` moves as a mass: those of its weight, and the one across the boom."""
     named = {name.rpartition(" ")[2]: k for k, name in enumerate(system.input_names) if HOOK in name}
     across = [k for k, name in enumerate(system.input_names) if SIDEWAYS in name]
     return np.array([*named.values(), *(across if "y" not in named else [])])
 
 
 def _select_outputs(system: System) -> tuple[list[int], list[Output]]:
-    """Numbers and descriptions of the outputs shown: at the last body's tip, of compliant supports, and of probes."""
+    """Indices and descriptions of the outputs shown: at the last body's tip, of compliant supports, and of probes."""
     numbers, outputs, first = list[int](), list[Output](), 0
     last = list(system.bodies)[-1]
     for name, body in system.bodies.items():

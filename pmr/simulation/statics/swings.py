@@ -94,7 +94,7 @@ def lift_off(form: Form, load: float, rope: Rope, gravity: float) -> float:
     K, c = (K + K.T) / 2.0, form.against @ place
     n = len(c)
     still, t, q, rate, taut = np.zeros(n), 0.0, np.zeros(n), np.zeros(n), True
-    # what the weight takes of the rope, and of the boom under it, with as much again for what swings
+    # twice the time in which the rope's speed makes up for the deflections of rope and boom under the weight
     longest = 2.0 * (weight / k + weight * float(c @ np.linalg.solve(K, c))) / v
     for _ in range(MOST):  # a rope may become slack again before it lifts anything
         stiff, pulls = (K + k * np.outer(c, c), -k * v * c) if taut else (K, still)
@@ -149,7 +149,7 @@ class Swing:
 
 
 def stopping_swing(form: Form, load: float, acting: Acting, duration: float) -> Swing | None:
-    """How a structure under a `load` in kg swings after a deceleration that lasts `duration` s.
+    """Swing of a structure under a `load` in kg, during a constant deceleration of `duration` s and afterwards.
 
     None where no equilibrium exists under the load.
     """
@@ -163,7 +163,7 @@ def stopping_swing(form: Form, load: float, acting: Acting, duration: float) -> 
     moving = inertia > len(K) * np.finfo(float).eps * inertia[-1]
     inertia, shapes = inertia[moving], shapes[:, moving]
     amplitude = shapes.T @ (on.own.T @ acting.b + on.gaps @ acting.g[closed])
-    # what a unit of each mode's acceleration resists with: on coordinates, and along the rope
+    # inertia of a unit acceleration of each mode: on coordinates, and along the rope
     along = load * (c @ shapes) / hook
     resisting = [
         e.M @ (on.own @ shapes) + np.outer(e.b[1], along),
