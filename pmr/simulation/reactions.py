@@ -171,13 +171,13 @@ def with_luffing_cylinder(scene: Scene, response: Response) -> Response:
 
 
 def with_force_of_pin(scene: Scene, response: Response) -> Response:
-    r"""Add the luffing cylinder's force F along d to the forces of the supports that stand for a pin at the pivot.
+    r"""Add the luffing cylinder's force F along d to the forces of the supports that represent a pin at the pivot.
 
     .. math:: F_{pin} = \sum_k \lambda_k n_k + F d
 
-    The sum is over the pin and the support across the boom, which stands for the cylinder in the model: so the pin
-    bears its thrust along the boom, and what a lug beside the axis adds across it.  Response unchanged for any other
-    base.
+    The sum is over the pin's supports and the support across the boom that represents the cylinder in the model: so the
+    pin carries the cylinder's thrust along the boom, and across it the moment of a lug that is not on the axis.
+    Response unchanged if the base is held in another way, or a force is unknown.
     """
     held = pin_and_cylinder(scene)
     if held is None or CYLINDER not in response.other_names or not set(held.pin) <= set(response.other_names):

@@ -27,7 +27,7 @@ RIGID = DATA["rigid"]  # (m,) which contacts do not give way
 def piece(name, x, order=0):
     """Value of a piecewise polynomial at x, or its derivative (order 1).
 
-    Beyond its ends it is constant; one without an upper end goes on.
+    Beyond its ends it is constant; if it has no break at the upper end, the last piece extends to infinity.
     """
     breaks, c = DATA[f"{name}.breaks"], DATA[name]  # (powers, pieces, ...), the highest power first
     if len(breaks) > c.shape[1]:

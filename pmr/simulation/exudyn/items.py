@@ -202,10 +202,10 @@ def add_coordinates(mbs: Any, name: str, start: InitialState) -> Any:
 def with_contacts(
     mbs: Any, items: SystemItems, contacts: Indices, mOther: Any = None, **parameters: Any
 ) -> SystemItems:
-    """Add a connector for rigid contacts to the mbs, and return the items with it.
+    """Add a connector for `contacts`, numbers among the system's, to the mbs, and return the items with it.
 
-    `contacts` are the numbers of the system's contacts; without any, nothing is added.  The connector acts between the
-    marker `mOther`, by default the ground, and all bodies; `parameters` are passed to ObjectConnectorCoordinateVector.
+    Without any contacts nothing is added.  The connector acts between the marker `mOther`, by default the ground, and
+    all bodies; `parameters` are passed to ObjectConnectorCoordinateVector.
     """
     if not len(contacts):
         return items
@@ -218,8 +218,8 @@ def with_contacts(
 class Steps:
     """Calls the update of a system before each step, and refuses solvers and settings that can't solve the system.
 
-    `held` says whether rigid contacts move.  A refusal appears as Exudyn's own error that contains the text of an
-    `InputError`.
+    `held` says whether the system has constraints, which may move.  A refusal appears as Exudyn's own error that
+    contains the text of an `InputError`.
     """
 
     def __init__(self, held: bool) -> None:

@@ -62,7 +62,7 @@ class SystemForm:
 
     @cached_property
     def kernel(self) -> Kernel:
-        """Kernel of the system, including its scene's frame if this moves."""
+        """Kernel of the system and, if there is one, of its `frame`."""
         return Kernel.of(self.system, self.forms, self.frame, self.combined)
 
     @cached_property
@@ -82,7 +82,7 @@ class SystemForm:
     def modal(self) -> System:
         """System in modal coordinates, with combined contacts (`combined`) instead of rings of pads.
 
-        A body whose tables over its path say all has no carriers.
+        A system of one body on one path has no carriers, as its tables describe all rows.
         """
         return self.combined.system
 

@@ -336,7 +336,7 @@ class Stepper:
 
     @property
     def _anywhere(self) -> Excitation:
-        """Excitation whose paths go from one end of their ranges to the other."""
+        """Excitation whose paths lead from one end of their ranges to the other in one step."""
         ends = {path: Ramp(times=(0.0, self._step), values=ends) for path, ends in self._ranges.items()}
         return Excitation(ends, {}, TimeStepping(self._step, self._step / 64.0))
 

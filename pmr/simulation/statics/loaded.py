@@ -285,7 +285,7 @@ class Form:
         return np.asarray(-pull / np.linalg.norm(pull))
 
     def frequency(self, load: float) -> float:
-        """Lowest natural frequency in Hz under `load` in kg, a mass that moves along its own directions; 0 past buckling."""
+        """Lowest natural frequency in Hz under `load` in kg, a mass that moves in its directions; 0 past buckling."""
         if load >= self.critical:
             return 0.0
         M, place = self.condensed.M, self.condensed.place
