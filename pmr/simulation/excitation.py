@@ -161,7 +161,7 @@ def in_order(
 def on_path(path: SignalBase, s: Array, domain: tuple[float, float], t: Array) -> Array:
     """Path coordinates s (T,) in m clipped to `domain`, the range (low, high) in m.
 
-    A path may leave the domain by `BEYOND_ENDS` times its length.
+    A path may go beyond an end by `BEYOND_ENDS` times the length of the domain.
 
     Parameters
     ----------

@@ -176,8 +176,8 @@ def with_force_of_pin(scene: Scene, response: Response) -> Response:
     .. math:: F_{pin} = \sum_k \lambda_k n_k + F d
 
     The sum is over the pin's supports and the support across the boom that represents the cylinder in the model: so the
-    pin carries the cylinder's thrust along the boom, and across it the moment of a lug that is not on the axis.
-    Response unchanged if the base is held in another way, or a force is unknown.
+    pin carries the cylinder's thrust along the boom, and across the boom the difference between the cylinder's force
+    and that support's.  Response unchanged if the base is held in another way, or a force is unknown.
     """
     held = pin_and_cylinder(scene)
     if held is None or CYLINDER not in response.other_names or not set(held.pin) <= set(response.other_names):
