@@ -99,8 +99,8 @@ def with_hook(scene: Scene) -> Scene:
 class Postures:
     """Matrices of a system in P postures, and the loads of each component: the weight, then every load by its name.
 
-    Sizes: n coordinates, i inputs, m contacts, o outputs, k terms, w components, d driven sections.  A load acts by a
-    unit: 1 N or 1 N m, or the weight of 1 kg of `HOOK`.
+    Sizes: n coordinates, i inputs, m contacts, o outputs, k terms, w components, d driven sections, r forces on
+    supports and on the machine.  A load acts by a unit: 1 N or 1 N m, or the weight of 1 kg of `HOOK`.
     """
 
     M: Array  # (n, n)
