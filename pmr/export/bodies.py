@@ -1,8 +1,7 @@
 r"""Flexible bodies for other programs: Exudyn's FEMinterface, Simscape Multibody, Standard Input Data.
 
-A flexible body as Standard Input Data (SID): text that SIMPACK, Modelica libraries and others read.
-
-With the modes :math:`\varphi_k`, places x, and all integrals over the mass,
+Standard Input Data (SID) is text that SIMPACK, Modelica libraries and others read.  With the modes :math:`\varphi_k`,
+positions x, and all integrals over the mass, it has
 
 .. math::
     m c = \int x + \varphi_k q_k, \quad J = -\int \tilde r \tilde r, \quad C_t = \int \varphi^T, \quad
@@ -14,7 +13,7 @@ With the modes :math:`\varphi_k`, places x, and all integrals over the mass,
     \Omega = (\omega_x^2, \omega_y^2, \omega_z^2, \omega_x \omega_y, \omega_y \omega_z, \omega_x \omega_z)
 
 with r = x + varphi_k q_k; J is listed as xx, yy, zz, xy, xz, yz.  They follow from the mass matrix of the nodes without
-lumping it.  Geometric stiffness is not among them (ksigma = 0).  Wallrapp: Standardization of flexible body modeling in
+lumping it.  Geometric stiffness is not included (ksigma = 0).  Wallrapp: Standardization of flexible body modeling in
 multibody system codes, Mechanics of Structures and Machines 22, 1994, pp. 283-304; Schwertassek, Wallrapp: Dynamik
 flexibler Mehrkoerpersysteme, 1999, section 6.
 """
@@ -36,7 +35,7 @@ from pmr.files.whole import replacement
 
 
 def write_ffrf(body: NodalBody, target: Path) -> Path:
-    """Write what makes an ObjectFFRFreducedOrder, with Exudyn's own writer; raises InputError if Exudyn is missing."""
+    """Write the data of an ObjectFFRFreducedOrder with Exudyn's own writer; raises InputError if Exudyn is missing."""
     environment.needed("exudyn")
     from exudyn.FEM import FEMinterface
 
@@ -55,9 +54,9 @@ def write_ffrf(body: NodalBody, target: Path) -> Path:
 
 
 def write_simscape(body: FramedBody, target: Path) -> Path:
-    """Write what the block Reduced Order Flexible Solid asks for: origins P (F, 3) of the frames, and K, M, C.
+    """Write the data of Simscape's block Reduced Order Flexible Solid: origins P (F, 3) of F frames, and K, M, C.
 
-    Their rows are of each frame x, y, z, rx, ry, rz, then the modes.
+    Rows and columns of K, M, C are x, y, z, rx, ry, rz of each frame, then the modes.
     """
     names = np.array(body.places.names, dtype=object)
     content = {"P": body.places.points, "K": body.K, "M": body.M, "C": body.C, "frames": names, "s": body.s}
@@ -72,7 +71,7 @@ _DIAGONAL, _FULL = 1, 3
 #: Pairs of axes in the order of J, and of products of the angular velocity in Oe.
 INERTIA = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 PRODUCTS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
-#: Of each axis the two that follow it.
+#: The two axes that follow each axis.
 _NEXT = ((1, 2), (2, 0), (0, 1))
 #: Share of the largest entry by which the masses of a node along x, y and z may differ.
 ALIKE = 1e-9
@@ -80,7 +79,10 @@ ALIKE = 1e-9
 
 @dataclass(frozen=True)
 class Taylor:
-    """M0 + sum_k M1[:, k] q_k: M0 (r, c), M1 (r, m, c) or None; its structure as the format counts."""
+    """A matrix of first order in the m modal coordinates q: M0 + sum_k M1[:, k] q_k.
+
+    M0 is (r, c) and M1 (r, m, c), or None if it is constant; `structure` is the format's number of its structure.
+    """
 
     M0: Array
     M1: Array | None = None
@@ -88,7 +90,7 @@ class Taylor:
 
 
 def inertia_integrals(body: NodalBody) -> Mapping[str, Taylor]:
-    """Inertia integrals by the equations of the module, by the names of the format.
+    """Inertia integrals by the equations of the module, under their names in the format.
 
     Raises InputError if a node's mass differs along x, y and z: no field of displacements has such a mass matrix.
     """
@@ -125,7 +127,7 @@ def inertia_integrals(body: NodalBody) -> Mapping[str, Taylor]:
 
 
 def write_sid(body: NodalBody, target: Path) -> Path:
-    """Write a body with 17 digits a number; the nodes of the file are the places of its loads and outputs.
+    """Write a body as Standard Input Data, with 17 digits; its nodes are the points of its loads and outputs.
 
     Raises InputError as `inertia_integrals`.
     """
@@ -137,13 +139,17 @@ def write_sid(body: NodalBody, target: Path) -> Path:
 
 
 def _centrifugal(of: Array) -> Array:
-    """Coefficients (m, [m,] 6) of phi . omega x (omega x r) from the integrals (3, 3, m, [m]) of both's components."""
+    """Coefficients (m, [m,] 6) of the integral of phi . omega x (omega x r) over the products of omega's components.
+
+    `of` (3, 3, m, [m]) are integrals of products of a component of r (or of its modes) and one of phi.
+    """
     trace = np.einsum("ii...->...", of)
     squares = [of[a, a] - trace for a, b in PRODUCTS[:3]]
     return np.stack([*squares, *(of[a, b] + of[b, a] for a, b in PRODUCTS[3:])], axis=-1)
 
 
 def _lines(body: NodalBody) -> Iterator[str]:
+    """Yield the lines of a body's file."""
     m, places = len(body.omega), body.places
     yield f"{len(places.names):5d}{m:5d}    :No. nodes, No. modes: sliders at s = {body.s!r} m, SI units"
     yield " part"
@@ -165,6 +171,7 @@ def _lines(body: NodalBody) -> Iterator[str]:
 
 
 def _node(number: int, point: Array, translation: Array, turned: Array) -> Iterator[str]:
+    """Yield the lines of a node at `point` (3,), with modal displacements and rotations (3, m)."""
     m, skew = translation.shape[1], np.zeros((3, translation.shape[1], 3))
     for a, (b, c) in enumerate(_NEXT):
         skew[c, :, b], skew[b, :, c] = turned[a], -turned[a]
@@ -178,6 +185,7 @@ def _node(number: int, point: Array, translation: Array, turned: Array) -> Itera
 
 
 def _taylor(indent: int, name: str, value: Taylor, m: int) -> Iterator[str]:
+    """Yield the lines of a matrix called `name`, of a body with m modes."""
     yield f"{'':{indent}}{name}"
     sizes = {"order": int(value.M1 is not None), "nrow": len(value.M0), "ncol": value.M0.shape[1], "nq": m, "nqn": 0}
     structure = value.structure if np.any(value.M0) or value.M1 is not None else 0
@@ -192,9 +200,10 @@ def _taylor(indent: int, name: str, value: Taylor, m: int) -> Iterator[str]:
 
 
 def _entry(indent: int, key: str, value: str) -> str:
+    """Line of a key and its value, which begins in a fixed column."""
     return f"{'':{indent}}{key:<{48 - indent}}={value}"
 
 
 def _number(x: float) -> str:
-    """All 17 digits of a number, in Fortran's way; 23 letters, of which readers take up to 19 for the mantissa."""
+    """Number with all 17 digits in Fortran's notation; 23 characters, as readers take at most 19 for the mantissa."""
     return f"{x: .16E}".replace("E", "D")

@@ -1,9 +1,7 @@
-"""State space on a grid of s for MATLAB and python-control, and its frequency response as a table and a picture.
+"""State space on a grid of s for MATLAB, python-control and Modelica, and its frequency response.
 
-State space on a grid of s as one block in Modelica.
-
-The text needs no library: matrices are numbers, inputs and outputs have names and units of their own.  The parameter
-`place` chooses one of the places.
+The response is a table and a picture.  The Modelica block needs no library: matrices are numbers, inputs and outputs
+have names and units of their own, and the parameter `place` chooses one of the grid points.
 """
 
 from __future__ import annotations
@@ -28,11 +26,11 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
-#: Share that interpolated gains and frequencies may be off by, and the most places that this takes unasked.
+#: Relative error allowed for interpolated gains and frequencies, and most grid points used to reach it.
 CLOSE, MOST_PLACES = 0.01, 161
-#: Frequencies of a response.
+#: Number of frequencies of a response.
 FREQUENCIES = 400
-#: Gains below this share of the largest are round-off of what symmetry keeps apart, and drawn alike.
+#: Gains below this share of the largest are round-off (zero by symmetry), and all drawn with this value.
 FLOOR = 1e-12
 
 #: Natural frequencies below this share of the largest are those of free motions.
@@ -84,17 +82,18 @@ if __name__ == "__main__":
 
 
 def write_matlab(npz_path: Path, target: Path, options: Options) -> Path:
-    """Write A, B, C, D as arrays (., ., S) over the places s, as MATLAB's ``ss`` takes them, with all names.
+    """Write A, B, C, D as arrays (., ., S) over S grid points s, as MATLAB's ``ss`` takes them; return `target`.
 
-    Raises InputError as `pmr.export.state_space.held_at`.
+    The file also has all names.  Raises InputError as `pmr.export.state_space.held_at`.
     """
     return _write_matrices(*_interpolable(npz_path, options), target)
 
 
 def write_python_control(npz_path: Path, target: Path, options: Options) -> Path:
-    """Write a script for python-control, and beside it the file that it reads.
+    """Write a script for python-control, and next to it the .mat file that it reads; return the script's path.
 
-    Raises InputError as `write_matlab`, or if the script's name ends in ``.mat``.
+    Raises InputError as `write_matlab`, if Python can't import the script's name, or if the data would replace the
+    model.
     """
     data = target.with_suffix(".mat")
     if data == target or not target.stem.isidentifier():
@@ -110,9 +109,8 @@ def write_python_control(npz_path: Path, target: Path, options: Options) -> Path
 def write_frequency_response(npz_path: Path, target: Path, options: Options) -> Path:
     """Write gain (output's unit over the input's) and phase (degrees) as a table, and a picture of the gain over s.
 
-    Of the outputs the last displacement is taken, that of the tip.
-
-    Raises InputError as `write_matlab`.
+    The output is the last displacement, that of the tip.  The table's path `target` is returned; the picture is next to
+    it.  Raises InputError as `write_matlab`.
     """
     check_installed("matplotlib")
     system, s = load_places(npz_path, options)
@@ -131,10 +129,11 @@ def write_frequency_response(npz_path: Path, target: Path, options: Options) -> 
 
 
 def _interpolable(npz_path: Path, options: Options) -> tuple[StateSpace, tuple[float, float]]:
-    """State space at the places, and what it is off by when it is interpolated (`interpolation_error`).
+    """State space on a grid, and the errors of its interpolation (`interpolation_error`).
 
-    Where none are asked for there are `PLACES`, or twice as many as often as it takes to be off by `CLOSE` at most, up
-    to `MOST_PLACES`.  More than `CLOSE` is told by a warning.  Errors as for `load_places` and `state_space`.
+    Unless the options give the grid, it is refined by factors of two, from `PLACES` points to `MOST_PLACES` at most,
+    until the errors are at most `CLOSE`.  Larger errors are logged as a warning.  Errors as `load_places` and
+    `state_space`.
     """
     system, s = load_places(npz_path, options)
     count = PLACES
@@ -155,10 +154,11 @@ def _interpolable(npz_path: Path, options: Options) -> tuple[StateSpace, tuple[f
 
 
 def interpolation_error(system: System, space: StateSpace, source: str) -> tuple[float, float]:
-    """Errors of A, B, C and D interpolated linearly, halfway between neighbouring places; zero at one place.
+    """Errors of A, B, C and D interpolated linearly, halfway between neighbouring grid points; zero for one point.
 
-    The first is the largest of the displacements' static gains over the largest gain from the same input to the same
-    output, the second that of the natural frequencies over their own; free motions, which have neither, are left out.
+    The first is the largest error of a displacement's static gain, over the largest gain from the same input to the
+    same output; the second that of a natural frequency, over this frequency.  Free motions, which have neither, are
+    left out.
     """
     if len(space.s) < 2 or not space.paths:
         return 0.0, 0.0
@@ -176,6 +176,7 @@ def interpolation_error(system: System, space: StateSpace, source: str) -> tuple
 
 
 def _write_matrices(space: StateSpace, off: tuple[float, float], target: Path) -> Path:
+    """Write matrices, names and the errors `off` of interpolation as a .mat file."""
     matrices = {name: np.moveaxis(getattr(space, name), 0, 2) for name in "ABCD"}
     named = ("paths", "inputs", "outputs", "units", "states")
     names = {name: np.array(getattr(space, name), dtype=object) for name in named}
@@ -188,6 +189,10 @@ def _write_matrices(space: StateSpace, off: tuple[float, float], target: Path) -
 
 
 def _table(space: StateSpace, f: Array, response: NDArray[np.complex128], output: str) -> str:
+    """Comma-separated table of gain and phase of the complex `response` (S, W, i) from i inputs to one output.
+
+    S are grid points of s, f (W,) frequencies in Hz.
+    """
     of = [f"{output} / {name}" for name in space.inputs]
     places = ["s in m"] if len(space.paths) < 2 else [f'"{path} in m"' for path in space.paths]
     lines = [",".join([*places, "f in Hz", *(f'"{what} of {pair}"' for pair in of for what in ("gain", "phase"))])]
@@ -200,6 +205,7 @@ def _table(space: StateSpace, f: Array, response: NDArray[np.complex128], output
 
 
 def _draw(space: StateSpace, f: Array, gain: Array, output: str, target: Path) -> None:
+    """Draw the `gain` (S, W, i) over S grid points and frequencies f (W,) in Hz, one panel for each input, as .png."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -221,7 +227,7 @@ def _draw(space: StateSpace, f: Array, gain: Array, output: str, target: Path) -
         figure.savefig(stream, format="png", dpi=150)
 
 
-#: Words of Modelica 3.6 (section 2.3.3), and what the block calls its own.
+#: Keywords of Modelica 3.6 (section 2.3.3), and names that the block uses itself.
 RESERVED = frozenset(
     """algorithm and annotation block break class connect connector constant constrainedby der discrete each
     else elseif elsewhen encapsulated end enumeration equation expandable extends external false final flow for
@@ -253,9 +259,9 @@ end {name};
 
 
 def write_modelica(npz_path: Path, target: Path, options: Options) -> Path:
-    """Write a block of Modelica 3, named as the file, with A, B, C, D at all places; names are those of an FMU.
+    """Write a Modelica 3 block named as the file, with A, B, C, D at all grid points; variables are named as in an FMU.
 
-    Raises InputError as `pmr.export.state_space.held_at`, or if the file's name is none in Modelica.
+    Raises InputError as `pmr.export.state_space.held_at`, or if Modelica does not allow the file's name.
     """
     name = target.stem
     if not (name.isascii() and name.isidentifier()) or name in RESERVED or target.suffix != ".mo":
@@ -289,17 +295,17 @@ def write_modelica(npz_path: Path, target: Path, options: Options) -> Path:
 
 
 def _variable(kind: str, name: str, title: str, unit: str) -> str:
-    """Declaration of a variable; units as Modelica writes them, N.m and m/s2."""
+    """Declaration of a variable; units in Modelica's notation, N.m and m/s2."""
     return f'  {kind} Real {name}(unit = "{unit.replace(" ", ".").replace("^", "")}") "{_escape(title)}";'
 
 
 def _escape(text: str) -> str:
-    """Within a string."""
+    """Text as the content of a Modelica string."""
     return text.replace("\\", "\\\\").replace('"', '\\"')
 
 
 def _braces(values: Array) -> str:
-    """An array with all digits, a row a line."""
+    """Array as a Modelica expression with all digits, one row per line."""
     if values.size == 0:  # {} is no array in Modelica
         return f"zeros({', '.join(map(str, values.shape))})"
     if values.ndim == 1:

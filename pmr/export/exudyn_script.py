@@ -1,7 +1,7 @@
 """Export of a reduced system, with its scene, as a standalone Python script for Exudyn.
 
-The script is ``templates/sliding_body.py`` as it stands; the arrays that it reads are written beside it.  Names and
-numbers that come with the system stand in that file alone: none of them is ever run.
+The script is an unchanged copy of ``templates/sliding_body.py``; the arrays that it reads are written next to it.
+Names and numbers of the system are in that data file only: none of them is ever run.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ Arrays = dict[str, Any]
 
 
 def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
-    """Write a script that simulates a saved system under its scene's paths and loads, and its data beside it.
+    """Write a script that simulates a saved system under its scene's paths and loads, and its data next to it.
 
-    It needs numpy, scipy and exudyn only.  Raises InputError as `script_data`, if the file is no system, or if the data
-    would replace it.
+    The script needs numpy, scipy and exudyn only; its path is returned.  Raises InputError as `script_data`, if the
+    file is no system, or if the data would replace a file that is not a script's data.
     """
     npz_path, target = Path(npz_path), Path(target)
     system = System.load(npz_path).ensure_constant(npz_path.name).ensure_lengths_stay(npz_path.name)
@@ -56,7 +56,7 @@ def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
 
 
 def _is_free(file: Path) -> bool:
-    """Whether a script's data may be written here: nothing is there, or data of a script."""
+    """Whether a script's data may be written to a file: it does not exist, or holds data of a script."""
     if not file.exists():
         return True
     try:
@@ -68,8 +68,8 @@ def _is_free(file: Path) -> bool:
 def script_data(system: System, source: str) -> Arrays:
     """Arrays that the script reads: matrices, contacts, signals, start.
 
-    Raises InputError of the file `source` if the system's provenance has no usable scene, the scene has a frame that
-    moves or a signal that is no sum of polynomials and sines, or no output is a displacement.
+    Raises InputError, which names the file `source`, if the system's provenance has no usable scene, the scene has a
+    frame that moves or a signal that is no sum of polynomials and sines, or no output is a displacement.
     """
     for body in system.bodies.values():
         if ALONE in system.bodies:
@@ -105,7 +105,10 @@ def script_data(system: System, source: str) -> Arrays:
 
 
 def _tip(system: System, source: str) -> Arrays:
-    """The displacement that the script prints: the last one."""
+    """Number, body and position of the displacement that the script prints: the last one.
+
+    Raises InputError if there is none.
+    """
     of = [
         (name, position, force)
         for name, body in system.bodies.items()
@@ -139,6 +142,7 @@ def _signals(scene: Recorded, system: System, source: str) -> Arrays:
 
 
 def _strands(signal: SignalBase, name: str, source: str) -> Any:
+    """Strands of a signal; an InputError is raised if it has none."""
     try:
         return signal.strands
     except NotImplementedError as error:
@@ -146,7 +150,7 @@ def _strands(signal: SignalBase, name: str, source: str) -> Any:
 
 
 def _tables(system: System, x: Array) -> Arrays:
-    """C, F, H and X of a body alone over its path."""
+    """Tables of C, F, H and X of a single body over its path."""
     (body,) = system.reduced.values()
     numbers = [body.row_names.index(side.place.row) for side in system.sides]
     m, i, o = len(numbers), len(body.input_names), len(body.output_positions)
@@ -169,7 +173,7 @@ def _tables(system: System, x: Array) -> Arrays:
 
 
 def _sides(system: System, assembly: Assembly, x: Array) -> Arrays:
-    """The sides of contacts, and what their bodies answer to forces on carriers."""
+    """Rows of the sides of contacts, and responses of their bodies to forces on carriers."""
     paths, names = list(system.paths), list(system.bodies)
     arrays: Arrays = {
         "compliance": system.gives(x),

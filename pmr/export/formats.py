@@ -1,4 +1,4 @@
-"""The formats of `pmr export`, by their names."""
+"""The file formats of `pmr export`, by name."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from pmr.errors.text import hint
 
 @dataclass(frozen=True)
 class Options:
-    """Options of a format besides the files; None: not given."""
+    """Options of `pmr export` besides the files; None if an option is not given."""
 
     fmi: str | None = None  #: Version of the Functional Mock-up Interface
-    at: str | None = None  #: Places of the sliders in m, separated by commas
-    section: str | None = None  #: Name of the section of a boom that is to be written alone
+    at: str | None = None  #: Path coordinates of the sliders in m, separated by commas
+    section: str | None = None  #: Name of the section of a boom that is written by itself
     platforms: str | None = None  #: Whether there are binaries for all platforms, or for the host's alone
     sources: bool | None = None  #: Whether the C of the binaries comes along
 
 
 @dataclass(frozen=True)
 class Format:
-    """A format: what it is, the name of its file, which options it takes, and its writer (model, target, options)."""
+    """A format: description, default file name, names of its options, and writer (model, target, options)."""
 
     says: str
     file_name: str
@@ -34,9 +34,10 @@ class Format:
 
 
 def _writer(module: str, name: str) -> Callable[..., Path]:
-    """A writer of this room, imported when it is called."""
+    """Function of a module of `pmr.export`, imported only when it is called."""
 
     def write(*arguments: Any) -> Path:
+        """Call the function and return the path that it has written."""
         written: Path = getattr(import_module(f"pmr.export.{module}"), name)(*arguments)
         return written
 
@@ -44,11 +45,13 @@ def _writer(module: str, name: str) -> Callable[..., Path]:
 
 
 def _exudyn(model: Path, target: Path, options: Options) -> Path:
+    """Write a standalone Exudyn script; raises InputError if Exudyn is missing."""
     environment.needed("exudyn")  # the script's parts are tested code, which is loaded to be written
     return _writer("exudyn_script", "write_exudyn_script")(model, target)
 
 
 def _fmu(model: Path, target: Path, options: Options) -> Path:
+    """Write an FMU as the options say."""
     fmu, version = import_module("pmr.export.fmi.fmu"), options.fmi or "3"
     platforms = fmu.chosen(options.platforms, version)
     written: Path = fmu.write_fmu(model, target, version, platforms, bool(options.sources))
@@ -73,7 +76,10 @@ FORMATS = {
 
 
 def formats() -> dict[str, Format]:
-    """All formats by their names, those that installed plug-ins add among them."""
+    """All formats by name, including those of installed plug-ins.
+
+    Raises an error that names the plug-in if its object is no `Format`.
+    """
     offered = environment.plugin_objects("pmr.exports", frozenset(FORMATS))
     for name, plugin in offered.items():
         if not isinstance(plugin, Format):
@@ -83,12 +89,12 @@ def formats() -> dict[str, Format]:
 
 @dataclass(frozen=True)
 class BodyFormat:
-    """A format of flexible bodies."""
+    """A file format of flexible bodies: description, default file name, what the body is described by, and writer."""
 
     says: str
     file_name: str
-    by: str  #: What it describes a body by: node or frame
-    write: Callable[[Any, Path], Path]  #: Of body and target
+    by: str  #: node or frame: what the body's data refer to
+    write: Callable[[Any, Path], Path]  #: Function (body, target)
 
 
 #: Why a boom of several sections is in none of these formats.
@@ -106,9 +112,10 @@ BODY_FORMATS = {
 
 
 def write(to: str, model: Path, target: Path | None, options: Options) -> Path:
-    """Write a saved reduced model in a format; beside the model where there is no target.
+    """Write the saved reduced model `model` in the format `to`, and return the file's path.
 
-    Raises InputError if there is no such format, it does not take an option that was given, or its writer refuses.
+    `target` None: the format's default file name, in the folder of the model.  Raises InputError if there is no such
+    format, it does not accept an option that is given, or its writer refuses the model.
     """
     writers = formats()
     if to not in writers:

@@ -1,4 +1,4 @@
-"""Fields over time as files that ParaView opens: a .vtu a time of body and pads each, and a .pvd that lists them."""
+"""Fields over time as files for ParaView: one .vtu for each time and body (or pads), and a .pvd that lists them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from pmr.fields.series import Boxes, Fields, Grid, Pose
 Array = NDArray[np.float64]
 Named = Mapping[str, NDArray[Any]]
 
-#: Where the pads' files are, in the folder of the body's.
+#: Beginning of the names of the pads' files, in the same folder as the bodies'.
 PADS = "pads-"
 _TYPES = {"line": 3, "triangle": 5, "tetra": 10, "hexahedron": 12}  # VTK's numbers
 _NUMBERS = {"f": "Float", "i": "Int", "u": "UInt"}
@@ -29,9 +29,10 @@ _LEVEL = 3  # of zlib: a series is mostly digits that don't compress, and more e
 
 @dataclass(frozen=True)
 class Travelling:
-    """Fields of a body whose frame is at `along` (S,) m on the axis x at the times of the fields; at 0 without it.
+    """Fields of a body whose frame is at `along` (S,) m on the boom's axis at the S times of the fields.
 
-    With a `pose` of these axes, which move too, places and displacements are those in space; stresses stay the body's.
+    `along` None: at 0.  With a `pose` of the boom's axes in space, points and displacements are written in ground axes;
+    stresses stay in the body's axes.
     """
 
     fields: Fields
@@ -39,7 +40,7 @@ class Travelling:
     pose: Pose | None = None
 
     def file(self, k: int) -> str:
-        """Content of the file of time number k."""
+        """Content of the .vtu file of time number k."""
         fields = self.fields
         named: dict[str, NDArray[Any]] = {f"von_mises_{_word(face)}": of[k] for face, of in fields.von_mises.items()}
         named |= {f"stress_{_word(of)}": stress[k] for of, stress in fields.stress.items()}
@@ -51,11 +52,12 @@ class Travelling:
 
 
 def write_series(folder: Path, name: str, bodies: Mapping[str, Travelling], pads: Boxes | None = None) -> Path:
-    """Write ``name.pvd``, which is returned, and beside it a folder ``name`` with a file for each time and body.
+    """Write ``name.pvd``, which is returned, and in a folder ``name`` next to it one .vtu file for each time and body.
 
-    Points carry ``displacement`` in m (ParaView: Warp By Vector); cells ``von_mises_<face>`` and, where they are
-    stored, signed stresses ``stress_<face>_<component>`` in Pa, and ``region_<name>``, 1 in the region and 0 elsewhere.
-    Bodies by their names, at the same times, stand where they are.  The pads are one part more, with their values.
+    Points have ``displacement`` in m (ParaView: Warp By Vector).  Cells have ``von_mises_<face>`` in Pa and, where they
+    are stored, signed stresses ``stress_<face>_<component>`` in Pa, and ``region_<name>``: 1 in the region, 0
+    elsewhere.  `bodies` are the bodies by name, all at the same times.  The `pads`, if any, are a data set of their
+    own, with their values.
     """
     times = next(iter(bodies.values())).fields.t
     drawn = {f"{body_name}-" if body_name else "": body.file for body_name, body in bodies.items()}
@@ -63,7 +65,10 @@ def write_series(folder: Path, name: str, bodies: Mapping[str, Travelling], pads
 
 
 def _write_files(folder: Path, name: str, times: Array, drawn: Mapping[str, Callable[[int], str]]) -> Path:
-    """A file for each time and part; what is `drawn` by the beginnings of the files' names."""
+    """Write a file for each time and data set, and the .pvd, which is returned; old .vtu files are deleted.
+
+    `drawn` maps the beginning of a data set's file names to a function of the time's number that returns the content.
+    """
     steps = folder / name
     steps.mkdir(parents=True, exist_ok=True)
     for old in steps.glob("*.vtu"):
@@ -83,6 +88,7 @@ def _write_files(folder: Path, name: str, times: Array, drawn: Mapping[str, Call
 
 
 def _of_pads(pads: Boxes, k: int) -> str:
+    """Content of the pads' .vtu file of time number k: boxes with their numbers and values."""
     points = pads.corners[k].reshape(-1, 3)
     grid = Grid("hexahedron", points, np.arange(len(points)).reshape(-1, 8))
     values = {"pad": np.arange(len(pads.names))} | {what: value[k] for what, value in pads.values.items()}
@@ -90,7 +96,7 @@ def _of_pads(pads: Boxes, k: int) -> str:
 
 
 def _regions(grid: Grid) -> dict[str, NDArray[Any]]:
-    """For each region which cells are in it."""
+    """Cell values ``region_<name>`` of a grid: 1 for cells in the region, 0 for others."""
     every = np.arange(len(grid.cells))
     return {
         f"region_{_word(name)}": np.isin(every, grid.regions[name]).astype(np.int8) for name in sorted(grid.regions)
@@ -98,11 +104,12 @@ def _regions(grid: Grid) -> dict[str, NDArray[Any]]:
 
 
 def _word(name: str) -> str:
+    """Name with underscores for spaces."""
     return name.replace(" ", "_")
 
 
 def _vtu(grid: Grid, points: Array, of_points: Named, of_cells: Named) -> str:
-    """Cells of a grid whose points (N, 3) m are moved, and values of points and cells, as VTK's unstructured grid."""
+    """Text of a VTK unstructured grid: cells of `grid` with its points at (N, 3) m, values of points and cells."""
     count, corners = grid.cells.shape
     cells = {
         "connectivity": grid.cells,
@@ -124,6 +131,7 @@ def _vtu(grid: Grid, points: Array, of_points: Named, of_cells: Named) -> str:
 
 
 def _array(name: str, values: NDArray[Any], part: str) -> str:
+    """Compressed DataArray element; `part` is its parent element: Points, Cells, PointData or CellData."""
     kind = f"{_NUMBERS[values.dtype.kind]}{8 * values.dtype.itemsize}"
     wide = f' NumberOfComponents="{values.shape[1]}"' if values.ndim > 1 and part != "Cells" else ""
     data = _compress(np.ascontiguousarray(values, values.dtype.newbyteorder("<")).tobytes())
@@ -132,7 +140,10 @@ def _array(name: str, values: NDArray[Any], part: str) -> str:
 
 @lru_cache(maxsize=64)
 def _compress(data: bytes) -> str:
-    """One block, behind its number and sizes; cells and regions are the same in every file of a series."""
+    """Data as one zlib block in base64, after VTK's header (count and sizes of blocks).
+
+    The cache serves cells and regions, which are the same in every file of a series.
+    """
     block = zlib.compress(data, _LEVEL)
     head = np.array([1, len(data), len(data), len(block)], "<u4").tobytes()
     return (base64.b64encode(head) + base64.b64encode(block)).decode()

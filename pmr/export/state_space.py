@@ -1,17 +1,16 @@
-r"""A reduced system with its places held: state space on a grid of path coordinates.
+r"""A reduced system with its paths held: state space on a grid of path coordinates.
 
 .. math::
     \dot x = A(s)\, x + B(s)\, f, \qquad y = C(s)\, x + D(s)\, f, \qquad x = (z, \dot z), \qquad
     A = \begin{bmatrix} 0 & I \\ -(\Omega^2 + C_e^T F^{-1} C_e) & -D_m \end{bmatrix}
 
-in modal coordinates z, which are the same at every s: mass and damping do not depend on it, so matrices between two
-places may be interpolated and scheduled by s, the more accurately the closer the places are together
-(`pmr.export.control.interpolation_error`).  F = G(s) + 1/k is the flexibility of the contacts C_e that give way;
-those that are rigid hold the modes, q = X z with C_r X = 0.
+in modal coordinates z, which are the same at every s: mass and damping do not depend on s, so matrices may be
+interpolated between two grid points and scheduled by s, the more accurately the closer the points are together
+(`pmr.export.control.interpolation_error`).  F = G(s) + 1/k is the flexibility of the contacts C_e that give way; those
+that are rigid hold the modes, q = X z with C_r X = 0.
 
-State spaces of a saved system with its places held: where its paths are asked to be, or a section of it alone.
-
-A reduced model with its sliders held at places, as matrices of Nastran: DMIG entries, or OUTPUT4.
+The state spaces are those of a saved system, or of one of its sections without its joints.  They are also written as
+matrices of Nastran: DMIG entries, or OUTPUT4.
 """
 
 from __future__ import annotations
@@ -40,13 +39,13 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Share of their largest entry by which rigid rows may differ from place to place and still be the same.
+#: Share of their largest entry by which rigid rows may differ between grid points and still be the same.
 SAME = 1e-12
 
 
 @dataclass(frozen=True)
 class StateSpace:
-    """A(s), B(s), C(s), D(s) at S places, for 2 r states, i inputs and q outputs."""
+    """Matrices A(s), B(s), C(s), D(s) at S grid points of P paths, for 2 r states, i inputs and q outputs."""
 
     paths: tuple[str, ...]
     s: Array  # (S, P) m, on each path
@@ -63,27 +62,27 @@ class StateSpace:
 
     @property
     def grid(self) -> Array:
-        """The places as files have them: (S,) m on one path, or none, (S, P) on several."""
+        """Path coordinates in m as files have them: (S,) for one path or none, (S, P) for several."""
         return self.s if len(self.paths) > 1 else self.s.sum(axis=1)
 
     def place(self, k: int) -> str:
-        """Text of the k-th place with all digits; of a body alone s."""
+        """Text of the path coordinates of the k-th grid point, with all digits."""
         names = ("s",) if self.paths == (SLIDER,) else self.paths
         return ", ".join(f"{name} = {float(at)!r} m" for name, at in zip(names, self.s[k], strict=True)) or "at rest"
 
     @property
     def natural(self) -> Array:
-        """Circular frequencies (S, r) in rad/s of the undamped system, ascending."""
+        """Natural circular frequencies (S, r) in rad/s of the undamped system, ascending."""
         r = self.A.shape[1] // 2
         frequencies: Array = np.sqrt(np.abs(np.linalg.eigvals(-self.A[:, r:, :r]).real))
         return np.sort(frequencies, axis=1)
 
 
 def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> StateSpace:
-    """State space of reduced bodies with their paths at s, (S,) m each or a number.
+    """State space of reduced bodies with their paths held at s: (S,) in m, or one number, for each path.
 
-    An InputError, of the file `source`, is raised where contacts only push or rigid ones depend on s; a SimulationError
-    where contacts at one place can't tell their forces apart.
+    `source` is the file that errors name.  Raises InputError if contacts only push, or rigid ones depend on s; raises
+    SimulationError if contact forces at one of the points are not determined.
     """
     _refuse(system, source)
     assembly = Assembly(system)
@@ -113,12 +112,17 @@ def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> Stat
 
 
 def _refuse(system: System, source: str) -> None:
+    """Raise InputError if contacts only push."""
     if pushing := [contact.name for contact in system.contacts if contact.clearance is not None]:
         raise InputError(source, "rows", None, f"rows that hold both ways are allowed: {', '.join(pushing)} only push")
 
 
 def _modes(system: System, assembly: Assembly, C: Array, firm: NDArray[np.bool_], source: str) -> tuple[Array, Array]:
-    """Modes X (n, r) with X^T M X = 1 that rigid contacts C (S, m_r, n) hold, and omega^2 (r,)."""
+    """Modes X (n, r) with X^T M X = 1 and C X = 0, and omega^2 (r,), of a system with m_r rigid contacts.
+
+    C (S, m_r, n) are their rows at S grid points, `firm` (m,) is their mask among all contacts.  Raises InputError if C
+    depends on the grid point.
+    """
     travelling = np.abs(C - C[0]).max(axis=(0, 2)) > SAME * np.abs(C).max(initial=0.0)
     if travelling.any():
         names = [name for name, rigid in zip(system.contact_names, firm, strict=True) if rigid]
@@ -134,7 +138,7 @@ def _modes(system: System, assembly: Assembly, C: Array, firm: NDArray[np.bool_]
 
 
 def _damping(system: System, assembly: Assembly, X: Array, omega2: Array) -> Array:
-    """X^T D X, exactly diagonal where all bodies have the same classical damping."""
+    """Modal damping X^T D X (r, r), exactly diagonal if all bodies have the same Rayleigh damping."""
     laws = {body.rayleigh for body in system.bodies.values()}
     common = laws.pop() if len(laws) == 1 else None
     M, D, K = (A.toarray() for A in (assembly.M, assembly.D, assembly.K))
@@ -145,7 +149,10 @@ def _damping(system: System, assembly: Assembly, X: Array, omega2: Array) -> Arr
 
 @dataclass(frozen=True)
 class _Held:
-    """A system at one place, on r modes, in which forces and outputs q are those of i loads and 2 r states."""
+    """A system at one grid point, on r modes: stiffness and input matrix of the modes, and output matrices.
+
+    The q outputs and contact forces are `measured` . (z, z') + `direct` . f.
+    """
 
     stiffness: Array  # (r, r)
     inputs: Array  # (r, i)
@@ -156,6 +163,10 @@ class _Held:
     def at(
         cls, assembly: Assembly, rows: ContactRows, firm: NDArray[np.bool_], X: Array, omega2: Array, s: Array
     ) -> _Held:
+        """System at one grid point, with its contact rows and the mask `firm` (m,) of rigid ones.
+
+        X (n, r) and `omega2` (r,) are its modes; s (P,) are path coordinates, for messages.
+        """
         soft, r, B = rows.of(~firm), len(omega2), assembly.B.toarray()
         _check_apart(assembly.system, soft.F, firm, s)
         C = soft.C @ X
@@ -178,7 +189,7 @@ class _Held:
 
 
 def _check_apart(system: System, F: Array, firm: NDArray[np.bool_], s: Array) -> None:
-    """Raise SimulationError where the flexibility F of contacts that give way is singular."""
+    """Raise SimulationError if the flexibility F of contacts that give way is singular."""
     if not len(F):
         return
     scale = np.sqrt(np.maximum(np.diagonal(F), np.finfo(float).tiny))
@@ -188,17 +199,17 @@ def _check_apart(system: System, F: Array, firm: NDArray[np.bool_], s: Array) ->
         raise SimulationError(f"{where}: the forces of the rows {names} are not determined there")
 
 
-#: Along the paths where none are asked for.
+#: Number of grid points if none are asked for.
 PLACES = 21
 
 
 def held_at(npz_path: Path, options: Options) -> StateSpace:
-    """State space of a saved system at its places; errors as of `load_places` and `state_space`."""
+    """State space of a saved system; errors as `load_places` and `state_space`."""
     return state_space(*load_places(npz_path, options), npz_path.name)
 
 
 def load_places(npz_path: Path, options: Options) -> tuple[System, Mapping[str, Array]]:
-    """A saved system and its `places`, or one of its sections without the contacts of its joints.
+    """Saved system and its path coordinates (`places`); or one of its sections alone, without path coordinates.
 
     Raises InputError as `places` and `section_alone`.
     """
@@ -212,7 +223,10 @@ def load_places(npz_path: Path, options: Options) -> tuple[System, Mapping[str, 
 
 
 def section_alone(npz_path: Path, name: str) -> System:
-    """One section of a saved boom, or of the file of a section, on its own supports or free; an InputError if not."""
+    """System of one section of a saved boom or of a section's file, on its own supports or free, without its joints.
+
+    Raises InputError if the file has no such section, or a luffing cylinder holds it.
+    """
     saved = read(npz_path)
     bodies = {saved.section.name if saved.section else "": saved} if isinstance(saved, ReducedModel) else saved.bodies
     sections = [body for body, model in bodies.items() if model.section is not None]
@@ -230,9 +244,10 @@ def section_alone(npz_path: Path, name: str) -> System:
 
 
 def places(system: System, text: str | None) -> Mapping[str, Array]:
-    """Coordinates (S,) in m of each path: those asked for, or a grid from the first to the last ends of all.
+    """Coordinates (S,) in m of each path: those of `text`, or a grid between the ends of each path (`PLACES` points).
 
-    One path is asked for as ``1.5,2,4``, several as ``mid=2,fly=3; mid=2.5,fly=3``; an InputError is raised off them.
+    `text` is ``1.5,2,4`` for one path, and ``mid=2,fly=3; mid=2.5,fly=3`` for several; None: the grid.  Raises
+    InputError for any other text, and for coordinates off the paths.
     """
     ranges = system.ranges
     if text is None:
@@ -258,12 +273,12 @@ def places(system: System, text: str | None) -> Mapping[str, Array]:
 
 
 def _plain(text: str, path: str) -> Mapping[str, Array]:
-    """Places on the one path, ascending."""
+    """Coordinates on one path, ascending, each once."""
     return {path: np.array(sorted({float(part) for part in text.split(",")}))}
 
 
 def _parse(text: str, paths: list[str]) -> Mapping[str, Array]:
-    """Places on several paths as they were asked for; a ValueError is raised where they are not all of them."""
+    """Coordinates on several paths in the order of the text; a ValueError is raised unless each point has all paths."""
     places_by_path = [
         {name.strip(): float(value) for name, value in (part.split("=") for part in place.split(","))}
         for place in text.split(";")
@@ -281,7 +296,10 @@ _RECTANGULAR_DMIG, _DOUBLE = 9, 2
 
 @dataclass(frozen=True)
 class _Named:
-    """A matrix: what its name begins with, the number of its place, its form as OUTPUT4 counts."""
+    """A matrix for Nastran: first letter of its name, number of its grid point (or ""), number of its form.
+
+    The forms are numbered as in OUTPUT4.
+    """
 
     letter: str
     number: str
@@ -290,22 +308,23 @@ class _Named:
 
 
 def write_dmig(npz_path: Path, target: Path, options: Options) -> Path:
-    """Write M, D and for each place K and the loads, in modal coordinates on the scalar points 1 to r.
+    """Write M, D and, for each grid point, K and the loads as DMIG, in modal coordinates on the scalar points 1 to r.
 
-    A field holds ten digits or more; what it leaves of a matrix stands in a second one, so that their sum, as Nastran
-    takes it (``K2GG = K1, KL1``), has all digits.
+    A field holds at least ten digits; the remainder of each matrix is written as a second one, so that their sum, as
+    Nastran takes it (``K2GG = K1, KL1``), has all digits.
 
-    Raises InputError as `pmr.export.state_space.held_at`.
+    Raises InputError as `held_at`.
     """
     return _write(npz_path, target, options, _deck)
 
 
 def write_output4(npz_path: Path, target: Path, options: Options) -> Path:
-    """Write all matrices, whole and with all digits, as text of OUTPUT4; raises InputError as `write_dmig`."""
+    """Write the same matrices with all digits as text of OUTPUT4; raises InputError as `write_dmig`."""
     return _write(npz_path, target, options, _output4)
 
 
 def _write(npz_path: Path, target: Path, options: Options, lines: Callable[[StateSpace], Iterator[str]]) -> Path:
+    """Write the lines that `lines` yields from the state space, and return `target`."""
     space = held_at(npz_path, options)
     with replacement(target) as part:
         part.write_text("\n".join([*lines(space), ""]), encoding="utf-8")
@@ -313,6 +332,7 @@ def _write(npz_path: Path, target: Path, options: Options, lines: Callable[[Stat
 
 
 def _matrices(space: StateSpace) -> Iterator[_Named]:
+    """Yield M, D and, for each grid point, K and the loads F."""
     r = space.A.shape[1] // 2
     yield _Named("M", "", np.eye(r), _SYMMETRIC)
     damping = -space.A[0, r:, r:]
@@ -324,6 +344,7 @@ def _matrices(space: StateSpace) -> Iterator[_Named]:
 
 
 def _deck(space: StateSpace) -> Iterator[str]:
+    """Yield the lines of a file with DMIG entries."""
     r = space.A.shape[1] // 2
     yield "$ A reduced model in modal coordinates (modal mass 1 kg), SI units; each matrix is the sum of two."
     yield "$ M2GG = M, ML    B2GG = D, DL    K2GG = K1, KL1 at the first place, and so on; F1, FL1: loads."
@@ -337,6 +358,7 @@ def _deck(space: StateSpace) -> Iterator[str]:
 
 
 def _output4(space: StateSpace) -> Iterator[str]:
+    """Yield the lines of an OUTPUT4 file."""
     for matrix in _matrices(space):
         rows, columns = matrix.A.shape
         yield f"{columns:8d}{rows:8d}{matrix.form:8d}{_DOUBLE:8d}{matrix.letter + matrix.number:<8}1P,3E24.16"
@@ -351,13 +373,14 @@ def _output4(space: StateSpace) -> Iterator[str]:
 
 
 def _both(letter: str, number: str, A: Array, form: int) -> Iterator[str]:
-    """A matrix, and what its fields leave of it."""
+    """Yield the lines of a matrix, and of the remainder that its fields can't hold."""
     rounded = np.vectorize(lambda x: float(_field(x).replace("D", "e")), otypes=[float])(A)
     yield from _matrix(f"{letter}{number}", A, form)
     yield from _matrix(f"{letter}L{number}", A - rounded, form)
 
 
 def _matrix(name: str, A: Array, form: int) -> Iterator[str]:
+    """Yield the DMIG lines of a matrix."""
     columns = f"{A.shape[1]:<8d}" if form == _RECTANGULAR_DMIG else ""
     yield f"DMIG    {name:<8}{0:<8d}{form:<8d}{_DOUBLE:<8d}{_DOUBLE:<8d}{'':<16}{columns}".rstrip()
     for j in range(A.shape[1]):
@@ -369,7 +392,7 @@ def _matrix(name: str, A: Array, form: int) -> Iterator[str]:
 
 
 def _field(x: float) -> str:
-    """A number with as many digits as a field has room for."""
+    """Number with as many digits as fit into a field."""
     for digits in range(FIELD, 0, -1):
         mantissa, exponent = f"{x:.{digits}e}".split("e")
         text = f"{mantissa}D{int(exponent):+d}"

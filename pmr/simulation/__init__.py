@@ -1,8 +1,8 @@
-"""Simulators, a folder each: `native` (march, compiled), `exudyn` (with the ANCF reference), `petsc` (full order).
+"""Simulators, one folder each: `native` (march, compiled), `exudyn` (with the ANCF reference), `petsc` (full order).
 
-Every simulator fulfils `SystemSimulator`: the same arguments, and a `SystemTrajectory` that holds all steps, t = 0
-included; a body alone is the system of one.  Full models, of which nobody keeps all steps, have `petsc.observe`.  What
-a simulator can't do it doesn't try: `pmr.scene.choice.refuse` says so, with the key to change.
+Every simulator is a `SystemSimulator`: all have the same arguments, and return a `SystemTrajectory` with all steps, t =
+0 included; a single body is a system of one.  For full models, whose steps are too large to store, there is
+`petsc.observe`.  A simulator refuses what it can't do (`pmr.scene.choice.refuse`), and names the key to change.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = ["Excitation", "InitialState", "Progress", "SystemSimulator", "TimeSte
 
 
 class SystemSimulator(Protocol):
-    """Integrates a system of bodies over time: `native.systems.simulate`, `exudyn.simulate_system`."""
+    """Function that integrates a system of bodies over time: `native.systems.simulate`, `exudyn.simulate_system`."""
 
     def __call__(
         self,
@@ -35,11 +35,13 @@ class SystemSimulator(Protocol):
         ----------
         system : System
         excitation : Excitation
-            The system's paths, by name and within their rows' ranges, a load for each input and an amplitude for each
-            term, and the time grid.
+            The time grid, and signals of the system's paths, by name and within their rows' ranges, of each input and
+            of each term.
         initial : mapping of str to InitialState, optional
-            Of each body; those that are missing start at rest, undeformed.  `native.systems.static_start` gives one.
+            Initial state of each body, by its name; bodies that are missing start at rest, undeformed.
+            `native.systems.static_start` returns states in equilibrium.
         progress : callable, optional
+            Called with the share of the time span that is done, 0 to 1.
 
         Raises
         ------

@@ -1,10 +1,8 @@
-r"""A boom that stands still in its frame: at given extensions and angles, how its axial forces stress it.
+r"""A boom at rest in its frame at given extensions and angles: its scene, and the forces on supports and machine.
 
-Forces on supports and on the machine at rest, as a run computes them, as rows over what determines them.
-
-A run's forces on rigid supports, at the pivot and of the luffing cylinder are linear in coordinates q, contact forces
-lambda and loads f, and the terms of a frame add forces that are linear in q at given amplitudes.  Each row follows from
-the run's own functions, applied to states with one unit entry:
+In a run these forces (on rigid supports, at the pivot and of the luffing cylinder) are linear in coordinates q, contact
+forces lambda and loads f; the terms of a frame with amplitudes a_w add forces that are linear in q.  The rows of
+coefficients follow from the run's own functions, applied to states with one unit entry:
 
 .. math:: r = R_q q + R_\lambda \lambda + R_f f + \sum_w a_w R_w q
 """
@@ -35,29 +33,32 @@ from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
-#: Angles among which the steepest is looked for.
+#: Number of angles among which the steepest is searched.
 ANGLES = 1001
 
 
 class Listed(SignalBase):
-    """Values by their numbers, 0, 1, 2 ..., in place of times: at rest at each of them."""
+    """Signal of a list of values, at rest at each; the times 0, 1, 2 ... are the numbers of the values."""
 
     values: tuple[float, ...]
-    acceleration: float = 0.0  # as it would be if it were turned there
+    acceleration: float = 0.0  # second rate at each value
 
     def value(self, t: ArrayLike) -> Array:
+        """Value of the number int(t); numbers beyond the list give its first or last value."""
         last = len(self.values) - 1
         return np.array(self.values)[np.clip(np.asarray(t, float).astype(int), 0, last)]
 
     def rate(self, t: ArrayLike) -> Array:
+        """Zero, in the shape of t."""
         return np.zeros(np.shape(t))
 
     def second_rate(self, t: ArrayLike) -> Array:
+        """The constant `acceleration`, in the shape of t."""
         return np.full(np.shape(t), self.acceleration)
 
 
 def steepest(scene: Scene) -> float:
-    """The angle in rad by which the boom is raised on its way at which its weight presses most along it."""
+    """Luffing angle in rad, of those the boom takes in the scene's time, at which gravity compresses it most."""
     assert scene.frame is not None  # of a scene that has angles
     angles = np.linspace(*scene.frame.angles[0].bounds(0.0, scene.time.end), ANGLES)
     return float(angles[np.argmax(np.sin(angles))])
@@ -70,10 +71,20 @@ def rest_scene(
     slewing: Array | float,
     loads: Mapping[str, float],
 ) -> Scene:
-    """The scene as it stands at places that are numbered in place of times, each with its extensions (P,) m of joints.
+    """Scene at rest in P postures; the times 0, 1 ... P - 1 are the numbers of the postures.
 
-    Angles in rad are one each, or one for each place; loads, by their names, are constant, and its weight is all there.
-    The base is inclined as far as its motions are constant.
+    The weight acts in full.  The base keeps its constant inclination; its motions are removed.
+
+    Parameters
+    ----------
+    scene : Scene
+        A scene with a frame.
+    extensions : mapping of str to (P,) array, m
+        Extensions of joints by the section's name, and of a slider as `SLIDER`; others stay as in the scene.
+    luffing, slewing : float or (P,) array, rad
+        Angles of the frame.
+    loads : mapping of str to float
+        Constant value of each load, by its name.
     """
     assert scene.frame is not None  # of a scene that has angles
     changed = []
@@ -96,7 +107,7 @@ def rest_scene(
 
 
 def level_or_inclined(base: BaseMotion | None, unit: float = 1.0) -> BaseMotion | None:
-    """A base with those of its angles that are constant, times `unit`; None where it is level."""
+    """Base with only those of its angles that are constant, each times `unit`; None where there are none."""
     angles = {} if base is None else {key: base.motions.get(key) for key in ("rx", "ry", "rz")}
     constant = {
         key: Constant(amount=unit * angle.amount) for key, angle in angles.items() if isinstance(angle, Constant)
@@ -105,16 +116,17 @@ def level_or_inclined(base: BaseMotion | None, unit: float = 1.0) -> BaseMotion 
 
 
 def accelerate_angle(still: Scene, angle: str) -> Scene:
-    """Scene of `rest_scene` at a moment of rest, turned by a unit of the acceleration of an angle."""
+    """Scene of `rest_scene` in which an `angle`, ``luffing`` or ``slewing``, has an acceleration of 1 rad/s^2."""
     assert still.frame is not None
     turned = {angle: getattr(still.frame, angle).model_copy(update={"acceleration": 1.0})}
     return still.model_copy(update={"frame": still.frame.model_copy(update=turned)})
 
 
 def amplitudes_at_rest(scene: Scene, extensions: Mapping[str, Array], luffing: float) -> Array:
-    """Amplitudes c (P, k) of the scene's terms, raised by an angle in rad, with extensions (P,) m of each joint.
+    """Amplitudes c (P, k) of the scene's terms at rest, at extensions (P,) m by name and a `luffing` angle in rad.
 
-    The weight is all there, and loads along the boom press as they do most.
+    The weight acts in full.  Loads along x have their smallest value in the scene's time, all others their largest: the
+    values that compress the boom most.
     """
     if not list(frame_terms(scene)):
         return np.empty((len(next(iter(extensions.values()))), 0))
@@ -130,12 +142,17 @@ def amplitudes_at_rest(scene: Scene, extensions: Mapping[str, Array], luffing: f
 
 
 def _signal_of(values: Array | float) -> SignalBase:
+    """Constant signal of a number, or signal of a list of values (`Listed`)."""
     return Constant(amount=float(values)) if np.ndim(values) == 0 else Listed(values=tuple(np.asarray(values).tolist()))
 
 
 @dataclass(frozen=True)
 class RestRows:
-    """Rows of r forces at one place, by coordinates (r, n), contact forces (r, m), loads (r, i), parts (w, r, n)."""
+    """Coefficients of r forces at one posture, of n coordinates, m contact forces, i loads and w components.
+
+    `outputs` describe the forces.  `coordinates` is R_q (r, n), `contacts` R_lambda (r, m), `loads` R_f (r, i), `parts`
+    R_w (w, r, n).
+    """
 
     outputs: tuple[Output, ...]
     coordinates: Array
@@ -145,16 +162,18 @@ class RestRows:
 
 
 def rest_rows(scene: Scene, assembly: Assembly, place: int, x: Array, rows: ContactRows, amplitudes: Array) -> RestRows:
-    """Rows of a scene of `rest_scene`, at the place of that number.
+    """Coefficients of the forces on supports and on the machine, in one posture of a scene of `rest_scene`.
 
     Parameters
     ----------
+    place : int
+        Number of the posture.
     x : (sides,) array, m
-        Places of the sides of all contacts.
+        Positions of the sides of all contacts.
     rows : ContactRows
-        Of all contacts there.
+        The contacts at these positions.
     amplitudes : (w, k) array
-        Amplitudes of the system's terms by a unit of each part that acts.
+        Amplitudes of the system's terms by a unit of each component of the load.
     """
     n, m, i, parts = assembly.size, len(rows.C), assembly.B.shape[1], len(amplitudes)
     ends = np.cumsum([n, m, i])
@@ -174,7 +193,11 @@ def rest_rows(scene: Scene, assembly: Assembly, place: int, x: Array, rows: Cont
 def _response(
     scene: Scene, assembly: Assembly, place: int, x: Array, rows: ContactRows, states: Array, c: Array
 ) -> Response:
-    """Forces of springs, contacts, supports and on the machine in states (T, n + m + i) at rest."""
+    """Response at rest in the posture `place`, with forces of springs, contacts, supports and on the machine.
+
+    Each of the T states (T, n + m + i) is one of coordinates, contact forces and loads; c (T, k) are amplitudes of
+    terms; x and `rows` as in `rest_rows`.
+    """
     system, (n, m), count = assembly.system, (assembly.size, len(rows.C)), len(states)
     q, forces, loads = np.split(states, [n, n + m], axis=1)
     t, none = np.full(count, float(place)), np.zeros(count)
@@ -209,7 +232,7 @@ def _response(
 def _springs(
     system: System, assembly: Assembly
 ) -> tuple[NDArray[np.int64], Sequence[str], Sequence[str], Sequence[str]]:
-    """Numbers of the outputs that are forces of springs of bodies, with names, kinds and bodies."""
+    """Indices of the outputs that are forces of the bodies' springs, and names, kinds and bodies of these."""
     numbers, names, kinds, owners = list[int](), list[str](), list[str](), list[str]()
     for name, body in system.bodies.items():
         of = column_names(body)

@@ -1,4 +1,4 @@
-r"""Where the energy of a simulated motion comes from: what neither loads nor moving rows put in is an error.
+r"""Energy balance of a simulated motion: a rise that neither loads nor moving rows put in is an error.
 
 .. math::
     \frac{d}{dt} \Big( \tfrac12 \dot q^T M \dot q + \tfrac12 q^T K q + \tfrac12 \lambda^T k^{-1} \lambda \Big)
@@ -13,7 +13,7 @@ of each step,
     + \bar \lambda^T (\Delta C\, \bar q + \Delta H\, \bar f - \tfrac12 \Delta G\, \bar \lambda)
 
 in which a multiplier that changes its sign with every step, the way in which rigid rows that move grow at index 3
-(docs/time_integration.md), does no work: what such a motion gains is a surplus.
+(docs/time_integration.md), does no work: the energy that such a motion gains is a surplus.
 """
 
 from __future__ import annotations
@@ -35,14 +35,17 @@ Array = NDArray[np.float64]
 NOTABLE = 0.1
 #: From here on the motion is the growth of an error, not a result.  Sound motions reach 0.4 with three steps a period.
 GROWN = 0.9
-#: Of an energy: a motion of 1e-6 of what the loads would do to a free body, as where a slider stands under the load.
+#: Share of an energy that counts as zero: a motion of 1e-6 of that of a free body, as where a slider is under the load.
 ROUND_OFF = 1e-12
 #: Steps taken at once: memory stays small.
 BLOCK = 4096
 
 
 def potential(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
-    """Potential energy of the loads, -q^T B f (T,) in J (Weyrer et al., equation for H(t))."""
+    """Potential energy (T,) in J of the loads (T, i): minus loads times displacements of their points.
+
+    Without residual flexibility -q^T B f (Weyrer et al., equation for H(t)).
+    """
     motion = np.asarray(trajectory.q @ body.B)
     if body.flexibility is not None:
         motion = motion + body.flexibility.input_motion(trajectory.s, trajectory.multipliers, loads)
@@ -52,9 +55,17 @@ def potential(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
 def surplus(stored: Array, work: Array, least: float = 0.0, since_start: bool = False) -> float:
     """Largest rise of energy less work over the largest energy: 0 to 1 and a little more; inf if it overflows.
 
-    `stored` (T,) is kinetic and strain energy, `work` (T,) that done on the body since t = 0, both in J; an energy that
-    never exceeds `least` is round-off, which has no source.  Where rows open and close between steps, energy is lost
-    with the one and had back with the other: `since_start` measures from the first step, not from the lowest before.
+    Parameters
+    ----------
+    stored : (T,) array, J
+        Kinetic and strain energy.
+    work : (T,) array, J
+        Work done on the body since t = 0.
+    least : float, J
+        If the energy never exceeds this, it is round-off and the surplus is 0.
+    since_start : bool
+        Measure the rise from the first step instead of the lowest value before: contacts that open and close between
+        steps lose energy and gain it back.
     """
     if not (np.isfinite(stored).all() and np.isfinite(work).all()):
         return np.inf
@@ -64,30 +75,30 @@ def surplus(stored: Array, work: Array, least: float = 0.0, since_start: bool = 
 
 
 def round_off(mobility: Array, loads: Array, step: float) -> float:
-    """Energy in J that counts as none, next to what the loads (T, i) give a free body in one step.
+    """Energy in J that counts as zero, next to the kinetic energy that the loads (T, i) give a free body in one step.
 
-    `mobility` is B^T diag(M)^-1 B, (i, i) in 1/kg.
+    `mobility` is B^T diag(M)^-1 B, (i, i) in 1/kg; `step` is in s.
     """
     energy = np.einsum("ti,ij,tj->t", loads, mobility, loads).max(initial=0.0) * step**2 / 2.0
     return ROUND_OFF * float(energy)
 
 
 def refuse_growth(surplus: float, simulator: str, moving: list[str]) -> None:
-    """Refuse with a GrowthError a motion of so much surplus; `moving` names the rigid rows that move."""
+    """Raise GrowthError if `surplus` exceeds `GROWN`; `moving` names the rigid rows that move."""
     if surplus > GROWN:
         line = f"{simulator}: the motion grows without bound, {describe_surplus(surplus)}{remedy(moving)}"
         raise GrowthError(line, tuple(moving))
 
 
 def describe_surplus(surplus: float) -> str:
-    """A surplus in words."""
+    """Text about a surplus of energy."""
     if surplus == np.inf:
         return "its energy overflows"
     return f"{100.0 * min(surplus, 1.0):.3g} % of its largest energy was put in by neither loads nor moving rows"
 
 
 def remedy(moving: list[str]) -> str:
-    """Text that says what helps against growth; `moving` names the rigid rows that move."""
+    """Text about remedies against growth; `moving` names the rigid rows that move."""
     if not moving:
         return "; a smaller step or a smaller time.rho_inf helps"
     return (
@@ -98,13 +109,13 @@ def remedy(moving: list[str]) -> str:
 
 
 def blocks(size: int) -> Iterator[slice]:
-    """Rows of a trajectory of `size` steps, some thousand at a time; each block begins where the one before ends."""
+    """Yield slices of a trajectory of `size` steps, of some thousand rows; each begins with the last row before it."""
     for first in range(0, max(1, size - 1), BLOCK):
         yield slice(first, min(first + BLOCK + 1, size))
 
 
 def half_form(A: Any, x: Array) -> Array:
-    """x^T A x / 2 of each row of x (T, n)."""
+    """Values x^T A x / 2 (T,) of the rows of x (T, n)."""
     if not sp.issparse(A) and not np.any(A - np.diag(np.diagonal(A))):
         return np.asarray(x**2 @ np.diagonal(A)) / 2.0  # modal coordinates
     return dot((A @ x.T).T, x) / 2.0
@@ -116,5 +127,5 @@ def dot(a: Array, b: Array) -> Array:
 
 
 def mean(values: Array) -> Array:
-    """Mean of the two ends of each step, (T - 1, ...), of values (T, ...)."""
+    """Mean (T - 1, ...) of the two ends of each step, of values (T, ...)."""
     return np.asarray(values[1:] + values[:-1]) / 2.0

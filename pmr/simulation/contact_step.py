@@ -1,14 +1,13 @@
-r"""How fine a step has to be for rows that only push.
+r"""Step length that contacts that only push need, and the number of equal parts into which each step is divided.
 
 A body that lands on closed pads swings on them, for half a period of
 
 .. math:: \omega^2 = \max_s \lambda_{max}\big( (G + 1/k)^{-1}\, C M^{-1} C^T \big)
 
-taken over the rows that only push.  A step with h omega of 1 or more takes the energy of an impact and most of its
-force; what is lost falls with the square (docs/pads.md).  So a step is made in equal parts, as many as h omega takes;
-that is the most, and an estimate of the error decides (src/substeps.c of `pmr.kernel`).
-
-Of how many parts each step is made: as a reduced model's contacts asked for, or as many as resolve them.
+over the rows C that only push, with the residual flexibility G and the pads' stiffness k.  A step with h omega of 1 or
+more removes the energy of an impact and most of its force; the loss falls with the square of h omega (docs/pads.md).
+So a step is divided into equal parts: at most as many as h omega needs, in fact as many as an estimate of the error
+asks for (src/substeps.c of `pmr.kernel`).
 """
 
 from __future__ import annotations
@@ -30,20 +29,20 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: h omega with which a peak force is right within some per cent, and an impact keeps 99.9 % of its energy in the mean.
+#: h omega at which a peak force is right within some per cent, and an impact keeps 99.9 % of its energy on average.
 RESOLVED = 0.05
-#: What a part may err in the forces of closed contacts, over the largest so far, for each radian of h omega up to one.
+#: Error of the forces of closed contacts in a part, over the largest so far, per radian of h omega up to one.
 TOLERANCE = 1e-5
-#: Parts that a step is divided into at most, and parts of all steps together.
+#: Most parts of one step, and most parts of all steps together.
 MOST_PARTS, MOST_IN_ALL = 200, 5_000_000
-#: Places on the path at which omega is found.
+#: Number of positions on the path at which omega is computed.
 PLACES = 65
 
 
 def contact_frequency(system: System, excitation: Excitation) -> float:
-    """Largest omega in rad/s of the contacts that only push, on the way; 0 without any, or if a rigid one does.
+    """Largest omega in rad/s of the contacts that only push, along the paths; 0 if none does, or if those are rigid.
 
-    Errors as for `pmr.simulation.excitation.places`.
+    Errors as `pmr.simulation.excitation.places`.
     """
     x = places(system, excitation)
     if not (system.on_one_path and system.paths):
@@ -54,7 +53,10 @@ def contact_frequency(system: System, excitation: Excitation) -> float:
 
 
 def frequency_at(system: System, x: Array) -> float:
-    """Circular frequency in rad/s of contacts that only push, with their places at x (T, sides) m."""
+    """Largest omega in rad/s of the contacts that only push, with the sides of contacts at x (T, sides) m.
+
+    0 if no contact only pushes.
+    """
     pushing = np.flatnonzero(~np.isnan(system.clearance))
     if not len(pushing):
         return 0.0
@@ -65,14 +67,21 @@ def frequency_at(system: System, x: Array) -> float:
 
 
 def frequency(F: Array, mobility: Array) -> float:
-    """The largest omega in rad/s of rows with F = G + 1/k (S, m, m) in m/N and C M^-1 C^T (S, m, m) in 1/kg."""
+    """Largest omega in rad/s of rows with flexibility F = G + 1/k in m/N and mobility C M^-1 C^T in 1/kg.
+
+    Both are (S, m, m), at S positions; positions with a singular F are left out.
+    """
     gives = np.linalg.matrix_rank(F, hermitian=True) == F.shape[-1]  # a rigid row that only pushes is refused elsewhere
     squares = np.linalg.eigvals(np.linalg.solve(F[gives], mobility[gives])).real
     return float(np.sqrt(squares.max(initial=0.0)))
 
 
 def parts(omega: float, stepping: TimeStepping) -> int:
-    """Equal parts of a step in which a contact of circular frequency `omega` in rad/s is followed."""
+    """Number of equal parts of a step that resolves contacts of circular frequency `omega` in rad/s.
+
+    The parts of `stepping`, or the largest of its schedule, if it has any; at most `MOST_PARTS`, and `MOST_IN_ALL` in
+    all.
+    """
     if stepping.parts or stepping.schedule:
         return stepping.parts or max(stepping.schedule)
     needed = int(np.ceil(stepping.step * omega / RESOLVED - 1e-9))
@@ -80,9 +89,9 @@ def parts(omega: float, stepping: TimeStepping) -> int:
 
 
 def levels(omega: float, stepping: TimeStepping) -> tuple[int, ...]:
-    """Numbers of parts of a step that the tolerance may choose: powers of two, up to what resolves `omega`.
+    """Numbers of parts of a step among which the error's tolerance chooses: powers of two that reach `parts`.
 
-    Or those that are asked for.
+    If `stepping` has parts or a schedule, only the numbers in these.
     """
     if stepping.schedule:
         return tuple(sorted(set(stepping.schedule)))
@@ -92,7 +101,11 @@ def levels(omega: float, stepping: TimeStepping) -> tuple[int, ...]:
 
 
 def as_made(stepping: TimeStepping, parts_of_steps: NDArray[np.int64] | None, omega: float) -> TimeStepping:
-    """Time grid whose steps have the parts (T,) of another simulation; None: the parts that `omega` takes."""
+    """Time grid whose steps have the numbers of parts (T + 1,) of another simulation.
+
+    The first number, of t = 0, is ignored.  None: every step has the parts that `omega` in rad/s needs.  Unchanged if
+    `omega` is 0 or the grid has parts.
+    """
     if omega == 0.0 or stepping.parts:
         return stepping
     if parts_of_steps is None:
@@ -101,9 +114,10 @@ def as_made(stepping: TimeStepping, parts_of_steps: NDArray[np.int64] | None, om
 
 
 def summary(omega: float, stepping: TimeStepping) -> dict[str, object]:
-    """``contact`` of summary.json, where a contact of circular frequency `omega` in rad/s only pushes; empty for 0.
+    """Entry ``contact`` of summary.json, by contacts of circular frequency `omega` in rad/s; empty if `omega` is 0.
 
-    ``omega``, ``parts`` of a step at most, ``h_omega`` of one of these, and ``mean_parts`` of the steps as made.
+    ``omega``, ``parts`` of a step at most, ``h_omega`` of one such part and, with a schedule, ``mean_parts`` of the
+    steps.
     """
     if omega == 0.0:
         return {}
@@ -115,7 +129,10 @@ def summary(omega: float, stepping: TimeStepping) -> dict[str, object]:
 
 
 def warnings(omega: float, stepping: TimeStepping) -> list[str]:
-    """A line where even the parts of a step are too long for contacts of circular frequency `omega` in rad/s."""
+    """Warning, in a list, if even a part of a step is too long for contacts of frequency `omega` in rad/s.
+
+    The list is empty if the parts are short enough.
+    """
     count = parts(omega, stepping)
     reached = stepping.step * omega / count
     if reached <= RESOLVED * (1.0 + 1e-9):
@@ -134,42 +151,46 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Lengths:
-    """Numbers of parts (T,) of T steps, the largest a multiple of all; N parts in all."""
+    """Numbers of parts (T,) of each of T steps, N - 1 parts in all; the largest number is a multiple of all others."""
 
     stepping: TimeStepping
     parts: Indices
 
     @classmethod
     def of(cls, stepping: TimeStepping, omega: float) -> Lengths:
-        """Scheduled parts, or those that contacts of circular frequency `omega` in rad/s need; 0: none only pushes."""
+        """Parts of the schedule, or those that contacts of frequency `omega` in rad/s need.
+
+        One for each step if `omega` is 0.
+        """
         if omega == 0.0:
             return cls(stepping, np.ones(stepping.steps, np.int64))
         return cls(stepping, np.array(stepping.schedule or [contact_step.parts(omega, stepping)] * stepping.steps))
 
     @property
     def finest(self) -> int:
+        """Largest number of parts of a step."""
         return int(self.parts.max())
 
     def factors(self, parts: int) -> SchemeFactors:
-        """Factors of the scheme for one of so many parts of a step."""
+        """Factors of the time integration for a part of a step that has this many parts."""
         return SchemeFactors.of(self.stepping.divide(parts).step, self.stepping.rho_inf)
 
     @cached_property
     def numbers(self) -> Indices:
-        """(N,): which of the ends of steps in the most parts the times are, t = 0 among them."""
+        """Numbers (N,) of the times on a grid whose steps all have the largest number of parts; the first is 0."""
         return np.concatenate([[0], np.cumsum(np.repeat(self.finest // self.parts, self.parts))])
 
     @cached_property
     def times(self) -> Array:
-        """(N,) s."""
+        """Times (N,) in s of the ends of all parts, t = 0 included."""
         return np.asarray(self.stepping.divide(self.finest).times[self.numbers])
 
     @cached_property
     def ends(self) -> Indices:
-        """Numbers of the times that end a step, (T + 1,), t = 0 among them."""
+        """Numbers (T + 1,) of the times at the ends of whole steps, t = 0 included."""
         return np.concatenate([[0], np.cumsum(self.parts)])
 
     @property
     def steps(self) -> int:
-        """All parts of all steps, N - 1."""
+        """Number of all parts of all steps, N - 1."""
         return len(self.numbers) - 1

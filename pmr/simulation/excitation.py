@@ -1,4 +1,4 @@
-"""What drives a simulation: paths, loads and the time grid on which they are sampled, once; and simulators' options."""
+"""What drives a simulation: signals of paths, loads and terms, sampled on the time grid, and options of simulators."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ Load = TypeVar("Load")
 
 @dataclass(frozen=True)
 class Excitation:
-    """Paths s(t), loads f(t) and a time grid t_k, k = 0 ... T - 1."""
+    """Signals of P paths s(t), i loads f(t) and k terms c(t), and a time grid of T times."""
 
-    paths: Mapping[str, SignalBase]  # P paths by their names
-    loads: Mapping[str, SignalBase]  # N (or N m): by the names of the inputs that they drive
+    paths: Mapping[str, SignalBase]  # signals of P paths by their names, in m
+    loads: Mapping[str, SignalBase]  # signals of loads in N or N m, by input name
     stepping: TimeStepping
-    # keys of a scene's section of that name, of which each simulator reads its own
+    # options of a scene's section `simulation`; each simulator reads its own
     options: Simulation = field(default_factory=Simulation)
     start: Literal["rest", "equilibrium"] = "rest"  # how motions begin, where no initial state is given
     # c_k(t) by the names of the terms that they scale (`pmr.system.terms`)
@@ -42,11 +42,13 @@ class Excitation:
 
     @classmethod
     def of(cls, scene: Scene) -> Excitation:
-        r"""Paths, loads and time grid of a scene.
+        r"""Paths, loads, amplitudes of terms and time grid of a scene.
 
-        Along the boom the frame of a section moves with its tail, :math:`X_i = s_1 + \dots + s_i`, so that a load
-        :math:`-M_i e_x X_i''` acts on it: the input `EXTENSION` of sections that move so.  Where the scene has a frame,
-        `pmr.simulation.frame` has that load with all others of the frame.
+        A section that slides along the boom has its tail at :math:`X_i = s_1 + \dots + s_i`, so that the load
+        :math:`-M_i e_x X_i''` acts on it: its input `EXTENSION`.  Where the scene has a frame, this load is among those
+        that `pmr.simulation.frame` derives from the frame's motion.
+
+        Raises InputError for a scene with a machine, whose motion is not known in advance.
         """
         if scene.frame is not None and scene.frame.machine is not None:
             allowed = "none is allowed here: only pmr run and pmr.simulate, with march, find how a machine moves"
@@ -64,7 +66,7 @@ class Excitation:
 
     @property
     def path(self) -> SignalBase:
-        """The only path; an InputError is raised where there are several."""
+        """Signal of the only path; an InputError is raised where there are several paths or none."""
         if len(self.paths) != 1:
             allowed = f"{len(self.paths)} given ({', '.join(self.paths)}), one path for all sliders is allowed"
             raise InputError("scene", "slider.path", None, allowed)
@@ -72,76 +74,73 @@ class Excitation:
 
     @property
     def on_slider(self) -> Excitation:
-        """Excitation whose only path has the name of that of a body alone; an InputError as for `path`."""
+        """Excitation whose only path is renamed to `SLIDER`, its name in a system of one body; errors as `path`."""
         return self if tuple(self.paths) == (SLIDER,) else replace(self, paths={SLIDER: self.path})
 
     @cached_property
     def times(self) -> Array:
-        """T (T,) in s, 0 included."""
+        """Times (T,) in s of the steps, t = 0 included."""
         return self.stepping.times
 
     @cached_property
     def s(self) -> Array:
-        """Path coordinates (T, P) in m at the steps, one column a path in the order of `paths`."""
+        """Path coordinates (T, P) in m at the steps, one column for each path in the order of `paths`."""
         return self._columns(self.paths.values())
 
     @cached_property
     def rates(self) -> Array:
-        """S' (T, P) in m/s; at a kink that of what begins there."""
+        """Path velocities (T, P) in m/s at the steps; at a kink the velocity right after it."""
         rates = [path.rate(self.times) for path in self.paths.values()]
         return np.column_stack([np.empty((len(self.times), 0)), *rates])
 
     @cached_property
     def path_rate(self) -> Array:
-        """Rate (T,) in m/s of the only path; an InputError as for `path`."""
+        """Velocity (T,) in m/s of the only path at the steps; errors as `path`."""
         return np.asarray(self.path.rate(self.times))
 
     def along(self, domain: tuple[float, float]) -> Array:
-        """The only path's coordinates (T,) in m at the steps, within `domain`.
-
-        Errors as for `on_path`, and an InputError where there are several paths.
-        """
+        """Coordinates (T,) in m of the only path at the steps, clipped to `domain`; errors as `on_path` and `path`."""
         return on_path(self.path, self.s[:, 0], domain, self.times)
 
     @cached_property
     def f(self) -> Array:
-        """Loads (T, i) in N at the steps, one column a load in the order of `loads`."""
+        """Loads (T, i) in N or N m at the steps, one column for each load in the order of `loads`."""
         return self._columns(self.loads.values())
 
     def forces(self, names: Sequence[str], t: Array | None = None) -> Array:
-        """Loads (T, i) in N at the steps or at other times t (T,) s, one column an input, by a body's `names`.
+        """Loads (T, i) in N or N m, one column for each of the inputs `names`, in this order.
 
-        Errors as for `in_order`.
+        They are sampled at the steps or, if given, at other times t (T,) in s.  Errors as `in_order`.
         """
         signals = in_order(self.loads, names)
         return self.f if t is None and tuple(names) == tuple(self.loads) else self._columns(signals, t)
 
     def amplitudes(self, names: Sequence[str], t: Array | None = None) -> Array:
-        """Amplitudes c (T, k) of terms at the steps or at other times t (T,) s, one column a term, by their `names`.
+        """Amplitudes c (T, k), one column for each of the terms `names`, in this order.
 
-        An InputError is raised where a term has no signal, or a signal no term.
+        They are sampled at the steps or, if given, at other times t (T,) in s.  Errors as `in_order`.
         """
         return self._columns(in_order(self.terms, names, "term"), t)
 
     @property
     def signals(self) -> list[tuple[str, SignalBase]]:
-        """Paths, loads and terms, each as it is called in messages."""
+        """Pairs (name in messages, signal) of all paths, loads and terms."""
         paths = [("the slider's path" if len(self.paths) == 1 else f"path {n}", path) for n, path in self.paths.items()]
         loads = ((f"load {name}", load) for name, load in self.loads.items())
         return [*paths, *loads, *((f"term {name}", term) for name, term in self.terms.items())]
 
     def with_stepping(self, stepping: TimeStepping) -> Excitation:
-        """Excitation on another time grid."""
+        """Excitation with the same signals on another time grid."""
         return self if stepping == self.stepping else replace(self, stepping=stepping)
 
     def on_grid(self, stepping: TimeStepping) -> Excitation:
-        """Excitation on another time grid, over whose own steps a kink of an extension is spread."""
+        """Excitation on another time grid, with accelerations in loads and terms averaged over this grid's steps."""
         loads = {name: load.on_steps(stepping.step) for name, load in self.loads.items()}
         terms = {name: term.on_steps(stepping.step) for name, term in self.terms.items()}
         return replace(self, loads=loads, terms=terms, stepping=stepping)
 
     def _columns(self, signals: Iterable[SignalBase], t: Array | None = None) -> Array:
-        """Values (T, k) of signals at the steps, or at other times t (T,) s."""
+        """Values (T, k) of k signals at the steps or at other times t (T,) in s, one column for each signal."""
         at = self.times if t is None else t
         return np.column_stack([np.empty((len(at), 0)), *(signal.value(at) for signal in signals)])
 
@@ -149,7 +148,10 @@ class Excitation:
 def in_order(
     loads: Mapping[str, Load], names: Sequence[str], of: Literal["input", "term"] = "input"
 ) -> tuple[Load, ...]:
-    """Signals of inputs or terms with these names; an InputError if one has no signal, or a signal none of them."""
+    """Return the signals of `loads` in the order of `names`, the names of a system's inputs or terms.
+
+    `of` is ``input`` or ``term``, for the message.  Raises InputError unless `loads` has exactly these names.
+    """
     if set(loads) != set(names):
         allowed = f"{', '.join(loads) or 'none'} given, one for each {of} is allowed: {', '.join(names) or 'none'}"
         raise InputError("scene", "loads" if of == "input" else "terms", None, allowed)
@@ -157,10 +159,25 @@ def in_order(
 
 
 def on_path(path: SignalBase, s: Array, domain: tuple[float, float], t: Array) -> Array:
-    """Path coordinates s (T,) in m at the ascending times t (T,) in s, within `domain`.
+    """Path coordinates s (T,) in m clipped to `domain`, the range (low, high) in m.
 
-    Up to `BEYOND_ENDS` of its length beyond an end they are taken there; an InputError is raised where the path goes
-    further, at one of these times or between two of them.
+    A path may go beyond an end by `BEYOND_ENDS` times the length of the domain.
+
+    Parameters
+    ----------
+    path : SignalBase
+        Signal whose values are s.
+    s : (T,) array, m
+        Path coordinates at the times t.
+    domain : tuple of float, m
+        Smallest and largest path coordinate.
+    t : (T,) array, s
+        Times, ascending.
+
+    Raises
+    ------
+    InputError
+        If the path goes farther beyond an end, at one of the times t or between two of them.
     """
     low, high = domain
     slack = BEYOND_ENDS * (high - low)
@@ -177,17 +194,17 @@ def on_path(path: SignalBase, s: Array, domain: tuple[float, float], t: Array) -
 
 
 def places(system: Joined[Body], excitation: Excitation) -> Array:
-    """X (T, sides) in m of the contacts' places at the steps.
+    """Positions x (T, sides) in m of the sides of all contacts at the steps (`System.coordinates`).
 
     Raises
     ------
     InputError
-        If a path is missing, or takes a place where its row is not defined.
+        If a path of the system has no signal, or leaves the range in which its rows are defined.
     """
     x = system.coordinates(dict(zip(excitation.paths, excitation.s.T, strict=True)))
     return np.ascontiguousarray(np.broadcast_to(x, (len(excitation.s), len(system.sides))))
 
 
 def rates_of_places(system: Joined[Body], excitation: Excitation) -> Array:
-    """Rates (sides,) in m/s of the contacts' places at t = 0."""
+    """Velocities (sides,) in m/s of the sides of all contacts at t = 0."""
     return system.rates({name: float(path.rate(0.0)) for name, path in excitation.paths.items()})

@@ -1,6 +1,6 @@
-"""Momenta of a boom that bends, and what its base and its coordinates feel of them, at one moment.
+"""Momenta of a boom that bends, and the equations of its base, coordinates and paths, at one moment.
 
-`pmr.simulation.free_base` has the equations.
+`pmr.simulation.free_base` has the equations.  Sizes: S sections, P paths, n coordinates, i inputs.
 """
 
 from __future__ import annotations
@@ -21,9 +21,10 @@ CROSS = np.array([[np.cross(_E[l], _E[j]) for j in range(3)] for l in range(3)])
 
 @dataclass(frozen=True)
 class Extended:
-    """How far the S sections' tails are ahead of each other, m, the base's 0 first; with rates, once and twice.
+    """Extensions of P paths in m with first and second rates: how far each section's tail is ahead of the one before.
 
-    (P,): behind the S there are paths that move no section, such as the slider's of a body alone.
+    The first is the base's, 0; behind those of the S sections there may be paths that move no section, such as a single
+    body's slider.
     """
 
     value: Array
@@ -33,7 +34,7 @@ class Extended:
 
 @dataclass(frozen=True)
 class Moments:
-    """beta (S, 4, 3, n) of the S sections, over 1, x, y and z, where paths s (P,) stand and move."""
+    """First moments beta (S, 4, 3, n) of sections, over 1, x, y, z, along x, y, z, by coordinates, at paths s (P,)."""
 
     value: Array
     slope: Array  # d beta / d s, (S, 4, 3, n, P)
@@ -42,7 +43,7 @@ class Moments:
 
 @dataclass(frozen=True)
 class Motion:
-    """Angular velocity (3,) rad/s of the boom's frame in its axes, and acceleration of the weight upwards."""
+    """Angular velocity (3,) in rad/s of the boom's frame in its axes, and acceleration of gravity upwards."""
 
     omega: Array
     weight: Array  # m/s^2, upwards
@@ -50,7 +51,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Carried:
-    """A section."""
+    """Rigid-body properties of a section."""
 
     mass: float  # kg
     first: Array  # int rho r (3,) kg m from its tail
@@ -60,7 +61,11 @@ class Carried:
 
 @dataclass(frozen=True)
 class Shortened:
-    """A moment that is quadratic in q: along x of a section, over 1 or x, over minus an extension's length or not."""
+    """A moment f q^T G q / 2 along x of a section, quadratic in the coordinates: the boom is shorter as it bends.
+
+    `over` 0: over the weight 1; 1: over x.  Without a `cylinder` f is 1; with one, an extension's number, -1 over its
+    length.
+    """
 
     section: int
     over: int
@@ -68,7 +73,7 @@ class Shortened:
     cylinder: int | None = None
 
     def factor(self, extended: Extended) -> tuple[float, float, float]:
-        """Factor of the shortening with its first and second rate."""
+        """Factor f with its first and second rate."""
         if self.cylinder is None:
             return 1.0, 0.0, 0.0
         l, v, a = (getattr(extended, order)[self.cylinder] for order in ("value", "rate", "second"))
@@ -77,9 +82,9 @@ class Shortened:
 
 @dataclass(frozen=True)
 class Pressed:
-    """Equations of the base (6,), of the coordinates (n,) and of the paths (P,), all zero where nothing acts.
+    """Equations of base (6,), coordinates (n,) and paths (P,): mass . (a, alpha, q'', s'') + forces = outer loads.
 
-    ``mass`` is their derivative by (a, alpha, q'', s''), but for M of the coordinates.
+    `mass` leaves out M of the coordinates.
     """
 
     mass: Array
@@ -99,37 +104,37 @@ class Boom:
 
     @property
     def size(self) -> int:
-        """Number of coordinates n."""
+        """Number n of coordinates."""
         return int(self.rotating.shape[1])
 
     @cached_property
     def masses(self) -> Array:
-        """Masses (S,) kg of the sections."""
+        """Masses (S,) in kg of the sections."""
         return np.array([section.mass for section in self.sections])
 
     @cached_property
     def first(self) -> Array:
-        """First moments (S, 3) kg m of the sections, each from its tail."""
+        """First moments (S, 3) in kg m of the sections, each from its tail."""
         return np.array([section.first for section in self.sections])
 
     @cached_property
     def inertia(self) -> Array:
-        """The sum of their inertia, (3, 3) kg m^2, each about its tail."""
+        """Sum (3, 3) in kg m^2 of the sections' moments of inertia, each about its own tail."""
         return np.sum([section.inertia for section in self.sections], axis=0)
 
     @cached_property
     def loads(self) -> Array:
-        """(S, 6, i): forces and moments about their tails of all inputs."""
+        """Forces and moments (S, 6, i) of all inputs on each section, about its tail."""
         return np.array([section.loads for section in self.sections])
 
     @cached_property
     def mass(self) -> float:
-        """Mass of the whole boom, kg."""
+        """Mass of the whole boom in kg."""
         return float(sum(section.mass for section in self.sections))
 
 
 class State:
-    """The boom at one moment."""
+    """Momenta and inertia of the boom at one moment; `q` and `rate` (n,) are coordinates and their rates."""
 
     def __init__(
         self, of: Boom, motion: Motion, extended: Extended, q: Array, rate: Array, moments: Moments | None = None
@@ -168,12 +173,15 @@ class State:
         self.inertia, self.inertia_rate = self._inertia()
 
     def _second_moments(self, X: Array, mu: Array) -> Array:
-        """Int rho rho x rho' (3,) of sections that move along by X (S,), with moments of u' (S, 4, 3)."""
+        """Angular momentum int rho rho x rho' (3,) about O of sections that move along the boom and bend.
+
+        X (S,) are their rates along it, mu (S, 4, 3) the moments of u'.
+        """
         moments = np.outer(_E[0], X @ self.own).T + self.d.T @ mu[:, 0] + mu[:, 1:].sum(axis=0)
         return _skew_part(moments)
 
     def _inertia(self) -> tuple[Array, Array]:
-        """Theta (3, 3) about O, and its rate in the boom's axes."""
+        """Moment of inertia Theta (3, 3) about the pivot O, and its rate in the boom's axes."""
         of, d, mu, mu_rate = self.of, self.d, self.mu, self.mu_rate
         rigid, along = of.masses[:, None] * d, np.zeros((3, 3))  # sums over sections of d S^T, v S^T and the like
         A = d.T @ (rigid / 2.0 + of.first + mu[:, 0]) + mu[:, 1:].sum(axis=0)
@@ -185,7 +193,7 @@ class State:
         return _steiner(A + A.T) + of.inertia, _steiner(A_rate + A_rate.T)
 
     def mass(self) -> Array:
-        """Mass matrix of (a, alpha, q'', s''), (6 + n + P) squared."""
+        """Mass matrix (6 + n + P, 6 + n + P) of (a, alpha, q'', s'')."""
         n, e, beyond, lean = self.of.size, _E[0], self.beyond, self.lean
         matrix = np.zeros((6 + n + beyond.shape[1],) * 2)
         matrix[:3, :3] = self.of.mass * np.eye(3)
@@ -204,11 +212,11 @@ class State:
         return np.asarray(np.triu(matrix) + np.triu(matrix, 1).T)
 
     def _moments_of(self, J: Array) -> Array:
-        """Int rho rho x u (3, .) out of moments (S, 4, 3, .) of u."""
+        """Moments int rho rho x u (3, .) about O, from first moments J (S, 4, 3, .) of displacements u."""
         return _skew_part(np.tensordot(self.d, J[:, 0], (0, 0)) + J[:, 1:].sum(axis=0))
 
     def forces(self) -> Array:
-        """At a = alpha = q'' = s'' = 0, with the weight, (6 + n + P,)."""
+        """Left sides (6 + n + P,) of the equations at zero accelerations a, alpha, q'', s'', with the weight."""
         omega, e, S = self.omega, _E[0], len(self.masses)
         spin = skew(omega)
         A = spin @ spin
@@ -228,18 +236,18 @@ class State:
 
 
 def _steiner(A: Array) -> Array:
-    """tr(A) 1 - A: an inertia from second moments (3, 3)."""
+    """Moment of inertia tr(A) 1 - A of second moments A (3, 3)."""
     return np.asarray(np.trace(A) * np.eye(3) - A)
 
 
 @lru_cache(maxsize=8)
 def _beyond(sections: int, paths: int) -> Array:
-    """1 for sections that an extension moves, all from its own on, (section, path)."""
+    """Matrix (S, P) with 1 where a path moves a section: its own and all sections after it."""
     matrix = np.hstack([np.tril(np.ones((sections, sections))), np.zeros((sections, paths - sections))])
     matrix.flags.writeable = False
     return matrix
 
 
 def _skew_part(A: Array) -> Array:
-    """Sum of r x u (3, .) out of first moments sum r_l u_j (3, 3, .)."""
+    """Cross product sum r x u (3, .), from the moments sum r_l u_j (3, 3, .)."""
     return np.array([A[1, 2] - A[2, 1], A[2, 0] - A[0, 2], A[0, 1] - A[1, 0]])

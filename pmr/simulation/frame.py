@@ -1,14 +1,15 @@
-r"""How a frame that moves accelerates the sections of a boom, as amplitudes of constant fields.
+r"""Accelerations that a moving frame gives the sections of a boom, as amplitudes of constant fields.
 
-With the tail of a section at X on the boom's axis, the base's tail at p from the pivot, and the vertical e_Z,
+With the tail of a section at X on the boom's axis, the tail of the base section at p from the pivot, and the vertical
+e_Z,
 
 .. math::
     a(r) = g\, e_Z + \ddot u + \ddot X e_x + 2\, \omega \times \dot X e_x + A\, (p + X e_x + r), \qquad
     A = \tilde\alpha + \tilde\omega \tilde\omega
 
-with u'' the pivot's own acceleration where its base moves, is what a body has to be accelerated by to stay at rest in
-the frame, its weight included: a constant, and A, for each r_k along e_j.  Loads are minus these.  The axes are those
-of `pmr.scene.frame`.
+is the acceleration of a body's points r at rest in the frame, less that of gravity; u'' is the acceleration of the
+pivot where the base moves.  Its fields are a constant and, for each axis j and k, r_k along e_j with the factor A_jk.
+Loads are minus these.  The axes are those of `pmr.scene.frame`.
 """
 
 from __future__ import annotations
@@ -44,40 +45,40 @@ from pmr.simulation.frame_motion import (
 )
 
 Array = NDArray[np.float64]
-#: In which the least and the largest amplitude are looked for.
+#: Number of samples among which the smallest and largest amplitudes are searched.
 SAMPLES = 10_001
 
 
 @lru_cache(maxsize=2)
 def _cached_turning(luffing: SignalBase, slewing: SignalBase, t: bytes, rocking: tuple[SignalBase, ...]) -> Turning:
-    """`Turning.of` at times that are asked for again and again, for each field of each section."""
+    """`Turning.of`, cached: each field of each section asks for the same times t, an array's bytes."""
     return Turning.of(luffing, slewing, np.frombuffer(t), rocking)
 
 
 class OfFrame(Derived):
-    """A scalar that follows from the frame's angles and paths; by differences where its rate is asked for."""
+    """A scalar signal that follows from the frame's angles and paths; its rate is a difference over one step."""
 
     def highest_frequency(self, start: float, end: float) -> float:
-        """Twice that of angles and paths: rates are squared, and turn what they multiply."""
+        """Twice the highest frequency in Hz of angles and paths, whose rates enter as squares and products."""
         return 2.0 * max(signal.highest_frequency(start, end) for signal in self.signals)
 
     def bounds(self, start: float, end: float) -> tuple[float, float]:
-        """Sampled."""
+        """Smallest and largest value among `SAMPLES` samples from `start` to `end`, and at the breaks in between."""
         values = self.value(np.append(np.linspace(start, end, SAMPLES), [b for b in self.breaks if start <= b <= end]))
         return float(values.min()), float(values.max())
 
 
 class Amplitude(OfFrame):
-    """A sum of products of what drives the frame (`pmr.simulation.frame_motion`)."""
+    """Signal that is a sum of products of the frame's quantities (`pmr.simulation.frame_motion`)."""
 
     @property
     @abstractmethod
     def products(self) -> Products:
-        """Products whose sum the amplitude is."""
+        """Products whose sum is the amplitude."""
 
     @abstractmethod
     def quantities(self, t: Array) -> Callable[[Quantity], Array]:
-        """Quantities of the products, each by itself, at the times t (T,) s."""
+        """Function that returns the values (T,) of a quantity at the times t (T,) in s."""
 
     def value(self, t: ArrayLike) -> Array:
         at = np.asarray(t, float)
@@ -86,7 +87,7 @@ class Amplitude(OfFrame):
 
 
 class OfAngles(Amplitude):
-    """Amplitude that follows from the frame's angles, those of its base included."""
+    """Amplitude that depends on the frame's angles: luffing, slewing, and `rocking` (roll, pitch, yaw) of its base."""
 
     luffing: SignalBase
     slewing: SignalBase
@@ -97,7 +98,7 @@ class OfAngles(Amplitude):
         return (self.luffing, self.slewing, *self.rocking)
 
     def turning(self, t: Array) -> Turning:
-        """At the times t (T,) s."""
+        """Angular velocity, angular acceleration and rotation of the frame at the times t (T,) in s."""
         return _cached_turning(self.luffing, self.slewing, t.tobytes(), self.rocking)
 
     def quantities(self, t: Array) -> Callable[[Quantity], Array]:
@@ -110,6 +111,7 @@ class OfAngles(Amplitude):
         }
 
         def value_of(quantity: Quantity) -> Array:
+            """Values (T,) of a quantity of rotation, angular velocity, angular acceleration or A."""
             at: Any = (slice(None), *quantity[1:])
             return np.asarray(of[str(quantity[0])][at])
 
@@ -117,7 +119,7 @@ class OfAngles(Amplitude):
 
 
 class Shaken(OfFrame):
-    """How a base is accelerated along an axis of the ground, m/s^2: by its displacement, and as it is given."""
+    """Acceleration of a base along a ground axis in m/s^2: its displacement's, plus a `given` one."""
 
     displacement: SignalBase  # m
     given: SignalBase  # m/s^2
@@ -136,7 +138,7 @@ class Shaken(OfFrame):
 
 
 class Motion(OfAngles):
-    """A component of the acceleration field of a section."""
+    """A component of the acceleration field of a section, times a factor."""
 
     gravity: SignalBase  # m/s^2
     pivot: tuple[float, float, float]  # m: the base's tail from the pivot
@@ -151,12 +153,14 @@ class Motion(OfAngles):
 
     @property
     def products(self) -> Products:
+        """Products of the component (`of_field`)."""
         return of_field(self.field, len(self.paths), self.pivot, bool(self.base), self.factor)
 
     def quantities(self, t: Array) -> Callable[[Quantity], Array]:
         of_angles = super().quantities(t)
 
         def value_of(quantity: Quantity) -> Array:
+            """Values (T,) of gravity, of the base's acceleration, of the reach X, or of a quantity of the angles."""
             if quantity[0] == "gravity":
                 return np.asarray(self.gravity.value(t))
             if quantity[0] == "shaken":
@@ -166,7 +170,10 @@ class Motion(OfAngles):
         return value_of
 
     def highest_frequency(self, start: float, end: float) -> float:
-        """Twice the highest frequency of angles and paths, or that of what shakes the base and turns."""
+        """Twice the highest frequency in Hz of angles, gravity and paths.
+
+        If the base is shaken, at least the sum of its highest frequency and of theirs.
+        """
         of_angles = super().signals
         slow, shaken = (
             max((signal.highest_frequency(start, end) for signal in signals), default=0.0)
@@ -175,13 +182,18 @@ class Motion(OfAngles):
         return max(2.0 * slow, shaken + slow if shaken else 0.0)
 
     def _reach(self, t: Array, order: int) -> Array:
+        """Position X (T,) of the section's tail in m at t (T,) s, or its derivative of order 1 or 2."""
         if order == 2:
             return Acceleration(paths=self.paths, step=self.step).value(t)
         return np.asarray(np.sum([getattr(path, ("value", "rate")[order])(t) for path in self.paths], axis=0))
 
 
 class Rotation(OfAngles):
-    """Effect of the frame's rotation on a body's small motion: twice a velocity, an acceleration, or A."""
+    """Amplitude by which the frame's rotation acts on a body's small motions (`of_rotation`).
+
+    `of` is ``rotation`` (twice an angular velocity), ``turning`` (an angular acceleration) or ``carried`` (a product of
+    angular velocities).
+    """
 
     of: str  # `rotation`, `turning` or `carried`, as `pmr.scene.mechanism` says
     component: str
@@ -192,7 +204,7 @@ class Rotation(OfAngles):
 
 
 class Pushed(Amplitude):
-    """Force of a cylinder over its length: an acceleration or a load, times a factor, over the length."""
+    """Amplitude of a cylinder's force over its length: factor times `of` (an acceleration or a load) over `length`."""
 
     factor: float
     of: SignalBase
@@ -209,6 +221,7 @@ class Pushed(Amplitude):
 
     @property
     def products(self) -> Products:
+        """Products of `of`, each times factor over length."""
         return tuple(product.times(self.factor, ("over", self.number)) for product in products_of(self.of, self.name))
 
     def quantities(self, t: Array) -> Callable[[Quantity], Array]:
@@ -217,7 +230,7 @@ class Pushed(Amplitude):
 
 
 class AlongGround(OfAngles):
-    """The part along an axis of the body of a force along an axis of the ground."""
+    """Component along a body's axis of a force that has the direction of a ground axis."""
 
     force: SignalBase
     name: str  # of the load
@@ -238,17 +251,17 @@ class AlongGround(OfAngles):
         return lambda quantity: np.asarray(self.force.value(t)) if quantity[0] == "load" else of_angles(quantity)
 
     def highest_frequency(self, start: float, end: float) -> float:
-        """Sum of the highest frequencies of the force and of what turns it."""
+        """Sum of the highest frequencies in Hz of the force and of the frame's angles."""
         return sum(signal.highest_frequency(start, end) for signal in self.signals)
 
 
 def products_of(signal: SignalBase, name: str) -> Products:
-    """Products of the signal of an input or a term; a load as it is given is the load of that name."""
+    """Products of the signal of an input or a term; a signal that is no `Amplitude` is the load called `name`."""
     return signal.products if isinstance(signal, Amplitude) else (Product(1.0, (("load", name),)),)
 
 
 def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
-    """Signals of a body's loads, by the names of their inputs."""
+    """Signals of a section's loads by the names of the body's inputs; forces along ground axes by their components."""
     signals = dict[str, SignalBase]()
     for load in member.part.loads:
         for name, part in parts_of(member, load).items():
@@ -257,6 +270,7 @@ def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
 
 
 def _along_ground(scene: Scene, member: Member, load: Load, part: Direction) -> AlongGround:
+    """Component `part` (an axis of the body) of a load along a ground axis."""
     assert scene.frame is not None  # as the checks say
     name = input_of(scene.names[member.number], load.name)
     about = {"name": name, "along": load.direction, "part": part, "step": scene.time.step}
@@ -264,12 +278,13 @@ def _along_ground(scene: Scene, member: Member, load: Load, part: Direction) -> 
 
 
 def _angles(frame: Frame) -> dict[str, Any]:
+    """Luffing, slewing and rocking angles of a frame, as arguments of `OfAngles`."""
     luffing, slewing = frame.angles
     return {"luffing": luffing, "slewing": slewing, "rocking": frame.rocking}
 
 
 def base_accelerations(scene: Scene) -> tuple[SignalBase, ...]:
-    """Accelerations of the pivot along X, Y and Z of the ground, m/s^2; none where it stays."""
+    """Accelerations of the pivot in m/s^2 along X, Y and Z of the ground; empty where the base is not displaced."""
     base, none = scene.frame.base if scene.frame else None, Constant(amount=0.0)
     if base is None or not {"x", "y", "z"} & {*base.motions, *base.accelerations}:
         return ()
@@ -282,7 +297,7 @@ def base_accelerations(scene: Scene) -> tuple[SignalBase, ...]:
 
 
 def motion_of(scene: Scene, number: int, field: str, factor: float = 1.0) -> Motion:
-    """A component of the acceleration field of the section with that number."""
+    """Signal of a component `field` of the acceleration field of section `number`, times `factor`."""
     frame = scene.frame
     assert frame is not None  # of a scene that has one
     return Motion(
@@ -298,16 +313,17 @@ def motion_of(scene: Scene, number: int, field: str, factor: float = 1.0) -> Mot
 
 
 def inertia_loads(scene: Scene, member: Member) -> dict[str, SignalBase]:
-    """Amplitudes of the inputs by which the frame accelerates a body, by their names; none where it stands still."""
+    """Amplitudes of the inertia inputs of a section in a frame, by their names; empty if it has no such inputs."""
     return {INERTIA + field: motion_of(scene, member.number, field, -1.0) for field in inertia_fields(member)}
 
 
 def term_signals(scene: Scene, which: Iterable[FrameTerm] | None = None) -> dict[str, SignalBase]:
-    """Amplitudes of the terms of `pmr.scene.mechanism` by name: all of the scene's, or `which`."""
+    """Amplitudes of terms (`pmr.scene.mechanism`) by name: of all terms of the scene, or of `which`."""
     return {term.name: _signal(scene, term) for term in (frame_terms(scene) if which is None else which)}
 
 
 def _signal(scene: Scene, term: FrameTerm) -> SignalBase:
+    """Amplitude of one term of the scene."""
     assert scene.frame is not None  # of a scene that has terms
     if term.of == "field":
         return motion_of(scene, term.number, term.component)

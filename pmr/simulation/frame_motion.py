@@ -1,17 +1,12 @@
-r"""How the frame of a boom moves: by its angles and extensions or as it was computed, and what follows from that.
+r"""Motion of a boom's frame, by its angles and extensions or as computed, and the amplitudes that follow from it.
 
-How far sections of a boom are accelerated along it by their extensions.
-
-How the frame of a boom turns: angular velocity, angular acceleration and rotation, from its angles.
-
-Amplitudes of loads and terms of a frame that moves, as sums of products of few quantities.
+First, accelerations of sections along the boom by their extensions.  Second, angular velocity, angular acceleration and
+rotation of the frame, from its angles.  Third, amplitudes of loads and terms as sums of products of few quantities x_k,
 
 .. math:: c(t) = \sum_n \kappa_n \prod_{k \in n} x_k(t)
 
-so that a run, which evaluates them at many times, a loop of one's own (`pmr.simulation.moving`) and the C source of an
-FMU all have them from the same lists.
-
-A motion that has been found, as signals of a frame's base.
+so that a run, which evaluates them at many times, a stepper in a user's loop (`pmr.simulation.moving`) and the C source
+of an FMU all use the same lists.  Fourth, the computed motion of a machine, as signals of a frame's base.
 """
 
 from __future__ import annotations
@@ -33,16 +28,17 @@ from pmr.scene.signals.base import Floats, Strand
 
 
 class Derived(SignalBase):
-    """A scalar that follows from other signals as a step of h sees them: kinks are spread over one."""
+    """A scalar signal that follows from other signals; its rate is a difference over one step."""
 
     step: float  # s
 
     @property
     @abstractmethod
     def signals(self) -> tuple[SignalBase, ...]:
-        """Signals that it follows from."""
+        """Signals from which this one follows."""
 
     def rate(self, t: ArrayLike) -> Array:
+        """Difference over the step from t - h/2, not before 0, to t + h/2."""
         t, half = np.asarray(t, float), self.step / 2.0
         before = np.maximum(t - half, 0.0)
         return np.asarray((self.value(t + half) - self.value(before)) / (t + half - before))
@@ -52,15 +48,16 @@ class Derived(SignalBase):
 
     @property
     def breaks(self) -> Floats:
+        """Breaks of all signals from which this one follows."""
         return tuple(sorted({b for signal in self.signals for b in signal.breaks}))
 
 
 class Acceleration(Derived):
-    r"""The sum of some paths twice differentiated, m/s^2, as a step of h sees it: a kink is spread over one.
+    r"""Second derivative of the sum of paths in m/s^2, averaged over one step of h, so that a kink acts over one step.
 
     .. math:: a(t) = \big(\dot s(t + h/2) - \dot s(t - h/2)\big) / h
 
-    What moves at t = 0 has moved so before: no kink is there.
+    Before t = 0 nothing is evaluated: the difference then begins at 0.  A path that moves at t = 0 has no kink there.
     """
 
     paths: tuple[SignalBase, ...]
@@ -87,7 +84,10 @@ Angle = tuple[Array, Array, Array]
 
 @dataclass(frozen=True)
 class Turning:
-    """Angular velocity (T, 3) in rad/s and acceleration (T, 3) of the frame in its axes, and its rotation (T, 3, 3)."""
+    """Rotation (T, 3, 3) of the frame at T times, its angular velocity and its angular acceleration.
+
+    `velocity` (T, 3) in rad/s and `acceleration` (T, 3) in rad/s^2 are in the frame's axes.
+    """
 
     velocity: Array
     acceleration: Array
@@ -95,12 +95,15 @@ class Turning:
 
     @classmethod
     def of(cls, luffing: SignalBase, slewing: SignalBase, t: Array, rocking: Sequence[SignalBase] = ()) -> Turning:
-        """At the times t (T,) s, on a base that rolls, pitches and yaws by `rocking`, or keeps its direction."""
+        """Turning of the frame at the times t (T,) in s.
+
+        `rocking` are the angles roll, pitch, yaw of its base; empty: the base does not turn.
+        """
         return cls.by(_motion_of(luffing, t), _motion_of(slewing, t), [_motion_of(angle, t) for angle in rocking])
 
     @classmethod
     def by(cls, luffing: Angle, slewing: Angle, rocking: Sequence[Angle] = ()) -> Turning:
-        """Rotation by angles (T,) rad, with their rates and second rates."""
+        """Turning by the frame's angles (T,) in rad, with rates and second rates, on a base that turns by `rocking`."""
         turning = cls._on_base(luffing, slewing)
         if not rocking:
             return turning
@@ -116,7 +119,7 @@ class Turning:
 
     @classmethod
     def from_rocking(cls, rocking: Sequence[Angle]) -> Turning:
-        """A base that rolls by a, pitches by b and yaws by c, :math:`R_Z(c) R_Y(b) R_X(a)`, in its own axes."""
+        """Turning of a base that rolls by a, pitches by b, yaws by c: :math:`R_Z(c) R_Y(b) R_X(a)`, in its own axes."""
         (a, a1, a2), (b, b1, b2), (c, c1, c2) = rocking
         (ca, sa), (cb, sb) = ((np.cos(angle), np.sin(angle)) for angle in (a, b))
         velocity = np.stack([a1 - c1 * sb, b1 * ca + c1 * sa * cb, c1 * ca * cb - b1 * sa], axis=-1)
@@ -134,6 +137,7 @@ class Turning:
 
     @classmethod
     def _on_base(cls, luffing: Angle, slewing: Angle) -> Turning:
+        """Turning by luffing and slewing alone, on a base that does not turn."""
         (phi, rise, second), (psi, turn, faster) = luffing, slewing
         sine, cosine = np.sin(phi), np.cos(phi)
         return cls(
@@ -147,22 +151,23 @@ class Turning:
 
     @property
     def up(self) -> Array:
-        """The vertical (T, 3), in its axes."""
+        """Vertical unit vector (T, 3) in the frame's axes."""
         return self.rotation[:, 2]
 
     @cached_property
     def gradient(self) -> Array:
-        """A (T, 3, 3) in 1/s^2."""
+        """Gradient A (T, 3, 3) in 1/s^2 of the acceleration field: skew(alpha) + skew(omega)^2."""
         spin = skew(self.velocity)
         return skew(self.acceleration) + spin @ spin
 
 
 def _motion_of(angle: SignalBase, t: Array) -> Angle:
+    """Value, rate and second rate (T,) of an angle at the times t (T,) in s."""
     return angle.value(t), angle.rate(t), angle.second_rate(t)
 
 
 def skew(vectors: Array) -> Array:
-    """Matrices (..., 3, 3) whose product with r is v x r, of vectors v (..., 3)."""
+    """Matrices (..., 3, 3) of vectors v (..., 3), whose product with a vector r is v x r."""
     x, y, z = np.moveaxis(vectors, -1, 0)
     none = np.zeros_like(x)
     return np.stack([none, -z, y, z, none, -x, -y, x, none], axis=-1).reshape(*np.shape(x), 3, 3)
@@ -183,13 +188,13 @@ Quantity = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class Product:
-    """A number times some quantities."""
+    """A number times quantities."""
 
     factor: float
     of: tuple[Quantity, ...]
 
     def times(self, factor: float, *more: Quantity) -> Product:
-        """Product with another factor and further quantities."""
+        """Product with a further factor and further quantities."""
         return replace(self, factor=factor * self.factor, of=(*self.of, *more))
 
 
@@ -197,7 +202,7 @@ Products = tuple[Product, ...]
 
 
 def evaluate(products: Products, quantity: Callable[[Quantity], Array], t: Array) -> Array:
-    """Sum (T,) of products at the times t (T,) s, with values (T,) of each quantity by itself."""
+    """Sum (T,) of products at the times t (T,) in s; `quantity` is a function that returns a quantity's values (T,)."""
     total = np.zeros_like(t)
     for product in products:
         part = np.full_like(t, product.factor)
@@ -208,11 +213,13 @@ def evaluate(products: Products, quantity: Callable[[Quantity], Array], t: Array
 
 
 def of_field(field: str, number: int, pivot: Sequence[float], shaken: bool, factor: float) -> Products:
-    r"""A component of the acceleration field of the section with that number, times a factor.
+    r"""Products of a component of the acceleration field of section `number`, times `factor`.
 
-    ``xz`` is A_xz; ``x`` that of its tail, whose base has its own tail at the `pivot`, which is `shaken` or not,
+    `field` ``xz`` is the gradient A_xz; ``x`` is the component along x of the acceleration of the section's tail,
 
     .. math:: g\, e_Z + \ddot u + \ddot X e_x + 2\, \omega \times \dot X e_x + A\, (p + X e_x)
+
+    where p is the `pivot` vector, from the pivot to the tail of the base section, and u'' is left out unless `shaken`.
     """
     along = "xyz".index(field[0])
     if len(field) == 2:
@@ -232,7 +239,11 @@ def of_field(field: str, number: int, pivot: Sequence[float], shaken: bool, fact
 
 
 def of_rotation(of: str, component: str) -> Products:
-    """Twice an angular velocity (`rotation`), its rate (`turning`), or w_j w_k, without w . w for j = k (`carried`)."""
+    """Products of the effect `of` of the frame's rotation, for a `component` of one or two axes.
+
+    ``rotation``: twice the angular velocity w_j.  ``turning``: the angular acceleration.  ``carried``: 2 w_j w_k for j
+    != k, and w_j^2 - w . w for j = k.
+    """
     first, last = "xyz".index(component[0]), "xyz".index(component[-1])
     if of == "rotation":
         return (Product(2.0, (("velocity", first),)),)
@@ -252,19 +263,22 @@ _QUINTIC = np.linalg.inv(_ENDS.astype(float))
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Motion in one direction at the steps, compared by identity."""
+    """Computed motion of a machine in one direction at the T steps; compared by identity."""
 
     step: float  # s
     values: Array  # (3, T): m or rad, with rate and second rate
-    force: Array  # (T,) N or N m: what the machine presses with on the ground there
-    inputs: Mapping[str, Array]  # (T,) by the names of those by which the frame accelerates the boom
+    force: Array  # (T,) N or N m: force or moment of the machine on the ground in this direction
+    inputs: Mapping[str, Array]  # (T,) values of the inertia inputs of the boom, by input name
 
 
 class Found(SignalBase):
-    """A direction of a machine, in m or in the unit of the frame's angles."""
+    """Computed motion of a machine in one direction as a signal, in m or in the unit of the frame's angles.
+
+    Between steps it is the polynomial of degree 5 that has value, rate and second rate of both steps.
+    """
 
     samples: SkipValidation[Any]
-    unit: float  # so many of m or rad
+    unit: float  # factor of the samples: units in 1 m or 1 rad
 
     def value(self, t: ArrayLike) -> Array:
         return self._at(t, 0)
@@ -276,14 +290,14 @@ class Found(SignalBase):
         return self._at(t, 2)
 
     def bounds(self, start: float, end: float) -> tuple[float, float]:
-        """Least and largest value of the steps within a span of time."""
+        """Smallest and largest value at the steps from `start` to `end` in s."""
         of: Samples = self.samples
         first, last = int(np.floor(start / of.step)), int(np.ceil(end / of.step))
         some = of.values[0, max(first, 0) : last + 1] * self.unit
         return float(some.min()), float(some.max())
 
     def _at(self, t: ArrayLike, order: int) -> Array:
-        """Value or rate at times t; between two steps by the polynomial of degree 5 through both."""
+        """Value (`order` 0), rate (1) or second rate (2) at the times t (...) in s."""
         of: Samples = self.samples
         at, h = np.clip(np.asarray(t, float) / of.step, 0.0, of.values.shape[1] - 1.0), of.step
         k = np.rint(at).astype(int)
@@ -301,32 +315,35 @@ class Found(SignalBase):
 
 
 class AtSteps(SignalBase):
-    """Values of an input at the steps, joined by straight lines."""
+    """Values of an input at the steps, connected by straight lines."""
 
     samples: SkipValidation[Any]
     name: str
 
     def value(self, t: ArrayLike) -> Array:
+        """Value at the times t (...) in s, on the line between two steps."""
         of: Samples = self.samples
         values = of.inputs[self.name]
         return np.asarray(np.interp(np.asarray(t, float) / of.step, np.arange(len(values)), values))
 
     def rate(self, t: ArrayLike) -> Array:
+        """Slope of the line through the times t (...) in s; at a step that of the line after it."""
         of: Samples = self.samples
         k = np.clip(np.floor(np.asarray(t, float) / of.step + SAME).astype(int), 0, of.values.shape[1] - 2)
         return np.asarray(np.diff(of.inputs[self.name])[k] / of.step)
 
     def bounds(self, start: float, end: float) -> tuple[float, float]:
-        """Least and largest value of all steps."""
+        """Smallest and largest value of all steps, whatever `start` and `end`."""
         values = self.samples.inputs[self.name]
         return float(values.min()), float(values.max())
 
 
 def found_inputs(scene: Scene) -> dict[str, SignalBase]:
-    """Inputs by which a machine was found to accelerate the boom, by their names; none where it was not.
+    """Inertia inputs of a boom on a machine whose motion has been computed, as signals by name; empty otherwise.
 
-    Their average over a step is that of the frame.  At its ends alone they are not, for generalized-alpha leaves what
-    alternates from step to step undamped, and that is not to be multiplied with what changes meanwhile.
+    Their average over a step is that of the frame's accelerations.  The frame's accelerations at the ends of steps are
+    not used: generalized-alpha leaves a part of these undamped that alternates from step to step, which must not be
+    multiplied by quantities that change in the meantime.
     """
     base = None if scene.frame is None else scene.frame.base
     samples = base.x.samples if base is not None and isinstance(base.x, Found) else None
@@ -334,24 +351,24 @@ def found_inputs(scene: Scene) -> dict[str, SignalBase]:
 
 
 def moves_by_itself(scene: Scene) -> bool:
-    """Whether a machine's motion is found with the model, or was: not where all of its directions are held."""
+    """Whether a machine's motion is computed with the model, or has been; not if all of its directions are held."""
     machine = None if scene.frame is None else scene.frame.machine
     return bool(found_inputs(scene)) or (machine is not None and bool(machine.free))
 
 
 @dataclass(frozen=True)
 class MachineMotion:
-    """Motion of a machine at T steps: x, y, z of the pivot in m, roll, pitch and yaw in rad."""
+    """Motion of a machine at T steps, in the directions x, y, z of the pivot (m), roll, pitch and yaw (rad)."""
 
     step: float  # s
     values: Array  # (3, T, 6), with rates and second rates
-    forces: Array  # (T, 6) N and N m: what it presses with on the ground, by springs, dampers and where it is held
-    inputs: Mapping[str, Array]  # (T,) by which it accelerates the boom; none where nothing is free
+    forces: Array  # (T, 6) N and N m: forces and moments on the ground, by springs, dampers and held directions
+    inputs: Mapping[str, Array]  # (T,) values of inertia inputs by name; empty if no direction is free
     momenta: Array  # (T, 6): linear and angular momentum of the whole about the ground's origin, along its axes
 
 
 def in_motion(scene: Scene, track: MachineMotion) -> Scene:
-    """The scene with a frame whose base moves so, in place of a machine that moves by itself."""
+    """Scene whose frame has a base with the computed motion `track`, and no machine."""
     frame = scene.frame
     assert frame is not None  # of a scene with a machine
     angle = 1.0 if frame.unit == "rad" else 180.0 / np.pi

@@ -1,8 +1,8 @@
-r"""A boom on a base that moves freely: momenta, and what the boom presses on its base with, in the boom's axes.
+r"""A boom on a base that moves freely: its momenta, and the forces with which it acts on its base, in the boom's axes.
 
-The boom's frame, with its origin O where the pivot is, has the velocity v and the angular velocity omega.  A section
-whose tail is at d = p + X e_x has points at rho = d + r + u, with u = Phi q, and at second order by how much it is
-shorter along the axis as it bends.  With the moments of each section
+The boom's frame, with its origin O at the pivot, has the velocity v and the angular velocity omega.  A section whose
+tail is at d = p + X e_x has points at rho = d + r + u, with u = Phi q, and at second order less the shortening along
+the axis as it bends.  With the moments of each section
 
 .. math::
     \mu_{lj} = \int \rho\, r_l\, u_j = \beta_{lj} \cdot q + \tfrac12 \delta_{jx}\, q^T G_l q, \qquad
@@ -13,8 +13,8 @@ its kinetic energy is a function of v, omega, q' and the extensions' rates alone
 .. math::
     T = \tfrac12 \int \rho\, |v + \omega \times \rho + \dot\rho|^2,
 
-so that without forces from outside linear and angular momentum stay in space, whatever is left out of the moments.
-Lagrange's equations of it, with the acceleration a = v' + omega x v of O less the weight, are
+so that without forces from outside linear and angular momentum are conserved, whatever is left out of the moments.
+Lagrange's equations of it, with the acceleration a = v' + omega x v of O less that of gravity, are
 
 .. math::
     M \ddot q + \sum J_{lj} \, y_{lj} + \alpha_k T_k q + 2 \omega_k T_k \dot q
@@ -24,10 +24,10 @@ Lagrange's equations of it, with the acceleration a = v' + omega x v of O less t
         &= \mathfrak M
 
 with s = int rho rho, Theta the inertia about O, h = int rho rho x rho', and y the field of acceleration of
-`pmr.simulation.frame`.  What is quadratic in u but for G is there where the system has second order.  Sources:
-Shabana: Dynamics of Multibody Systems, section 5, and `docs/moving_frame.md`.
+`pmr.simulation.frame`.  Terms that are quadratic in u, except for G, are included if the system has second order.
+Sources: Shabana: Dynamics of Multibody Systems, section 5, and `docs/moving_frame.md`.
 
-What contacts that give way answer to inputs and to a boom's own inertia, and how it changes as paths lead on.
+Also the response of contacts that give way to inputs and to a boom's own inertia, and how it changes with the paths.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ Array = NDArray[np.float64]
 
 
 def with_all_inertia(system: System) -> System:
-    """System whose modes without inertia are ordinary ones: a free base feels all that moves."""
+    """System whose modes without inertia are ordinary ones, as a free base needs the inertia of all coordinates."""
     if all(len(body.quasi_static) == 0 for body in system.bodies.values()):
         return system
     bodies = {name: replace(body, quasi_static=np.zeros(0, np.int64)) for name, body in system.reduced.items()}
@@ -65,10 +65,10 @@ def with_all_inertia(system: System) -> System:
 
 
 class FreeBase:
-    """Inertia of a boom on n coordinates, as `pmr.system.assembly.Assembly` counts them.
+    """Inertia of a boom of S sections on n coordinates, in the order of `pmr.system.assembly.Assembly`.
 
-    An InputError is raised for planar sections, for a frame that does not slew, and where it is not known how supports
-    hold the base.
+    Raises InputError for planar sections, for a frame that does not slew, and if it is not known how supports hold the
+    base.
     """
 
     def __init__(self, scene: Scene, system: System, assembly: Assembly | None = None) -> None:
@@ -107,21 +107,27 @@ class FreeBase:
         self.boom = Boom(np.array(scene.frame.place), sections, moments, shortened, rotating, carried)
 
     def moments(self, B: Array) -> Array:
-        """Beta (..., S, 4, 3, n) out of what inputs do to coordinates (..., n, i): alone, or with contacts' answers."""
+        """Moments beta (..., S, 4, 3, n) from the matrix B (..., n, i) of inputs on coordinates.
+
+        B is the assembly's, or one that includes the response of contacts (`Answers`).
+        """
         moments = np.zeros((*B.shape[:-2], self._count, 4, 3, self.size))
         section, over, along = np.array(list(self.fields)).T
         moments[..., section, over, along, :] = np.swapaxes(B[..., list(self.fields.values())], -1, -2)
         return moments
 
     def weight(self, upwards: Array, count: int) -> Array:
-        """Loads (i,) of `count` inputs that the weight makes, whose acceleration is (3,) m/s^2 in the boom's axes."""
+        """Loads (i,), i = `count`, of the weight, with the acceleration `upwards` (3,) in m/s^2 in the boom's axes."""
         loads = np.zeros(count)
         for (_, over, along), column in self.fields.items():
             loads[column] = 0.0 if over else -upwards[along]
         return loads
 
     def inertia(self, motion: Motion, driven: Array, extended: Extended, loads: Array) -> Array:
-        """Loads (i,) with those of inertia, where the frame is accelerated by `driven` (6,): O, and about it."""
+        """Loads (i,) `loads` with the inertia inputs set to those of the frame's accelerations.
+
+        `driven` (6,) is the acceleration of O and the angular acceleration of the frame.
+        """
         spin, e, changed = skew(motion.omega), np.eye(3)[0], loads.copy()
         gradient, S = spin @ spin + skew(driven[3:]), self._count
         X, X_rate, X_second = (np.cumsum(values[:S]) for values in (extended.value, extended.rate, extended.second))
@@ -132,9 +138,9 @@ class FreeBase:
         return changed
 
     def shortened_by(self, load: str) -> Iterator[tuple[int | None, Array]]:
-        """G (n, n) in 1/m of q^T G q / 2, by which the place of a load along the boom gets nearer as the boom bends.
+        """Yield (cylinder, G) of a load: its point moves by -q^T G q / 2 along the boom as that bends, G (n, n) in 1/m.
 
-        A cylinder, by its number, has it over its length.
+        `cylinder` is None, or the number of the extension by whose length q^T G q / 2 has to be divided.
         """
         for term in frame_terms(self._scene):
             if term.of in ("load", "cylinder load"):
@@ -142,7 +148,7 @@ class FreeBase:
                     yield (term.number if term.of == "cylinder load" else None), self._terms[term.name].toarray()
 
     def loads(self, f: Array, extended: Extended) -> Array:
-        """Force and moment about O (6,) of loads f (i,) at the undeformed boom, inertia left out."""
+        """Force and moment about O (6,) of loads f (i,) on the undeformed boom, without inertia."""
         wrenches = self.boom.loads @ f
         x, y, z = np.outer(np.eye(3)[0], np.cumsum(extended.value)[: self._count]) + self.boom.place[:, None]
         force = wrenches[:, :3].T
@@ -150,19 +156,22 @@ class FreeBase:
         return np.asarray(wrenches.sum(axis=0) + np.concatenate([np.zeros(3), moments]))
 
     def pulls(self, f: Array) -> Array:
-        """Forces (P,) of loads f (i,) along the paths: on a section and all beyond it."""
+        """Forces (P,) of loads f (i,) along the paths: on each section and all after it.
+
+        Zero for paths that move no section.
+        """
         forces = np.zeros(self.boom.moments.slope.shape[-1])
         forces[: self._count] = np.cumsum([(section.loads @ f)[0] for section in self.boom.sections[::-1]])[::-1]
         return forces
 
     def at(self, motion: Motion, extended: Extended, q: Array, rate: Array, moments: Moments | None = None) -> Pressed:
-        """Mass and forces that have to balance all that acts on base, coordinates and extensions."""
+        """Mass matrix and forces of the equations of base, coordinates and extensions, at one moment."""
         state = State(self.boom, motion, extended, q, rate, moments)
         return Pressed(state.mass(), state.forces())
 
 
 def _fields(body: ReducedModel, first: int) -> Iterator[tuple[str, str, int]]:
-    """Axis, lever axis and number of each input by which a frame accelerates a body."""
+    """Yield the axis, the lever axis (or "") and the number, from `first` on, of each inertia input of a body."""
     for number, name in enumerate(body.input_names, first):
         if name.startswith(INERTIA):
             field = name.removeprefix(INERTIA)
@@ -170,7 +179,10 @@ def _fields(body: ReducedModel, first: int) -> Iterator[tuple[str, str, int]]:
 
 
 def _rigid_section(scene: Scene, number: int, body: ReducedModel, assembly: Assembly) -> Carried:
-    """A section by the work of its inertia loads, and of all others, on its rigid motions."""
+    """Rigid-body properties of a section, from the work of its inertia loads and all other loads in rigid motions.
+
+    Raises InputError for planar sections, and if the rigid motions are not known.
+    """
     name, W = scene.names[number], body.rigid_work
     if set(directions(member_at(scene, number))) != {"x", "y", "z", "rx", "ry", "rz"}:
         allowed = "a model in space is allowed on a base that moves freely"
@@ -195,7 +207,7 @@ def _rigid_section(scene: Scene, number: int, body: ReducedModel, assembly: Asse
 
 @dataclass(frozen=True)
 class Answers:
-    """Forces B f on coordinates (n,) by inputs f (i,), and displacements B^T q + E f (i,) where they act."""
+    """Forces B f on coordinates (n,) by inputs f (i,), and displacements B^T q + E f (i,) at the inputs' points."""
 
     B: Array
     E: Array
@@ -204,9 +216,9 @@ class Answers:
 
 
 class Answering:
-    """Response of a boom on n coordinates to inputs, with contacts that give way and hold both ways.
+    """Response of a boom on n coordinates to inputs, with contacts that give way and hold both ways eliminated.
 
-    Rigid ones, and pads that only push, are left out.
+    The mask `gives` (m,) selects these contacts; rigid ones, and pads that only push, are left out.
     """
 
     def __init__(self, boom: FreeBase, assembly: Assembly, along: ChangingRows, gives: NDArray[np.bool_]) -> None:
@@ -215,7 +227,7 @@ class Answering:
         self._stored, self._moments = dict[bytes, Answers](), (b"", boom.boom.moments)
 
     def moments(self, at: Extended) -> Moments:
-        """Moments of the sections, with the response to inertia of contacts that give way."""
+        """Moments of the sections at extensions `at`, with the response to inertia of contacts that give way."""
         key = at.value.tobytes() + at.rate.tobytes()
         if self._gives.any() and key != self._moments[0]:
             answers, of, B_curve = self.at(at.value), self._boom.moments, np.zeros_like(self._B)
@@ -230,7 +242,7 @@ class Answering:
         return self._moments[1]
 
     def at(self, s: Array) -> Answers:
-        """Response to inputs with the paths at s (P,) m."""
+        """Response to inputs with the paths at s (P,) m; the last few are stored."""
         key = s.tobytes()
         if key not in self._stored:
             B, E = self._B, self._E
@@ -247,6 +259,6 @@ class Answering:
 
 
 def _answers(rows: ContactRows) -> tuple[Array, Array]:
-    """F^-1 H (m, i) and F^-1 C (m, n)."""
+    """Matrices F^-1 H (m, i) and F^-1 C (m, n) of contact rows."""
     bent, answer = np.split(rows.answers, [rows.C.shape[1]], axis=1)
     return answer, bent

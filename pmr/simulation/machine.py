@@ -1,15 +1,16 @@
-r"""A machine that moves by itself below a boom: its motion is found with the boom's, step by step.
+r"""A machine that moves by itself below a boom: its motion is computed together with the boom's, step by step.
 
-With P and L the linear and angular momentum of machine and boom about the ground's origin, along its axes,
+With P and L the linear and angular momentum of machine and boom about the ground's origin, along its axes, and the
+step's mean force and moment from outside,
 
 .. math::
     P_{n+1} = P_n + h \tilde F, \qquad L_{n+1} = L_n + h \tilde{\mathfrak M}
 
 hold to round-off, so that a machine without springs in space keeps both, while the boom bends and telescopes.  The
-machine's velocity is that which these momenta need with what the boom's coordinates have of them
+machine's velocity is that at which machine and boom have these momenta, given the boom's coordinates
 (`pmr.simulation.free_base`); the coordinates follow the kernel's step in the frame that the machine moves.
 
-The motion is then that of a frame (`pmr.simulation.frame_motion`), in which everything else goes on.
+The computed motion is then that of a frame (`pmr.simulation.frame_motion`) for everything else.
 """
 
 from __future__ import annotations
@@ -43,9 +44,10 @@ Array = NDArray[np.float64]
 
 
 def machine_of(scene: Scene, system: System, frame: MovingFrame, excitation: Excitation, modes: Array) -> Machine:
-    """Return the machine of a scene below the system on its frame, whose base stands still in the excitation.
+    """Return the kernel's data of a scene's machine below the system.
 
-    Bodies' coordinates of unit modes are `modes` (n, r').  Errors as for `FreeBase` and `ChangingRows`.
+    `frame` is that of the scene, with a base at rest in the `excitation`.  `modes` (n, r') are the bodies' coordinates
+    of the kernel's r' modes.  Errors as `FreeBase` and `ChangingRows`.
     """
     assembly = Assembly(system)
     free_base = FreeBase(scene, system, assembly)
@@ -94,7 +96,10 @@ def machine_of(scene: Scene, system: System, frame: MovingFrame, excitation: Exc
 
 
 def modes_in_bodies(form: SystemForm, size: int) -> Array:
-    """Coordinates of the assembled bodies of unit modes, (n, r')."""
+    """Coordinates (n, r') of the assembled bodies in the kernel's r' modes, some of which are padding.
+
+    `size` is r'.
+    """
     assembly = Assembly(form.system)
     modes = np.zeros((assembly.size, size))
     blocks = [modal.X[assembly.free[name]] for name, modal in form.forms.items()]
@@ -103,7 +108,7 @@ def modes_in_bodies(form: SystemForm, size: int) -> Array:
 
 
 def _path_rates(scene: Scene, frame: MovingFrame, t: Array) -> Array:
-    """Rates (T, n) of motions that are paths: at a kink the mean of both, which leads to the right place."""
+    """Rates (T, n) of the n drivers that are paths, 0 for others; at a kink the mean of both rates."""
     rates = np.zeros((len(t), len(frame.drivers)))
     before = np.maximum(np.nextafter(t, -np.inf), 0.0)
     for k, name in enumerate(frame.paths):
@@ -114,7 +119,10 @@ def _path_rates(scene: Scene, frame: MovingFrame, t: Array) -> Array:
 
 
 def base_motions(scene: Scene, t: Array) -> Array:
-    """Motion (T, 3, 6) at t (T,) s of directions that are held, and of what springs stand on, in m and rad."""
+    """Prescribed motion of the machine at t (T,) in s: values, rates, second rates (T, 3, 6) in m and rad.
+
+    For held directions that of the machine, for others that of the ground on which its springs stand.
+    """
     assert scene.frame is not None  # of a scene with a machine
     still, motions = Constant(amount=0.0), {} if scene.frame.base is None else scene.frame.base.motions
     signals = [motions.get(direction, still) for direction in DIRECTIONS]
@@ -123,21 +131,21 @@ def base_motions(scene: Scene, t: Array) -> Array:
 
 
 def units(scene: Scene) -> Array:
-    """(6,): m and rad of a unit of each direction."""
+    """Units (6,) of the directions in m and rad."""
     assert scene.frame is not None  # of a scene with a machine
     return np.repeat([1.0, 1.0 if scene.frame.unit == "rad" else np.pi / 180.0], 3)
 
 
-#: Newton's steps of a machine on its springs, m and rad by which places differ for a derivative, and what is round-off.
+#: Most Newton steps of a machine on its springs, increment in m and rad of numerical derivatives, and round-off.
 TRIALS, DIFFERENCE, ROUND_OFF = 30, 1e-4, 1e-12
-#: Steps between two looks at the keyboard.
+#: Steps in one call of the kernel, between which the user can interrupt.
 BLOCK = 1024
 
 
 def with_machine_moved(scene: Scene, system: System) -> tuple[Scene, System]:
-    """The scene with a frame that moves as its machine is found to, and the system with all inertia, as it is there.
+    """Scene with the machine's computed motion as that of its frame's base, and system with all inertia.
 
-    Both as they are where the scene has no machine.  Errors as for `machine_motion`.
+    Both are unchanged if the scene has no machine.  Errors as `machine_motion`.
     """
     if scene.frame is None or scene.frame.machine is None:
         return scene, system
@@ -146,7 +154,7 @@ def with_machine_moved(scene: Scene, system: System) -> tuple[Scene, System]:
 
 
 def machine_motion(scene: Scene, system: System) -> MachineMotion:
-    """Motion of the machine of a scene.
+    """Compute the motion of the machine of a scene, with the boom.
 
     Raises
     ------
@@ -159,7 +167,7 @@ def machine_motion(scene: Scene, system: System) -> MachineMotion:
 
 
 class MachineRun:
-    """A machine and its boom from the start on: the kernel takes the steps."""
+    """Simulation of a machine and its boom from the start on, with the kernel's steps."""
 
     def __init__(self, scene: Scene, system: System) -> None:
         frame = scene.frame
@@ -186,7 +194,7 @@ class MachineRun:
         self.carried, self._in_balance = Carried(state, machine), scene.start == "equilibrium"
 
     def run(self) -> MachineMotion:
-        """Take all steps."""
+        """Take all steps and return the motion; a SimulationError names the step that fails."""
         t, carried, started = self._excitation.times, self.carried, False
         try:
             self._begin()
@@ -207,7 +215,7 @@ class MachineRun:
         )
 
     def _begin(self) -> None:
-        """Start in equilibrium on the springs of the machine, with the accelerations of all together."""
+        """Set the initial state: as given, or in equilibrium on the machine's springs."""
         motion, states = self._given.copy(), dict[str, InitialState]()
         motion[:2, self._free] += self._begun[:, self._free]
         if self._in_balance:
@@ -217,20 +225,24 @@ class MachineRun:
         self.carried.start(motion, *start_modes(self.form, self._x[0], x_rate, states))
 
     def _rest_states(self, place: Array) -> dict[str, InitialState]:
-        """States of the bodies in equilibrium with the loads at t = 0 on a machine at rest there (6,)."""
+        """States of the bodies in equilibrium with the loads at t = 0 on a machine at rest at `place` (6,)."""
         motions = self._first.copy()
         motions[0, self._angles] = place[3:]
         f, c = np.split(self._kernel.frame_drivers(motions)[0][self._kernel.paths :], [self._kernel.inputs])
         return rest_states(self._assembly, self._x[0], f, c)
 
     def _balanced(self, motion: Array) -> Array:
-        """The motion with directions that springs carry where these are in equilibrium with weight and loads."""
+        """Motion (3, 6) with the free directions on springs moved to where these balance weight and loads.
+
+        Raises SimulationError if Newton's method finds no such equilibrium.
+        """
         sprung, motion = np.flatnonzero(self._free & self._sprung), motion.copy()
         if not len(sprung):
             return motion
         nothing, place = np.zeros(self._kernel.modes), motion[0].copy()
 
         def forces_at(at: Array) -> Array:
+            """Unbalanced forces of the directions on springs, with the machine at rest at `at` in these directions."""
             place[sprung] = at
             z, _ = start_modes(self.form, self._x[0], np.zeros_like(self._x[0]), self._rest_states(place))
             return self.carried.needed(np.vstack([place, np.zeros((2, 6))]), z, nothing, nothing)[sprung]

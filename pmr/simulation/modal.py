@@ -1,14 +1,12 @@
-r"""Modal form of a sliding body: M and K diagonalised at once, the moving rows carried along.
+r"""Modal form of a sliding body: M and K are diagonalised at once, and its moving rows are transformed.
 
 .. math::
     K X = M X \Omega^2, \qquad X^T M X = I, \qquad q = X z
 
-M, K and D of a sliding body never change, so this is done once; only m rows are left that do not fit in.
+M, K and D of a sliding body never change, so this is done once; only the m rows change from step to step.
 
-Products of dense matrices in extended precision, with the arithmetic of double precision.
-
-Each factor is split into its leading bits and the rest, A = A_h + A_l, so few of them that BLAS adds up A_h B_h without
-any rounding:
+Products of dense matrices in extended precision, with the arithmetic of double precision: each factor is split into its
+leading bits and the remainder, A = A_h + A_l, with so few leading bits that BLAS adds up A_h B_h without any rounding:
 
 .. math::
     A B = A_h B_h + (A_h B_l + A_l B)
@@ -43,10 +41,10 @@ SMALL = 64
 
 
 def product(A: Long, B: Long) -> Long:
-    """A B (m, n) of A (m, k) and B (k, n).
+    """Product A B (m, n) of A (m, k) and B (k, n) in extended precision.
 
-    Entries are off by some k 2^-73 of the largest entry of A's row times that of B's column, or by the rounding of the
-    result where this is more; as `numpy.longdouble` is, where that is no longer than a double.
+    Errors are at most some k 2^-73 of the largest entry of A's row times that of B's column, or the rounding of the
+    result if this is more; where `numpy.longdouble` is no longer than a double, its precision.
     """
     if A.shape[1] <= SMALL:
         return A @ B
@@ -57,7 +55,7 @@ def product(A: Long, B: Long) -> Long:
 
 
 def _split(A: Long, bits: int, axis: int) -> tuple[Array, Array]:
-    """The leading `bits` of each entry, counted from the largest one along the axis, and the rest."""
+    """Leading `bits` of each entry, counted from the largest entry along the axis, and the remainder."""
     _, exponent = np.frexp(np.abs(A).max(axis=axis, keepdims=True, initial=0.0).astype(float))
     rounds = np.ldexp(1.5, exponent + (52 - bits))
     plain = A.astype(float)
@@ -69,22 +67,22 @@ Array = NDArray[np.float64]
 
 #: Coordinates up to which a body is diagonalised densely.
 LARGEST = 3000
-#: Eigenvalues no further apart than this many times what couples them are left as they are: any mixture will do.
+#: Modes with eigenvalues no further apart than this many times their coupling are not rotated: any mixture will do.
 CLOSE = 1e3
 #: Share that Rayleigh's damping may leave besides the mass and stiffness that it is made of (shell of 18,000
 #: coordinates: 3e-12, solid of 20,000: 6e-10, as sharp as its modes are).
 CLASSICAL = 1e-8
 #: Modes are coupled by any other damping if it leaves more than this share between them, and more than the modes'
-#: own error, `ERROR`, makes of the rest.
+#: own error, `ERROR`, causes between them.
 COUPLED, ERROR = 1e-9, 1e-10
 
 
 @dataclass(frozen=True)
 class ModalForm:
-    """A body in its own modes, its supports' coordinates held."""
+    """A body in its natural modes, without the coordinates that supports hold."""
 
-    # M = I, K = diag(omega^2) in (rad/s)^2; D diagonal where damping is classical; its rows are those of the original
-    # that do more than hold one coordinate
+    # M = I, K = diag(omega^2) in (rad/s)^2; D diagonal if damping is classical; without the original's rows that
+    # only hold one coordinate
     body: ReducedModel
     X: Array  # q = X z (n, r); zero in the coordinates that are held
     inverse: Array  # X^T M (r, n): z = X^T M q
@@ -92,11 +90,14 @@ class ModalForm:
 
     @property
     def omega2(self) -> Array:
-        """Squares of the natural circular frequencies without the rows, (r,) in (rad/s)^2, ascending."""
+        """Squares (r,) in (rad/s)^2 of the natural circular frequencies without the rows.
+
+        They are ascending, but for coordinates without inertia, which come last.
+        """
         return np.diagonal(self.body.K)
 
     def start(self, initial: InitialState) -> InitialState:
-        """An initial state of the original in modal coordinates."""
+        """Initial state of the original body, in modal coordinates."""
         return InitialState(self.inverse @ initial.q, self.inverse @ initial.v)
 
     @property
@@ -106,11 +107,10 @@ class ModalForm:
 
 
 def modal_form(body: SlidingBody) -> ModalForm:
-    """Diagonalise M and K of a reduced body, or of a full one small enough to be dense.
+    """Diagonalise M and K of a reduced body, or of a full one with at most `LARGEST` coordinates.
 
-    Coordinates without inertia, which are modes already, stay what they are, behind all others.
-
-    An InputError is raised where M is not positive definite, or the body is too large.
+    Coordinates without inertia, which are modes already, are kept, after all others.  Raises InputError if M is not
+    positive definite, or the body is too large.
     """
     if body.size > LARGEST:
         allowed = f"the body has {body.size} coordinates, up to {LARGEST} are diagonalised; reduce it first"
@@ -137,13 +137,15 @@ def modal_form(body: SlidingBody) -> ModalForm:
 
 
 def support_forces(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
-    r"""Forces of a body on its rigid supports, (T, h) in N or N m, under loads (T, i).
+    r"""Forces (T, h) in N or N m of a body on its rigid supports, under loads (T, i).
 
-    Of `pmr.reduced.matrices`, with the accelerations that follow from the equations of motion:
+    The equations are those of `pmr.reduced.matrices`, with the accelerations from the equations of motion:
 
     .. math::
         \lambda_f = (\Phi^T - P V^T) B f - (\Phi^T D V - P D_r) \dot p - (\Phi^T K V - P K_r) p
         - (C \Phi - C_r P^T)^T \lambda, \qquad P = \Phi^T M V M_r^{-1}
+
+    No columns (T, 0) if the body has no rigid supports with known forces.
     """
     reactions = body.reactions
     if reactions is None:
@@ -155,7 +157,7 @@ def support_forces(body: SlidingBody, trajectory: Trajectory, loads: Array) -> A
 
 
 def inertia_share(body: SlidingBody, reactions: Reactions) -> Array:
-    """P (h, n) of `support_forces`; none in coordinates that supports hold."""
+    """Matrix P (h, n) of `support_forces`; zero for coordinates that supports hold."""
     free, P = np.setdiff1d(np.arange(body.size), list(body.held.values())), np.zeros((len(reactions.names), body.size))
     M, right = body.M[np.ix_(free, free)], reactions.inertia[:, free].T
     shares = spsolve(sp.csc_matrix(M), right).reshape(right.shape) if sp.issparse(M) else np.linalg.solve(M, right)
@@ -164,20 +166,20 @@ def inertia_share(body: SlidingBody, reactions: Reactions) -> Array:
 
 
 def forces_without_rows(body: SlidingBody, reactions: Reactions, trajectory: Trajectory, loads: Array) -> Array:
-    """`support_forces` but for the rows' share, (T, h)."""
+    """Forces (T, h) of `support_forces` without the term of the rows' multipliers lambda."""
     r, P = body.size, inertia_share(body, reactions)
     forces = loads @ (reactions.inputs - P @ body.B).T - trajectory.v @ (reactions.damping[:, :r] - P @ body.D).T
     return np.asarray(forces - trajectory.q @ (reactions.stiffness[:, :r] - P @ body.K).T)
 
 
 def diagonalise(M: Array, K: Array) -> tuple[Array, Array]:
-    """omega^2 (r,) ascending and X (r, r) with X^T M X = I and X^T K X = diag(omega^2).
+    """Eigenvalues omega^2 (r,), ascending, and modes X (r, r) with X^T M X = I and X^T K X = diag(omega^2).
 
     LAPACK leaves an error of eps times the largest eigenvalue in the low ones, which for a fine beam gives a rigid
-    rotation a stiffness and low modes a relative error of 1e-7.  Corrections to first order in the remaining
-    couplings, with products in extended precision where the machine has one, bring all pairs to round-off (Ogita,
-    Aishima: Iterative refinement for symmetric eigenvalue decomposition, Japan Journal of Industrial and Applied
-    Mathematics 35, 2018).  An InputError is raised where M is not positive definite.
+    rotation a stiffness and low modes a relative error of 1e-7.  Corrections to first order in the remaining couplings,
+    with products in extended precision where the machine has one, bring all pairs to round-off (Ogita, Aishima:
+    Iterative refinement for symmetric eigenvalue decomposition, Japan Journal of Industrial and Applied Mathematics 35,
+    2018).  An InputError is raised where M is not positive definite.
     """
     try:
         _, X = scipy.linalg.eigh(K, M)
@@ -192,12 +194,12 @@ def diagonalise(M: Array, K: Array) -> tuple[Array, Array]:
 
 
 def _refine_modes(M: Array, K: Array, X: Array) -> tuple[Array, Array]:
-    """Eigenvalues and vectors corrected to first order, products in the precision of M and K.
+    """Eigenvalues (r,) and modes X (r, r) corrected to first order, with products in the precision of M and K.
 
-    The correction E turns modes by its antisymmetric part A and stretches them by half the defect.  Rigid motions have
-    gaps of nothing but round-off, so what is divided by a gap is made symmetric before: a coupling that differs from
-    its transposed by round-off would leave that over the gap in X^T M X, 1e-11.  I + E would leave A^T A there, and
-    A may be as large as 1 / CLOSE; I + E + E^2 / 2 leaves A^4 / 4.
+    The correction E turns modes by its antisymmetric part A and scales them by half the defect.  Gaps between rigid
+    motions are nothing but round-off, so what is divided by a gap is made symmetric before: a coupling that differs
+    from its transpose by round-off would leave that over the gap in X^T M X, 1e-11.  I + E would leave A^T A in X^T M
+    X, and A may be as large as 1 / CLOSE; I + E + E^2 / 2 leaves A^4 / 4.
     """
     X = X.astype(M.dtype)
     defect = np.asarray(symmetric(np.eye(len(M)) - product(X.T, product(M, X))), float)  # from M-orthonormality
@@ -213,9 +215,9 @@ def _refine_modes(M: Array, K: Array, X: Array) -> tuple[Array, Array]:
 
 
 def modal_damping(D: Array, remainder: Array, omega2: Array, X: Array, rayleigh: Rayleigh | None) -> Array:
-    """X^T D X, exactly diagonal where damping is Rayleigh's or, but for round-off, modal.
+    """Matrix X^T D X (r, r), exactly diagonal if damping is Rayleigh's or, but for round-off, modal.
 
-    `remainder` is what D has beside alpha M + beta K; all of D where it is not Rayleigh's.
+    `remainder` is D - alpha M - beta K of the `rayleigh` damping; all of D if `rayleigh` is None.
     """
     classical = np.zeros_like(omega2) if rayleigh is None else rayleigh.modal(omega2)
     if np.linalg.norm(remainder) <= CLASSICAL * np.linalg.norm(D):

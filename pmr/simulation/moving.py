@@ -1,10 +1,10 @@
-"""A frame whose motion is given instant by instant: amplitudes of inputs and terms, for loops of one's own.
+"""A frame whose motion is given instant by instant: amplitudes of inputs and terms, for loops of a user's own.
 
-What drives a system whose frame moves are its *drivers*, each with its rate and its second rate: paths in m; loads as
-the scene names them, in N, and the gravity behind them; angles of the frame and of its base in rad; and, of which the
-value alone counts, accelerations of its base in m/s^2, along axes of the ground.
+A system whose frame moves has *drivers*, each with its rate and its second rate: paths in m; loads as the scene names
+them, in N, and the gravity behind them; angles of the frame and of its base in rad; and accelerations of its base in
+m/s^2, along ground axes, which have a value alone.
 
-The scene under which a reduced model was made, as far as its file remembers it: path, loads and time.
+Also the scene under which a reduced model was made, as far as its file stores it: path, loads and time.
 """
 
 from __future__ import annotations
@@ -40,24 +40,25 @@ _SIGNAL: TypeAdapter[Any] = TypeAdapter(Signal)
 
 @dataclass(frozen=True)
 class Recorded:
-    """Title, and excitation with a load for each of the inputs."""
+    """Title of a stored scene, and its excitation with a load for each of the inputs."""
 
     title: str
     excitation: Excitation
-    #: (i,) array: loads that a system starts with step by step, those at t = 0, and weight in full, however it rises
+    #: (i,) array: loads at t = 0 of a stepper, with the full weight even where it rises in time
     first_loads: Array
-    scene: Scene | None = None  #: Where more is known than what moves a body alone
+    scene: Scene | None = None  #: scene of a boom; None for a single body without a frame
 
     @property
     def static(self) -> bool:
-        """True if it starts in equilibrium with the loads, else at rest and undeformed."""
+        """Whether the system starts in equilibrium with the loads; otherwise at rest and undeformed."""
         return self.excitation.start == "equilibrium"
 
 
 def read_scene(system: System, source: str) -> Recorded:
-    """The scene in a system's provenance.
+    """Scene that is stored in a system's provenance.
 
-    Raises InputError of the file `source` if there is none, or anything but numbers stands where they belong.
+    Raises InputError, which names the file `source`, if there is no scene, or if it holds anything but numbers where
+    these belong.
     """
     try:
         scene = system.provenance["scene"]
@@ -74,7 +75,7 @@ def read_scene(system: System, source: str) -> Recorded:
 
 
 def _of_body(scene: Any, system: System) -> Recorded:
-    """Recorded start of a body alone, by the keys of its scene that all versions of files have."""
+    """Stored scene of a single body, read by the keys that all versions of files have."""
     loads = [_SIGNAL.validate_python(load["signal"]) for load in scene["loads"]]
     weight = Gravity.model_validate(scene["gravity"]) if scene.get("gravity") else None
     if weight is not None:
@@ -93,6 +94,7 @@ def _of_body(scene: Any, system: System) -> Recorded:
 
 
 def _of_sections(scene: Any, system: System) -> Recorded:
+    """Stored scene of a boom."""
     boom = stored_scene(scene, "provenance.scene", RECORDED)
     _check_steps(TimeStepping(boom.time.end, boom.time.step))
     if set(system.bodies) != set(boom.bodies) or not set(system.paths) <= set(boom.driven_paths):
@@ -101,13 +103,14 @@ def _of_sections(scene: Any, system: System) -> Recorded:
 
 
 def _check_steps(stepping: TimeStepping) -> TimeStepping:
+    """The time grid; a ValueError is raised for more than `MOST_STEPS` steps."""
     if stepping.steps > MOST_STEPS:
         raise ValueError(f"{stepping.steps} steps, at most {MOST_STEPS:,} steps are allowed")
     return stepping
 
 
 def of_boom(boom: Scene, system: System) -> Recorded:
-    """Recorded start of a boom of several sections: equilibrium under its full weight by default."""
+    """Scene of a boom as a record, with its loads at t = 0 under the full weight."""
     excitation = Excitation.of(boom)
     gravity = boom.gravity and boom.gravity.model_copy(update={"rise": 0.0})
     in_full = Excitation.of(boom.model_copy(update={"gravity": gravity}))
@@ -115,7 +118,11 @@ def of_boom(boom: Scene, system: System) -> Recorded:
 
 
 def path_ranges(system: System) -> dict[str, tuple[float, float]]:
-    """Smallest and largest s in m of each path in the scene of the sections; of others, where rows are defined."""
+    """Smallest and largest s in m of each path.
+
+    For sections, over the scene's time and within the rows' ranges; for a single body, or without a scene, the rows'
+    ranges.
+    """
     ranges = system.ranges
     try:
         excitation = None if ALONE in system.bodies else read_scene(system, "system").excitation
@@ -128,12 +135,13 @@ def path_ranges(system: System) -> dict[str, tuple[float, float]]:
 
 
 def _signals(scene: Any) -> list[Any]:
-    """Signals of a body alone, or of the sections of a boom: numbers, never the name of a reader's file."""
+    """Entries of joints, sliders and loads of a stored scene, which has one body or sections."""
     parts = [part for part in scene.get("sections", [scene]) if isinstance(part, dict)]
     return [part.get(key) for part in parts for key in ("joint", "slider", "loads")]
 
 
 def _names_a_file(data: Any) -> bool:
+    """Whether nested data contain a key ``file``."""
     if isinstance(data, dict):
         return "file" in data or any(map(_names_a_file, data.values()))
     return isinstance(data, list) and any(map(_names_a_file, data))
@@ -145,13 +153,16 @@ Indices = NDArray[np.int64]
 GRAVITY = "gravity"
 #: Angles that a frame and its base may have.
 OF_FRAME, OF_BASE = ANGLES[:2], ANGLES[2:]
-#: The quantity that is 1: products of fewer than so many factors have it in place of those that they lack.
+#: The quantity that is 1, and the factors of each product, which are filled up with it.
 ONE, FACTORS = ("one",), 3
 
 
 @dataclass(frozen=True)
 class MovingFrame:
-    """Amplitudes of inputs and terms as sums of products of quantities, and these from the drivers."""
+    """Amplitudes of inputs and terms of a system in a frame, as sums of products of quantities.
+
+    The drivers determine the quantities.  Sizes: n drivers, i inputs, K terms, q quantities, p products.
+    """
 
     scene: Scene
     paths: tuple[str, ...]
@@ -163,16 +174,19 @@ class MovingFrame:
 
     @classmethod
     def of(cls, system: System) -> MovingFrame | None:
-        """Frame of the scene in a system's provenance; None where it does not move, or there is no scene.
+        """Frame of the scene in a system's provenance; None without a scene or without a frame in it.
 
-        An InputError is raised as for `read_scene`, and where an input or a term is none of the scene's.
+        Raises InputError as `read_scene`, and if the scene does not drive an input or a term.
         """
         scene = read_scene(system, "system").scene if "scene" in system.provenance else None
         return None if scene is None or scene.frame is None else cls.in_scene(scene, system)
 
     @classmethod
     def in_scene(cls, scene: Scene, system: System) -> MovingFrame:
-        """Frame of a scene; an InputError is raised where a system has other inputs or terms."""
+        """Frame of a scene with a system's inputs and terms.
+
+        Raises InputError if the scene does not drive one of these.
+        """
         frame = scene.frame
         assert frame is not None  # of those who ask
         excitation = Excitation.of(scene)
@@ -190,23 +204,23 @@ class MovingFrame:
 
     @property
     def drivers(self) -> tuple[str, ...]:
-        """Names of the n drivers, in their order."""
+        """Names of the n drivers: paths, loads, angles, axes."""
         return (*self.paths, *self.loads, *self.angles, *self.axes)
 
     @cached_property
     def quantities(self) -> tuple[Quantity, ...]:
-        """All that the products have (q,), the first of which is `ONE`."""
+        """All q quantities of the products, each once; the first is `ONE`."""
         of = (quantity for products in (*self.inputs, *self.terms) for product in products for quantity in product.of)
         return tuple(dict.fromkeys([ONE, *of]))
 
     @cached_property
     def factors(self) -> Array:
-        """Factors (p,) of all products, those of inputs first."""
+        """Factors (p,) of all products, those of the inputs first."""
         return np.array([product.factor for products in (*self.inputs, *self.terms) for product in products])
 
     @cached_property
     def numbers(self) -> Indices:
-        """Numbers (p, 3) of the quantities in each product."""
+        """Indices (p, 3) of the three quantities in each product, in `quantities`; missing ones are `ONE`."""
         number, rows = {quantity: k for k, quantity in enumerate(self.quantities)}, list[list[int]]()
         for products in (*self.inputs, *self.terms):
             rows += [[number[k] for k in (*product.of, *[ONE] * (FACTORS - len(product.of)))] for product in products]
@@ -214,18 +228,19 @@ class MovingFrame:
 
     @cached_property
     def first(self) -> Indices:
-        """First product of each input and term, and the end of the last ones, (i + K + 1,)."""
+        """Indices (i + K + 1,) of the first product of each input and term; the last entry is the number p."""
         return np.cumsum([0, *map(len, (*self.inputs, *self.terms))])
 
     @property
     def load_numbers(self) -> slice:
-        """Numbers of the loads among the drivers."""
+        """Slice of the loads among the drivers."""
         return slice(len(self.paths), len(self.paths) + len(self.loads))
 
     def motions(self, excitation: Excitation, t: ArrayLike) -> Array:
-        """The drivers (3, n, ...) of the scene at times t (...) in s, kinks of paths spread as in its `excitation`.
+        """Values, rates and second rates (3, n, ...) of the drivers in the scene at the times t (...) in s.
 
-        Of loads and accelerations the value alone.
+        Second rates of paths are averaged over a step of the `excitation`; loads and accelerations have values alone,
+        and zeros otherwise.
         """
         at = np.asarray(t, float)
         motions = np.zeros((3, len(self.drivers), *at.shape))
@@ -240,7 +255,7 @@ class MovingFrame:
 
     @property
     def start(self) -> Array:
-        """The drivers (3, n) of the scene at t = 0, its weight in full."""
+        """Values, rates and second rates (3, n) of the drivers in the scene at t = 0, with the full weight."""
         motions = self.motions(Excitation.of(self.scene), 0.0)
         if self.scene.gravity is not None:
             motions[0, self.drivers.index(GRAVITY)] = self.scene.gravity.acceleration
@@ -248,7 +263,7 @@ class MovingFrame:
 
     @property
     def signals(self) -> tuple[SignalBase, ...]:
-        """Signals of the drivers (n,) in the scene."""
+        """Signals of the n drivers in the scene."""
         frame = self.scene.frame
         assert frame is not None
         angles = dict(zip(ANGLES, (*frame.angles, *frame.rocking), strict=False))
@@ -257,7 +272,7 @@ class MovingFrame:
         return tuple(signals[name] for name in self.drivers)
 
     def drives(self, excitation: Excitation) -> bool:
-        """Whether an excitation's paths, loads and amplitudes of terms are those of the scene on its time grid."""
+        """Whether an excitation has the paths, loads and amplitudes of terms that the scene has on its time grid."""
         if self.scene.frame is None or self.scene.frame.machine is not None:
             return False
         of_scene = Excitation.of(self.scene).on_grid(excitation.stepping)
@@ -267,7 +282,10 @@ class MovingFrame:
 def _products(
     names: tuple[str, ...], signals: Mapping[str, SignalBase], loads: Mapping[str, str]
 ) -> tuple[Products, ...]:
-    """Products of the named inputs or terms, by their signals; `loads` names loads that are no frame's."""
+    """Products of each named input or term, from its signal; `loads` are names for signals that no frame drives.
+
+    Raises InputError if a name has no signal.
+    """
     products = list[Products]()
     for name in names:
         if name not in signals:
@@ -279,7 +297,7 @@ def _products(
 
 
 def _loads(scene: Scene) -> dict[str, SignalBase]:
-    """Signals of the loads as the scene has them, by the names of their inputs, and of the gravity."""
+    """Signals of the loads by input name, as the scene gives them, and of the gravity."""
     sections = zip(scene.names, scene.sections, strict=True)
     signals: dict[str, SignalBase] = {
         input_of(name, load.name): load.signal for name, part in sections for load in part.loads

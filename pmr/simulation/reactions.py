@@ -1,14 +1,14 @@
 r"""Forces on the supports of a boom and on its machine, as columns of a response.
 
-Forces on the rigid supports of a system's bodies, from their motion (`pmr.reduced.matrices` has the equations).
+Forces on the rigid supports of a system's bodies follow from their motion (`pmr.reduced.matrices` has the equations).
 
-What a boom presses on its machine with: three forces and three moments about the pivot, in the boom's own axes.
+The force and the moment about the pivot by which a boom acts on its machine, in the boom's own axes, are
 
 .. math::
     F = \sum_k \lambda_k n_k, \qquad \mathfrak M = \sum_k (p + r_k) \times \lambda_k n_k
 
-over all that stands between the base and the ground: pads, supports, and cylinders that are supports, with their places
-r_k from the base's tail, which is p from the pivot.  As supports they are positive along the axes.
+over all connections k between the base section and the ground: pads, supports, and cylinders that are supports, at r_k
+from the tail of the base section, which is at p from the pivot.  As for supports, positive is along the axes.
 """
 
 from __future__ import annotations
@@ -50,12 +50,15 @@ Supports = Sequence[tuple[str, str]]  # names and units of rigid supports
 
 
 def is_reaction(contact: Contact) -> bool:
-    """Whether a contact is a rigid support of a section, as one of a full body that holds several coordinates."""
+    """Whether a contact is a rigid support: of kind ``support``, without compliance and clearance."""
     return contact.kind == "support" and contact.compliance == 0.0 and contact.clearance is None
 
 
 def with_support_reactions(response: Response, system: System, trajectory: SystemTrajectory) -> Response:
-    """Add forces on rigid supports; of full bodies of several, or with terms, where supports are contacts."""
+    """Add forces on rigid supports to a response.
+
+    Reduced bodies have matrices for these; supports of full bodies that are contacts have forces in the trajectory.
+    """
     of_bodies, reactions, first = dict[str, Supports](), dict[str, Array](), 0
     for name, body in system.bodies.items():
         loads = trajectory.loads[:, first : first + len(body.input_names)]
@@ -87,7 +90,7 @@ def with_support_reactions(response: Response, system: System, trajectory: Syste
 
 
 def on_rows(system: System, body: SlidingBody, motion: Trajectory) -> Trajectory:
-    """The motion of a body alone with the path coordinate (T,), and multipliers of all of its rows."""
+    """Motion of a single body with the path coordinate s (T,), and with multipliers of all rows of the body."""
     multipliers = np.zeros((len(motion.t), len(body.row_names)))
     moving = 0
     for k, side in enumerate(system.sides):
@@ -98,7 +101,10 @@ def on_rows(system: System, body: SlidingBody, motion: Trajectory) -> Trajectory
 
 
 def _of_terms(system: System, name: str, P: Array, trajectory: SystemTrajectory) -> Array | float:
-    """Part of the forces (T, h) on a body's rigid supports that terms that vary in time carry."""
+    """Component due to terms that vary in time of the forces (T, h) on a body's rigid supports; 0.0 without terms.
+
+    P (h, n) is that of `inertia_share`.
+    """
     total: Array | float = 0.0
     if trajectory.amplitudes is None:
         return total
@@ -114,7 +120,10 @@ def _of_terms(system: System, name: str, P: Array, trajectory: SystemTrajectory)
 
 
 def with_reactions(response: Response, of_bodies: Mapping[str, Supports], forces: Mapping[str, Array]) -> Response:
-    """Add the forces (T, h) of rigid supports, by body, after all other outputs."""
+    """Add the `forces` (T, h) of rigid supports by body, after all other outputs of the response.
+
+    `of_bodies` are the supports' names and units by body.
+    """
     if not forces:
         return response
     supports = [
@@ -126,7 +135,7 @@ def with_reactions(response: Response, of_bodies: Mapping[str, Supports], forces
 
 
 def at_pivot(scene: Scene, response: Response) -> Response:
-    """Add force and moment at the pivot, where the scene has a frame and all of their parts are known."""
+    """Add the force and moment at the pivot; response unchanged without a frame, or if a force is unknown."""
     if scene.frame is None:
         return response
     total, parts = np.zeros((len(response.t), 6)), dict(zip(response.force_names, response.slider_force.T, strict=True))
@@ -148,7 +157,7 @@ def at_pivot(scene: Scene, response: Response) -> Response:
 
 
 def with_luffing_cylinder(scene: Scene, response: Response) -> Response:
-    """Add the luffing cylinder's force in N, positive where it presses, if hinges and moment are known."""
+    """Add the luffing cylinder's force in N, positive in compression, if the scene has one and the force is known."""
     if scene.frame is None or scene.frame.cylinder is None:
         return response
     if scene.holding_cylinder is not None:
@@ -162,12 +171,13 @@ def with_luffing_cylinder(scene: Scene, response: Response) -> Response:
 
 
 def with_force_of_pin(scene: Scene, response: Response) -> Response:
-    r"""Add forces of a pin at the pivot that bears what the luffing cylinder F along d does not.
+    r"""Add the luffing cylinder's force F along d to the forces of the supports that represent a pin at the pivot.
 
     .. math:: F_{pin} = \sum_k \lambda_k n_k + F d
 
-    over pin and support across the boom, which stands for the cylinder in the model: so the pin bears its thrust along
-    the boom, and what a lug beside the axis takes across it.  Any other base stays as it is.
+    The sum is over the pin's supports and the support across the boom that represents the cylinder in the model: so the
+    pin carries the cylinder's thrust along the boom, and across the boom the difference between the cylinder's force
+    and that support's.  Response unchanged if the base is held in another way, or a force is unknown.
     """
     held = pin_and_cylinder(scene)
     if held is None or CYLINDER not in response.other_names or not set(held.pin) <= set(response.other_names):
@@ -182,7 +192,7 @@ def with_force_of_pin(scene: Scene, response: Response) -> Response:
 
 
 def _force(response: Response, names: Sequence[str]) -> Array:
-    """A force (T,) that a response has under one of some names."""
+    """Force (T,) of a response, under the first of `names` that it has."""
     name = next(label for label in names if label in response.force_names or label in response.other_names)
     if name in response.force_names:
         return response.slider_force[:, response.force_names.index(name)]
@@ -190,13 +200,13 @@ def _force(response: Response, names: Sequence[str]) -> Array:
 
 
 def with_forces_on_machine(scene: Scene, response: Response) -> Response:
-    """Add force and moment at the pivot, and forces of luffing cylinder and pin, where the scene has them."""
+    """Add force and moment at the pivot, and forces of luffing cylinder and pin, if the scene has them."""
     return with_force_of_pin(scene, with_luffing_cylinder(scene, at_pivot(scene, response)))
 
 
 @dataclass(frozen=True)
 class Called:
-    """Names, units and kinds of the columns of a response."""
+    """Names, units and kinds of a response's columns: outputs in m, outputs in N, all others."""
 
     moved: tuple[str, ...]  # of the outputs in m
     forces: tuple[str, ...]  # of those in N
@@ -208,7 +218,7 @@ class Called:
 
 
 def column_names(body: Observed) -> Called:
-    """Names of a body's outputs."""
+    """Names, units and kinds of a body's outputs."""
     kinds, names, units = (np.array(of(body), dtype=object) for of in (kinds_of, names_of, units_of))
     lengths, forces, other = length_outputs(body), force_outputs(body), other_outputs(body)
     return Called(

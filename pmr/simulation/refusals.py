@@ -1,4 +1,4 @@
-"""Why a simulation is refused or fails: needs of the bodies on their way, and failed steps in words."""
+"""Why a simulation is refused or fails: what a system needs of a simulator, and failures in words."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MOST_NAMES = 3
 
 
 def describe_dependence(C: Array, names: Sequence[str]) -> str:
-    """Which of the rows C (m, n) depend on each other; `names` begin with theirs."""
+    """Text that names the rows of C (m, n) that depend on each other; `names` begin with those of the rows."""
     involved = dependence_of_rows(C, names[: len(C)]).names
     if len(involved) == 1:
         return f"the row {involved[0]} vanishes"
@@ -27,13 +27,16 @@ def describe_dependence(C: Array, names: Sequence[str]) -> str:
 
 
 def describe_unsettled(names: Sequence[str], pushes: NDArray[np.bool_]) -> str:
-    """Which contacts are neither open nor closed after as many solves as the kernel takes."""
+    """Text that names the contacts that only push, which did not settle as open or closed within the kernel's limit.
+
+    `pushes` (m,) is their mask.
+    """
     pushing = ", ".join(name for name, only_pushes in zip(names, pushes, strict=True) if only_pushes)
     return f"which of the rows {pushing} are closed was not settled in 1000 solves"
 
 
 def describe_divergence(term_names: Sequence[str], contacts: Sequence[Contact], iterations: int) -> str:
-    """Forces of terms and friction that do not converge in so many iterations of a step."""
+    """Text about forces of terms and friction that do not converge in `iterations` iterations of a step."""
     causes = [*term_names, *(f"friction of {joint}" for joint in joints_of(contacts))]
     further = len(causes) - MOST_NAMES
     names = ", ".join(causes[:MOST_NAMES]) + (f" and {further} more" if further > 0 else "")
@@ -44,7 +47,17 @@ def describe_divergence(term_names: Sequence[str], contacts: Sequence[Contact], 
 
 
 def needs_of(system: Joined[Body], rigid: NDArray[np.bool_], x: Array, rho_inf: float) -> Needs:
-    """Needs of bodies that contacts join, of which a mask (m,) has the rigid ones, along x (T, sides) m."""
+    """Needs of a system that a simulator has to support: contacts that push, are rigid, give way, move or rub.
+
+    Parameters
+    ----------
+    rigid : (m,) mask
+        The rigid contacts.
+    x : (T, sides) array, m
+        Positions of the sides of all contacts.
+    rho_inf : float
+        Spectral radius at infinite frequency.
+    """
     pushing, moving = ~np.isnan(system.clearance), np.zeros(len(rigid), bool)
     for side, at in zip(system.sides, x.T, strict=True):
         moving[side.contact] |= np.any(at != at[0])
@@ -52,6 +65,7 @@ def needs_of(system: Joined[Body], rigid: NDArray[np.bool_], x: Array, rho_inf: 
     rubs = Friction.of(system.contacts)
 
     def names(which: NDArray[np.bool_]) -> tuple[str, ...]:
+        """Names of the contacts of a mask (m,)."""
         return tuple(name for name, chosen in zip(system.contact_names, which, strict=True) if chosen)
 
     return Needs(

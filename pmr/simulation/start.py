@@ -1,19 +1,19 @@
-r"""A consistent start of bodies and what holds them.
+r"""A consistent initial state of bodies and the contacts and supports that hold them.
 
 .. math::
     C(s_0)\, q_0 = 0, \qquad C(s_0)\, v_0 + \dot s_0\, C'(s_0)\, q_0 = 0
 
-An initial velocity that violates the second equation is corrected by the change of least kinetic energy, that
-is M-orthogonally, as an impulse of the sliders would do it:
+An initial velocity that violates the second equation is corrected by the change of least kinetic energy, that is
+M-orthogonally, as an impulse of the sliders would do it:
 
 .. math::
     \begin{bmatrix} M & C^T \\ C & 0 \end{bmatrix} \begin{bmatrix} \Delta v \\ \mu \end{bmatrix}
     = \begin{bmatrix} 0 \\ -C v_0 - \dot s_0 C' q_0 \end{bmatrix}
 
-Eich: Convergence results for a coordinate projection method applied to mechanical systems with algebraic
-constraints, SIAM Journal on Numerical Analysis 30, 1993.
+Eich: Convergence results for a coordinate projection method applied to mechanical systems with algebraic constraints,
+SIAM Journal on Numerical Analysis 30, 1993.
 
-What pads hold by friction (`pmr.system.contacts`) from step to step, by the law of the compiled loop.
+Also the friction of pads (`pmr.system.contacts`) from step to step, by the law of the compiled loop.
 """
 
 from __future__ import annotations
@@ -36,30 +36,44 @@ from pmr.system.contacts import Contact, Friction
 
 Array = NDArray[np.float64]
 
-#: Violation of a row that counts as round-off, relative to what its entries make of the largest coordinate.
+#: Violation of a row that counts as round-off, over the sum of its entries' sizes times the largest coordinate.
 ROW_TOLERANCE = 1e-8
 
 
 @dataclass(frozen=True)
 class InitialState:
-    """Coordinates q (n,) and velocities v (n,) at t = 0, in the units of the body's coordinates (and 1/s)."""
+    """Coordinates q (n,) and velocities v (n,) at t = 0, in the units of the body's coordinates (per second for v)."""
 
     q: Array
     v: Array
 
     @classmethod
     def at_rest(cls, size: int) -> InitialState:
-        """Undeformed and without velocity."""
+        """State of a body with `size` coordinates, undeformed and without velocity."""
         return cls(np.zeros(size), np.zeros(size))
 
 
 def consistent_start(
     assembly: Assembly, x: Array, x_rate: Array, initial: Mapping[str, InitialState]
 ) -> dict[str, InitialState]:
-    """The start of each body of a system that `initial` means; those that are missing are at rest and undeformed.
+    """Initial state of each body; bodies that `initial` does not name are at rest and undeformed.
 
-    The contacts' places are at x (sides,) m and move by x_rate (sides,) m/s at t = 0.  Velocities are corrected where
-    they violate rigid contacts or supports; an InputError is raised where a size is wrong or a position violates one.
+    Velocities that violate rigid contacts or supports are corrected.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    x : (sides,) array, m
+        Positions of the sides of all contacts at t = 0.
+    x_rate : (sides,) array, m/s
+        Their rates at t = 0.
+    initial : mapping of str to InitialState
+        Initial states by the bodies' names.
+
+    Raises
+    ------
+    InputError
+        If a size is wrong, a position violates a rigid contact or support, or rigid contacts depend on each other.
     """
     system, bodies = assembly.system, assembly.system.bodies
     starts = {
@@ -89,7 +103,7 @@ def consistent_start(
 
 
 def _let_go(body: SlidingBody, v: Array) -> Array:
-    """Velocities (n,) without those that supports hold at zero, taken away with the least kinetic energy."""
+    """Velocities (n,) of a body after those that supports hold at zero are removed, with the least kinetic energy."""
     held, v = np.array(list(body.held.values()), np.int64), v.copy()
     if np.any(v[held]):
         free = np.setdiff1d(np.arange(body.size), held)
@@ -100,21 +114,21 @@ def _let_go(body: SlidingBody, v: Array) -> Array:
 
 
 def check_state(initial: InitialState, size: int) -> InitialState:
-    """The state as arrays; an InputError if q or v are not `size` finite values."""
+    """State as float arrays; an InputError is raised if q or v are not `size` finite values."""
     return InitialState(*(_vector(name, getattr(initial, name), size) for name in ("q", "v")))
 
 
 def row_drift(C: Array, C_t: Array, start: InitialState) -> Array | None:
-    """C v + C_t q, (m,) in m/s, for rows C and their rates C_t (m, n); None where it is round-off."""
+    """Violation C v + C_t q (m,) in m/s of rows C (m, n) with rates C_t (m, n); None if it is round-off."""
     drift = C @ start.v + C_t @ start.q
     scale = _magnitude(C, start.v) + _magnitude(C_t, start.q)
     return None if np.all(np.abs(drift) <= ROW_TOLERANCE * scale) else np.asarray(drift)
 
 
 def check_position(C: Array, q: Array, names: tuple[str, ...], largest: float = 0.0) -> None:
-    """Refuse with an InputError a position that violates a row of C (m, n), by the first such row.
+    """Raise InputError if q (n,) violates a row of C (m, n), with the first such row's name.
 
-    `largest` may be a larger coordinate than those in q.
+    `names` are those of the rows; `largest` is a size of coordinates below which q does not lower the tolerance.
     """
     for name, excess, scale in zip(names, np.abs(C @ q), _magnitude(C, q, largest), strict=True):
         if excess > ROW_TOLERANCE * scale:
@@ -123,7 +137,10 @@ def check_position(C: Array, q: Array, names: tuple[str, ...], largest: float = 
 
 
 def _impulse(M: Any, C: Array, drift: Array, names: tuple[str, ...]) -> Array:
-    """Change of velocity (n,) of least kinetic energy whose row values are `drift` (m,)."""
+    """Change of velocity (n,) of least kinetic energy with C dv = `drift` (m,).
+
+    Raises InputError if the rows depend on each other.
+    """
     right = np.concatenate([np.zeros(M.shape[0]), drift])
     if sp.issparse(M):
         with warnings.catch_warnings():
@@ -139,17 +156,18 @@ def _impulse(M: Any, C: Array, drift: Array, names: tuple[str, ...]) -> Array:
 
 
 def check_impulse(achieved: Array, drift: Array, names: tuple[str, ...]) -> None:
-    """Refuse with an InputError rows whose values `achieved` (m,) are not the `drift` that was asked for."""
+    """Raise InputError if row values `achieved` (m,) differ from `drift` (m,), as the rows depend on each other."""
     if not np.allclose(achieved, drift, rtol=0.0, atol=1e-6 * np.abs(drift).max()):
         raise InputError("initial state", "v", None, f"the rows {', '.join(names)} depend on each other")
 
 
 def _magnitude(C: Array, q: Array, largest: float = 0.0) -> Array:
-    """Bound (m,) of C q."""
+    """Upper bound (m,) of |C q| for coordinates as large as the largest of q, or `largest`."""
     return np.asarray(np.abs(C).sum(axis=1) * np.abs(q).max(initial=largest))
 
 
 def _vector(name: str, values: Any, size: int) -> Array:
+    """Values as a float array (size,); an InputError is raised if they are none or not finite."""
     vector = np.asarray(values, dtype=float)
     if vector.shape != (size,) or not np.all(np.isfinite(vector)):
         allowed = f"{size} finite values are allowed, found an array of shape {vector.shape}"
@@ -158,22 +176,22 @@ def _vector(name: str, values: Any, size: int) -> Array:
 
 
 def dense(A: Any) -> Array:
-    """A matrix as a dense array."""
+    """Matrix as a dense array."""
     return np.asarray(A.toarray() if sp.issparse(A) else A, dtype=float)
 
 
 @dataclass(frozen=True)
 class Grip:
-    """Friction of n pads in J joints at the end of a step; empty without any."""
+    """Friction of n pads in J joints at the end of a step; all arrays are empty if there is no friction."""
 
     forces: Array = field(default_factory=lambda: np.zeros(0))  # (n,) N
-    s: Array = field(default_factory=lambda: np.zeros(0))  # (J,) m: where the paths lead
-    drives: Array = field(default_factory=lambda: np.zeros(0))  # (J,) N: of the cylinders
-    limits: Array = field(default_factory=lambda: np.zeros(0))  # (n,) N: at which pads slide
+    s: Array = field(default_factory=lambda: np.zeros(0))  # (J,) m: path coordinates
+    drives: Array = field(default_factory=lambda: np.zeros(0))  # (J,) N: forces of the cylinders; 0 without a cylinder
+    limits: Array = field(default_factory=lambda: np.zeros(0))  # (n,) N: friction at which pads slide
 
     @classmethod
     def at_start(cls, contacts: Sequence[Contact], s: Array, multipliers: Array) -> Grip:
-        """Grip at the start, at s (J,) m, without friction."""
+        """State at the start, with paths at s (J,) m and contact `multipliers` (m,) N, and without friction."""
         law = Friction.of(contacts)
         if law is None:
             return cls()
@@ -182,9 +200,22 @@ class Grip:
 
 
 def slide(law: Friction, old: Grip, sums: Array, s: Array, h: float, multipliers: Array, matrix: Array) -> Grip:
-    """Grip after a step of h s to s (J,) m with multipliers (m,) N, solved under joints' friction `sums` (J,) N.
+    """Friction state after a step of h s.
 
-    `matrix` (m, m) is that of the multipliers, of which the diagonal counts.
+    Parameters
+    ----------
+    law : Friction
+    old : Grip
+        State at the beginning of the step.
+    sums : (J,) array, N
+        Friction of each joint with which the step was solved.
+    s : (J,) array, m
+        Path coordinates at the end of the step.
+    h : float, s
+    multipliers : (m,) array, N
+        Contact forces at the end of the step.
+    matrix : (m, m) array
+        Matrix of the equations for the multipliers; only its diagonal is used.
     """
     forces, limits = np.zeros((2, len(old.forces)))
     driven = np.where(law.cylinders < 0, 0.0, multipliers[law.cylinders])

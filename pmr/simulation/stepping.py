@@ -1,12 +1,11 @@
-r"""Time grid of a simulation, its steps block by block, and what signals do between them.
+r"""Time grid of a simulation, its steps block by block, and checks of what signals do between the steps.
 
-What signals do between the steps of a simulation, which no simulator sees.
+A simulator sees its signals at the steps alone.  A tone of frequency f sampled with the step h looks like one of
+:math:`|f - k / h|` with the whole number k that makes this smallest (Nyquist, Shannon); below 1 / (2 h) that is f
+itself, and between two samples it exceeds both by up to :math:`A (1 - \cos \pi f h)`, with the amplitude A.  Breaks of
+a signal are checked one by one.
 
-A tone of frequency f sampled with the step h looks like one of :math:`|f - k / h|` with the whole number k that makes
-this smallest (Nyquist, Shannon); below 1 / (2 h) that is f itself, and between two samples it rises by up to
-:math:`A (1 - \cos \pi f h)` beyond both.  Knots and jumps are looked at one by one.
-
-A simulation block by block: coordinates of all steps at once are kept only by those who ask for them.
+A simulation hands over its steps in blocks, so that the coordinates of all steps are stored only if asked for.
 """
 
 from __future__ import annotations
@@ -41,10 +40,10 @@ class TimeStepping:
     rho_inf : float
         Spectral radius at infinite frequency: 1 keeps all energy, 0 removes the highest frequencies at once.
     parts : int
-        Equal parts of a step in which rows that only push are followed; 0, the default: as many as their contact takes
-        (`pmr.simulation.contact_step`).  Without such rows a step is one.
+        Number of equal parts into which each step is divided if contacts only push; 0, the default: as many as these
+        contacts need (`pmr.simulation.contact_step`).  Without such contacts a step is not divided.
     schedule : tuple of int
-        Instead of it, the parts of each step: 1, 2, 4 and so on, as a simulation of a system chose them.
+        Number of parts of each step, instead of `parts`: 1, 2, 4 and so on, as another simulation chose them.
 
     Raises
     ------
@@ -72,6 +71,7 @@ class TimeStepping:
 
     @property
     def steps(self) -> int:
+        """Number of steps."""
         return round(self.end / self.step)
 
     def divide(self, parts: int) -> TimeStepping:
@@ -80,32 +80,33 @@ class TimeStepping:
 
     @property
     def times(self) -> Array:
-        """(steps + 1,) s, 0 included."""
+        """Times (steps + 1,) in s of the steps, t = 0 included."""
         return np.arange(self.steps + 1) * self.step
 
 
-#: Share of its own range by which a signal may leave, between two steps, what it is at these.
+#: Share of its own range by which a signal may exceed, between two steps, its values at these.
 UNSEEN = 0.05
-#: Steps a period from which on a tone keeps to that: (1 - cos(pi / n)) / 2 < `UNSEEN`.
+#: Steps n in a period from which on a tone satisfies `UNSEEN`: (1 - cos(pi / n)) / 2 < `UNSEEN`.
 STEPS_A_PERIOD = 7
 
 
 def unseen(signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
-    """Lines that say what of each named signal is lost between the steps; empty where nothing is."""
+    """Warnings, one line for each feature of a named signal that is lost between the steps; empty if none is."""
     return [f"{name}: {what}" for name, signal in signals for what in _lost(signal, stepping)]
 
 
 def overshoots(signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
-    """Tables whose curve leaves what they hold by more than `UNSEEN` of its range; a line each."""
+    """Warnings, one line for each table whose curve exceeds the table's values by more than `UNSEEN` of their range."""
     return [f"{name}: {what}" for name, signal in signals for part in signal.parts for what in _beyond(part, stepping)]
 
 
 def is_aliased(signal: SignalBase, stepping: TimeStepping) -> bool:
-    """Whether the signal has a tone that looks like a slower one at the steps."""
+    """Whether the signal has a tone of at least half the sampling rate, which looks slower at the steps."""
     return 2.0 * signal.highest_frequency(0.0, stepping.end) * stepping.step >= 1.0
 
 
 def _lost(signal: SignalBase, stepping: TimeStepping) -> Iterator[str]:
+    """Yield a line for each tone of a signal that the steps do not follow, and for its largest overshoot."""
     h = stepping.step
     for part in signal.parts:
         f = part.highest_frequency(0.0, stepping.end)
@@ -124,6 +125,7 @@ def _lost(signal: SignalBase, stepping: TimeStepping) -> Iterator[str]:
 
 
 def _beyond(part: SignalBase, stepping: TimeStepping) -> Iterator[str]:
+    """Yield a line if a signal is a table whose curve exceeds its values between the knots."""
     if not isinstance(part, Table):
         return
     knots = [0.0, *(t for t in part.times if 0.0 < t < stepping.end), stepping.end]
@@ -139,11 +141,15 @@ def _beyond(part: SignalBase, stepping: TimeStepping) -> Iterator[str]:
 
 
 def _fine_enough(f: float) -> str:
+    """Text with the step that follows a tone of f Hz."""
     return f"steps of {rounded_down(1.0 / (STEPS_A_PERIOD * f))} s or less follow it"
 
 
 def _overshoot(signal: SignalBase, stepping: TimeStepping) -> tuple[float, float]:
-    """By how much of its range a signal leaves, at its breaks, what the steps around them see; and when, in s."""
+    """Largest overshoot of a signal at its breaks beyond the values at the steps around, and the time of it in s.
+
+    The overshoot is a share of the signal's whole range; (0, 0) if the signal has no breaks or is constant.
+    """
     steps, h, breaks = stepping.steps, stepping.step, np.array(signal.breaks)
     breaks = breaks[(breaks > 0.0) & (breaks < stepping.end)]
     low, high = signal.bounds(0.0, stepping.end)
@@ -163,15 +169,15 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Block:
-    """Some steps in a row; the first of them is the last of the block before, or the start."""
+    """Consecutive steps of a simulation; the first of them is the last step of the block before, or the start."""
 
     first: int  # number of its first step
     count: int
-    #: Some of its steps, by their numbers from the first one on; valid until the next block: what is kept is copied.
+    #: Trajectory of some of its steps, by numbers from 0 on; valid until the next block: copy what you keep.
     at: Callable[[Indices | slice], SystemTrajectory]
 
 
-#: Seconds from which on blocks get no longer, where they begin with few steps.
+#: Blocks that take less than this many seconds are followed by longer ones.
 BRIEF = 0.05
 
 #: Functions that each block is passed to, in order.
@@ -180,24 +186,25 @@ Take = Callable[[Block], None]
 
 @dataclass(frozen=True)
 class Ended:
-    """Figures at the end of a simulation: the solver's wall time in s, and the `surplus` of a trajectory."""
+    """End of a simulation: the solver's wall time in s, and the trajectory's `surplus` of energy."""
 
     seconds: float
     surplus: float
 
 
 class Recorder:
-    """Takes blocks and records some of their steps (S,), ascending."""
+    """Callable that takes blocks and records some of their steps; `steps` (S,) are their numbers, ascending."""
 
     def __init__(self, steps: Indices) -> None:
         self._steps = steps
         self._recorded: SystemTrajectory | None = None
 
     def __call__(self, block: Block) -> None:
+        """Record the selected steps of a block; without any, the first block only sets the arrays' shapes."""
         low, high = np.searchsorted(self._steps, [block.first, block.first + block.count])
         if self._recorded is not None and low == high:
             return
-        # Numbers in a row are taken as they stand, in a fifth of the time.
+        # A whole block is taken without indexing, in a fifth of the time.
         some = block.at(slice(None) if high - low == block.count else self._steps[low:high] - block.first)
         if high - low == len(self._steps):
             self._recorded = some.map_arrays(_own)
@@ -208,13 +215,13 @@ class Recorder:
             stored[low:high] = array
 
     def trajectory(self, ended: Ended) -> SystemTrajectory:
-        """The recorded steps."""
+        """Trajectory of the recorded steps, with the solver's time and surplus."""
         assert self._recorded is not None  # as every simulation has a block
         return replace(self._recorded, seconds=ended.seconds, surplus=ended.surplus)
 
 
 def _own(array: NDArray[Any]) -> NDArray[Any]:
-    """The array, or a copy where it is a view of what others may still write to."""
+    """The array, or a copy if it is a view of memory that others may overwrite."""
     return np.ascontiguousarray(array) if array.flags.owndata else array.copy()
 
 
@@ -226,10 +233,22 @@ def in_blocks(
     taken: Callable[[int, int], None],
     progress: Progress | None,
 ) -> float:
-    """Steps 1 to `end`, the latter excluded, `most` of them at once; the seconds that `advance` took.
+    """Advance steps 1 to `end` - 1 in blocks, and return the wall time in s spent in `advance`.
 
-    It takes steps first to last, the latter excluded; then `taken` learns of them, and `progress` of the share that is
-    done.  Where steps may be as `heavy` as so many, the first blocks are smaller.
+    Parameters
+    ----------
+    end : int
+        Number of the step after the last one.
+    most : int
+        Most steps of a block.
+    heavy : int
+        A step may cost as much as this many ordinary ones: the first blocks are smaller by this factor.
+    advance : callable
+        Takes the steps first to last - 1; called as ``advance(first, last)``.
+    taken : callable
+        Called as ``taken(first, last)`` after each block.
+    progress : callable, optional
+        Called after each block with the share of all steps that is done.
     """
     first, seconds, size = 1, 0.0, max(1, most // heavy)
     while first < end:

@@ -1,4 +1,4 @@
-"""modelDescription.xml of FMI 2.0 and 3.0, and the build description of 3.0."""
+"""modelDescription.xml of FMI 2.0 and 3.0, and buildDescription.xml of FMI 3.0."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pmr import __version__
 from pmr.errors.text import visible
 from pmr.export.fmi.variables import STARTS, Variable, rate_unit
 
-#: Exponents of the base units of SI, and a factor where there is one.
+#: Exponents of the SI base units of each unit, and its factor where that is not 1.
 _UNITS: dict[str, dict[str, float]] = {
     "1": {},
     "s": {"s": 1},
@@ -30,19 +30,19 @@ UNITS = _UNITS | {
 
 @dataclass(frozen=True)
 class Described:
-    """Attributes of a model as a whole."""
+    """Attributes of a whole model in its description."""
 
-    identifier: str  #: Of C: the name of the binaries
+    identifier: str  #: C identifier: the name of the binaries
     title: str
     token: str
-    model_exchange: bool  #: Whether there is an interface for Model Exchange, beside that for Co-Simulation
+    model_exchange: bool  #: Whether there is a Model Exchange interface in addition to Co-Simulation
     sources: Sequence[str]
     end: float  #: s, of the reference trajectory
     step: float  #: s, of the reference trajectory
 
 
 def description_2(model: Described, variables: Sequence[Variable]) -> str:
-    """modelDescription.xml of FMI 2.0."""
+    """Text of modelDescription.xml of FMI 2.0."""
     root = _root(model, "2.0", {"guid": model.token, "numberOfEventIndicators": "0"})
     can = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true", "providesDirectionalDerivative": "true"}
     steps = {
@@ -78,7 +78,7 @@ def description_2(model: Described, variables: Sequence[Variable]) -> str:
 
 
 def description_3(model: Described, variables: Sequence[Variable]) -> str:
-    """modelDescription.xml of FMI 3.0."""
+    """Text of modelDescription.xml of FMI 3.0."""
     root = _root(model, "3.0", {"instantiationToken": model.token})
     can = {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true", "providesDirectionalDerivatives": "true"}
     steps = {"canHandleVariableCommunicationStepSize": "true", "maxOutputDerivativeOrder": "1"}
@@ -105,7 +105,7 @@ def description_3(model: Described, variables: Sequence[Variable]) -> str:
 
 
 def build_description(model: Described) -> str:
-    """sources/buildDescription.xml of FMI 3.0."""
+    """Text of sources/buildDescription.xml of FMI 3.0."""
     root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
     build = ET.SubElement(root, "BuildConfiguration", modelIdentifier=model.identifier)
     files = ET.SubElement(build, "SourceFileSet", language="C11")
@@ -115,6 +115,7 @@ def build_description(model: Described) -> str:
 
 
 def _root(model: Described, version: str, more: dict[str, str]) -> ET.Element:
+    """Root element fmiModelDescription of a version of FMI, with attributes `more`."""
     return ET.Element(
         "fmiModelDescription",
         {
@@ -129,12 +130,13 @@ def _root(model: Described, version: str, more: dict[str, str]) -> ET.Element:
 
 
 def _interfaces(model: Described, of_steps: dict[str, str]) -> list[tuple[str, dict[str, str]]]:
+    """Interfaces (element's name, further attributes): ModelExchange if supported, and CoSimulation with `of_steps`."""
     interfaces: list[tuple[str, dict[str, str]]] = [("CoSimulation", of_steps)]
     return [("ModelExchange", {}), *interfaces] if model.model_exchange else interfaces
 
 
 def _units(root: ET.Element, variables: Sequence[Variable]) -> None:
-    """Add the units that variables have; a unit that is none of SI has only its name."""
+    """Add the units of the variables to the root element; a unit that is not of SI has only its name."""
     units = ET.SubElement(root, "UnitDefinitions")
     for name in dict.fromkeys(variable.unit for variable in variables if variable.unit):
         unit = ET.SubElement(units, "Unit", name=name)
@@ -143,11 +145,13 @@ def _units(root: ET.Element, variables: Sequence[Variable]) -> None:
 
 
 def _items(choice: ET.Element) -> None:
+    """Add an Item element to `choice` for each kind of start."""
     for name, value in STARTS.items():
         ET.SubElement(choice, "Item", name=name, value=str(value))
 
 
 def _experiment(root: ET.Element, model: Described) -> None:
+    """Add log categories and the default experiment to the root element."""
     categories = ET.SubElement(root, "LogCategories")
     for name in ("logStatusWarning", "logStatusError"):
         ET.SubElement(categories, "Category", name=name)
@@ -156,6 +160,7 @@ def _experiment(root: ET.Element, model: Described) -> None:
 
 
 def _common(variable: Variable) -> dict[str, str]:
+    """Attributes that every variable has: name, value reference, description, causality, variability, initial."""
     attributes = {
         "name": variable.name,
         "valueReference": str(variable.reference),
@@ -167,6 +172,7 @@ def _common(variable: Variable) -> dict[str, str]:
 
 
 def _real(variable: Variable) -> dict[str, str]:
+    """Attributes of a real variable: unit, start, nominal, min and max, as far as it has them."""
     attributes = {} if not variable.unit else {"unit": variable.unit}
     low, high = variable.within or (None, None)
     numbers = {"start": variable.start, "nominal": variable.nominal, "min": low, "max": high}
@@ -174,7 +180,7 @@ def _real(variable: Variable) -> dict[str, str]:
 
 
 def _unknowns(variables: Sequence[Variable]) -> list[list[Variable]]:
-    """Outputs, derivatives of states, and what the initialisation finds."""
+    """Lists of variables for the ModelStructure: outputs, derivatives of states, and unknowns of the initialisation."""
     return [
         [v for v in variables if v.causality == "output"],
         [v for v in variables if v.derivative_of is not None],
@@ -183,7 +189,7 @@ def _unknowns(variables: Sequence[Variable]) -> list[list[Variable]]:
 
 
 def _text(root: ET.Element) -> str:
-    """Write the tree as XML, which can't hold control characters and halves of surrogate pairs."""
+    """Text of the XML tree; control characters and lone surrogates, which XML can't hold, are replaced."""
     for element in root.iter():
         element.attrib.update({key: visible(value) for key, value in element.attrib.items()})
     ET.indent(root)

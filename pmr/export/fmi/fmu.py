@@ -1,7 +1,7 @@
-"""A reduced model as a functional mock-up unit: an archive of description, binaries, the system and a reference.
+"""A reduced model as a functional mock-up unit (FMU): an archive of description, binaries, the system and a reference.
 
-The binaries are the compiled kernel with the interface around it, the same for all models: they are built with the
-package.  All that tells one model from others is resources/system.pmr.
+The binaries are the compiled kernel with the FMI interface around it, the same for all models: they are built with the
+package.  Only resources/system.pmr differs between models.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ from pmr.system.system import System
 VERSIONS = ("2", "3")
 _HERE = Path(__file__).parent
 _SOURCES = (Path(pmr.kernel.__file__).with_name("src"), _HERE / "source")
-#: In every file of the archive, so that the same model makes the same bytes.
+#: Time stamp of every file in the archive, so that the same model makes the same bytes.
 _DATE = (1980, 1, 1, 0, 0, 0)
 
 
 @dataclass(frozen=True)
 class Platform:
-    """A system that an FMU has a binary for: its folders in FMI 2.0 (or none) and 3.0, the compiler's name of it."""
+    """A platform with FMU binaries: folders in FMI 2.0 (empty: none) and 3.0, the compiler's target, library suffix."""
 
     folder_2: str
     folder_3: str
@@ -64,7 +64,7 @@ _FLAGS = ("-shared", "-std=gnu11", "-O2", "-ffp-contract=fast", "-fvisibility=hi
 
 @dataclass(frozen=True)
 class Contents:
-    """All that an FMU holds besides its binaries: texts and the system by their names in the archive."""
+    """All files of an FMU except the binaries: texts by archive name, the system file, data of the description."""
 
     texts: dict[str, str]
     system: bytes
@@ -72,9 +72,10 @@ class Contents:
 
 
 def chosen(platforms: str | None, version: str) -> tuple[Platform, ...]:
-    """The platforms that are asked for: ``all``, or by default the one that this machine is; all if it is none of them.
+    """Platforms that ``--platforms`` selects for a version of FMI.
 
-    Raises InputError if something else is asked for.
+    ``all``: every one; ``host`` or None: this machine's, or every one if no binary fits this machine.  Raises
+    InputError for any other text.
     """
     if platforms not in (None, "host", "all"):
         raise InputError("command line", "--platforms", platforms, "host or all is allowed")
@@ -90,9 +91,9 @@ def write_fmu(
     platforms: Sequence[Platform] = PLATFORMS,
     sources: bool = False,
 ) -> Path:
-    """Write a saved system or reduced model as an FMU, under the scene that it was made from.
+    """Write a saved system or reduced model, with the scene stored in its file, as an FMU; return `target`.
 
-    Arguments and errors as for `write`, and an InputError is raised if the file is neither.
+    Arguments and errors as `write`; an InputError is raised, too, if the file is neither.
     """
     npz_path = Path(npz_path)
     system = System.load(npz_path)
@@ -107,27 +108,27 @@ def write(
     platforms: Sequence[Platform] = PLATFORMS,
     sources: bool = False,
 ) -> Path:
-    """Write a system as an FMU for Co-Simulation and, where no row is rigid and nothing rubs, Model Exchange.
+    """Write a system as an FMU for Co-Simulation, and for Model Exchange if no contact is rigid or has friction.
 
     Parameters
     ----------
     system : System
-        Its paths and loads become inputs, outputs of its bodies and forces of its contacts become outputs.
+        Its paths and loads become inputs; outputs of its bodies and forces of its contacts become outputs.
     scene : Recorded
-        What it starts with, and under what its reference trajectory is.
+        Initial state, and the excitation of the reference trajectory.
     target : str or Path
-        The archive; its name is that of the binaries.
+        Archive to be written, which is returned; the binaries take its name.
     version : {"2", "3"}
-        Of the interface.
+        Version of FMI.
     platforms : sequence of Platform
-        The systems that it has binaries for.
+        Platforms whose binaries are included.
     sources : bool
-        Whether the C of the binaries comes along, for importers that compile it.
+        Whether the C sources are included, for importers that compile them.
 
     Raises
     ------
     InputError
-        If a rigid row only pushes, a binary is missing, or as `pmr.simulation` raises it.
+        If a rigid contact only pushes, a binary is missing, or as `pmr.simulation` raises it.
     """
     if version not in VERSIONS:
         raise InputError("command line", "--fmi", version, "2 or 3 is allowed")
@@ -145,7 +146,7 @@ def write(
 
 
 def contents(system: System, scene: Recorded, name: str, version: str, sources: bool = False) -> Contents:
-    """Description, system and reference of a unit whose binaries are called `name`; arguments and errors as `write`."""
+    """Description, system and reference trajectory of an FMU whose binaries are called `name`; otherwise as `write`."""
     drivers = Drivers.of(system)
     run = reference(drivers, scene)
     listed = variables(drivers, run.start_values, run.nominal)
@@ -172,22 +173,25 @@ def contents(system: System, scene: Recorded, name: str, version: str, sources: 
 
 
 def source_files(version: str | None = None) -> dict[str, str]:
-    """C of the binaries by file names: of one version of the interface, or of both as the package has them."""
+    """C sources of the binaries as text, by file name.
+
+    Sources for other versions of FMI than `version` are left out; None: all are returned.
+    """
     other_versions = {f"fmi{other}.c" for other in VERSIONS if version not in (None, other)}
     files = [file for folder in _SOURCES for file in sorted(folder.glob("*.[ch]")) if file.name not in other_versions]
     return {file.name: file.read_text() for file in files}
 
 
 def compiled_files(files: dict[str, str]) -> list[str]:
-    """Names of the files that are compiled by themselves; all others are included by these."""
+    """Names of the C files that are compiled on their own, out of `files`, texts by name; these include all others."""
     included = {name for text in files.values() for name in re.findall(r'#include "(\w+\.c)"', text)}
     return [name for name in files if name.endswith(".c") and name not in included]
 
 
 def binary(platform: Platform) -> bytes:
-    """The package's shared library for a platform, or what the compiler of ziglang makes of its sources.
+    """Bytes of the shared library of a platform: the package's file, or compiled by ziglang from the package's sources.
 
-    Raises InputError if the package has none and ziglang is not installed, or with the compiler's first line.
+    Raises InputError if neither the file nor ziglang is installed, or with the first error line of the compiler.
     """
     file = _HERE / "binaries" / platform.folder_3 / f"pmr_fmi{platform.suffix}"
     if file.exists():
@@ -207,7 +211,7 @@ def binary(platform: Platform) -> bytes:
 
 
 def _place(platform: Platform, version: str) -> str:
-    """The platform's folder in a version of the interface, empty where that knows none."""
+    """Name of the platform's folder in a version of FMI; empty if that version does not support the platform."""
     return platform.folder_2 if version == "2" else platform.folder_3
 
 
@@ -216,7 +220,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SystemFile:
-    """Bytes of resources/system.pmr, and the token that tells the model from others."""
+    """Bytes of resources/system.pmr, and the token (a hash of the model) that tells it from other models."""
 
     content: bytes
     token: str
@@ -225,11 +229,20 @@ class SystemFile:
 def system_file(
     drivers: Drivers, path_names: Sequence[str], start_values: Array, nominal: Array, omega: float
 ) -> SystemFile:
-    """Write a system with all that its unit asks for.
+    """Pack a system, with the settings of its FMU, as the content of resources/system.pmr.
 
-    `start_values` (4 + 4 N,) are those of the variables up to the kind of start: t, the drivers, their rates of order
-    one to three, step, rho_inf, start.  `nominal` (2 r,) are sizes of the modal coordinates and of their rates.
-    `omega` in rad/s is that of contacts that only push (`pmr.simulation.contact_step`), 0 without any.
+    Parameters
+    ----------
+    drivers : Drivers
+        System and its N drivers.
+    path_names : sequence of str
+        Names of the path inputs.
+    start_values : (4 + 4 N,) array
+        Start values of t, of the drivers, of their rates of order one to three, and of step, rho_inf and start.
+    nominal : (2 r,) array
+        Typical sizes of the r modal coordinates, then of their rates.
+    omega : float
+        Circular frequency in rad/s of contacts that only push (`pmr.simulation.contact_step`); 0 if there are none.
     """
     settings = [omega, contact_step.TOLERANCE, contact_step.RESOLVED, contact_step.MOST_PARTS, BEYOND_ENDS]
     arrays: dict[str, NDArray[Any] | str] = {

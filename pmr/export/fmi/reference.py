@@ -1,7 +1,7 @@
-"""The reference trajectory that an FMU carries: inputs at every step, outputs of `march` at some of them.
+"""The reference trajectory that an FMU contains: inputs at every step, and outputs of `march` at some of the steps.
 
-An FMU goes on from step to step by the rates of its inputs: in cubics that have what a run has where a step begins and
-ends (docs/fmu.md says what this leaves where a step is made in parts).
+Within a step an FMU extrapolates its inputs by their rates: as cubics that agree with the run's inputs at both ends of
+the step (docs/fmu.md says which error is left where a step is divided).
 """
 
 from __future__ import annotations
@@ -24,33 +24,39 @@ from pmr.simulation.native.form import SystemForm
 from pmr.simulation.stepping import TimeStepping
 
 Array = NDArray[np.float64]
-#: Instants at which outputs are written, as far as the steps go.
+#: Number of instants at which outputs are written; all steps if there are fewer.
 INSTANTS = 101
 
 
 @dataclass(frozen=True)
 class Reference:
-    """A simulation under the scene of a system of n drivers, o outputs and m contacts."""
+    """A simulation of a system with n drivers, o outputs, m contacts and r modes, under its scene."""
 
     stepping: TimeStepping
     omega: float  #: rad/s, of contacts that only push; 0 without any
     inputs: Array  #: (T, 1 + 4 n) array: time, drivers and their rates of order one to three, at every step
-    first: Array  #: (n,) array: the drivers where nothing else is given
+    first: Array  #: (n,) array: start values of the drivers
     static: bool  #: Whether it starts in equilibrium
     t: Array  #: (S,) array, s
-    outputs: Array  #: (S, o + m) array: outputs of the bodies, and forces
-    nominal: Array  #: (2 r,) array: largest modal coordinates and rates
+    outputs: Array  #: (S, o + m) array: outputs of the bodies, and contact forces
+    nominal: Array  #: (2 r,) array: largest modal coordinates, then their largest rates
 
     @property
     def start_values(self) -> Array:
-        """Start values of the variables up to the kind of start, in the order of `pmr.export.fmi.variables`."""
+        """Start values (4 + 4 n,) in the order of the variables: time, drivers, their rates, step, rho_inf, start.
+
+        Rates are zero; `start` is the number of the kind of start (`STARTS`).
+        """
         step = self.stepping.step
         start = STARTS["static" if self.static else "at rest"]
         return np.concatenate([[0.0], self.first, np.zeros(3 * len(self.first)), [step, self.stepping.rho_inf, start]])
 
 
 def reference(drivers: Drivers, scene: Recorded) -> Reference:
-    """Simulate a system under its own scene, as the inputs lead on; in a frame that moves, as its signals say."""
+    """Simulate a system under its own scene and return the reference trajectory.
+
+    Without a frame, paths and loads follow the FMU's cubics between steps; in a frame that moves, its own signals.
+    """
     system, excitation = drivers.system, scene.excitation
     inputs = led_on(drivers, excitation)
     reached = _follow_inputs(drivers, excitation, inputs)
@@ -82,14 +88,14 @@ def reference(drivers: Drivers, scene: Recorded) -> Reference:
 
 
 def first_loads(drivers: Drivers, scene: Recorded) -> Array:
-    """Loads (i,) in N at the start, weight in full."""
+    """Loads (i,) in N or N m at the start, with the full weight."""
     if drivers.frame is None:
         return scene.first_loads
     return drivers.frame.start[0, drivers.frame.load_numbers]
 
 
 class Pieces(SignalBase):
-    """Cubics from step to step, each by a value and its rates of order one to three where it begins."""
+    """Signal of one cubic for each step, given by value and rates of order one to three at the step's beginning."""
 
     step: float  # s
     rates: tuple[tuple[float, ...], ...]  # (4, T)
@@ -109,19 +115,20 @@ class Pieces(SignalBase):
         return np.asarray(x1 + at * (x2 + at / 2.0 * x3))
 
     def _pieces(self, t: ArrayLike) -> tuple[Array, Array]:
-        """Time (...) s into a piece, and its value and rates (4, ...)."""
+        """Time (...) in s since the current step began, and value and rates (4, ...) at its beginning."""
         at, rates = np.asarray(t, float), np.array(self.rates)
         number = np.clip(np.floor(at / self.step + 1e-9).astype(int), 0, rates.shape[1] - 1)
         return at - number * self.step, rates[:, number]
 
 
 def _follow_inputs(drivers: Drivers, excitation: Excitation, inputs: Array) -> Excitation:
-    """Excitation whose paths and loads go on as the inputs (4, T, n) do."""
+    """Excitation whose paths and loads are the cubics of `inputs` (4, T, n); unchanged in a frame that moves."""
     if drivers.frame is not None:
         return excitation
     step = excitation.stepping.step
 
     def piece(number: int) -> Pieces:
+        """Signal of the driver with this number."""
         return Pieces(step=step, rates=tuple(map(tuple, inputs[:, :, number].tolist())))
 
     paths = dict(excitation.paths) | {name: piece(k) for k, name in enumerate(drivers.shown_paths)}
@@ -130,10 +137,11 @@ def _follow_inputs(drivers: Drivers, excitation: Excitation, inputs: Array) -> E
 
 
 def led_on(drivers: Drivers, excitation: Excitation) -> Array:
-    """Drivers (T, n) at the steps, and rates of order one to three, that lead to the next one, (4, T, n).
+    """Drivers and their rates of order one to three at the steps, (4, T, n), as cubics that reach the next step.
 
-    Cubics that have, at both ends of a step, value and rate of paths and loads; of what moves a frame, value and second
-    rate, which it is accelerated with.
+    Without a frame, value and rate of each path and load agree at both ends of a step.  In a frame, paths and angles
+    agree in value and second rate, which accelerates the frame; all other drivers are straight lines.  At the last time
+    the rates are zero.
     """
     t, h, n = excitation.times, excitation.stepping.step, drivers.count
     orders, frame = np.zeros((4, len(t), n)), drivers.frame
@@ -156,13 +164,13 @@ def led_on(drivers: Drivers, excitation: Excitation) -> Array:
 
 
 def inputs_csv(run: Reference, variables: Sequence[Variable]) -> str:
-    """Inputs as comma-separated values, with the variables' names."""
+    """Text of resources/reference_in.csv: time and inputs at every step, under the variables' names."""
     inputs = [variable for variable in variables if variable.causality == "input"]
     return _csv(["time", *(v.name for v in inputs)], run.inputs[:, [0, *(v.reference for v in inputs)]])
 
 
 def outputs_csv(run: Reference, drivers: Drivers, variables: Sequence[Variable]) -> str:
-    """Outputs of the bodies and forces of contacts as comma-separated values."""
+    """Text of resources/reference_out.csv: time, body outputs and contact forces, under the variables' names."""
     titles = {*drivers.system.output_names, *map(force_of, drivers.system.contact_names)}
     outputs = [v for v in variables if v.causality == "output" and not v.is_rate]
     names = [v.name for v in outputs if v.description.partition("; ")[0] in titles]
@@ -170,25 +178,35 @@ def outputs_csv(run: Reference, drivers: Drivers, variables: Sequence[Variable])
 
 
 def _csv(names: Sequence[str], rows: Array) -> str:
+    """Comma-separated text of a header and rows of numbers."""
     lines = [",".join(f'"{name}"' for name in names)]
     return "\n".join([*lines, *(",".join(map(repr, row)) for row in rows.tolist()), ""])
 
 
 def by_rates(begun: Array, ended: Array, begun_rate: Array, ended_rate: Array, h: float) -> Array:
-    """(4, ...): Hermite's, with values and rates (...) at both ends."""
+    """Value and rates of order one to three (4, ...) at the beginning of a step of h s: Hermite's cubic.
+
+    It has the values `begun`, `ended` (...) and the rates `begun_rate`, `ended_rate` (...) at both ends of the step.
+    """
     mean = (ended - begun) / h
     second = (6.0 * mean - 4.0 * begun_rate - 2.0 * ended_rate) / h
     return np.array([begun, begun_rate, second, 6.0 * (begun_rate + ended_rate - 2.0 * mean) / h**2])
 
 
 def by_second_rates(begun: Array, ended: Array, begun_second: Array, ended_second: Array, h: float) -> Array:
-    """(4, ...): with values and second rates (...) at both ends."""
+    """Value and rates of order one to three (4, ...) at the beginning of a step of h s, of a cubic.
+
+    It has the values `begun`, `ended` (...) and the second rates `begun_second`, `ended_second` (...) at both ends.
+    """
     third = (ended_second - begun_second) / h
     rate = (ended - begun) / h - h / 2.0 * begun_second - h**2 / 6.0 * third
     return np.array([begun, rate, begun_second, third])
 
 
 def by_lines(begun: Array, ended: Array, h: float) -> Array:
-    """(4, ...): straight lines through values (...) at both ends."""
+    """Value and rates of order one to three (4, ...) at the beginning of a step of h s, of a straight line.
+
+    It leads from `begun` to `ended` (...); the second and third rates are zero.
+    """
     rate = (ended - begun) / h
     return np.array([begun, rate, 0.0 * rate, 0.0 * rate])

@@ -1,4 +1,4 @@
-"""What drives an FMU, and its variables in the order of their value references (source/unit.h)."""
+"""The drivers of an FMU, and its variables in the order of their value references (source/unit.h)."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from pmr.system.contacts import ALONE, SLIDER, named
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
-#: Of the base, which may go on and on.
+#: Name of the angle of the base, which has no range.
 SLEWING = "slewing"
 
 
 @dataclass(frozen=True)
 class Drivers:
-    """A system as the kernel has it, and its N drivers: in a frame that moves the motions of this."""
+    """A system in the kernel's form, and its N drivers: paths, loads and, if its frame moves, motions of the frame."""
 
     system: System
     forms: Mapping[str, ModalForm]
@@ -39,8 +39,8 @@ class Drivers:
     def of(cls, system: System) -> Drivers:
         """Drivers of a system.
 
-        An InputError is raised where it has terms, but no scene whose frame drives them, where its paths are not those
-        of the frame in their order, or as for `modal_form`.
+        Raises InputError if the system has terms but no scene whose frame drives them, if its paths differ from those
+        of the frame or have another order, or as `modal_form`.
         """
         frame = MovingFrame.of(system)
         if frame is None:
@@ -55,42 +55,42 @@ class Drivers:
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """Names of paths that are inputs of their own: the angle that a luffing cylinder turns with is the frame's."""
+        """Names of the paths that are drivers, without a luffing cylinder's path that an angle determines."""
         return self.data.rows.paths if self.frame is None else self.frame.paths
 
     @property
     def shown_paths(self) -> tuple[str, ...]:
-        """Paths that are inputs: a section without contacts has none."""
+        """Names of the paths that are inputs of the FMU; empty for a section of a boom without contacts."""
         return self.paths if self.system.paths or ALONE in self.system.bodies else ()
 
     @property
     def loads(self) -> tuple[str, ...]:
-        """Names of loads."""
+        """Names of the loads."""
         return self.system.input_names if self.frame is None else self.frame.loads
 
     @property
     def motions(self) -> tuple[str, ...]:
-        """Names of angles and of accelerations of the base."""
+        """Names of the angles of the frame, then of the accelerations of its base; empty without a frame."""
         return () if self.frame is None else (*self.frame.angles, *self.frame.axes)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of all drivers in the kernel's order, which is that of paths, loads and motions."""
+        """Names of all drivers in the kernel's order: paths, loads, motions."""
         return (*self.paths, *self.loads, *self.motions)
 
     @property
     def count(self) -> int:
-        """N."""
+        """Number N of drivers."""
         return len(self.names)
 
     @property
     def modes(self) -> int:
-        """Modes r of all bodies."""
+        """Number r of modes of all bodies together."""
         return len(self.data.used_modes)
 
     @cached_property
     def load_units(self) -> tuple[str, ...]:
-        """Unit of each load."""
+        """Unit of each load, in the order of `loads`."""
         units = [unit.replace("^", "") for unit in self.system.input_units]
         of_inputs = dict(zip(self.system.input_names, units, strict=True))
         # a force along the ground is an input for each axis of the body
@@ -101,22 +101,22 @@ class Drivers:
 
     @property
     def first_load(self) -> int:
-        """Number of the first load."""
+        """Index of the first load among the drivers."""
         return len(self.paths)
 
     @property
     def first_motion(self) -> int:
-        """Number of the first angle."""
+        """Index of the first motion among the drivers."""
         return self.first_load + len(self.loads)
 
     @property
     def is_differential(self) -> bool:
-        """Whether an ordinary differential equation is left: no contact is rigid, and nothing rubs."""
+        """Whether the model is an ordinary differential equation: no contact is rigid, and there is no friction."""
         rows = self.data.rows
         return rows.friction is None and bool(np.all(rows.gives > 0.0))
 
     def kinds(self) -> list[int]:
-        """Kind of each driver, as unit.h of the C source numbers them: other, a path, an angle, slewing."""
+        """Kind of each driver as source/unit.h numbers them: 0 other, 1 path, 2 angle, 3 slewing angle."""
         of_motions = [0 if name in AXES else 3 if name == SLEWING else 2 for name in self.motions]
         return [*(1 for _ in self.paths), *(0 for _ in self.loads), *of_motions]
 
@@ -129,7 +129,7 @@ STARTS = {"at rest": 0, "static": 1, "as given": 2}
 
 @dataclass(frozen=True)
 class Variable:
-    """One variable: its value reference, and what a model description says of it."""
+    """One variable of an FMU: its value reference and its attributes in the model description."""
 
     name: str
     reference: int
@@ -147,7 +147,7 @@ class Variable:
 
 
 def variables(drivers: Drivers, start: Array, nominal: Array) -> list[Variable]:
-    """All variables of a system, by start and nominal values as `pmr.export.fmi.fmu.system_file` has them."""
+    """All variables of a system, with start and nominal values as described for `pmr.export.fmi.fmu.system_file`."""
     names = Identifiers()
     listed = list(_inputs_and_parameters(drivers, names, start))
     first, modes = 4 + ORDERS * drivers.count, drivers.modes
@@ -172,12 +172,12 @@ def variables(drivers: Drivers, start: Array, nominal: Array) -> list[Variable]:
 
 
 def path_names(paths: Sequence[str]) -> list[str]:
-    """Names of the path coordinates: s alone where there is one for all sliders."""
+    """Names of the path inputs: ``s`` for the common path of all sliders, ``s <path>`` for others."""
     return ["s" if path == SLIDER else f"s {path}" for path in paths]
 
 
 def rate_unit(unit: str, order: int) -> str:
-    """Unit of the rate of some order of a quantity with a unit: m/s2 of m/s."""
+    """Unit of the rate of a given order of a quantity: ``m/s2`` for the unit ``m/s`` and order 1."""
     if not order:
         return unit
     what, over, exponent = (unit or "1").partition("/s")
@@ -187,7 +187,7 @@ def rate_unit(unit: str, order: int) -> str:
 
 @dataclass(frozen=True)
 class _Driver:
-    """An input, by what it is called and is."""
+    """A driver as an input: name, number among all drivers, description, unit, (smallest, largest) value or None."""
 
     name: str
     number: int
@@ -197,6 +197,7 @@ class _Driver:
 
 
 def _drivers(drivers: Drivers) -> Iterator[_Driver]:
+    """Yield all drivers that are inputs, with path coordinates first."""
     paths, ranges = drivers.shown_paths, drivers.data.rows.ranges
     for k, (name, path, (low, high)) in enumerate(zip(path_names(paths), paths, ranges, strict=False)):
         what = "of the sliders" if path == SLIDER else path
@@ -210,7 +211,7 @@ def _drivers(drivers: Drivers) -> Iterator[_Driver]:
 
 
 def _inputs_and_parameters(drivers: Drivers, names: Identifiers, start: Array) -> Iterator[Variable]:
-    """Time, inputs and parameters."""
+    """Yield time, the inputs with their rates of order one to three, and the parameters, as variables."""
     fixed = [names(name) for name in ("internal_step", "rho_inf", "start")]  # whatever loads are called
     yield Variable(names("time"), 0, "time", "independent", initial="", unit="s")
     orders = list[tuple[_Driver, int, str]]()
@@ -240,7 +241,7 @@ def _inputs_and_parameters(drivers: Drivers, names: Identifiers, start: Array) -
 
 
 def outputs_of(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
-    """Names and units of the outputs in the kernel's order, and whether each has a rate: forces have none."""
+    """Yield name, unit and whether it has a rate, of each output in the kernel's order; forces have no rates."""
     for name, body in drivers.system.reduced.items():
         for output, unit, is_force in zip(names_of(body), units_of(body), force_outputs(body).tolist(), strict=True):
             yield named(name, output), unit, not is_force
@@ -248,7 +249,7 @@ def outputs_of(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
 
 
 def _output_variables(drivers: Drivers, names: Identifiers, first: int) -> Iterator[Variable]:
-    """Outputs, their rates where they are motions, and the forces of the rows."""
+    """Yield outputs, rates of those that are motions, and contact forces; the first value reference is `first`."""
     system, called = drivers.system, list(outputs_of(drivers))
     count, o = len(called), len(system.output_names)
     outputs = [names(force_of(name) if not moves and k < o else name) for k, (name, _, moves) in enumerate(called)]
@@ -265,12 +266,13 @@ def _output_variables(drivers: Drivers, names: Identifiers, first: int) -> Itera
 
 
 class Identifiers:
-    """Names that are all different, of letters, digits and underscores, as every importer takes them."""
+    """Makes names of letters, digits and underscores, each different from all made so far and from those `taken`."""
 
     def __init__(self, taken: Iterable[str] = ()) -> None:
         self._taken = set(taken)
 
     def __call__(self, name: str) -> str:
+        """Return a unique identifier for a name."""
         plain = re.sub(r"[^A-Za-z0-9]+", "_", name.replace("-", "m") if re.search(r"-\d", name) else name).strip("_")
         plain = plain if plain and not plain[0].isdigit() else f"v_{plain}"
         identifier, count = plain, 1

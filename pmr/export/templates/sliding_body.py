@@ -25,7 +25,10 @@ RIGID = DATA["rigid"]  # (m,) which contacts do not give way
 
 
 def piece(name, x, order=0):
-    """Value of a piecewise polynomial at x, or its derivative; beyond its ends it stays, or goes on if it has none."""
+    """Value of a piecewise polynomial at x, or its derivative (order 1).
+
+    Beyond its ends it is constant; if it has no break at the upper end, the last piece extends to infinity.
+    """
     breaks, c = DATA[f"{name}.breaks"], DATA[name]  # (powers, pieces, ...), the highest power first
     if len(breaks) > c.shape[1]:
         x = min(max(x, breaks[0]), breaks[-1])
@@ -35,7 +38,7 @@ def piece(name, x, order=0):
 
 
 def strand(k, t, order=0):
-    """A part of a signal, p + a sin(q) with polynomials p and q of t, or its rate."""
+    """Value of a part of a signal at t, p + a sin(q) with polynomials p and q of t, or its rate (order 1)."""
     p, q, a, h = f"strands.{k}", f"strands.{k}.angle", DATA["strands.amplitude"][k], DATA["strands.spread"][k]
     if h > 0.0 and not order:  # the acceleration of a path: by how much its rate grows within a step
         first, last = max(t - h / 2.0, 0.0), t + h / 2.0
@@ -46,7 +49,7 @@ def strand(k, t, order=0):
 
 
 def signals(names, first):
-    """Functions of t in s by their names, of the scene's signals from number `first` on."""
+    """Functions of t in s by `names`, for the scene's signals from number `first` on."""
     of = [np.flatnonzero(DATA["strands.signal"] == first + k) for k in range(len(names))]
     return {
         str(name): lambda t, some=some: sum(strand(k, t) for k in some) for name, some in zip(names, of, strict=True)
@@ -90,7 +93,10 @@ def rows_at(s):
 
 
 def forces_of(rows, motion):
-    """Forces (m,) in N of contacts that give way and would move by C q + H f (m,) m; which of them are closed."""
+    """Forces (m,) in N of contacts that give way, by their motion C q + H f (m,) in m; mask (m,) of closed ones.
+
+    The forces of rigid contacts are zero.
+    """
     F, gives = rows.F, ~RIGID
     pushes, b = gives & ~np.isnan(CLEARANCE), motion - np.nan_to_num(CLEARANCE)
     bilateral, closed = gives & ~pushes, gives.copy()
@@ -105,16 +111,16 @@ def forces_of(rows, motion):
 
 
 def add_system(mbs, paths, loads, start):
-    """Add the bodies to an mbs: numbers of their nodes, their common object, and the connector of rigid contacts.
+    """Add the bodies to an mbs: return `update`, nodes of the bodies, their common object, connector of rigid contacts.
 
-    Contacts that give way are springs that travel, K + C^T F^-1 C; rigid ones have multipliers.  Where some only push,
-    their forces are found in every iteration.
+    Contacts that give way are springs that travel, K + C^T F^-1 C; rigid ones have multipliers.  If some only push,
+    their forces are computed in every iteration.
     """
     M, D, K, B, n = DATA["M"], DATA["D"], DATA["K"], DATA["B"], len(start)
     pushing, last = not np.isnan(CLEARANCE).all(), SimpleNamespace(t=None)
 
     def at(t):
-        """Stiffness, forces, and rows of the contacts, at t = 0 and at the end of a step."""
+        """Rows of the contacts, stiffness and forces at t = 0 or at the end of a step; computed once for each t."""
         if last.t != t:
             rows, f = rows_at([path(t) for path in paths.values()]), np.array([load(t) for load in loads.values()])
             last.t, last.f, last.rows, last.K, last.force = t, f, rows, K, B @ f
@@ -125,10 +131,12 @@ def add_system(mbs, paths, loads, start):
         return last
 
     def push(mbs, t, item, q, q_t):
+        """User function: forces of the contacts on the coordinates, where some only push."""
         now = at(t)
         return -now.rows.C.T @ forces_of(now.rows, now.rows.C @ q + now.rows.H @ now.f)[0]
 
     def beyond_matrices(mbs, t, item, q, q_t, factor, factor_t):
+        """User function: stiffness of the contacts, where some only push; else zero."""
         # Exudyn adds K and D to the Jacobian itself; given the rest, it needs no differences.
         if t > mbs.variables.get(item, 0.0):
             raise ValueError("another SetPreStepUserFunction took the place of `update`: call both from one function")
@@ -154,6 +162,7 @@ def add_system(mbs, paths, loads, start):
         oRigid = mbs.AddObject(eii.ObjectConnectorCoordinateVector(**connector))
 
     def update(mbs, t):
+        """Pre-step function: set stiffness, forces and rows to those at t."""
         # Called once before each step, with the time at its end: there the equations have to hold.
         now = at(t)
         mbs.SetObjectParameter(oSystem, "stiffnessMatrix", now.K)
@@ -168,7 +177,7 @@ def add_system(mbs, paths, loads, start):
 
 
 def solve(mbs, end, step, rho_inf, parts=1):
-    """Assemble and integrate, each step in equal parts."""
+    """Assemble and integrate to `end` (s), each `step` (s) divided into equal parts."""
     mbs.Assemble()
     settings = exu.SimulationSettings()
     settings.solution.file.write = False
@@ -183,7 +192,7 @@ def solve(mbs, end, step, rho_inf, parts=1):
 
 
 def simulate(paths=PATHS, loads=LOADS, end=END, step=STEP, rho_inf=RHO_INF, start=START, parts=PARTS):
-    """Times (T,) in s and the outputs (T, o) of all bodies, in m but for forces and rotations."""
+    """Times (T,) in s and the outputs (T, o) of all bodies, in m except for forces and rotations."""
     container = exu.SystemContainer()
     mbs = container.AddSystem()
     items, kind = add_system(mbs, paths, loads, start), exu.OutputVariableType
@@ -213,7 +222,7 @@ def simulate(paths=PATHS, loads=LOADS, end=END, step=STEP, rho_inf=RHO_INF, star
 
 
 def main():
-    """Tell how the tip moves."""
+    """Simulate, and print how the tip moves."""
     t, y = simulate()
     tip = y[:, DATA["tip"]]
     print(f"Displacement{DATA['tip_of']} at x = {DATA['tip_position']:g} m over {t[-1]:g} s:")

@@ -1,4 +1,4 @@
-"""Exudyn as a simulator, and the ANCF reference in it; Exudyn itself is loaded when it is first asked for."""
+"""Exudyn as a simulator, and the ANCF reference in it; Exudyn itself is imported when a name is first used."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pmr.simulation.exudyn.simulator import add_system as add_system
     from pmr.simulation.exudyn.simulator import simulate_system as simulate_system
 
-#: Of the simulators of a scene, by their names.
+#: Formulations by the names of the simulators of a scene.
 FORMULATIONS: dict[str, Formulation] = {
     "exudyn": "springs",
     "exudyn-multiplier": "multipliers",

@@ -1,21 +1,19 @@
-r"""An independent reference: a cable of ANCF elements with a sliding joint, in Exudyn.
+r"""An independent reference in Exudyn: a cable of ANCF elements with a sliding joint.
 
-Large displacements, axial strain and all: it shares nothing but the material data with the linear beams.  A
-mass point that coordinate constraints hold at (s(t), 0) carries the joint.  Pieber, Ntarladima, Winkler,
-Gerstmayr: A Hybrid Arbitrary Lagrangian Eulerian Formulation for the Investigation of the Stability of Pipes
-Conveying Fluid and Axially Moving Beams, Journal of Computational and Nonlinear Dynamics 17, 2022.
+It has large displacements and axial strain, and shares nothing but the material data with the linear beams.  A mass
+point that coordinate constraints hold at (s(t), 0) carries the joint.  Pieber, Ntarladima, Winkler, Gerstmayr: A Hybrid
+Arbitrary Lagrangian Eulerian Formulation for the Investigation of the Stability of Pipes Conveying Fluid and Axially
+Moving Beams, Journal of Computational and Nonlinear Dynamics 17, 2022.
 
-A uniform cable and what its ANCF coordinates say at any material point.
+Position and curvature of a uniform cable at a material point x follow from its ANCF coordinates q by
 
 .. math::
     r(x) = \sum_j S_j(\xi)\, q_j, \qquad K = e_3^T \frac{r' \times r''}{|r'|^2}
 
-with the cubic shapes S of position and slope at both ends of an element.  Coordinates of a node: displacement
-(x, y) and change of the slope r' (x, y), relative to the straight cable.  Gerstmayr, Irschik: On the correct
-representation of bending and axial deformation in the absolute nodal coordinate formulation with an elastic
-line approach, Journal of Sound and Vibration 318, 2008.
-
-A cable of ANCF elements with a sliding joint as items of an Exudyn system.
+with the cubic shapes S of position and slope at both ends of an element.  Coordinates of a node are its displacement
+(x, y) and the change of its slope r' (x, y), relative to the straight cable.  Gerstmayr, Irschik: On the correct
+representation of bending and axial deformation in the absolute nodal coordinate formulation with an elastic line
+approach, Journal of Sound and Vibration 318, 2008.
 """
 
 # ruff: noqa: N815 - items are numbered as Exudyn users do: nodes n..., objects o..., markers m...
@@ -73,33 +71,37 @@ class Cable:
 
     @property
     def element_length(self) -> float:
-        """Length of each element, m."""
+        """Length in m of each element."""
         return self.length / self.elements
 
     def left_elements(self, x: Array) -> NDArray[np.int64]:
-        """Numbers (o,) of the elements that hold the material points x (o,) in m, the left one at a node."""
+        """Numbers (o,) of the elements that contain the material points x (o,) in m; at a node that on the left."""
         return np.clip(np.ceil(x / self.element_length - _ON_NODE).astype(int) - 1, 0, self.elements - 1)
 
     def right_elements(self, x: Array) -> NDArray[np.int64]:
-        """Number of the element at x, the right one at a node."""
+        """Numbers (o,) of the elements that contain the material points x (o,) in m; at a node that on the right."""
         return np.clip(np.floor(x / self.element_length + _ON_NODE).astype(int), 0, self.elements - 1)
 
 
 def values(cable: Cable, q: Array, x: Array) -> Array:
     """Displacements (T, o, 2) in m at the material points x (o,) in m; or velocities, from nodal velocities.
 
-    q holds the coordinates (or velocities) of all nodes, (T, N, 4).
+    q (T, N, 4) are the coordinates (or velocities) of all N nodes.
     """
     return _apply(_interpolation(cable, x, cable.left_elements(x), derivative=0), q)
 
 
 def curvature(cable: Cable, q: Array, x: Array) -> Array:
-    """Material curvature K (T, o) in 1/m at x (o,) in m: the mean of both sides where two elements meet."""
+    """Material curvature K (T, o) in 1/m at x (o,) in m: at a node the mean of both elements'.
+
+    q (T, N, 4) are the coordinates of all N nodes.
+    """
     left, right = (_curvature(cable, q, x, e) for e in (cable.left_elements(x), cable.right_elements(x)))
     return (left + right) / 2.0
 
 
 def _curvature(cable: Cable, q: Array, x: Array, elements: NDArray[np.int64]) -> Array:
+    """Material curvature (T, o) at x (o,), by the shapes of given elements (o,)."""
     slope = np.array([1.0, 0.0]) + _apply(_interpolation(cable, x, elements, derivative=1), q)
     bend = _apply(_interpolation(cable, x, elements, derivative=2), q)
     cross = slope[..., 0] * bend[..., 1] - slope[..., 1] * bend[..., 0]
@@ -117,7 +119,7 @@ def _interpolation(cable: Cable, x: Array, elements: NDArray[np.int64], derivati
 
 
 def _apply(matrix: Array, q: Array) -> Array:
-    """(T, o, 2) from nodal coordinates q (T, N, 4)."""
+    """Values (T, o, 2) from a matrix (o, 2 N) and nodal coordinates q (T, N, 4)."""
     steps, nodes, _ = q.shape
     return np.einsum("on,tnc->toc", matrix, q.reshape(steps, 2 * nodes, 2), optimize=True)
 
@@ -151,11 +153,10 @@ def simulate(
     x: Array,
     progress: Progress | None = None,
 ) -> CableMotion:
-    """Simulate from the straight cable at rest; material points x (o,) m are reported.
+    """Simulate from the straight cable at rest, and return its motion at the material points x (o,) in m.
 
-    The loads act along y at `places`, material points in m by the loads' names.  An InputError is raised where the
-    path, places or x leave the cable, or a place has no load; a SimulationError where a step fails or a result is not
-    finite.
+    Loads act along y at `places`, material points in m by the loads' names.  Raises InputError if the path, a place or
+    an x leaves the cable, or a place has no load; raises SimulationError if a step fails or a result is not finite.
     """
     x, at = np.asarray(x, dtype=float), np.array(list(places.values()))
     for key, points in (("x", x), ("loads.at", at)):
@@ -169,6 +170,7 @@ def simulate(
     numbers = [add_force(mbs, cable, items, point, force) for point, force in zip(at, forces[0], strict=True)]
 
     def update(mbs: Any, t: float) -> bool:
+        """Pre-step function: set slider and loads to those at t."""
         k = round(t / stepping.step)
         mbs.SetObjectParameter(items.oHold, "offset", s[k] - s[0])
         for number, force in zip(numbers, forces[k], strict=True):
@@ -198,12 +200,12 @@ def simulate(
 
 
 def energy(cable: Cable, motion: CableMotion) -> Energy:
-    r"""Energies by the trapezoidal rule over the reported points, which should span the cable.
+    r"""Energies of a cable's motion by the trapezoidal rule over its material points, which should span the cable.
 
     .. math::
         \tfrac12 \rho A \int |\dot r|^2 dx, \qquad \tfrac12 EI \int K^2 dx, \qquad - \sum_i F_i\, y_i
 
-    Axial strain is left out, as the paper has it (equation for H^ANCF).
+    The energy of axial strain is left out, as in the paper (equation for H^ANCF).
     """
     speed = np.sum(motion.velocity**2, axis=2)
     return Energy(
@@ -214,15 +216,15 @@ def energy(cable: Cable, motion: CableMotion) -> Energy:
 
 
 def _trapezoid(y: Array, x: Array) -> Array:
-    """Integrals (T,) of y (T, o) over x (o,)."""
+    """Integrals (T,) of y (T, o) over x (o,) by the trapezoidal rule."""
     return np.asarray((y[:, 1:] + y[:, :-1]) @ np.diff(x) / 2.0)
 
 
 def _settings(cable: Cable, stepping: TimeStepping) -> Any:
-    """Modified Newton, which needs a new Jacobian once in tens of steps, and a tolerance above round-off.
+    """Solver settings: modified Newton, which rarely needs a new Jacobian, and a tolerance above round-off.
 
-    Axial forces come from differences of positions of the order of the length L, over elements of length h:
-    their round-off is eps EA L / h, in N.
+    Axial forces come from differences of positions of the order of the length L, over elements of length h: their
+    round-off is eps EA L / h, in N.
     """
     chosen = solver_settings(stepping, exu.LinearSolverType.EigenSparse)
     newton = chosen.timeIntegration.newton
@@ -232,6 +234,7 @@ def _settings(cable: Cable, stepping: TimeStepping) -> Any:
 
 
 def _check_on_cable(cable: Cable, key: str, points: Array) -> None:
+    """Raise InputError if one of the points (o,) in m is not on the cable."""
     outside = (points < 0.0) | (points > cable.length * (1.0 + 1e-12))
     if outside.any():
         raise InputError("scene", key, float(points[outside][0]), f"0 to {cable.length:g} m is allowed")
@@ -239,7 +242,7 @@ def _check_on_cable(cable: Cable, key: str, points: Array) -> None:
 
 @dataclass(frozen=True)
 class CableItems:
-    """Numbers of the items; forces in N."""
+    """Numbers of the items of a cable with a sliding joint in an mbs."""
 
     nNodes: list[Any]  # of NodePoint2DSlope1, from x = 0 on
     oElements: list[Any]  # of ObjectANCFCable2D
@@ -248,7 +251,7 @@ class CableItems:
 
 
 def add_sliding_cable(mbs: Any, cable: Cable, s: float) -> CableItems:
-    """Add a straight cable at rest, pinned at x = 0, and a slider at s (m)."""
+    """Add a straight cable at rest, pinned at x = 0, and a slider at s (m); return their numbers."""
     h = cable.element_length
     nodes = [
         mbs.AddNode(NodePoint2DSlope1(name=f"cable{i}", referenceCoordinates=[i * h, 0.0, 1.0, 0.0]))
@@ -279,7 +282,7 @@ def add_sliding_cable(mbs: Any, cable: Cable, s: float) -> CableItems:
 
 
 def add_force(mbs: Any, cable: Cable, items: CableItems, at: float, force: float) -> Any:
-    """Add a force along y (N) at the material point `at` (m); returns its load number."""
+    """Add a force along y (N) at the material point `at` (m), and return the number of the load."""
     e = int(cable.left_elements(np.array(at)))
     local = [at - e * cable.element_length, 0.0, 0.0]
     marker = mbs.AddMarker(MarkerBodyPosition(bodyNumber=items.oElements[e], localPosition=local))
@@ -287,11 +290,13 @@ def add_force(mbs: Any, cable: Cable, items: CableItems, at: float, force: float
 
 
 def _fix(mbs: Any, mGround: Any, node: Any, coordinate: int) -> Any:
+    """Add a constraint of one coordinate of a node to the ground, and return its number."""
     marker = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=node, coordinate=coordinate))
     return mbs.AddObject(ObjectConnectorCoordinate(markerNumbers=[mGround, marker]))
 
 
 def _add_joint(mbs: Any, cable: Cable, elements: list[Any], nSlider: Any, s: float) -> Any:
+    """Add the sliding joint between the slider's node at s (m) and the elements, and return its number."""
     markers = [mbs.AddMarker(MarkerBodyCable2DCoordinates(bodyNumber=element)) for element in elements]
     first = int(cable.left_elements(np.array(s)))
     return mbs.AddObject(

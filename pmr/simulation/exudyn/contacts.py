@@ -1,15 +1,14 @@
-r"""The contacts of a system step by step: forces of those that give way, and what that means for energy and work.
+r"""Contacts of a system step by step: forces of those that give way, and their energy and work.
 
 docs/system_of_bodies.md, section 3, has the balance.
 
-Friction of pads (`pmr.system.contacts`) in Exudyn: forces of contacts that give way, found together with it.
-
-Exudyn asks for them at coordinates q in every iteration; then
+With friction of pads (`pmr.system.contacts`), the forces of contacts that give way are computed together with it.
+Exudyn asks for them at coordinates q in every iteration; they fulfil
 
 .. math:: F \lambda = C q + H f - g, \qquad g = \sum f_j / k - A\, m, \qquad w = C'^T m
 
-with the moments m of friction and what they move in the contacts by residual flexibility, A m.  Newton's method is
-given the stiffness of pads that stick.
+with the moments m of friction, the displacements A m that these cause in the contacts by residual flexibility, and the
+forces w of these moments on q.  Newton's method uses the stiffness of the pads that stick.
 """
 
 from __future__ import annotations
@@ -32,7 +31,10 @@ Array = NDArray[np.float64]
 
 
 class Contacts:
-    """Which contacts are rigid and which give way, and the forces of the latter, of which some may only push."""
+    """Rigid contacts and m' contacts that give way, of which some may only push; forces of the latter.
+
+    Sizes: n coordinates, i inputs, m contacts, each with one or two sides; x (sides,) are positions of sides on bodies.
+    """
 
     def __init__(self, equations: Equations, inputs: Inputs) -> None:
         self._equations = equations
@@ -41,33 +43,42 @@ class Contacts:
         self._names = [name for name, gives in zip(equations.system.contact_names, self.gives, strict=True) if gives]
         clearance = equations.system.clearance[self.gives]
         self._pushes, self._clearance = ~np.isnan(clearance), np.nan_to_num(clearance)
-        #: Contacts that give way and were closed when their forces were found last.
+        #: (m',) mask: which contacts were closed when forces were computed last.
         self.closed = ~self._pushes
 
     @property
     def push(self) -> bool:
-        """Whether any only pushes."""
+        """Whether any contact only pushes."""
         return bool(self._pushes.any())
 
     def springs(self, x: Array) -> Array:
-        """K + C^T F^-1 C and B - C^T F^-1 H side by side, (T, n, n + i), of those that give way and hold both ways."""
+        """Matrices K + C^T F^-1 C and B - C^T F^-1 H side by side, (T, n, n + i), at side positions x (T, sides) m.
+
+        C, F and H are those of contacts that give way, all of which have to hold both ways.
+        """
         rows, K, B = self.rows(x), self._equations.K, self._equations.B
         answers = self._answers(rows, np.concatenate([rows.C, -rows.H], axis=2))
         return np.asarray(np.hstack([K, B]) + rows.C.transpose(0, 2, 1) @ answers)
 
     def rows(self, x: Array) -> ContactRows:
-        """Rows of the contacts that give way at places x (T, k) m."""
+        """Rows of the contacts that give way, with the sides of all contacts at x (T, sides) m."""
         return self._equations.rows(x).of(self.gives)
 
     def forces(self, rows: ContactRows, q: Array, f: Array) -> Array:
-        """Forces (T, m') N of contacts that give way, at T places; a SimulationError if they are not settled."""
+        """Forces (T, m') in N of contacts that give way, at T times, by coordinates q (T, n) and loads f (T, i).
+
+        Raises SimulationError if contacts depend on each other, or which are closed is not settled.
+        """
         motion = np.einsum("tmn,tn->tm", rows.C, q) + np.einsum("tmi,ti->tm", rows.H, f)
         if not self.push:
             return np.asarray(self._answers(rows, motion[:, :, None])[:, :, 0])
         return np.array([self.pressed(rows.at(k), gaps) for k, gaps in enumerate(motion)]).reshape(motion.shape)
 
     def pressed(self, rows: ContactRows, motion: Array) -> Array:
-        """Forces (m',) N at one place of contacts that give way and would move by C q + H f (m',) m."""
+        """Forces (m',) in N of contacts that give way at one time, by `motion` = C q + H f (m',) in m.
+
+        The closed contacts are stored for the next call.  Raises SimulationError as `forces`.
+        """
         try:
             forces, self.closed = solve_contact(rows.F, motion - self._clearance, self._pushes, self.closed)
         except ContactError as error:
@@ -75,6 +86,7 @@ class Contacts:
         return forces
 
     def _answers(self, rows: ContactRows, right: Array) -> Array:
+        """Matrix F^-1 `right`; a SimulationError is raised if F is singular."""
         try:
             return np.asarray(np.linalg.solve(rows.F, right))
         except np.linalg.LinAlgError:
@@ -83,9 +95,9 @@ class Contacts:
 
 @dataclass(frozen=True)
 class Motion:
-    """At N times: places x (N, k) m, coordinates and rates (N, n), loads f (N, i) and contact forces (N, m) in N.
+    """Motion of a system at N times: side positions x (N, sides) m, coordinates q and rates v (N, n), loads f (N, i).
 
-    Amplitudes of terms are c (N, K).
+    `forces` (N, m) in N are those of the contacts, c (N, K) the amplitudes of terms.
     """
 
     x: Array
@@ -94,29 +106,29 @@ class Motion:
     f: Array
     forces: Array
     c: Array
-    # of friction (`pmr.simulation.exudyn.contacts`): of n' pads (N, n') N, forces of its moments (N, n) N, gaps (N, m)
+    # friction of n' pads (N, n') N, forces w of its moments (N, n) N, gaps g (N, m)
     # m; (N, 0) without any
     friction: Array
     w: Array
     gap: Array
 
     def part(self, steps: slice) -> Motion:
-        """Some of its times."""
+        """Motion at some of the times."""
         return Motion(*(array[steps] for array in vars(self).values()))
 
 
 @dataclass(frozen=True)
 class Balance:
-    """Energy that is stored, (N,) J, and work done since t = 0, (N,) J."""
+    """Stored energy (N,) in J, and work (N,) in J done since t = 0."""
 
     stored: Array
     work: Array
 
 
 def balance_energy(equations: Equations, contacts: Contacts, motion: Motion) -> Balance:
-    """Fills in the forces of contacts that give way, and balances the energy, some thousand times at once.
+    """Compute stored energy and work of a motion, and fill in the forces of contacts that give way, in place.
 
-    Where pads rub these forces are known.
+    With friction these forces are already known.  Some thousand times are evaluated at once.
     """
     m, (n, i) = len(equations.system.contacts), equations.B.shape
     N, block = len(motion.q), max(2, ENTRIES_AHEAD // max(1, m * (n + m + i)))
@@ -134,7 +146,7 @@ def balance_energy(equations: Equations, contacts: Contacts, motion: Motion) -> 
 
 
 def _energy_and_work(equations: Equations, rows: ContactRows, motion: Motion) -> tuple[Array, Array]:
-    """Stored energy (T,) and work of each step (T - 1,), both in J, with the contacts at T places."""
+    """Stored energy (T,) and work of each step (T - 1,), both in J, with the contacts at T times."""
     q, f, forces = motion.q, motion.f, motion.forces
     load_gaps, bent = np.einsum("tmi,ti->tm", rows.H, f), np.einsum("tmn,tn->tm", rows.F, forces)
     stored = half_form(equations.M, motion.v) + half_form(equations.K, q) + dot(forces, bent / 2.0 - load_gaps)
@@ -150,13 +162,13 @@ def _energy_and_work(equations: Equations, rows: ContactRows, motion: Motion) ->
     return stored + dot(f, f @ equations.assembly.energy) / 2.0, work
 
 
-#: Times that friction is found at most, and what of a gap is round-off, over that of pads that slide.
+#: Most iterations for friction, and change of a gap that is round-off, over the gap of pads that slide.
 LIMIT, CONVERGED = 200, 1e-12
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Contacts (m,) at one place x (sides,) m, where joints are at s (J,) m; of contacts that give way (m',) apart."""
+    """Contact rows at one time: of the m' contacts that give way, and what friction needs of all m contacts."""
 
     giving: ContactRows
     slopes: Array  # (m, n) 1/m: C'
@@ -166,7 +178,10 @@ class Rows:
 
 @dataclass(frozen=True)
 class PadState:
-    """Multipliers (m,) N, zero of rigid contacts; what pads hold; forces w (n,) N of moments, gaps (m,) m."""
+    """State of contacts and pads: contact forces (m,) in N, friction, its forces w (n,) in N and gaps g (m,) in m.
+
+    The forces of rigid contacts are zero.
+    """
 
     multipliers: Array
     grip: Grip
@@ -177,7 +192,7 @@ class PadState:
 class Pads:
     """Contacts that only push or rub, from step to step.
 
-    An InputError is raised where a pad that rubs does not give way.
+    Raises InputError if a pad that rubs does not give way.
     """
 
     def __init__(self, equations: Equations, contacts: Contacts, law: Friction | None) -> None:
@@ -189,7 +204,7 @@ class Pads:
                 )
                 raise InputError("system", f"contacts.{system.contact_names[pad]}.compliance", 0.0, allowed)
         self._equations, self._contacts, self.law, self.gives = equations, contacts, law, contacts.gives
-        #: Of loads at t s, what the motion of the base makes of them, (i,) N: nothing on the ground.
+        #: Function of t in s: loads (i,) in N by the motion of the base; zero on the ground.
         self.inertia: Callable[[float], Array] = lambda t: np.zeros(equations.B.shape[1])
         self._joints = [
             next((k, side.place) for k, side in enumerate(system.sides) if side.place.path == joint)
@@ -199,7 +214,7 @@ class Pads:
         self.t = 0.0  # s, at which that is
 
     def rows(self, x: Array) -> Rows:
-        """At x (1, sides) m."""
+        """Rows of the contacts with their sides at x (1, sides) m."""
         assembly, giving, m = self._equations.assembly, self._contacts.rows(x).at(0), len(self.gives)
         if self.law is None:
             return Rows(giving, np.zeros((m, giving.C.shape[1])), np.zeros((m, m)), np.zeros(0))
@@ -207,25 +222,25 @@ class Pads:
         return Rows(giving, assembly.slopes(x[0]), assembly.turned_rows(x[0]), s)
 
     def answers(self, rows: Rows, f: Array) -> Array:
-        """F^-1 H f (m',) N of contacts that give way, to loads f (i,)."""
+        """Response F^-1 H f (m',) in N of contacts that give way to loads f (i,)."""
         displacements = rows.giving.H @ f
         return np.asarray(np.linalg.solve(rows.giving.F, displacements)) if f.any() else displacements
 
     def begin(self, rows: Rows, q: Array, f: Array) -> None:
-        """Stand at rest without friction at t = 0, at coordinates q (n,) under loads f (i,) N."""
+        """Set the state at t = 0, at rest without friction, with coordinates q (n,) under loads f (i,) in N."""
         self.t = 0.0
         self.grip = Grip.at_start(self._equations.system.contacts, rows.s, self._multipliers(rows, q, f, 0.0))
 
     def end(self, rows: Rows, q: Array, f: Array, t: float) -> PadState:
-        """End the present step at t s: what pads hold is where the next one begins; arguments and errors as `state`."""
+        """End the present step at t s: the next one starts from its friction.  Otherwise as `state`."""
         ended = self.state(rows, q, f, t)
         self.grip, self.t = ended.grip, t
         return ended
 
     def state(self, rows: Rows, q: Array, f: Array, t: float) -> PadState:
-        """State at the end of the present step at t s, with coordinates q (n,) under loads f (i,) N.
+        """State at the end of the present step at t s, with coordinates q (n,) under loads f (i,) in N.
 
-        A SimulationError is raised where friction does not settle.
+        Raises SimulationError if friction does not settle.
         """
         law, grip, gap = self.law, self.grip, np.zeros(len(self.gives))
         if law is None:
@@ -244,7 +259,7 @@ class Pads:
         raise SimulationError(f"friction of the pads along {', '.join(law.joints)} does not settle")
 
     def add_friction(self, motion: Motion, t: Array) -> Motion:
-        """Motion at t (N,) s with friction and the forces of contacts that give way, from step to step."""
+        """Motion at t (N,) in s with friction, and with the forces of contacts that give way, step by step."""
         rows = self.rows(motion.x[:1])
         self.begin(rows, motion.q[0], motion.f[0])
         begun = self._multipliers(rows, motion.q[0], motion.f[0], 0.0)
@@ -264,7 +279,7 @@ class Pads:
         )
 
     def stiffness(self, rows: Rows, state: PadState) -> Array:
-        """Derivative (n, n) N/m by q of the forces of closed contacts, and of pads that stick and slide."""
+        """Stiffness (n, n) in N/m of closed contacts and of pads: the derivative by q of C^T lambda - w."""
         law, multipliers, m = self.law, state.multipliers, len(self.gives)
         F, C, M = np.zeros((m, m)), np.zeros_like(rows.slopes), np.zeros((m, m))
         F[np.ix_(self.gives, self.gives)], C[self.gives] = rows.giving.F, rows.giving.C
@@ -287,6 +302,7 @@ class Pads:
         return np.asarray((C - M.T @ rows.slopes)[closed].T @ answers)
 
     def _multipliers(self, rows: Rows, q: Array, f: Array, gap: Array | float) -> Array:
+        """Contact forces (m,) in N with gaps g (m,) in m; zero for rigid contacts."""
         multipliers = np.zeros(len(self.gives))
         gaps = np.broadcast_to(gap, multipliers.shape)[self.gives]
         multipliers[self.gives] = self._contacts.pressed(rows.giving, rows.giving.C @ q + rows.giving.H @ f - gaps)

@@ -1,10 +1,8 @@
-"""What is measured and drawn of a system in an mbs.
+"""Sensors and drawing of a system in an mbs.
 
-Sensors of a system in an mbs: its outputs, and the forces of its contacts.
-
-A boom that bends in Exudyn's renderer: a tube for each section, along what its outputs across it say.
-
-Its profile is that of the scene where the section is observed; between two such places it changes linearly.
+The sensors are its outputs, and the forces of its contacts.  In Exudyn's renderer a boom that bends is drawn as a tube
+for each section, along its outputs across the boom.  The tube has the section's profile at each point where the scene
+observes the section; between two of these it changes linearly.
 """
 
 # ruff: noqa: N815 - items are numbered as Exudyn users do: nodes n..., objects o..., markers m...
@@ -32,7 +30,7 @@ from pmr.system.system import System
 
 @dataclass(frozen=True)
 class SystemSensors:
-    """Numbers of the sensors, and what their values are called, in their order."""
+    """Numbers of the sensors of a system, and names of their values, in their order."""
 
     sOutputs: Any
     output_names: tuple[str, ...]
@@ -41,7 +39,7 @@ class SystemSensors:
 
 
 class Watched:
-    """Outputs and contact forces of a system, in a configuration of Exudyn's at its time."""
+    """Outputs and contact forces of a system, in one of Exudyn's configurations at its time."""
 
     def __init__(self, mbs: Any, items: SystemItems) -> None:
         self._mbs, self._items, self._contacts = mbs, items, Contacts(items.equations, items.inputs)
@@ -49,12 +47,12 @@ class Watched:
         self._rest = np.array([k not in items.contacts for k in range(len(self._contacts.gives))])
 
     def forces(self, t: float, configuration: Any) -> Array:
-        """Lambda (m,) N, with their friction; of rigid contacts the current ones, for there are no others."""
+        """Contact forces (m,) in N with friction at t s; of rigid contacts those of the current configuration."""
         multipliers, _, grip = self._contact_state(t, self._items.coordinates(self._mbs, configuration))
         return multipliers if grip is None else multipliers + self._items.rubbing.law.along(grip)
 
     def outputs(self, t: float, configuration: Any) -> Array:
-        """Y = O q + W f - X lambda (o,), and what moments of friction move."""
+        """Outputs y = O q + W f - X lambda (o,) at t s, with the effect of the moments of friction."""
         equations, q = self._items.equations, self._items.coordinates(self._mbs, configuration)
         multipliers, rows, grip = self._contact_state(t, q)
         y = equations.outputs @ q + equations.assembly.direct @ self._loads(t) - rows.X @ multipliers
@@ -64,12 +62,12 @@ class Watched:
         return np.asarray(y)
 
     def _loads(self, t: float) -> Array:
-        """Loads (i,), with those by which a base that moves accelerates the boom."""
+        """Loads (i,) at t s, with the inertia of the boom by the motion of its base."""
         loads, base = np.array(self._items.inputs.loads(t)), self._items.base
         return loads if base is None else loads + base.inertia(self._mbs, t)
 
     def _contact_state(self, t: float, q: Array) -> tuple[Array, ContactRows, Array | None]:
-        """Lambda without friction, the rows, and what pads hold; None where none rubs."""
+        """Contact forces (m,) without friction, rows, and friction of the pads (None if no pad rubs), at t s."""
         equations, inputs, multipliers = self._items.equations, self._items.inputs, np.zeros(len(self._rest))
         x, f, rubbing, grip = inputs.at(t), self._loads(t), self._items.rubbing, None
         if self._held:
@@ -83,13 +81,15 @@ class Watched:
 
 
 def add_sensors(mbs: Any, items: SystemItems) -> SystemSensors:
-    """Sensors of a system that `add_system` added: y = O q + W f - X lambda, and lambda, whenever they are written."""
+    """Add sensors of a system that `add_system` added: outputs y = O q + W f - X lambda, and contact forces lambda."""
     watched, equations = Watched(mbs, items), items.equations
 
     def write_forces(mbs: Any, t: float, sensors: Any, factors: Any, configuration: Any) -> Any:
+        """User function of the sensor of contact forces."""
         return watched.forces(t, configuration)
 
     def write_outputs(mbs: Any, t: float, sensors: Any, factors: Any, configuration: Any) -> Any:
+        """User function of the sensor of outputs."""
         return watched.outputs(t, configuration)
 
     added = [
@@ -101,28 +101,28 @@ def add_sensors(mbs: Any, items: SystemItems) -> SystemSensors:
 
 Array = NDArray[np.float64]
 
-#: m, of a section whose profile is not known
+#: Width in m of a section whose profile is not known
 THIN = 0.02
-#: RGBA of the sections, again from the first one where there are more.
+#: RGBA of the sections; repeated if there are more.
 COLORS = ((0.95, 0.75, 0.15, 1.0), (0.75, 0.55, 0.1, 1.0), (0.9, 0.85, 0.5, 1.0))
 
 
 @dataclass(frozen=True)
 class Tube:
-    """A section as drawn, from its tail."""
+    """A section as drawn, in coordinates from its tail, at k points along it."""
 
-    x: Array  # (k,) m: places at which it is observed
+    x: Array  # (k,) m: points at which it is observed
     across: dict[int, NDArray[np.int64]]  # numbers of the outputs (k,) along y (1) and z (2), as far as there are
-    outline: Array  # (k, c, 2) m: y and z of its profile there
+    outline: Array  # (k, c, 2) m: y and z of the profile's c corners at these points
 
 
 def add_drawing(mbs: Any, items: SystemItems, scene: Scene, scale: float = 1.0) -> Any:
-    """Draw a boom that `add_system` added; deflections are `scale` times as large.
+    """Draw a boom that `add_system` added, with deflections `scale` times as large.
 
     Returns the number of the ObjectGround that draws it, in the mbs' axes: on the body that carries the boom, or where
-    the scene's frame has it.  A user function of it is asked whenever the picture changes.
+    the scene's frame puts it.  Its user function is called whenever the picture changes.
 
-    An InputError is raised where a section is observed at less than two places along itself.
+    Raises InputError if a section is observed at less than two points along it.
     """
     drawn = Drawn(mbs, items, scene, scale)
     looks = VObjectGround(graphicsDataUserFunction=lambda mbs, item: drawn.graphics())
@@ -140,11 +140,11 @@ class Drawn:
         self._place = np.array(place)
 
     def axes(self) -> list[Array]:
-        """Points (k, 3) m of each section's axis, in the axes of the mbs."""
+        """Points (k, 3) in m of each section's axis, in the axes of the mbs."""
         return [rings[:, 0] for rings in self._rings([np.zeros((1, 1, 2))] * len(self.tubes))]
 
     def graphics(self) -> list[dict[str, Any]]:
-        """Exudyn's graphics data."""
+        """Exudyn's graphics data of all sections."""
         triangulated = []
         for number, rings in enumerate(self._rings([tube.outline for tube in self.tubes])):
             k, c, _ = rings.shape
@@ -156,7 +156,10 @@ class Drawn:
         return triangulated
 
     def _rings(self, outlines: list[Array]) -> list[Array]:
-        """Outlines (k, c, 3) m at all places of each section, from those (k or 1, c, 2) m across it."""
+        """Outlines (k, c, 3) in m at the k points of each section, in the axes of the mbs.
+
+        `outlines` are (k or 1, c, 2) in m, the y and z of c corners across each section.
+        """
         shown = exu.ConfigurationType.Visualization
         t = self._mbs.systemData.GetTime(shown)
         outputs, (origin, R, extended) = self._watched.outputs(t, shown), self._posture(t, shown)
@@ -171,7 +174,7 @@ class Drawn:
         return rings_of_sections
 
     def _posture(self, t: float, shown: Any) -> tuple[Array, Array, Array]:
-        """Place (3,) m and axes (3, 3) of the pivot, and extensions of the sections, the base first."""
+        """Position (3,) in m and axes (3, 3) of the pivot, and extensions of the sections, first the base's 0."""
         base, kind, names = self._items.base, exu.OutputVariableType.Coordinates, self._scene.names
         if base is None:
             s = self._items.inputs.paths(t)
@@ -186,7 +189,10 @@ class Drawn:
 
 
 def tubes(scene: Scene, system: System) -> list[Tube]:
-    """One for each section, from the base out."""
+    """One tube for each section, from the base section on.
+
+    Raises InputError if a section is observed at less than two points along it.
+    """
     sections = []
     for number, body in enumerate(system.bodies.values()):
         kinds, units = kinds_of(body), units_of(body)

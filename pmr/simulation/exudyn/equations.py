@@ -1,14 +1,13 @@
-r"""Equations of a system in Exudyn, the paths and loads that drive it, and where these stand at a time.
+r"""Equations of a system in Exudyn, and the paths and loads that drive it, at a time.
 
-What Exudyn is given of a system: the matrices of all coordinates, and the contacts' rows wherever the paths lead.
+The equations are the matrices of all coordinates, and the contact rows at any path coordinates:
 
 .. math::
     M \ddot q + D \dot q + K q + C^T \lambda = B f, \qquad C q + H f - F \lambda = 0, \qquad
     y = O q + W f - X \lambda
 
-How far a boom on a rigid body is out: by signals, functions, and coordinates of the user's own nodes.
-
-What drives a system, as Exudyn asks for it at a time t: places on paths, loads, and what depends on the places.
+The extensions of a boom on a rigid body may be signals, functions, and coordinates of the user's own nodes.  Inputs are
+what Exudyn asks for at a time t: side positions, loads, and what depends on the positions.
 """
 
 from __future__ import annotations
@@ -42,7 +41,10 @@ Array = NDArray[np.float64]
 
 
 class Equations:
-    """Equations of a system on the n coordinates that its supports leave free, with its sides at x m."""
+    """Equations of a system on the n coordinates that its supports leave free, at any positions of contact sides.
+
+    A contact has one or two sides, each on a body; x (sides,) in m are their positions along these.
+    """
 
     def __init__(self, system: System) -> None:
         self.system, self.assembly = system, Assembly(system)
@@ -63,7 +65,7 @@ class Equations:
         self._travelling = [k for k, side in enumerate(system.sides) if side.place.path is not None]
 
     def matrix(self, A: Any) -> Any:
-        """Exudyn's matrix container of A (n, n): sparse triplets where the bodies are sparse."""
+        """Exudyn's matrix container of A (n, n); sparse triplets if the bodies are sparse."""
         if not self.sparse:
             return exu.MatrixContainer(np.asarray(A.toarray() if sp.issparse(A) else A, dtype=float))
         container = exu.MatrixContainer()
@@ -71,19 +73,22 @@ class Equations:
         return container
 
     def visited(self, excitation: Excitation) -> Array:
-        """X (T, sides) at the steps of an excitation; an InputError is raised where a path leaves a row."""
+        """Side positions x (T, sides) in m at the steps of an excitation.
+
+        Raises InputError if a path leaves a row.
+        """
         if self.alone is not None:
             excitation.along(self.alone.domain)  # which knows the scene's key
         return places(self.system, excitation)
 
     def at(self, s: Mapping[str, float]) -> Array:
-        """X (1, sides) where the paths are at s m; errors as for `visited`."""
+        """Side positions x (1, sides) in m with the paths at s m; errors as `visited`."""
         return self.system.coordinates(s)[None]
 
     def rows(self, x: Array) -> ContactRows:
-        """All contacts at places x (T, sides) m.
+        """All contacts with their sides at x (T, sides) m.
 
-        A SimulationError is raised where a body alone slides over a support, where its flexibility can't be inverted.
+        Raises SimulationError if a single body slides over a support, where its flexibility can't be inverted.
         """
         if self._compliant is not None and self._travelling:
             self._compliant.check(x[:, self._travelling[0]])
@@ -92,7 +97,7 @@ class Equations:
         return self._rows
 
     def whole(self, name: str, values: Array) -> Array:
-        """Coordinates (T, n') of one body out of all (T, n), those that supports hold among them."""
+        """Coordinates (T, n') of one body from those (T, n) of all; zero for coordinates that supports hold."""
         coordinates = np.zeros((len(values), self.system.bodies[name].size))
         coordinates[:, self.assembly.free[name]] = values[:, self.assembly.coordinates[name]]
         return coordinates
@@ -100,19 +105,22 @@ class Equations:
     def start(
         self, s: Mapping[str, float], rates: Mapping[str, float], initial: Mapping[str, InitialState]
     ) -> dict[str, InitialState]:
-        """Consistent initial state of each body, on what supports leave free; errors as for `consistent_start`."""
+        """Consistent initial state of each body on the coordinates that supports leave free.
+
+        Errors as `consistent_start`.
+        """
         free = self.assembly.free
         states = consistent_start(self.assembly, self.at(s)[0], self.system.rates(rates), initial)
         return {name: InitialState(start.q[free[name]], start.v[free[name]]) for name, start in states.items()}
 
     def needs(self, x: Array, rho_inf: float = 0.0) -> Needs:
-        """Needs of the system in a simulator where its places follow x (T, sides) m."""
+        """Needs of the system in a simulator, with its sides at x (T, sides) m."""
         return needs_of(self.system, self.assembly.at(x[0]).rigid, x, rho_inf)
 
 
 @dataclass(frozen=True)
 class NodeCoordinate:
-    """An extension that is a coordinate of a node: that of reference and the node's own displacement, in m.
+    """An extension in m that is a coordinate of a node: its reference coordinate plus the node's own displacement.
 
     What moves the node, a cylinder or a winch, drives the boom, whose inertia, weight and pads act back on it.
     """
@@ -121,7 +129,10 @@ class NodeCoordinate:
     number: int = 0  # of its coordinates
 
     def __call__(self, mbs: Any, t: float) -> float:
-        """Coordinate of the node now, or at the start; an InputError if it has no such coordinate."""
+        """Current coordinate of the node, or the initial one before assembly.
+
+        Raises InputError if the node has no such coordinate.
+        """
         node = mbs.GetNode(self.node)
         size = len(node["referenceCoordinates"])
         if not 0 <= self.number < size:
@@ -134,7 +145,7 @@ class NodeCoordinate:
 
 
 def check_path(name: str, path: Any) -> None:
-    """Raise an InputError for what can't say how far a section is out."""
+    """Raise InputError if `path` is neither a signal, nor a function, nor a `NodeCoordinate`."""
     if not (hasattr(path, "value") and hasattr(path, "rate")) and not callable(path):
         allowed = (
             "a signal, an object with value(t) and rate(t), a function of mbs and t, or a NodeCoordinate is allowed"
@@ -143,9 +154,9 @@ def check_path(name: str, path: Any) -> None:
 
 
 class Paths:
-    """Extensions of all sections, of which those that are coordinates of nodes are asked for with these.
+    """Extensions of all P paths at a time, some of which may be coordinates of nodes.
 
-    Behind them stand paths `aside`, which move no section.
+    The paths `aside`, which move no section, follow those of the sections.
     """
 
     def __init__(self, mbs: Any, scene: Scene, paths: Mapping[str, Any], aside: Sequence[str] = ()) -> None:
@@ -165,7 +176,10 @@ class Paths:
         self._signals_now = np.zeros((3, len(self.names)))
 
     def at(self, t: float, z: Array, z_t: Array) -> Extended:
-        """At t s with the nodes' coordinates and rates (m,); second rates are those of signals and functions."""
+        """Extensions at t s, with coordinates and rates z, z_t (m,) of the nodes.
+
+        Second rates are those of signals and functions; of coordinates of nodes they are zero.
+        """
         if t != self._t:
             self._t, self._signals_now = t, np.zeros_like(self._signals_now)
             for number, name in enumerate(self.names):
@@ -176,16 +190,17 @@ class Paths:
 
 
 class _Path:
-    """A path, its kinks spread over one step of h: a signal, an object as one, or a function of the mbs and the time.
+    """A path that is a signal, an object like one, or a function of mbs and t, with kinks spread over one step of h.
 
-    The rates of a function are those of the parabola through its values around t, half a step apart.
+    The rates of a function are those of the parabola through its values half a step before t, at t, and half a step
+    after.
     """
 
     def __init__(self, path: Any, h: float, mbs: Any) -> None:
         self._path, self._h, self._mbs = path, h, mbs
 
     def at(self, t: float) -> tuple[float, float, float]:
-        """Value in m, rate and second rate."""
+        """Value in m, rate and second rate at t s."""
         half = self._h / 2.0
         if not hasattr(self._path, "rate"):
             middle = max(t, half)  # no time before the start is asked for
@@ -197,10 +212,10 @@ class _Path:
         return float(self._path.value(t)), float(self._path.rate(t)), second
 
 
-#: Entries of what depends on places that are held at once; bounds the memory of a long simulation.
+#: Most values that are computed ahead at once; bounds the memory of a long simulation.
 ENTRIES_AHEAD = 1_000_000
 
-#: Something of the places that a simulator needs at every step: ``evaluate(x (T, k)) -> (T, ...)``.
+#: Function of side positions that a simulator needs at every step: ``evaluate(x (T, k)) -> (T, ...)``.
 OfPlaces = Callable[[Array], Array]
 #: A path in m or a load in N: a signal, whose `value` and `rate` are asked for, or a function of the mbs and the time
 #: in s, which may read ``mbs.variables``.
@@ -212,47 +227,54 @@ def value_of(driving: Driving, mbs: Any, t: float) -> float:
     return float(driving.value(t) if hasattr(driving, "value") else driving(mbs, t))
 
 
-#: Number of the places, which stays as long as they do, loads in N (or N m) and amplitudes of terms.
+#: Index of the side positions, which stays as long as they do, loads in N (or N m) and amplitudes of terms.
 State = tuple[int, tuple[float, ...], tuple[float, ...]]
 
 
 class Inputs(ABC):
-    """Places and loads at a time, and what depends on the places, a block of them ahead as far as they are known."""
+    """Side positions and loads at a time, and quantities that depend on the positions, computed in blocks.
+
+    Side positions that stay for some time have one index.
+    """
 
     @abstractmethod
     def state(self, t: float) -> State:
-        """Number of the places, loads and amplitudes at t s."""
+        """Index of the side positions, loads and amplitudes at t s."""
 
     @abstractmethod
     def begin(self, t: float) -> None:
-        """The step that ends at t s begins."""
+        """Begin the step that ends at t s."""
 
     @abstractmethod
     def places(self, first: int, count: int) -> Array:
-        """X (T, sides) m from a number on, `count` of them or as many as are known."""
+        """Side positions x (T, sides) in m from index `first` on: `count` of them, or as many as are known."""
 
     def number(self, t: float) -> int:
-        """Number of the places at t s; it stays as long as they do."""
+        """Index of the side positions at t s."""
         return self.state(t)[0]
 
     def loads(self, t: float) -> tuple[float, ...]:
-        """One value an input, in N (or N m)."""
+        """Loads at t s in N (or N m), one for each input."""
         return self.state(t)[1]
 
     def amplitudes(self, t: float) -> tuple[float, ...]:
-        """One value a term."""
+        """Amplitudes at t s, one for each term."""
         return self.state(t)[2]
 
     def at(self, t: float) -> Array:
-        """X (1, sides) m at t s."""
+        """Side positions x (1, sides) in m at t s."""
         return self.places(self.number(t), 1)
 
     def along(self, evaluate: OfPlaces, entries: int) -> Callable[[float], Array]:
-        """`evaluate` at x(t) as a function of t; `entries` is how many numbers it gives for each place."""
+        """Function of t in s that returns `evaluate` at the side positions of this time; computed for a block at once.
+
+        `entries` is the number of values at each position.
+        """
         block = max(1, ENTRIES_AHEAD // max(entries, 1))
         first, values, index = 0, np.empty(0), np.empty(0, int)
 
         def value(t: float) -> Array:
+            """Value at t s."""
             nonlocal first, values, index
             k = self.number(t)
             if not first <= k < first + len(index):
@@ -265,9 +287,9 @@ class Inputs(ABC):
 
 
 class SignalInputs(Inputs):
-    """Evaluates signals and functions where the time has changed, or a step begins.
+    """Inputs from signals and functions, which are evaluated if the time changes or a step begins.
 
-    An InputError is raised if a path, load or amplitude of a term is missing, or one has no input or term.
+    Raises InputError if a path, load or amplitude of a term is missing, or a load or amplitude has no input or term.
     """
 
     def __init__(
@@ -319,9 +341,9 @@ class SignalInputs(Inputs):
 
 
 class TabulatedInputs(Inputs):
-    """Looks up what was evaluated beforehand, at all parts of all steps.
+    """Inputs that have been evaluated beforehand, at the ends of all parts of all steps.
 
-    Errors as for `Equations.visited`, `Excitation.forces` and `Excitation.amplitudes`.
+    Errors as `Equations.visited`, `Excitation.forces` and `Excitation.amplitudes`.
     """
 
     def __init__(self, equations: Equations, excitation: Excitation, lengths: Lengths) -> None:
@@ -336,7 +358,7 @@ class TabulatedInputs(Inputs):
         self._states = dict(zip(numbers.tolist(), zip(at, loads, terms, strict=True), strict=True))
 
     def begin(self, t: float) -> None:
-        """All is known."""
+        """Do nothing, as all values are known."""
 
     def state(self, t: float) -> State:
         return self._states[round(t / self._step)]

@@ -1,10 +1,10 @@
-r"""Three ways of having Exudyn know the contacts and loads of a system.
+"""Three ways to represent the contacts and loads of a system in Exudyn.
 
-Springs: rows and loads are set once a step; contacts that give way are no constraints but springs that travel,
-``K(s) = K + C^T F^-1 C``, and where some only push, Python is called in every iteration for the forces of all that give
-way, those of the closed ones found by the kernel (`pmr.kernel.laws`); Newton's method takes the stiffness
-of those that are closed.  Multipliers: contacts that give way keep theirs, for comparison.  Callbacks: as in the paper,
-Python is called for rows, their Jacobian and loads in every iteration, for comparison.
+Springs: rows and loads are set once a step; contacts that give way are no constraints but springs that travel, ``K(s) =
+K + C^T F^-1 C``.  If some only push, Python is called in every iteration for the forces of all that give way; the
+kernel finds the closed ones (`pmr.kernel.laws`), and Newton's method uses their stiffness.  Multipliers: contacts that
+give way have multipliers, for comparison.  Callbacks: as in the paper, Python is called for rows, their Jacobian and
+loads in every iteration, for comparison.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ AddItems: TypeAlias = Callable[[Any, Equations, Inputs, Start], SystemItems]
 
 
 def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
-    """Items of a system whose rows, travelling springs and loads are set once a step.
+    """Add the items of a system whose rows, travelling springs and loads are set once a step.
 
-    Sparse matrices of which contacts give way, but none only pushes, are handed on to `add_with_multipliers`: springs
-    would fill the stiffness anew in every step.
+    Sparse systems with contacts that give way, none of which only pushes, use `add_with_multipliers` instead: springs
+    would fill the sparse stiffness anew in every step.
     """
     n, contacts, friction = equations.size, Contacts(equations, inputs), Friction.of(equations.system.contacts)
     springs = bool(contacts.gives.any()) and not contacts.push and friction is None
@@ -52,6 +52,7 @@ def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Star
     system = inputs.along(contacts.springs, n * (n + equations.B.shape[1]))
 
     def force(t: float) -> Array:
+        """Force vector (n,) at t s."""
         B = system(t)[:, n:] if springs else equations.B
         return np.asarray(B @ np.array(inputs.loads(t)))
 
@@ -69,6 +70,7 @@ def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Star
     place_set, loads_set = inputs.number(0.0), inputs.loads(0.0)
 
     def update(mbs: Any, t: float) -> bool:
+        """Pre-step function: set rows, stiffness and forces to those at t."""
         nonlocal place_set, loads_set
         finish(mbs, items, t)
         inputs.begin(t)
@@ -89,12 +91,13 @@ def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Star
 def _contact_parameters(
     pads: Pads, equations: Equations, inputs: Inputs, steps: Steps, start: Start
 ) -> tuple[dict[str, Any], Callable[[Any, SystemItems, float], None]]:
-    """Forces of contacts that push or rub, as functions of the coordinates; and the function that ends a step."""
+    """Parameters of ObjectGenericODE2 (user functions) for contacts that push or rub; function that ends a step."""
     stored_rows: tuple[int, Rows] | None = None
     begun = np.concatenate([state.q for state in start.values()])
     reached, loads = 0.0, np.array(inputs.loads(0.0))
 
     def rows(t: float) -> Rows:
+        """Rows of the contacts at t s, computed once for each position."""
         nonlocal stored_rows
         place = inputs.number(t)
         if stored_rows is None or stored_rows[0] != place:
@@ -102,9 +105,11 @@ def _contact_parameters(
         return stored_rows[1]
 
     def begin(q: Array) -> None:
+        """Set the state at t = 0, with coordinates q (n,)."""
         pads.begin(rows(0.0), q, np.array(inputs.loads(0.0)) + pads.inertia(0.0))
 
     def force(mbs: Any, t: float, item: int, q: Any, q_t: Any) -> Any:
+        """User function: forces (n,) of the contacts on the coordinates."""
         at, inertia = rows(t), pads.inertia(t)
         if t <= 0.0:  # where Exudyn asks for the accelerations at the start
             begin(np.asarray(q))
@@ -113,12 +118,14 @@ def _contact_parameters(
         return state.w - at.giving.C.T @ (state.multipliers[pads.gives] - pads.answers(at, inertia))
 
     def jacobian(mbs: Any, t: float, item: int, q: Any, q_t: Any, factor: float, factor_t: float) -> Any:
+        """User function: stiffness of the contacts."""
         steps.check(t)
         at = rows(t)
         state = pads.state(at, np.asarray(q), np.array(inputs.loads(t)) + pads.inertia(t), t)
         return equations.matrix(factor * pads.stiffness(at, state))
 
     def finish(mbs: Any, items: SystemItems, t: float) -> None:
+        """End the step before the one that ends at t: the next one starts from its friction."""
         nonlocal reached, loads
         if pads.law is None:
             return
@@ -138,28 +145,30 @@ def _contact_parameters(
 
 
 def do_nothing(mbs: Any, items: SystemItems, t: float) -> None:
-    """End a step that leaves nothing for the next one."""
+    """End a step without friction, of which the next step needs nothing."""
 
 
 def add_with_multipliers(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
-    r"""Items of a system with constraints for all contacts, also for those that give way.
+    r"""Add the items of a system with constraints for all contacts, including those that give way.
 
-    Coordinates w without mass, one a contact, carry what gives way:
+    Each contact has a coordinate w without mass:
 
     .. math:: C q + H f - F w = 0 \quad (\lambda), \qquad F w - F \lambda = 0
 
-    so that w = lambda in N.  Contacts that hold firm have w = 0.
+    so that w = lambda in N.  Rigid contacts have w = 0.
     """
     n, contacts, (m, i) = equations.size, Contacts(equations, inputs), _counts(equations)
     gives, rigid = np.flatnonzero(contacts.gives), np.diag(contacts.rigid.astype(float))
 
     def side_by_side(x: Array) -> Array:
+        """C, F and H side by side, (T, m, n + m + i), at side positions x (T, sides) m."""
         rows = equations.rows(x)
         return np.concatenate([rows.C, rows.F, rows.H], axis=2)
 
     table = inputs.along(side_by_side, m * (n + m + i))
 
     def parts(t: float) -> tuple[Array, Array, Array]:
+        """C (m, n), F (m, m) and -H f (m,) at t s."""
         C, F, H = np.split(table(t), [n, n + m], axis=1)
         return C, F, -H @ np.array(inputs.loads(t))
 
@@ -185,6 +194,7 @@ def add_with_multipliers(mbs: Any, equations: Equations, inputs: Inputs, start: 
     items = with_contacts(mbs, items, np.arange(m), mRows, scalingMarker0=F, scalingMarker1=C, offset=offset)
 
     def update(mbs: Any, t: float) -> bool:
+        """Pre-step function: set rows and forces to those at t."""
         inputs.begin(t)
         C, F, offset = parts(t)
         mbs.SetObjectParameter(items.oContacts, "scalingMarker0", F)
@@ -198,17 +208,20 @@ def add_with_multipliers(mbs: Any, equations: Equations, inputs: Inputs, start: 
 
 
 def add_with_callbacks(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
-    """Items of a system of rigid contacts, whose rows and loads Exudyn asks for in every iteration: the paper's way."""
+    """Add the items of a system of rigid contacts, with Python callbacks in every iteration: the paper's way."""
     m, _ = _counts(equations)
     rows = inputs.along(lambda x: equations.rows(x).C, equations.size * m)
 
     def force(mbs: Any, t: float, item: int, q: Any, q_t: Any) -> Any:
+        """User function: loads (n,) on the coordinates at t s."""
         return equations.B @ np.array(inputs.loads(t))
 
     def constraint(mbs: Any, t: float, item: int, q: Any, q_t: Any, velocity_level: bool) -> Any:
+        """User function: values C q (m,) of the contact rows at t s."""
         return rows(t) @ q
 
     def jacobian(mbs: Any, t: float, item: int, q: Any, q_t: Any, velocity_level: bool) -> Any:
+        """User function: contact rows C (m, n) at t s."""
         return rows(t)
 
     return with_contacts(
@@ -222,22 +235,26 @@ def add_with_callbacks(mbs: Any, equations: Equations, inputs: Inputs, start: St
 
 
 def _counts(equations: Equations) -> tuple[int, int]:
-    """Number of contacts, and of inputs."""
+    """Number of contacts, and number of inputs."""
     return len(equations.system.contacts), equations.B.shape[1]
 
 
 def nothing_beyond_matrices(equations: Equations, steps: Steps) -> Any:
-    """Jacobian of the forces beyond K and D, which Exudyn adds itself; without it, it would difference K q."""
+    """User function for the Jacobian of forces other than K q and D q', which is zero: Exudyn adds K and D itself.
+
+    Without it Exudyn would differentiate K q numerically.  The function also checks that the step has been updated.
+    """
     no_more = equations.matrix(sp.csr_matrix(equations.K.shape))
 
     def jacobian(mbs: Any, t: float, item: int, q: Any, q_t: Any, factor: float, factor_t: float) -> Any:
+        """User function: zero Jacobian (n, n), after the check of the step."""
         steps.check(t)
         return no_more
 
     return jacobian
 
 
-#: Its name as a simulator of a scene, and what adds its items.
+#: Name as a simulator of a scene, and function that adds the items, of each formulation.
 FORMULATIONS: dict[Formulation, tuple[str, AddItems]] = {
     "springs": ("exudyn", add_with_springs),
     "multipliers": ("exudyn-multiplier", add_with_multipliers),

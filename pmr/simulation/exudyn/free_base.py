@@ -1,7 +1,7 @@
 r"""A boom on a rigid body of the user's own in Exudyn: an object on the body's node and on those of the sections.
 
-It adds what `pmr.simulation.free_base` says of base and coordinates.  With the node's coordinates x and theta, and the
-boom's axes A and its pivot c in the body's,
+It adds the equations of `pmr.simulation.free_base` for base and coordinates.  With the node's coordinates x and theta,
+the boom's axes A and its pivot c in the body's axes, the accelerations of the boom's frame are
 
 .. math::
     \begin{pmatrix} a \\ \alpha \end{pmatrix} = \Lambda \begin{pmatrix} \ddot x \\ \ddot\theta \end{pmatrix} + \gamma,
@@ -9,22 +9,20 @@ boom's axes A and its pivot c in the body's,
 
 with the body's rotation R and its angular velocity G theta' in its own axes.
 
-The items that couple a boom with the body that carries it, and with nodes that draw it out.
-
-A boom whose extensions s are coordinates of the user's: forces of contacts and loads on q and s.
-
-Contacts that give way, with g = C q + H f and :math:`\lambda = F^{-1} g`, and cylinders of length l = s that lean by q
-and against which a load along x pushes with f, store
+Extensions s may be coordinates of the user's nodes: forces of contacts and loads then act on q and s.  Contacts that
+give way, with g = C q + H f and :math:`\lambda = F^{-1} g`, and cylinders of length l = s that lean by q and carry a
+load f along x, store
 
 .. math::
     V(q, s) = \tfrac12 g^T F^{-1} g + \frac{f}{2 l}\, q^T G q,
 
-so that q feels :math:`-C^T \lambda - f G q / l`, and a path, with w = C' q + H' f - F' lambda,
+so that the force on q is :math:`-C^T \lambda - f G q / l`, and that on a path
 
 .. math::
     F_s = -\lambda^T (C' q + H' f) + \tfrac12 \lambda^T F' \lambda + \frac{f}{2 l^2}\, q^T G q.
 
-Where pads only push, lambda and F are those of the closed ones.  Rigid contacts are constraints C(s) q = 0 of q and s.
+The derivative of lambda by s uses w = C' q + H' f - F' lambda.  If pads only push, lambda and F are those of the closed
+ones.  Rigid contacts are constraints C(s) q = 0 of q and s.
 """
 
 from __future__ import annotations
@@ -65,7 +63,7 @@ from pmr.system.system import System
 
 
 def add_extended(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
-    """Nodes and items of the bodies alone, each by itself: what joins them is the base's to add."""
+    """Add nodes and items of the bodies without their contacts, which the base adds."""
     steps, loads_set = Steps(held=bool(Contacts(equations, inputs).rigid.any())), inputs.loads(0.0)
     jacobian = nothing_beyond_matrices(equations, steps)
     items = add_bodies(
@@ -73,6 +71,7 @@ def add_extended(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -
     )
 
     def update(mbs: Any, t: float) -> bool:
+        """Pre-step function: set the force vector to the loads at t."""
         nonlocal loads_set
         inputs.begin(t)
         if (loads := inputs.loads(t)) != loads_set:
@@ -84,7 +83,7 @@ def add_extended(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -
 
 
 class Extending:
-    """Forces, stiffness and rigid rows between coordinates q (n,) and extensions s (S,) m."""
+    """Forces, stiffness and rigid rows between coordinates q (n,) and extensions s (S,) in m."""
 
     def __init__(
         self, equations: Equations, contacts: Contacts, boom: FreeBase, paths: Paths, along: ChangingRows
@@ -99,7 +98,10 @@ class Extending:
         ]
 
     def at(self, s: Array, q: Array, f: Array) -> tuple[Array, Array]:
-        """Forces (n + S,) and their stiffness (n + S, n + S) at extensions s (S,) m, under loads f (i,) N."""
+        """Forces and stiffness (n + S, n + S) on n coordinates and S extensions, at s (S,) in m and q (n,).
+
+        The forces (n + S,) are those under loads f (i,).
+        """
         n, S, numbers = len(q), len(s), self._numbers
         near = self._along.at(s)
         now, slopes = near.rows.of(self._contacts.gives), near.slopes.of(self._contacts.gives)
@@ -126,11 +128,11 @@ class Extending:
         return total, K
 
     def gap(self, s: Array, q: Array) -> Array:
-        """Gaps C(s) q (m,) m of rigid contacts."""
+        """Gaps C(s) q (m,) in m of rigid contacts."""
         return np.asarray(self._along.at(s).rows.C[self.rigid] @ q)
 
     def moved(self, s: Array, q: Array) -> Array:
-        """Derivative (m, n + S) of the gaps of rigid contacts by q and s."""
+        """Derivative (m, n + S) by q and s of the gaps of rigid contacts."""
         near, numbers = self._along.at(s), self._numbers
         derivative = np.hstack([near.rows.C[self.rigid], np.zeros((len(self.rigid), len(s)))])
         derivative[:, len(q) + numbers] = (near.slopes.C[numbers][:, self.rigid] @ q).T
@@ -144,17 +146,20 @@ NOTHING = np.zeros(0)
 
 @dataclass(frozen=True)
 class OnBody:
-    """Pivot and axes of a boom on a rigid body of the mbs, whose coordinates then carry the boom."""
+    """Pivot and axes of a boom on a rigid body of the mbs, which then carries the boom."""
 
     body: Any  # number of an ObjectRigidBody, such as CreateRigidBody returns
     scene: Scene  # of the system: pivot, sections, weight
     place: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the pivot, m from the body's reference point
-    axes: Array = field(default_factory=lambda: np.eye(3))  # (3, 3): the boom's x, y, z as columns, in the body's axes
+    axes: Array = field(default_factory=lambda: np.eye(3))  # (3, 3): columns are the boom's x, y, z in the body's axes
 
 
 @dataclass(frozen=True)
 class Rotations:
-    """R (3, 3), G (3, k) and G' theta' (3,) of a kind of node, from coordinates and rates (k,) of its rotation."""
+    """Functions of a kind of node with k rotation coordinates: R (3, 3), G (3, k) and G' theta' (3,).
+
+    R and G depend on the coordinates (k,), G' theta' on these and their rates.
+    """
 
     matrix: Callable[[Array], Array]
     velocity: Callable[[Array], Array]
@@ -170,7 +175,7 @@ ROTATIONS = {
 
 
 class Base:
-    """Places, loads and the base's motion at a time, and what has to be added to Exudyn's equations for them."""
+    """Base of a boom on a rigid body: its motion, and what has to be added to Exudyn's equations, at a time."""
 
     def __init__(
         self, mbs: Any, equations: Equations, inputs: Inputs, paths: Mapping[str, Driving], on: OnBody
@@ -200,20 +205,20 @@ class Base:
 
     @property
     def count(self) -> int:
-        """Number of the body's coordinates."""
+        """Number k of the body's coordinates."""
         return len(self.reference)
 
     def weight(self, t: float) -> float:
-        """Acceleration by which things fall at t s, m/s^2."""
+        """Acceleration of gravity at t s in m/s^2."""
         return 0.0 if self._gravity is None else float(self._gravity.value(t))
 
     def origin(self, x: Array) -> Array:
-        """Place of the pivot, (3,) m, with the body's coordinates x."""
+        """Position (3,) in m of the pivot, with the body at displacements x (k,)."""
         angles = (x + self.reference)[3:]
         return (x + self.reference)[:3] + np.array(self._rotations.matrix(angles)) @ np.array(self._on.place)
 
     def extended(self, t: float, z: Array = NOTHING, z_t: Array = NOTHING) -> Extended:
-        """How far the sections are out at t s, with coordinates and rates (m,) of the user's nodes of `paths`."""
+        """Extensions of the sections at t s, with coordinates and rates z, z_t (m,) of the user's nodes."""
         return self.paths.at(t, z, z_t)
 
     def moments(self, at: Extended) -> Moments:
@@ -221,14 +226,17 @@ class Base:
         return self._answering.moments(at)
 
     def answers(self, s: Array) -> Answers:
-        """Response to inputs with the paths at s (P,) m, with the contacts that give way.
+        """Response to inputs with the paths at s (P,) in m, with contacts that give way.
 
         Rigid ones, and pads that only push, are left out.
         """
         return self._answering.at(s)
 
     def kinematics(self, x: Array, rate: Array) -> tuple[Array, Array, Motion, Array]:
-        """Lambda (6, k), gamma (6,), the motion of the boom's frame without weight, and its rotation (3, 3)."""
+        """Lambda (6, k), gamma (6,), motion of the boom's frame (with zero weight), and its rotation (3, 3).
+
+        x, rate (k,) are the body's displacements and rates.
+        """
         angles, c, A = (x + self.reference)[3:], skew(np.array(self._on.place)), self._on.axes
         R, G = np.array(self._rotations.matrix(angles)), np.array(self._rotations.velocity(angles))
         omega, remainder = G @ rate[3:], self._rotations.remainder(angles, rate[3:])
@@ -238,9 +246,9 @@ class Base:
         return turned, gamma, Motion(A.T @ omega, np.zeros(3)), R @ A
 
     def inertia(self, mbs: Any, t: float) -> Array:
-        """Loads (i,) by which the body's present motion and the weight accelerate the boom at t s.
+        """Loads (i,) of the boom's inertia and weight by the body's current motion, at t s.
 
-        They press on contacts that give way at once, but for pads that only push: zero with these.
+        They deform contacts that give way immediately.  Zero if there are none, or if pads only push.
         """
         loads = np.zeros(self._inputs)
         if not self._gives:
@@ -256,9 +264,9 @@ class Base:
         return self.boom.inertia(motion, turned @ second + gamma, extended, loads)
 
     def at(self, t: float, x: Array, rate: Array, loads: Array) -> tuple[Array, Array, Array]:
-        """Mass (N, N), force (N,) and stiffness (N, N) that are added, of coordinates and rates (N,).
+        """Mass (N, N), force (N,) and stiffness (N, N) to be added, for N coordinates of body, boom, user's nodes.
 
-        They are those of the body, of the boom and of the user's nodes of `paths`.
+        x, rate (N,) are displacements and rates, `loads` (i,) those of the inputs.
         """
         k, n = self.count, self._size
         turned, gamma, motion, R = self.kinematics(x[:k], rate[:k])
@@ -280,15 +288,16 @@ class Base:
 
 
 def driven_by_base(system: System, loads: Mapping[str, Driving]) -> dict[str, Driving]:
-    """The loads, and those at zero by which a frame would accelerate the boom: its base does so."""
+    """Loads by name, with the inertia inputs set to zero: the base accelerates the boom."""
     nothing = Constant(amount=0.0)
     return dict(loads) | {name: nothing for name in system.input_names if INERTIA in name}
 
 
 def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on: OnBody) -> dict[str, Driving]:
-    """Amplitudes of the terms: of the stress that loads make, for all others are the base's.
+    """Amplitudes of the terms by name: those of loads that stress the boom; all others are zero, as the base adds them.
 
-    Those of an extension that is a coordinate are the base's, too.  An InputError is raised for what is no extension.
+    Terms of a cylinder whose extension is a coordinate are zero, too.  Raises InputError for a path that is no
+    extension.
     """
     for name in dict.fromkeys((*on.scene.names[1:], *paths)):
         check_path(name, paths.get(name))
@@ -305,17 +314,18 @@ def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on
 
 
 def _cylinder_load(load: Any, extension: Any, mbs: Any, t: float) -> float:
-    """Minus what a cylinder pushes with against a load along it, over its length, N/m."""
+    """Load along a cylinder over its length, in N/m, at t s."""
     return value_of(load, mbs, t) / value_of(extension, mbs, t)
 
 
 def with_base(mbs: Any, items: SystemItems, base: Base, inputs: Inputs) -> SystemItems:
-    """Add the object that couples the items of a boom with the body that carries it."""
+    """Add the object that couples the items of a boom with the body that carries it; return the items."""
     nodes = [base.node, *items.nBodies.values(), *base.paths.nodes]
     count = sum(len(mbs.GetNode(node)["referenceCoordinates"]) for node in nodes)
     evaluated_at, evaluated = None, (np.empty(0),) * 3
 
     def evaluate(t: float, q: Any, q_t: Any) -> tuple[Array, Array, Array]:
+        """Mass, force and stiffness at t s, computed once for the same coordinates and rates."""
         nonlocal evaluated_at, evaluated
         x, rate = np.array(q), np.array(q_t)
         arguments = (t, x.tobytes(), rate.tobytes())
@@ -344,15 +354,16 @@ def with_base(mbs: Any, items: SystemItems, base: Base, inputs: Inputs) -> Syste
 
 
 def _with_rows(mbs: Any, items: SystemItems, base: Base, extending: Extending) -> SystemItems:
-    """Add a connector for rigid contacts along extensions that are coordinates."""
+    """Add a connector for rigid contacts along extensions that are coordinates; return the items."""
     k, n = base.count, base.boom.size
 
     def split(t: float, z: Any) -> tuple[Array, Array]:
-        """Extensions and coordinates, of a marker's, which has those of reference, too."""
+        """Extensions (S,) and coordinates (n,) of the boom, from those of a marker, which include reference ones."""
         z_array = np.array(z)
         return base.extended(t, z_array[k + n :] - base.paths.reference, z_array[k + n :]).value, z_array[k : k + n]
 
     def gap_derivative(t: float, z: Any) -> Array:
+        """Derivative of the gaps by all coordinates."""
         derivative = extending.moved(*split(t, z))
         return np.hstack([np.zeros((len(derivative), k)), derivative[:, :n], derivative[:, n:] @ base.paths.along])
 

@@ -1,15 +1,16 @@
-r"""A hook on a boom that rides on a body in Exudyn: a point with a mass, to which ropes and all else are attached.
+r"""A hook on a boom that is carried by a body in Exudyn: a point with a mass, to which ropes and others are attached.
 
-Where three loads of the model act along x, y and z, the boom moves by :math:`B^T q + E f`, what follows the forces at
-once included, and bends shorter by :math:`q^T G q / 2` where the system has second order.  So the hook at x holds, with
-its force f on the boom in the boom's axes and the loads f_w that act beside, those of the weight among them,
+Where three loads of the model act along x, y and z, the boom is displaced by :math:`B^T q + E f`, which includes the
+immediate response to forces, and gets shorter by :math:`q^T G q / 2` if the system has second order.  So the hook at x,
+with its force f on the boom in the boom's axes and the model's loads f_w, the weight included, fulfils
 
 .. math:: g = R^T (x - x_O) - d - r - B_h^T q + \tfrac12 e_x\, q^T G q - E_{hw} f_w - E_h f = 0
 
-a constraint whose multiplier is f.  By virtual work f acts on the base too, at the place where the hook is, so that
-momentum stays.  Coordinates w in m without mass carry :math:`E_h w = e E_h f`, with e the largest of E_h; where nothing
-gives way they are held at zero.  They store :math:`w^T E_h w / 2 e^2`, which changes as an extension s does that is a
-coordinate: with it, the constraint's derivative by s leaves :math:`f^T E_h' f / 2` along the path.
+a constraint whose multiplier is f; R and x_O are axes and pivot of the boom, d the tail of the section, r the point
+from there.  By virtual work f acts on the base too, at the position of the hook, so that momentum is conserved.
+Coordinates w in m without mass represent :math:`E_h w = e E_h f`, with e the largest eigenvalue of E_h; in directions
+without flexibility w is held at zero.  They store :math:`w^T E_h w / 2 e^2`, which changes with an extension s that is
+a coordinate: together with this, the constraint's derivative by s leaves :math:`f^T E_h' f / 2` along the path.
 """
 
 # ruff: noqa: N815 - items are numbered as Exudyn users do
@@ -40,7 +41,7 @@ from pmr.simulation.start import InitialState
 
 Array = NDArray[np.float64]
 
-#: Of the largest flexibility: less gives nothing; and m/N, the largest of a model that does not give way.
+#: Share of the largest flexibility that counts as none; least value in m/N of that largest one.
 ROUND_OFF, TINY = 1e-9, 1e-20
 #: What nodes call their rates at the start.
 RATES = ("initialCoordinates_t", "initialVelocities")
@@ -57,24 +58,25 @@ class Hook:
 
 
 def add_hook(mbs: Any, items: SystemItems, loads: tuple[str, str, str], mass: float) -> Hook:
-    """Add a point of so many kg where three of the boom's loads act; it weighs as the scene of the boom has it.
+    """Add a point of mass `mass` in kg at the point where three of the boom's loads act.
 
-    It begins where the boom carries it unloaded, with the velocity that the boom begins with there.
+    It starts where the boom without the hook's force has this point, and with the point's velocity.
 
     Parameters
     ----------
     mbs : exudyn.MainSystem
     items : SystemItems
-        Of `add_system` with ``on``.
+        Those of `add_system` with ``on``.
     loads : three str
-        Names of inputs along x, y and z of the boom at one place, ``fly.hook x`` and so on; their signals act beside.
+        Names of inputs along x, y and z of the boom at one point, ``fly.hook x`` and so on; their signals still act.
     mass : float
-        Of the hook itself, kg.  Its weight, by the gravity of the scene given to `OnBody`, acts along -Z of the mbs.
+        Mass of the hook itself in kg.  Its weight, by the gravity of the scene given to `OnBody`, acts along -Z of the
+        mbs.
 
     Raises
     ------
     InputError
-        If the boom stands on the ground, or the model has no such inputs at one place.
+        If the boom stands on the ground, or the model has no such inputs at one point.
     """
     base = items.base
     if base is None:
@@ -123,7 +125,7 @@ def add_hook(mbs: Any, items: SystemItems, loads: tuple[str, str, str], mass: fl
 
 
 class _Joint:
-    """Between a point and where three loads act."""
+    """Constraint between the hook and the point of the boom where three loads act."""
 
     def __init__(self, base: Base, items: SystemItems, loads: tuple[str, str, str], start: Array) -> None:
         names = items.equations.system.input_names
@@ -148,24 +150,27 @@ class _Joint:
         self.mass[:3, :3] = self._firm
 
     def _split(self, t: float, z: Array) -> tuple[Array, Array, Array]:
-        """Coordinates of the base, of the boom, and the paths s (P,) m, from those of all nodes but w and hook."""
+        """Coordinates of base and boom, and path coordinates s (P,) in m, from those of the nodes of all three."""
         k, n = self._base.count, self._base.boom.size
         return z[:k], z[k : k + n], self._base.extended(t, z[k + n :], z[k + n :]).value
 
     def _displacements(self, z: Array) -> Array:
-        """Displacements of all nodes but w and hook, out of coordinates that include those of reference."""
+        """Displacements of all nodes but w and hook, from coordinates z that include the reference coordinates."""
         coordinates, k, paths = z[6:].copy(), self._base.count, self._base.paths
         coordinates[:k] -= self._base.reference
         coordinates[len(coordinates) - len(paths.reference) :] -= paths.reference
         return coordinates
 
     def _gives(self, s: Array) -> tuple[Array, Array]:
-        """E_h (3, 3) m/N, and its derivative by the paths (P, 3, 3)."""
+        """Flexibility E_h (3, 3) in m/N at the paths s, and its derivatives (P, 3, 3) by them."""
         answers, on = self._base.answers(s), np.ix_(self._on, self._on)
         return answers.E[on], answers.E_slope[:, *on]
 
     def given(self, t: float, z: Array) -> tuple[Array, Array]:
-        """Force (N,) and stiffness (N, N) of what w stores, and of what holds it where nothing gives way."""
+        """Force (N,) and stiffness (N, N) of the energy that w stores, and of the stiffness that holds w.
+
+        w is held in directions without flexibility.
+        """
         w, (_, _, s), along, e = z[:3], self._split(t, z[6:]), self._base.paths.along, self._scale
         (E, E_slope), K = self._gives(s), np.zeros((len(z),) * 2)
         first = len(z) - along.shape[1]
@@ -177,7 +182,7 @@ class _Joint:
         return force, K
 
     def _bent(self, s: Array, q: Array) -> tuple[Array, Array]:
-        """G q (n,), and the derivative (P,) of q^T G q / 2 by the paths."""
+        """G q (n,), and the derivative (P,) of q^T G q / 2 by the paths s."""
         bent, by = np.zeros_like(q), np.zeros_like(s)
         for k, G in self._shortened:
             l, Gq = (1.0 if k is None else s[k]), G @ q
@@ -187,7 +192,10 @@ class _Joint:
         return bent, by
 
     def _unbent(self, t: float, q: Array, s: Array, R: Array) -> tuple[Array, Array, Array]:
-        """Place (3,) m from O in the boom's axes with an empty hook; its derivatives by q (3, n) and s (3, P)."""
+        """Position (3,) in m of the point from O in boom axes without the hook's force, and its derivatives.
+
+        They are (3, n) by q and (3, P) by s.
+        """
         answers, e = self._base.answers(s), np.array([1.0, 0.0, 0.0])
         rows, (bent, by) = answers.B[:, self._on].T, self._bent(s, q)
         loads = self._base.boom.weight(self._base.weight(t) * R[2], len(answers.E)) + np.array(self._inputs.loads(t))
@@ -197,7 +205,10 @@ class _Joint:
         return at + answers.E[self._on] @ loads, rows - np.outer(e, bent), sliding + np.outer(e, carried - by)
 
     def start(self, z: Array, z_t: Array) -> tuple[Array, Array]:
-        """Place and velocity in space at t = 0, of nothing on the hook, from all nodes but w and hook."""
+        """Position and velocity (3,) of the point in space at t = 0, without the hook's force.
+
+        z and z_t are coordinates and rates of all nodes but w and hook.
+        """
         base, k, n = self._base, self._base.count, self._base.boom.size
         x, q, s = self._split(0.0, z)
         turned, _, motion, R = base.kinematics(x, z_t[:k])
@@ -207,14 +218,14 @@ class _Joint:
         return np.asarray(base.origin(x) + R @ at), np.asarray(R @ velocity)
 
     def gap(self, t: float, z: Array) -> Array:
-        """G (3,) m of coordinates z of w, hook, base, boom and paths, as a marker has them."""
+        """Gap g (3,) in m of coordinates z of w, hook, base, boom and paths, as a marker returns them."""
         x, q, s = self._split(t, self._displacements(z))
         _, _, _, R = self._base.kinematics(x, 0.0 * x)
         at = R.T @ (z[3:6] - self._base.origin(x))
         return np.asarray(at - self._unbent(t, q, s, R)[0] - self._gives(s)[0] @ z[:3] / self._scale)
 
     def moved(self, t: float, z: Array) -> Array:
-        """Derivative (3, N) of the gap of the hook by all coordinates."""
+        """Derivative (3, N) of the gap by all N coordinates."""
         x, q, s = self._split(t, self._displacements(z))
         turned, _, _, R = self._base.kinematics(x, 0.0 * x)
         at = R.T @ (z[3:6] - self._base.origin(x))

@@ -3,19 +3,20 @@ r"""The Exudyn items that make up a system: nodes, one object, markers, a connec
 .. math::
     M \ddot q + D \dot q + K q + C(s(t))^T \lambda = B f(t), \qquad C(s(t))\, q = 0
 
-An ObjectGenericODE2 carries all bodies, a node each; an ObjectConnectorCoordinateVector the rows.
+One ObjectGenericODE2 with a node for each body carries all bodies; an ObjectConnectorCoordinateVector carries the rigid
+contacts.
 
-Terms that vary in time (`pmr.system.terms`) in Exudyn: an object of their own, whose matrices are set once a step.
+Terms that vary in time (`pmr.system.terms`) have an ObjectGenericODE2 of their own, whose matrices are set once a step.
+Exudyn's generalized-alpha fulfils the equations at the end of the step, whose time the pre-step function receives; the
+object's matrices enter the Jacobian as those of any other object do.
 
-Exudyn's generalized-alpha fulfils the equations at the end of the step, whose time the pre-step function is given; the
-object's matrices join the Jacobian as those of any other do.
-
-Coordinates without inertia (`pmr.reduced.attachment`) in Exudyn: backward Euler as `march` has it.
+Coordinates eta without inertia (`pmr.reduced.attachment`) are integrated by backward Euler with steps of h, as in
+`march`:
 
 .. math:: (D / h + K)\, \eta_{n+1} + \ldots = F_{n+1} + D\, \eta_n / h
 
-An object of their own adds D / h and the force of what damping keeps, once a step.  Until the first step it has the
-inertia that the bodies lack, so that initial accelerations of all other coordinates can be solved for.
+An ObjectGenericODE2 of their own adds the stiffness D / h and the force D eta_n / h, once a step.  Until the first step
+it has a unit mass for these coordinates, so that Exudyn can solve for the initial accelerations of all others.
 """
 
 # ruff: noqa: N815 - items are numbered as Exudyn users do: nodes n..., objects o..., markers m...
@@ -49,12 +50,13 @@ PreStep = Callable[[Any, float], bool]
 
 
 def _do_nothing(mbs: Any, t: float) -> bool:
+    """Pre-step function that changes nothing and lets the simulation go on."""
     return True
 
 
 @dataclass(frozen=True)
 class SystemItems:
-    """Numbers of the items that make up a system in an mbs."""
+    """Numbers of the items that make up a system in an mbs (Exudyn's multibody system)."""
 
     # NodeGenericODE2 of each body with its coordinates, those that supports of a full one hold left out
     nBodies: Mapping[str, Any]
@@ -77,16 +79,20 @@ class SystemItems:
     rubbing: Any = None  # `pmr.simulation.exudyn.contacts.Pads`; None where no pad rubs
 
     def called(self, mbs: Any, part: str) -> str:
-        """Name in the mbs of a part of the system."""
+        """Name in the mbs of a component of the system: the system's name followed by `part`, such as ``Contacts``."""
         return f"{mbs.GetMarker(self.mSystem)['name']}{part}"
 
     def coordinates(self, mbs: Any, configuration: Any = exu.ConfigurationType.Current) -> Array:
-        """Coordinates (n,) of all bodies."""
+        """Coordinates (n,) of all bodies, by default in the current configuration."""
         kind, nodes = exu.OutputVariableType.Coordinates, self.nBodies.values()
         return np.concatenate([mbs.GetNodeOutput(node, kind, configuration) for node in nodes])
 
     def add_object(self, mbs: Any, part: str, equations: Equations, **parameters: Any) -> Any:
-        """Add an ObjectGenericODE2 on the nodes of all bodies, without mass and Jacobian unless they are given."""
+        """Add an ObjectGenericODE2 on the nodes of all bodies and return its number.
+
+        `part` is the end of its name.  Its mass matrix and Jacobian are zero unless `parameters`, which are passed to
+        ObjectGenericODE2, say otherwise.
+        """
         empty = equations.matrix(sp.csr_matrix((equations.size,) * 2))
         nothing = {"massMatrix": empty, "jacobianUserFunction": lambda *arguments: empty}
         nodes = list(self.nBodies.values())
@@ -95,38 +101,38 @@ class SystemItems:
         )
 
     def updated_by(self, mbs: Any, function: PreStep) -> SystemItems:
-        """The items with ``function(mbs, t)`` called before each step, after all that is called already."""
+        """Have ``function(mbs, t)`` called before each step, after all functions set so far; return updated items."""
         before = self.update
         add_pre_step_function(mbs, function)
         return replace(self, update=lambda mbs, t: before(mbs, t) and function(mbs, t))
 
     @property
     def nBody(self) -> Any:  # noqa: N802
-        """Node of a body alone."""
+        """Node of the body of a system of one body."""
         (node,) = self.nBodies.values()
         return node
 
     @property
     def mBody(self) -> Any:  # noqa: N802
-        """Marker of a body alone."""
+        """Marker of the body of a system of one body."""
         (marker,) = self.mBodies.values()
         return marker
 
     @property
     def oBody(self) -> Any:  # noqa: N802
-        """Object of a body alone."""
+        """Object of the body of a system of one body."""
         return self.oSystem
 
     @property
     def oSlider(self) -> Any:  # noqa: N802
-        """Connector of the rigid rows of a body alone."""
+        """Connector of the rigid contacts of a system of one body; None without rigid contacts."""
         return self.oContacts
 
 
 def add_pre_step_function(mbs: Any, function: PreStep) -> None:
     """Have ``function(mbs, t)`` called before each step, after the pre-step functions that are already set.
 
-    As in Exudyn, the simulation stops after the step if one of them returns False.
+    As in Exudyn, the simulation stops if one of them returns False.
     """
     present = mbs.GetPreStepUserFunction()
     if not present:
@@ -135,6 +141,7 @@ def add_pre_step_function(mbs: Any, function: PreStep) -> None:
     earlier = present["function"]
 
     def both(mbs: Any, t: float) -> bool:
+        """Call both functions; return whether both let the simulation go on."""
         goes_on = earlier(mbs, t)
         return bool(function(mbs, t) and goes_on)
 
@@ -144,7 +151,20 @@ def add_pre_step_function(mbs: Any, function: PreStep) -> None:
 def add_bodies(
     mbs: Any, equations: Equations, start: Mapping[str, InitialState], K: Any = None, **parameters: Any
 ) -> SystemItems:
-    """Nodes, object and ground, with K or the bodies' own; `parameters` are those of its ObjectGenericODE2."""
+    """Add nodes, markers, the common object and a ground node of all bodies to an mbs, and return their numbers.
+
+    Parameters
+    ----------
+    mbs : exudyn.MainSystem
+    equations : Equations
+        Mass, damping and stiffness matrices of the system.
+    start : mapping of str to InitialState
+        Initial coordinates and rates of every body, by its name.
+    K : (n, n) matrix, optional
+        Stiffness used instead of that of `equations`.
+    **parameters
+        Passed to ObjectGenericODE2, such as user functions.
+    """
     name = f"system{mbs.systemData.NumberOfObjects()}"
     called = {body: f"{name} {body}".strip() for body in equations.system.bodies}
     nodes = {body: add_coordinates(mbs, called[body], start[body]) for body in called}
@@ -166,7 +186,7 @@ def add_bodies(
 
 
 def add_coordinates(mbs: Any, name: str, start: InitialState) -> Any:
-    """A NodeGenericODE2."""
+    """Add a NodeGenericODE2 with the initial coordinates and rates of `start`, and return its number."""
     size = len(start.q)
     return mbs.AddNode(
         NodeGenericODE2(
@@ -182,7 +202,11 @@ def add_coordinates(mbs: Any, name: str, start: InitialState) -> Any:
 def with_contacts(
     mbs: Any, items: SystemItems, contacts: Indices, mOther: Any = None, **parameters: Any
 ) -> SystemItems:
-    """Add a connector for `contacts` between the marker `mOther` (the ground) and all bodies."""
+    """Add a connector for `contacts`, numbers among the system's, to the mbs, and return the items with it.
+
+    Without any contacts nothing is added.  The connector acts between the marker `mOther`, by default the ground, and
+    all bodies; `parameters` are passed to ObjectConnectorCoordinateVector.
+    """
     if not len(contacts):
         return items
     name = items.called(mbs, "Contacts")
@@ -192,10 +216,10 @@ def with_contacts(
 
 
 class Steps:
-    """The update of a system before each step; refuses steps that it is not called for, or not right for.
+    """Calls the update of a system before each step, and refuses solvers and settings that can't solve the system.
 
-    `held` says whether constraints move.  What is refused comes out of Exudyn as an error of its own, with the line of
-    an `InputError` in it.
+    `held` says whether the system has constraints, which may move.  A refusal appears as Exudyn's own error that
+    contains the text of an `InputError`.
     """
 
     def __init__(self, held: bool) -> None:
@@ -203,13 +227,16 @@ class Steps:
         self._update: PreStep = _do_nothing
 
     def attach_update(self, mbs: Any, items: SystemItems, update: PreStep) -> SystemItems:
-        """The items, with ``update(mbs, t)`` called before each step that ends at t."""
+        """Have ``update(mbs, t)`` called before each step that ends at t; return items with the checked `update`."""
         self._update = update
         add_pre_step_function(mbs, self._begin)
         return replace(items, update=self._begin)
 
     def check(self, t: float) -> None:
-        """Within a step that ends at t."""
+        """Raise InputError in a step that ends at t (s) if the update was not called for it.
+
+        This happens where another pre-step function has replaced it.
+        """
         if t > self._reached + 1e-9 * abs(t):
             allowed = (
                 "it replaced the function by which path and loads change; add_pre_step_function(mbs, function) of "
@@ -218,6 +245,7 @@ class Steps:
             raise InputError("Exudyn", "SetPreStepUserFunction", None, allowed)
 
     def _begin(self, mbs: Any, t: float) -> bool:
+        """Pre-step function: raise InputError for an unsuitable solver or setting, or else update the system to t."""
         if "staticSolver" in mbs.sys and "dynamicSolver" not in mbs.sys:
             allowed = "SolveDynamic is allowed: a static solution takes its load factor for the time in s"
             raise InputError("Exudyn", "SolveStatic", None, allowed)
@@ -233,12 +261,13 @@ class Steps:
 
 
 def with_terms(mbs: Any, items: SystemItems, equations: Equations, inputs: Inputs) -> SystemItems:
-    """Add the object of the system's terms, if it has any."""
+    """Add the object of the system's terms and return the items with it; unchanged items if there are no terms."""
     if not equations.system.terms:
         return items
     assembly, amplitudes_set = equations.assembly, inputs.amplitudes(0.0)
 
     def matrices(c: tuple[float, ...]) -> dict[str, Any]:
+        """Stiffness and damping that terms of amplitudes c (k,) add, as parameters of ObjectGenericODE2."""
         entries = {
             "stiffnessMatrix": assembly.stiffness(c) - assembly.K,
             "dampingMatrix": assembly.damping(c) - assembly.D,
@@ -248,6 +277,7 @@ def with_terms(mbs: Any, items: SystemItems, equations: Equations, inputs: Input
     oTerms = items.add_object(mbs, "Terms", equations, **matrices(amplitudes_set))
 
     def vary(mbs: Any, t: float) -> bool:
+        """Pre-step function: set the matrices to the amplitudes at the time t, if these have changed."""
         nonlocal amplitudes_set
         amplitudes = inputs.amplitudes(t)
         if amplitudes != amplitudes_set:
@@ -260,12 +290,13 @@ def with_terms(mbs: Any, items: SystemItems, equations: Equations, inputs: Input
 
 
 def with_quasi_static(mbs: Any, items: SystemItems, equations: Equations) -> SystemItems:
-    """Add items for coordinates without inertia, if there are any."""
+    """Add the object of coordinates without inertia and return the items; unchanged if all coordinates have inertia."""
     still, reached, begun = equations.quasi_static, 0.0, False
     if not len(still):
         return items
 
     def diagonal(values: Any) -> Any:
+        """Diagonal matrix (n, n) with `values` at the coordinates without inertia and zero elsewhere."""
         entries = np.zeros(equations.size)
         entries[still] = values
         return equations.matrix(sp.diags(entries, format="csr"))
@@ -282,6 +313,7 @@ def with_quasi_static(mbs: Any, items: SystemItems, equations: Equations) -> Sys
     )
 
     def follow(mbs: Any, t: float) -> bool:
+        """Pre-step function: set the stiffness D / h and the force D eta_n / h of the step of h that ends at t."""
         nonlocal reached, begun
         if t <= 0.0:  # before a simulation is repeated
             reached, begun = 0.0, False
@@ -297,7 +329,10 @@ def with_quasi_static(mbs: Any, items: SystemItems, equations: Equations) -> Sys
 
 
 def rates(equations: Equations, t: Array, q: Array, v: Array) -> Array:
-    """Rates (T, n), of coordinates without inertia by the differences of q (T, n) at the times t (T,) s."""
+    """Rates (T, n): v (T, n), but backward differences of q (T, n) for coordinates without inertia.
+
+    t (T,) in s are the times of the rows; at the first time, the rates of these coordinates are zero.
+    """
     still, changed = equations.quasi_static, v.copy()
     changed[:, still] = 0.0
     changed[1:, still] = np.diff(q[:, still], axis=0) / np.diff(t)[:, None]

@@ -1,10 +1,10 @@
-"""Exudyn as a simulator, and systems of reduced bodies in Exudyn systems of one's own.
+"""Exudyn as a simulator, and systems of reduced bodies in Exudyn systems of a user's own.
 
 In an mbs of one's own::
 
     items = add_system(mbs, system, paths, loads)
 
-One simulation of a system in Exudyn: its times and items, and what comes of the sensors.
+`Run` is one simulation of a system in Exudyn.
 """
 
 from __future__ import annotations
@@ -49,45 +49,52 @@ def add_system(
     terms: Mapping[str, Driving] | None = None,
     on: OnBody | None = None,
 ) -> SystemItems:
-    """Add a system whose rows and loads are set once a step, or as another `Formulation` has it.
+    """Add a system to an mbs, with contact rows and loads set once a step, or as another `formulation` does it.
 
     Contacts that give way, at a pad or by the residual flexibility of reduced models, become springs that travel:
-    stiffness and force vector are set once a step, and there is no constraint.  Where some only push, Python is called
-    in every iteration.  ``multipliers`` gives the same trajectory at a higher cost, for comparison or where other
-    connectors are to see the multipliers: the output variable Force of ``oContacts``.  ``callbacks``, which knows no
-    contacts that give way, costs ten times as much.
+    stiffness and force vector are set once a step, and there is no constraint.  If some only push, Python is called in
+    every iteration.  ``multipliers`` gives the same trajectory at a higher cost, for comparison or if other connectors
+    need the multipliers: the output variable Force of ``oContacts``.  ``callbacks``, which supports no contacts that
+    give way, costs ten times as much.
 
-    Exudyn calls the pre-step function with the time at the *end* of the step, where its generalized-alpha
-    (Arnold and Bruels 2007) fulfils both equations: setting C(s) and B f once a step is exact, and no Python
-    is called within it.  The time integration must start at t = 0; before solving the same mbs a second time,
-    call ``update(mbs, 0.0)``.
+    Exudyn calls the pre-step function with the time at the *end* of the step, where its generalized-alpha (Arnold and
+    Bruels 2007) fulfils both equations: setting C(s) and B f once a step is exact, and no Python is called within it.
+    The time integration must start at t = 0; before solving the same mbs a second time, call ``update(mbs, 0.0)``.
 
     Parameters
     ----------
     mbs : exudyn.MainSystem
         A pre-step function that is already set stays in place and is called first.  One that is set later with
-        ``mbs.SetPreStepUserFunction`` replaces the update and is refused in the first step (but where Newton's method
-        differentiates numerically): use `add_pre_step_function`.  Explicit solvers, and index 2 where rigid rows move,
+        ``mbs.SetPreStepUserFunction`` replaces the update and is refused in the first step (unless Newton's method
+        differentiates numerically): use `add_pre_step_function`.  Explicit solvers, and index 2 if rigid rows move,
         are refused in ``mbs.SolveDynamic``.
     system : System
-        `System.of` a body alone, or the bodies of a boom.
+        `System.of` a single body, or the bodies of a boom.
     paths : mapping of str to signal or function
         Path coordinates in m, by the names in ``system.paths``; a function of mbs and t in s may read
         ``mbs.variables``, which an earlier pre-step function has set.  With ``on`` also a `NodeCoordinate`, whose node
-        then feels the section: loads along it, weight, inertia, and what pads are pressed with.
+        then feels the section: loads along it, weight, inertia, and the forces of pads.
     loads : mapping of str to signal or function
         A load in N (or N m) for each of ``system.input_names``.
     initial : mapping of str to InitialState, optional
-        Of each body; those that are missing start at rest, undeformed.  Of a body alone a velocity that violates the
-        rows is corrected M-orthogonally, for which a path that is a function counts as at rest.  What is attached to
-        coordinates feels the flexibility that these have: all of it at a model's `ports`, elsewhere without the
-        residual part.
+        Initial state of each body; bodies that are missing start at rest, undeformed.  A velocity of a single body that
+        violates the rows is corrected M-orthogonally, for which a path that is a function counts as at rest.  What is
+        attached to coordinates feels the flexibility that these have: all of it at a model's `ports`, elsewhere without
+        the residual part.
+    formulation : str
+        ``springs``, ``multipliers``, ``callbacks`` or ``callbacks-modified-newton``.
     terms : mapping of str to signal or function
         An amplitude for each of ``system.term_names``.
     on : OnBody, optional
         A rigid body of the mbs that carries the boom and feels it, by default the ground.  Inertia, weight and terms
-        follow from its motion: neither loads ``inertia ...`` nor `terms` are given.  A path that is a function is asked
-        for half a step to either side of t, for its rates: it must not depend on what the mbs has computed by then.
+        follow from its motion: neither loads ``inertia ...`` nor `terms` are given.  A path that is a function is
+        evaluated half a step before and after t, for its rates: it must not depend on what the mbs has computed by
+        then.
+
+    Returns
+    -------
+    SystemItems
+        Numbers of the items.
 
     Raises
     ------
@@ -122,7 +129,7 @@ def add_sliding_body(
     initial: InitialState | None = None,
     formulation: Formulation = "springs",
 ) -> SystemItems:
-    """Add a body alone: `add_system` of ``System.of(body)`` on its path."""
+    """Add a system of a single body on its `path`; otherwise as `add_system`."""
     system, start = System.of(body), {} if initial is None else {ALONE: initial}
     return add_system(mbs, system, {SLIDER: path}, loads, start, formulation)
 
@@ -136,12 +143,12 @@ def simulate_system(
 ) -> SystemTrajectory:
     """Simulate bodies that contacts join; arguments and errors as `pmr.simulation.SystemSimulator`.
 
-    All formulations follow the same trajectory, to Newton's tolerance; what one of them can't do it refuses.  The
-    option `newton` of the excitation holds Exudyn's settings of Newton's method by their own names.  The initial
-    accelerations are Exudyn's, which leave out what moving rows add to them (2 s' C' v and more): exact where places
-    start at rest, or bodies undeformed and still; the method stays of second order elsewhere.  A contact that only
-    pushes lets go as Exudyn's generalized-alpha has it: what its force leaves in the next step is not taken back, so
-    that the motion is the compiled one's in the limit of small steps.
+    All formulations follow the same trajectory, to Newton's tolerance; each refuses what it can't do.  The option
+    `newton` of the excitation holds Exudyn's settings of Newton's method by their own names.  The initial accelerations
+    are Exudyn's, which leave out the terms of moving rows (2 s' C' v and more): exact if paths start at rest, or bodies
+    undeformed and at rest; otherwise the method is still of second order.  A contact that only pushes opens as in
+    Exudyn's generalized-alpha: the effect of its force on the next step is not removed, so that the motion agrees with
+    the compiled one in the limit of small steps.
     """
     return Run(system, excitation, initial or {}, formulation).trajectory(progress)
 
@@ -150,9 +157,10 @@ Array = NDArray[np.float64]
 
 
 def lengths(system: System, excitation: Excitation, initial: Mapping[str, InitialState]) -> Lengths:
-    """The parts of each step: one; with contacts that only push those asked for, or those that `march` chooses.
+    """Numbers of parts of each step: one each, unless contacts only push.
 
-    Of bodies too large for `march` all are as many as resolve the contacts.
+    Then those that the excitation asks for, or those that `march` chooses; for bodies too large for `march`, as many as
+    resolve the contacts.
     """
     if np.isnan(system.clearance).all():
         return Lengths.of(excitation.stepping, 0.0)
@@ -164,7 +172,7 @@ def lengths(system: System, excitation: Excitation, initial: Mapping[str, Initia
 
 
 class Run:
-    """Simulation of a system under an excitation, each step in the parts of its schedule or of contacts."""
+    """Simulation of a system under an excitation, with each step divided as its schedule or the contacts need it."""
 
     def __init__(
         self, system: System, excitation: Excitation, initial: Mapping[str, InitialState], formulation: Formulation
@@ -189,7 +197,7 @@ class Run:
         self._of_contacts = None if connector is None else of_connector(self._mbs, connector)
 
     def trajectory(self, progress: Progress | None) -> SystemTrajectory:
-        """Take all steps."""
+        """Take all steps and return the trajectory; errors as `pmr.simulation.SystemSimulator`."""
         linear = exu.LinearSolverType.EigenSparse if self._equations.sparse else exu.LinearSolverType.EigenDense
         chosen = solver_settings(self._excitation.stepping.divide(self._lengths.finest), linear)
         chosen.timeIntegration.numberOfSteps = self._lengths.steps
@@ -209,7 +217,7 @@ class Run:
         return ", ".join(f"{name} at {s:g} m" for name, s in at)
 
     def _motion(self) -> Motion:
-        """Motion as the sensors stored it; forces of contacts that give way without multipliers are zero."""
+        """Motion that the sensors stored; forces of contacts without multipliers are zero, to be filled in."""
         q, v = (np.hstack([self._stored(sensor) for sensor in sensors]) for sensors in self._of_nodes)
         forces = np.zeros((len(q), len(self.system.contacts)))
         if self._of_contacts is not None:
@@ -219,10 +227,11 @@ class Run:
         return Motion(self._inputs.x, q, v, self._inputs.f, forces, self._inputs.c, none, none, none)
 
     def _stored(self, sensor: Any) -> Array:
+        """Values (N, c) that a sensor stored."""
         return read_sensor(self._mbs, sensor, self._lengths, self._describe)
 
     def _trajectory(self, motion: Motion, balanced: Balance, seconds: float) -> SystemTrajectory:
-        """From all parts of all steps."""
+        """Trajectory at the steps, from the motion at the ends of all parts of steps."""
         system, ends, parts = self.system, self._lengths.ends, self._lengths.parts
         pushes, t = ~np.isnan(system.clearance), self._excitation.times
         B, inertia = self._equations.B, self._equations.assembly.M.diagonal()

@@ -1,4 +1,4 @@
-"""Exudyn's implicit solver, quiet, with its failures as errors; shared by all simulators that use Exudyn."""
+"""Exudyn's implicit solver without printed output, with its failures as errors; for all simulators that use Exudyn."""
 
 from __future__ import annotations
 
@@ -29,7 +29,10 @@ _NO_CONVERGENCE = (
 
 
 def solver_settings(stepping: TimeStepping, linear_solver: Any) -> Any:
-    """Generalized-alpha, constant step, index-3 constraints; sensors keep every step, no file is written."""
+    """Exudyn's settings for generalized-alpha with a constant step and index-3 constraints.
+
+    Sensors store every step; no file is written.
+    """
     chosen = exu.SimulationSettings()
     chosen.solution.file.write = False
     chosen.solution.sensors.writePeriod = stepping.step
@@ -46,9 +49,9 @@ def solver_settings(stepping: TimeStepping, linear_solver: Any) -> Any:
 
 
 def change(newton: Any, settings: Mapping[str, bool | float]) -> None:
-    """Lay settings over Exudyn's own of Newton's method, by their names.
+    """Overwrite Exudyn's settings of Newton's method by name, in place.
 
-    An InputError is raised where Exudyn knows no such setting, or refuses the value.
+    Raises InputError if Exudyn has no such setting, or refuses the value.
     """
     names = [name for name, value in newton.GetDictionary().items() if not isinstance(value, Mapping)]
     for name, value in settings.items():
@@ -67,11 +70,23 @@ def solve(
     progress: Progress | None = None,
     times: Array | None = None,
 ) -> float:
-    """Assemble and integrate; returns the solver's wall time in s.
+    """Assemble and integrate; return the solver's wall time in s.
 
-    `place` says where paths lead at a time in s; `progress` is called about a hundred times, with the share
-    that is done; steps end at the `times` where these are given, (N,) in s, t = 0 among them.  The SimulationError
-    that is raised where a step fails has its number, time and place.
+    Parameters
+    ----------
+    mbs : exudyn.MainSystem
+    chosen : exudyn.SimulationSettings
+    place : callable
+        Function of a time in s that returns a text with the path coordinates, for messages.
+    progress : callable, optional
+        Called about a hundred times, with the share of all steps that is done.
+    times : (N,) array, s, optional
+        Ends of the steps, t = 0 first; by default equal steps.
+
+    Raises
+    ------
+    SimulationError
+        If a step fails; with its number, time and path coordinates.
     """
     if progress is not None:
         _report(mbs, chosen.timeIntegration, progress)
@@ -96,19 +111,22 @@ def solve(
 
 
 def _to_the_next(times: Array) -> Callable[[Any, Any, Any], None]:
-    """The solver's function that says when a step ends."""
+    """User function of the solver that sets time and length of each step, for ends of steps at `times` (N,) in s."""
     ends = iter(zip(times[1:].tolist(), np.diff(times).tolist(), strict=True))
 
     def update(solver: Any, system: Any, settings: Any) -> None:
+        """Set the solver's time and step length to those of the next step."""
         solver.it.currentTime, solver.it.currentStepSize = next(ends)
 
     return update
 
 
 def _report(mbs: Any, integration: Any, progress: Progress) -> None:
+    """Have `progress` called about a hundred times."""
     every, steps_done = max(1, integration.numberOfSteps // 100), 0
 
     def count(mbs: Any, t: float) -> bool:
+        """Pre-step function: count the steps, and report progress."""
         nonlocal steps_done
         steps_done += 1
         if steps_done % every == 0:
@@ -119,20 +137,20 @@ def _report(mbs: Any, integration: Any, progress: Progress) -> None:
 
 
 def of_nodes(mbs: Any, nodes: Iterable[Any], kind: Any) -> list[Any]:
-    """Sensors that store an output variable of nodes, such as their coordinates, at every step."""
+    """Add sensors that store an output variable `kind` of nodes at every step; return their numbers."""
     return [mbs.AddSensor(SensorNode(nodeNumber=node, outputVariableType=kind, storeInternal=True)) for node in nodes]
 
 
 def of_connector(mbs: Any, connector: Any) -> Any:
-    """One that stores a connector's force."""
+    """Add a sensor that stores a connector's force at every step; return its number."""
     kind = exu.OutputVariableType.Force
     return mbs.AddSensor(SensorObject(objectNumber=connector, outputVariableType=kind, storeInternal=True))
 
 
 def read_sensor(mbs: Any, sensor: Any, stepping: TimeStepping | Lengths, place: Callable[[float], str]) -> Array:
-    """Values (T, c) that a sensor stored, one row a step or a part of it, t = 0 included.
+    """Values (N, c) that a sensor stored, one row for each step or part of a step, t = 0 included.
 
-    A SimulationError is raised where steps are missing or a value is not finite.
+    Raises SimulationError if steps are missing or a value is not finite.
     """
     values = mbs.GetSensorStoredData(sensor)[:, 1:]
     if len(values) != stepping.steps + 1:
@@ -146,7 +164,7 @@ def read_sensor(mbs: Any, sensor: Any, stepping: TimeStepping | Lengths, place: 
 
 @contextmanager
 def _warnings_logged() -> Iterator[None]:
-    """Exudyn's warnings in the log, not on standard output."""
+    """Context in which Exudyn's warnings are logged instead of printed."""
     printed = StringIO()
     try:
         with redirect_stdout(printed):
@@ -158,9 +176,10 @@ def _warnings_logged() -> Iterator[None]:
 
 
 def slider_at(position: Callable[[float], float]) -> Callable[[float], str]:
-    """Function of t in s that says in words where a slider is, from its path coordinate in m."""
+    """Function of t in s that returns a text with a slider's position, from its path coordinate in m."""
     return lambda t: f"slider at {position(t):g} m"
 
 
 def _where(number: int, t: float, place: Callable[[float], str]) -> str:
+    """Text with number, time and path coordinates of a failed step."""
     return f"Exudyn failed at step {number}, t = {t:g} s, {place(t)}"

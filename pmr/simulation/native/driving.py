@@ -1,4 +1,4 @@
-"""What drives a stepper: paths, loads and motions of a frame at the end of a step, as its user gives them."""
+"""Drivers of a stepper: paths, loads and motions of a frame at the end of a step, as the user gives them."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from pmr.kernel.further import AXES
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 #: Angles but that of slewing turn once at most, rad.  A motion that a step takes farther than this share of its range,
-#: or of a turn, jumps; one in a frame that goes on by so much, m or rad, without second rates has no inertia.
+#: or of a turn, jumps; one in a frame that changes its motion by this, m or rad, without second rates has no inertia.
 WHOLE_TURN, JUMP, LEFT_OUT = 2.0 * np.pi, 0.1, 1e-6
-#: Largest float that is taken at once; what has no such name.
+#: Largest float that is taken at once; entry of an unknown name, whose limits refuse every value.
 LARGEST, NOWHERE = 1e300, (0, 1.0, 0.0, 0.0, 0.0)
 #: Types of motions with rates that are read at once.
 THREE = [float] * 3
@@ -34,12 +34,17 @@ Limits = dict[str | int, tuple[int, float, float, float, float]]
 
 
 class Drivers:
-    """Motions (3, n) at the end of a step: paths, then loads, then what moves a frame; values, rates, second rates.
+    """Motions (3, n) at the end of a step of n drivers: paths, then loads, then motions of a frame.
 
-    Those that are not given at a step stay.  `rows` (n,) counts the rows of each that were given for the next step.
-    Both are arrays that the kernel reads, and are written as memory views, in a tenth of the time that NumPy takes.
+    The rows of `motions` are values, rates and second rates; motions that are not given at a step keep them.  `rows`
+    (n,) counts how many of the three were given for the next step.  Both are arrays that the kernel reads; they are
+    written as memory views, in a tenth of the time that NumPy takes.
 
-    An InputError is raised for what is out of its range, has no such name, is not finite, or is missing at the start.
+    `names` are those of paths, loads and motions of the frame (None without a frame), `ranges` the smallest and largest
+    coordinate of each path in m, and `in_parts` says whether steps are divided into parts.
+
+    Raises InputError for a number out of its range or not finite, for an unknown name, and for a path that is missing
+    at the start.
     """
 
     def __init__(
@@ -63,12 +68,12 @@ class Drivers:
         self._load_numbers = _numbers(loads, range(first, first + len(loads)))
         self._frame_numbers = _numbers(frame or (), range(first + len(loads), motions.shape[1]))
         self._angles = {first + len(loads) + k: name for k, name in enumerate(frame or ()) if name not in AXES}
-        #: names by numbers of what has inertia in a frame, and no warning yet that its second rate is missing
+        #: names, by numbers, of drivers with inertia in a frame for which a missing second rate is not yet warned of
         self._unwarned = (dict(enumerate(self.paths)) | self._angles) if self._in_frame else {}
         self._told, self._placed, self._started = set[str](), False, False
         self._begun, self._begun_rows = motions.copy(), rows.copy()  # where the last step ended
 
-        # numbers of motions by their names, and within what numbers and their changes are taken at once
+        # by name: numbers of motions, and limits of values and changes that are taken at once
         unlimited = (-LARGEST, LARGEST, 2.0 * LARGEST, LARGEST)
         limits = [(low, high, JUMP * (high - low), (high - low) / step) for low, high in self._ranges]
         self._limits: Limits = {name: (k, *limits[k]) for name, k in self._path_numbers.items()}
@@ -80,11 +85,14 @@ class Drivers:
 
     @property
     def places(self) -> dict[str, float]:
-        """Coordinates of the paths in m, by their names."""
+        """Coordinates of the paths in m, by name."""
         return {path: self._values[k] for path, k in self._path_numbers.items() if isinstance(path, str)}
 
     def take_path(self, s: Values) -> None:
-        """Take where paths lead: within their ranges, or at an end that they are beyond by little."""
+        """Take path coordinates, which are clipped if they are little beyond the end of their range.
+
+        Raises InputError if they are farther beyond, or a path is missing at the start.
+        """
         if type(s) is dict and self._take_at_once(s, self._limits):
             return
         readings = self._read(s, self._path_numbers, "s", "one path coordinate for each path")
@@ -107,9 +115,9 @@ class Drivers:
         self._write(readings)
 
     def _take_at_once(self, values: dict[Any, Any], limits: Limits) -> bool:
-        """Whether all are floats, in a frame three of them, within limits; they are then taken in a third of the time.
+        """Take all values at once if each is a float (in a frame three) within limits; return whether they were taken.
 
-        What is not is read with care by others, who say what is wrong with it.
+        This takes a third of the time.  Values that are refused here are read again by others, which say what is wrong.
         """
         if self._in_parts or not self._started:
             return False
@@ -138,13 +146,13 @@ class Drivers:
         return True
 
     def take_loads(self, F: Values) -> None:
-        """Take loads, as they are or as a frame turns them."""
+        """Take loads, in a frame as the scene names them."""
         if type(F) is dict and self._take_at_once(F, self._limits_of_loads):
             return
         self._write(self._read(F, self._load_numbers, "F", "one load for each input"))
 
     def take_frame(self, frame: Mapping[str, Motion]) -> None:
-        """Take how the frame moves."""
+        """Take motions of the frame; an InputError is raised for an angle of more than a turn, except slewing."""
         if type(frame) is dict and self._take_at_once(frame, self._limits_of_frame):
             return
         readings = self._read(frame, self._frame_numbers, "frame", "")
@@ -159,12 +167,15 @@ class Drivers:
         self._write(readings)
 
     def lead_rates(self, rates: Array) -> None:
-        """Fill in rates (2, n) at both ends of the step: of cubics where they are given at both, else of lines."""
+        """Write the rates (2, n) at the step's beginning and end.
+
+        Rates that are given at both are taken as they are; else both are the mean rate of the step.
+        """
         smooth, mean = np.minimum(self.rows, self._begun_rows) >= 2, (self.motions[0] - self._begun[0]) / self._step
         rates[0], rates[1] = np.where(smooth, self._begun[1], mean), np.where(smooth, self.motions[1], mean)
 
     def end_step(self) -> None:
-        """End a step, or the start; what is not given at the next one has no rates that count."""
+        """End a step, or the start: values stay for the next step, rates that it does not give do not count."""
         if self._in_frame or self._in_parts:
             if self._unwarned and self._started:
                 self._check_second_rates()
@@ -173,7 +184,7 @@ class Drivers:
         self._started = True
 
     def _check_second_rates(self) -> None:
-        """Warn, once, of what moves in a frame without second rates."""
+        """Warn, once for each, of paths and angles that move in a frame without second rates."""
         for k, name in list(self._unwarned.items()):
             if self._seconds[k] != 0.0:
                 continue
@@ -186,6 +197,7 @@ class Drivers:
                 del self._unwarned[k]
 
     def _warn_of_jump(self, name: str, change: float, unit: str) -> None:
+        """Warn, once for each name, of a motion that changes by `change` in a step."""
         if name in self._told:
             return
         self._told.add(name)
@@ -193,13 +205,14 @@ class Drivers:
         logger.warning(message, name, change, unit, self._step, unit)
 
     def _write(self, readings: list[Reading]) -> None:
+        """Write motions into the kernel's arrays."""
         for k, value, rate, second, count in readings:
             self._values[k] = value
             if self._in_frame or self._in_parts:  # rates of others are not read
                 self._rates[k], self._seconds[k], self._counts[k] = rate, second, count
 
     def _read(self, values: Values, numbers: Mapping[str | int, int], key: str, what: str) -> list[Reading]:
-        """Read motions that are given by name, or of all in their order."""
+        """Read motions that are given by name, or all in their order; `key` and `what` are for messages."""
         if not _by_name(values):
             in_order = _in_order(values, numbers, key, what).tolist()
             return [(k, value, 0.0, 0.0, 1) for k, value in zip(numbers.values(), in_order, strict=False)]
@@ -220,12 +233,12 @@ class Drivers:
 
 
 def _numbers(names: Sequence[str], numbers: Sequence[int]) -> dict[str | int, int]:
-    """Numbers of motions among all, by their names, in their order, and then by their numbers among these."""
+    """Numbers of motions among all drivers, by names and by positions in `names`."""
     return dict(zip(names, numbers, strict=True)) | dict(enumerate(numbers))
 
 
 def number_of(name: str | int, names: Sequence[str], key: str) -> int:
-    """Number of a name among all, or a number as it is; an InputError is raised for another name or number."""
+    """Position of a name in `names`; a number is returned as it is.  Raises InputError for any other value."""
     if not isinstance(name, str) and 0 <= name < len(names):
         return int(name)
     if name not in names:
@@ -235,15 +248,17 @@ def number_of(name: str | int, names: Sequence[str], key: str) -> int:
 
 
 def _by_name(values: Values) -> TypeGuard[Mapping[str, Any]]:
+    """Whether values are given by name."""
     return type(values) is dict or isinstance(values, Mapping)  # the former is quicker
 
 
 def _names(numbers: Mapping[str | int, int]) -> list[str]:
+    """Names among the keys of `numbers`."""
     return [name for name in numbers if isinstance(name, str)]
 
 
 def _in_order(values: Values, numbers: Mapping[str | int, int], key: str, what: str) -> Array:
-    """Values of all motions of a kind."""
+    """Values of all motions of a kind, given as a number or an array, as a float array."""
     count = len(numbers) // 2
     array = np.asarray(values, dtype=float)
     if array.shape != (count,) and not (array.ndim == 0 and count == 1):
@@ -255,7 +270,7 @@ def _in_order(values: Values, numbers: Mapping[str | int, int], key: str, what: 
 
 
 def _motion(value: Motion, key: str) -> list[float]:
-    """Value, and as far as they are given rate and second rate."""
+    """Value of a motion, with its rate and second rate if they are given, as a list of one to three floats."""
     array = np.atleast_1d(np.asarray(value, float))
     if array.ndim != 1 or not 1 <= len(array) <= 3:
         allowed = "a value, or that with its rate and its second rate, is allowed"

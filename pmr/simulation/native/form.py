@@ -1,4 +1,4 @@
-"""A system with each of its bodies in its own modes, its kernel, where states begin, and why one failed."""
+"""A system with each body in its own modes, its kernel, its initial state, and messages about failed steps."""
 
 from __future__ import annotations
 
@@ -39,35 +39,35 @@ class SystemForm:
 
     @classmethod
     def of(cls, system: System) -> SystemForm:
-        """Diagonalise every body; errors as for `modal_form`."""
+        """Diagonalise every body; errors as `modal_form`."""
         return cls(system, {name: modal_form(body) for name, body in system.bodies.items()})
 
     @classmethod
     def alone(cls, form: ModalForm) -> SystemForm:
-        """A body alone, whose coordinates are its modes already."""
+        """Modal form of a system of one body that is already in modal coordinates."""
         eye, rows = np.eye(form.body.size), tuple(range(len(form.body.row_names)))
         return cls(System.of(form.body), {ALONE: replace(form, X=eye, inverse=eye, rows=rows)})
 
     @cached_property
     def columns(self) -> dict[str, slice]:
-        """Columns of each body's modes among all of the kernel's, which pad bodies to whole registers."""
+        """Columns of each body's modes in the kernel's arrays, where bodies are padded to whole registers."""
         sizes = {name: form.body.size for name, form in self.forms.items()}
         starts = np.cumsum([0, *map(round_up, sizes.values())]).tolist()
         return {name: slice(at, at + size) for at, (name, size) in zip(starts, sizes.items(), strict=False)}
 
     @property
     def used(self) -> NDArray[np.int64]:
-        """Columns (r,) of modes among all of the kernel's."""
+        """Columns (r,) of all modes in the kernel's arrays, without padding."""
         return np.concatenate([np.arange(part.start, part.stop) for part in self.columns.values()])
 
     @cached_property
     def kernel(self) -> Kernel:
-        """The system as the kernel has it, with a frame of its scene that moves."""
+        """Kernel of the system and, if there is one, of its `frame`."""
         return Kernel.of(self.system, self.forms, self.frame, self.combined)
 
     @cached_property
     def frame(self) -> MovingFrame | None:
-        """Frame that drives inputs and terms, of the system's scene; None where that drives others."""
+        """Frame of the system's scene; None if there is none, or if it drives other inputs and terms."""
         try:
             return MovingFrame.of(self.system)
         except InputError:
@@ -75,21 +75,27 @@ class SystemForm:
 
     @cached_property
     def mobility(self) -> Array:
-        """B^T B (i, i) in 1/kg: accelerations of the inputs' points by loads on free bodies."""
+        """Matrix B^T B (i, i) in 1/kg of modal B: accelerations at the inputs' points by loads on free bodies."""
         return np.asarray(block_diag(*(form.body.B.T @ form.body.B for form in self.forms.values())))
 
     @property
     def modal(self) -> System:
-        """The system in its modes, rings of pads as few contacts; a body whose tables say all is without carriers."""
+        """System in modal coordinates, with combined contacts (`combined`) instead of rings of pads.
+
+        A system of one body on one path has no carriers, as its tables describe all rows.
+        """
         return self.combined.system
 
     @cached_property
     def combined(self) -> Combined:
-        """The system in its modes, and what tells the forces of all contacts."""
+        """System in modal coordinates, and how the forces of all contacts follow from those of combined ones."""
         return in_modes(self.system, self.forms)
 
     def forces(self, multipliers: Array, friction: Array | None) -> Array:
-        """Forces (..., m) in N of all contacts: what reaches the bodies, and in cylinders friction of their pads."""
+        """Forces (..., m) in N of all contacts from the kernel's multipliers; of cylinders with their pads' friction.
+
+        `friction` (..., n) in N is that of the pads, or None.
+        """
         forces, pads = self.combined.forces(multipliers), Friction.of(self.system.contacts)
         return forces if pads is None or friction is None else forces + pads.along(friction)
 
@@ -99,10 +105,10 @@ ITERATIONS = 100
 
 
 def driver_signals(form: SystemForm, excitation: Excitation) -> list[SignalBase]:
-    """Signals (N,) of the kernel's drivers in their order: paths, loads, amplitudes of terms.
+    """Signals of the kernel's N drivers in its order: paths, loads, amplitudes of terms.
 
-    A body alone that nothing moves stands at the beginning of its path.  An InputError is raised where a path, a load
-    or a term has no signal.
+    A single body without a path is at the beginning of its domain.  Raises InputError if a path, a load or a term has
+    no signal.
     """
     system, kernel = form.system, form.kernel
     paths: Sequence[SignalBase]
@@ -117,9 +123,10 @@ def driver_signals(form: SystemForm, excitation: Excitation) -> list[SignalBase]
 
 
 def start_modes(form: SystemForm, x: Array, x_rate: Array, initial: Mapping[str, InitialState]) -> tuple[Array, Array]:
-    """Modal coordinates and rates (modes,) of initial states, with the contacts' sides at x (sides,) m.
+    """Modal coordinates and rates of initial states, both with the kernel's padding.
 
-    A velocity that violates rigid contacts is corrected (`pmr.simulation.start`); errors as there.
+    x (sides,) in m are the positions of the contacts' sides and `x_rate` in m/s their rates.  A velocity that violates
+    rigid contacts is corrected (`pmr.simulation.start`); errors as there.
     """
     z, v = np.zeros((2, form.kernel.modes))
     states = consistent_start(Assembly(form.system), x, x_rate, initial)
@@ -130,13 +137,13 @@ def start_modes(form: SystemForm, x: Array, x_rate: Array, initial: Mapping[str,
 
 
 def static_start(system: System, excitation: Excitation) -> dict[str, InitialState]:
-    """Every body at rest in equilibrium with the loads at t = 0; errors as for `equilibrium`."""
+    """States of all bodies at rest in equilibrium with the loads at t = 0; errors as `equilibrium`."""
     f, c = excitation.forces(system.input_names)[0], excitation.amplitudes(system.term_names)[0]
     return rest_states(Assembly(system), places(system, excitation)[0], f, c)
 
 
 def rest_states(assembly: Assembly, x: Array, f: Array, c: Array) -> dict[str, InitialState]:
-    """Every body at rest in equilibrium, with sides at x (sides,) m, loads f (i,) and amplitudes of terms c (k,)."""
+    """States of all bodies at rest in equilibrium, with sides at x (sides,) m, loads f (i,) and amplitudes c (k,)."""
     states, coordinates = dict[str, InitialState](), equilibrium(assembly, x, f, c).q
     for name, body in assembly.system.bodies.items():
         q = np.zeros(body.size)
@@ -148,19 +155,22 @@ def rest_states(assembly: Assembly, x: Array, f: Array, c: Array) -> dict[str, I
 def start_of(
     system: System, excitation: Excitation, initial: Mapping[str, InitialState] | None = None
 ) -> Mapping[str, InitialState]:
-    """State of each body at t = 0: the given one, else at rest or in equilibrium, as the excitation says."""
+    """States of bodies at t = 0: `initial` if given, else as the excitation says.
+
+    At rest: an empty mapping; in equilibrium: `static_start`.
+    """
     if initial is not None or excitation.start == "rest":
         return initial or {}
     return static_start(system, excitation)
 
 
 def failed_at(where: str, form: SystemForm, error: StepError, x: Array) -> SimulationError:
-    """A step's failure in words of the system; its contacts' sides are at x (sides,) m."""
+    """Error of a failed step for the user; `where` names the step, x (sides,) in m are the positions of the sides."""
     return SimulationError(f"march failed at {where}: {reason(form.modal, error, x)}")
 
 
 def reason(system: System, error: StepError, x: Array) -> str:
-    """Why a step failed, in words of a system in modal form."""
+    """Text of why a step failed, for a system in modal form with sides at x (sides,) m."""
     if error.failure == Failure.UNSETTLED:
         return describe_unsettled(system.contact_names, ~np.isnan(system.clearance))
     if error.failure == Failure.UNCONVERGED:
@@ -172,5 +182,5 @@ def reason(system: System, error: StepError, x: Array) -> str:
 
 
 def places_of(paths: Sequence[str], s: Array) -> str:
-    """Text that says where the paths are, s (P,) m."""
+    """Text with the coordinates s (P,) in m of the paths."""
     return "".join(f", {path} at {at:g} m" for path, at in zip(paths, s, strict=False))

@@ -1,4 +1,4 @@
-"""One simulation of a system by the kernel: its start, its steps block by block, and where its energy comes from."""
+"""One simulation of a system by the kernel: its start, its steps block by block, and its energy balance."""
 
 from __future__ import annotations
 
@@ -22,41 +22,41 @@ from pmr.simulation.stepping import Ended, Progress, in_blocks
 from pmr.system.assembly import Assembly
 
 Array = NDArray[np.float64]
-#: Steps between two looks at the clock, the keyboard and the progress; fewer where steps in parts take long.
+#: Most steps in one call of the kernel, between which the user can interrupt; fewer if divided steps take long.
 BLOCK = 16384
-#: Steps for which drivers are sampled at once: at so many times, of so many steps at least.
+#: Samples of drivers taken at once: number of times, and the least number of steps.
 TIMES, FINE = 2048, 64
-#: Numbers that are recorded in the meantime: fewer steps where there are more coordinates.
+#: Most numbers recorded in one call of the kernel: fewer steps if there are more coordinates.
 RECORDED = 2**22
-#: Modes up to which the kernel finds the equilibrium at the start; of more, statics with sparse matrices does.
+#: Most modes for which the kernel computes the equilibrium at the start; with more, sparse statics does.
 DENSE = 400
 
 
 class Steps(NamedTuple):
-    """Some steps in a row; the first of them is the last of those before, or the start.
+    """T consecutive steps; the first of them is the last one of the steps before, or the start.
 
-    Its arrays are valid until the next steps: what is kept is to be copied.
+    The arrays are valid until the next steps: copy what you keep.
     """
 
     z: Array  # (T, modes)
     v: Array
     multipliers: Array  # (T, m) N
-    energy: Array  # (T, 2) J: stored, and work since the start
+    energy: Array  # (T, 2) J: stored energy, and work since the start
     drivers: Array  # (T, N)
-    peaks: Array | None = None  # (T, m) N: largest within the step, where it may be made in parts
-    parts: NDArray[np.int32] | None = None  # (T,): of how many
-    impulses: Array | None = None  # (T, m) N s: given in the step, where contacts only push
+    peaks: Array | None = None  # (T, m) N: largest force within the step, if steps may be divided
+    parts: NDArray[np.int32] | None = None  # (T,): number of parts of each step
+    impulses: Array | None = None  # (T, m) N s: impulse in the step, if contacts only push
     friction: Array | None = None  # (T, n) N: of the pads that rub
 
     def at(self, rows: NDArray[np.int64] | slice) -> Steps:
-        """Some of them, by their numbers from the first one on."""
+        """Some of the steps, by their numbers from 0 on."""
         return Steps._make(None if array is None else array[rows] for array in self)
 
 
 class March:
-    """One simulation; arguments and errors as for `pmr.simulation.SystemSimulator`.
+    """One simulation; arguments and errors as `pmr.simulation.SystemSimulator`.
 
-    Without initial states it starts as the excitation says.
+    `initial` None: it starts as the excitation says.
     """
 
     def __init__(
@@ -105,7 +105,7 @@ class March:
             raise self._failure(error, 0)
 
     def begin(self) -> StepError | None:
-        """Bring the state to t = 0; the error where that fails."""
+        """Set the kernel's state to t = 0; return the error if that fails, else None."""
         self._sampling = 0.0  # s, of the steps that follow
         try:
             if self._frame is None:
@@ -117,13 +117,14 @@ class March:
         return None
 
     def run(self, take: Callable[[int, Steps], None], progress: Progress | None = None) -> Ended:
-        """Take all steps; `take` gets some of them at a time, and the number of the first among these.
+        """Take all steps; call `take` with the number of the first of some consecutive steps, and with these.
 
-        A GrowthError is raised where more than `balance.GROWN` of the largest energy comes from nowhere.
+        Raises GrowthError if more than `balance.GROWN` of the largest energy comes from neither loads nor moving rows.
         """
         paths, inputs, least = self.form.kernel.paths, self.form.kernel.inputs, 0.0
 
         def record_block(first: int, steps: Steps) -> None:
+            """Store energies and work of some steps, and hand these to `take`."""
             nonlocal least
             at = slice(first, first + len(steps.z))
             self._stored[at], self._work[at] = steps.energy.T
@@ -137,14 +138,15 @@ class March:
         return Ended(seconds, surplus)
 
     def again(self) -> float:
-        """Take all steps once more from the start, as `run` does, and keep nothing: the solver's seconds."""
+        """Take all steps once more from the start, without output; return the solver's time in s."""
         self.begin()
         return self.observe(1, lambda first, steps: None)
 
     def observe(self, every: int, take: Callable[[int, Steps], None], progress: Progress | None = None) -> float:
-        """Take all steps; `take` gets each `every`-th, some of them at a time, and the number of the first among these.
+        """Take all steps, and return the solver's time in s; `take` gets each `every`-th step, some at a time.
 
-        That is the last one of those before, or the start.  The solver's seconds; energy is not checked.
+        Its arguments are the number of the first of these records, and the records; the first one is the last of the
+        call before, or the start.  The energy is not checked.
         """
         count = (len(self.t) - 1) // every
         most = max(1, min(BLOCK // every, RECORDED // (2 * self.form.kernel.modes), count))
@@ -152,9 +154,11 @@ class March:
         room = self._room(record)
 
         def advance(first: int, last: int) -> None:
+            """Take the steps of records first to last - 1."""
             self._advance((first - 1) * every, last - first, every, record)
 
         def hand_over(first: int, last: int) -> None:
+            """Check some records, and hand them to `take`."""
             steps = room.at(slice(last - first + 1))
             self._check_finite(steps.z, first - 1, every)
             for forces in (steps.multipliers, steps.peaks):
@@ -169,14 +173,14 @@ class March:
 
     @property
     def _recorded_names(self) -> tuple[str, ...]:
-        """Names of the arrays that are recorded of each step."""
+        """Names of the arrays that are recorded at each step."""
         of_parts = ("peaks", "parts") if self.finest > 1 else ()
         impulses = ("impulses",) if self.pushing.any() else ()
         friction = ("friction",) if self.form.kernel.pads else ()
         return ("z", "v", "multipliers", "energy", "drivers", *of_parts, *impulses, *friction)
 
     def _room(self, record: Record) -> Steps:
-        """Arrays of a record, the first row of which is the state at the start."""
+        """Arrays of a record, with the start in the first row."""
         arrays: dict[str, Any] = dict(record.arrays)
         for name, array in arrays.items():
             if name != "impulses":
@@ -187,7 +191,7 @@ class March:
         return Steps(**arrays)
 
     def _advance(self, first: int, rows: int, every: int, record: Record) -> None:
-        """Take the steps after number `first` that fill `rows` of a record from its second on."""
+        """Take the steps after number `first` that fill `rows` rows of a record, from the second row on."""
         steps = rows * every
         schedule = None if self._schedule is None else self._schedule[first : first + steps]
         try:
@@ -203,7 +207,7 @@ class March:
     def _advance_sampled(
         self, first: int, steps: int, every: int, schedule: NDArray[np.int32] | None, record: Record
     ) -> None:
-        """Advance by samples of the drivers, at as many parts of each step as it needs."""
+        """Take `steps` steps with drivers sampled in Python, at as many points in each step as its parts need."""
         taken, per = 0, self.state.settings.parts[0]
         while taken < steps:
             skip = -taken % every  # steps up to the next one that is recorded, where a call ended between two
@@ -219,7 +223,7 @@ class March:
             taken, per = taken + done, needed or max(self.state.settings.parts[0], per // 2)
 
     def sample_drivers(self, first: int, last: int, per: int) -> Array:
-        """Drivers (., N) of some steps at `per` equal parts of each."""
+        """Drivers (K, N) from step `first` to step `last`, both included, at `per` points in each step."""
         begun = perf_counter()
         t = np.arange(first * per, last * per + 1) * (float(self.t[1]) / per)
         u = np.column_stack([np.empty((len(t), 0)), *(signal.value(t) for signal in self._drivers)])
@@ -227,6 +231,7 @@ class March:
         return u
 
     def _failure(self, error: StepError, step: int) -> SimulationError:
+        """Error of a failed step for the user."""
         modal = self.form.modal
         at = {path: self._s[step, k] for k, path in enumerate(self._paths)}
         return failed_at(self._where(step), self.form, error, modal.coordinates(at))
@@ -239,10 +244,11 @@ class March:
             raise SimulationError(f"march failed at {where}: not finite")
 
     def _where(self, step: int) -> str:
+        """Text with number and time of a step, and the path coordinates."""
         number = f"step {step}, " if step else ""
         return f"{number}t = {self.t[step]:g} s{places_of(self._paths, self._s[step])}"
 
 
 def without_pull(multipliers: Array, pushing: NDArray[np.bool_]) -> None:
-    """Rows that only push have round-off of the others' forces at most where they let go: none."""
+    """Set negative forces (T, m) of contacts that only push to zero, in place: they are round-off of other forces."""
     multipliers[:, pushing] = np.maximum(multipliers[:, pushing], 0.0)

@@ -154,7 +154,7 @@ class Stepper:
             initial = dict.fromkeys(system.bodies, initial)
         self._start(initial, static=scene is not None and scene.static)
         self._drivers.end_step()
-        # what is written and read at once in each step: a single load, the only path of whole steps
+        # taken without `Drivers` in each step: a single load, and a single path if steps are not divided
         self._in_parts, alone = moving is None and not undivided, moving is None and undivided
         low, high = next(iter(self._ranges.values()), (1.0, 0.0))
         self._low, self._high, self._jump = (
@@ -189,7 +189,7 @@ class Stepper:
         InputError
             If a path leaves its range or would cross all of it in a step, an angle other than that of slewing is more
             than a turn, a number is not finite, the system has no such name, or there is not one load for each input.
-            What jumps, or moves in a frame without second rates, is told once by a warning of `logging`.
+            A motion that jumps, or that has no second rate in a frame, is reported once by a warning of `logging`.
         SimulationError
             If contacts depend on each other.
         """
@@ -216,7 +216,7 @@ class Stepper:
 
     @property
     def outputs(self) -> Array:
-        """All of `output_names`, at present."""
+        """Values (o,) of all `output_names` at present."""
         values, forces = self._state.outputs()
         return np.concatenate([values[: len(self._system.output_names)], forces])
 
@@ -276,7 +276,7 @@ class Stepper:
             raise SimulationError(f"march failed at {self._where}: not finite")
 
     def _start(self, initial: Mapping[str, InitialState] | None, static: bool) -> None:
-        """Bring the state to t = 0."""
+        """Set the state to t = 0: as `initial` says, in equilibrium if it is None and `static`, or at rest."""
         kernel, motions = self._state.kernel, self._bound.motions
         u = kernel.frame_drivers(motions)[0] if kernel.motions else motions[0].copy()
         modal, paths = self._form.modal, self._places
@@ -291,7 +291,7 @@ class Stepper:
             raise self._failure("t = 0 s", error)
 
     def _begin(self, kind: Literal["given", "equilibrium"], *modes: Array) -> StepError | None:
-        """Start the kernel; the error where that fails."""
+        """Start the kernel with a kind of start; return the error if that fails, else None."""
         motions = self._bound.motions
         try:
             if self._state.kernel.motions:
@@ -303,7 +303,7 @@ class Stepper:
         return None
 
     def _constant(self, paths: Mapping[str, float], u: Array) -> Excitation:
-        """One step on which nothing changes, under drivers u (N,)."""
+        """Excitation of one step with constant paths, loads and terms, as in the drivers u (N,)."""
         names, first = (self._system.input_names, self._system.term_names), len(paths)
         split = np.split(u[first:], [len(names[0])])
         loads, terms = (
@@ -315,7 +315,7 @@ class Stepper:
 
     @property
     def _places(self) -> dict[str, float]:
-        """Coordinates of all paths of the system, by their names."""
+        """Coordinates in m of all paths of the system, by name."""
         kernel = self._state.kernel
         if not kernel.motions:
             return self._drivers.places
@@ -323,7 +323,10 @@ class Stepper:
         return dict(zip(paths, kernel.frame_drivers(self._bound.motions)[0][: kernel.paths].tolist(), strict=True))
 
     def _levels(self, parts: int, scene: Recorded | None) -> tuple[tuple[int, ...], float]:
-        """Numbers of parts that a step may be made in, and frequency in rad/s of contacts that only push."""
+        """Numbers of parts among which a step chooses, and the contact frequency in rad/s.
+
+        The frequency is 0 unless contacts only push and `parts` is 0.
+        """
         modal = self._form.modal
         if np.isnan(modal.clearance).all():
             return (1,), 0.0
@@ -333,22 +336,24 @@ class Stepper:
 
     @property
     def _anywhere(self) -> Excitation:
-        """From one end of all paths to the other."""
+        """Excitation whose paths lead from one end of their ranges to the other in one step."""
         ends = {path: Ramp(times=(0.0, self._step), values=ends) for path, ends in self._ranges.items()}
         return Excitation(ends, {}, TimeStepping(self._step, self._step / 64.0))
 
     def _raise_failure(self, failed: int) -> None:
+        """Raise the error of a failed step."""
         try:
             self._state.raise_unless_done(failed, self._where)
         except StepError as error:
             raise self._failure(self._where, error) from None
 
     def _failure(self, where: str, error: StepError) -> SimulationError:
-        """Why a step or the start failed, in words."""
+        """Error of a failed step or start, for the user."""
         paths = self._places
         where = f"{where}{places_of(tuple(paths), np.array(list(paths.values())))}"
         return failed_at(where, self._form, error, self._form.modal.coordinates(paths))
 
     @property
     def _where(self) -> str:
+        """Text with number and time of the next step."""
         return f"step {self._steps + 1}, t = {self.time + self._step:g} s"

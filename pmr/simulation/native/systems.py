@@ -1,8 +1,8 @@
-r"""The compiled simulator of any system: generalized-alpha in the modal coordinates of each body.
+"""The compiled simulator of any system: generalized-alpha in the modal coordinates of each body.
 
-The bodies' M, K and D never change, so each is diagonalised once; the multipliers of the contacts are all that couples
-them, one m x m solve a step (`pmr.kernel`, docs/system_of_bodies.md).  A body may be reduced or of full
-order, up to some thousand coordinates: the same loop is the reference of what a reduction leaves out.
+The bodies' M, K and D never change, so each body is diagonalised once; only the multipliers of the m contacts couple
+the bodies, by one m x m solve in each step (`pmr.kernel`, docs/system_of_bodies.md).  A body may be reduced or of full
+order, up to some thousand coordinates: the same loop is the reference for the error of a reduction.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Observation:
-    """Chosen outputs of a simulation, at every so many steps."""
+    """Selected outputs and contact forces of a simulation, at every so many steps."""
 
     t: Array  # (T,) s
     y: Array  # (T, o) m
     multipliers: Array  # (T, m) N
-    seconds: float  # wall time of the solver and of evaluating the outputs
+    seconds: float  # wall time of solver and outputs
 
 
 def simulate(
@@ -49,10 +49,10 @@ def simulate(
     progress: Progress | None = None,
     every: int = 1,
 ) -> SystemTrajectory:
-    """Simulate all bodies from t = 0 on and keep each `every`-th step.
+    """Simulate all bodies from t = 0 on, and return the trajectory of each `every`-th step.
 
-    Arguments and errors as for `pmr.simulation.SystemSimulator`.  `seconds` is the time of the steps in modal
-    coordinates; diagonalising and the way back to q are not in it.
+    Arguments and errors as `pmr.simulation.SystemSimulator`; without `initial` bodies start at rest.  Its `seconds` are
+    those of the steps in modal coordinates, without diagonalisation and transformation to q.
     """
     return simulate_form(SystemForm.of(system), excitation, initial or {}, progress, every)
 
@@ -64,24 +64,30 @@ def simulate_form(
     progress: Progress | None = None,
     every: int = 1,
 ) -> SystemTrajectory:
-    """Simulate a system in modal form, by default from the excitation's start; simulations share its kernel."""
+    """Simulate a system in modal form, whose kernel several simulations can share.
+
+    `initial` None: it starts as the excitation says.  Otherwise as `simulate`.
+    """
     recorder = Recorder(np.arange(0, excitation.stepping.steps + 1, every))
     march = March(form, excitation, initial)
     return recorder.trajectory(follow(march, excitation, recorder, progress))
 
 
 def follow(march: March, excitation: Excitation, take: Take, progress: Progress | None = None) -> Ended:
-    """Simulate and record nothing: `take` gets some thousand steps at a time.
+    """Take all steps of `march`, and call `take` with a block of some thousand steps at a time; nothing is stored.
 
-    Where rows only push, a step may be made in parts (`pmr.simulation.contact_step`), of which `take` gets the last.
-    Errors as for `pmr.simulation.SystemSimulator`; that of a motion that grows comes at the end.
+    If contacts only push, a step may be divided (`pmr.simulation.contact_step`); a block holds the state at its end.
+    Errors as `pmr.simulation.SystemSimulator`; that of a growing motion is raised at the end.
     """
     form, system, paths = march.form, march.form.system, tuple(excitation.paths.values())
     pushing, rubbing, combined = ~np.isnan(system.clearance), Friction.of(system.contacts), form.combined
     P, i = form.kernel.paths, form.kernel.inputs
 
     def hand_over(first: int, steps: Steps) -> None:
+        """Hand some steps to `take` as a block."""
+
         def trajectory_at(rows: Indices | slice) -> SystemTrajectory:
+            """Trajectory of rows of the block."""
             some, numbers = steps.at(rows), np.arange(first, first + len(steps.z))[rows]
             t, f, motions, pressed = march.t[numbers], some.friction, {}, combined.forces(some.multipliers)
             forces = form.forces(some.multipliers, f)
@@ -116,11 +122,11 @@ def follow(march: March, excitation: Excitation, take: Take, progress: Progress 
 def observe(
     form: SystemForm, excitation: Excitation, outputs: Sequence[int] | None = None, every: int = 1
 ) -> Observation:
-    """Simulate from the start of the excitation, keep nothing but outputs and contact forces of each `every`-th step.
+    """Simulate from the excitation's start, and record the outputs and contact forces of each `every`-th step alone.
 
-    The outputs, all by default, are numbered from one body to the next, ascending.  Memory is of the order of what is
-    recorded: a long simulation of a large body needs little.  So the energy balance that `simulate` checks is not:
-    rigid rows that move may grow unnoticed with rho_inf near 1 (docs/time_integration.md).  Errors as for
+    `outputs` are numbers among those of all bodies, one body after the other, ascending; None: all.  A long simulation
+    of a large body needs little memory, as no coordinates are stored.  The energy balance of `simulate` is not checked:
+    rigid rows that move may grow unnoticed with rho_inf near 1 (docs/time_integration.md).  Errors as
     `pmr.simulation.SystemSimulator`.
     """
     march, system = March(form, excitation), form.system
@@ -130,6 +136,7 @@ def observe(
     rubbing, P = Friction.of(system.contacts), form.kernel.paths
 
     def record_outputs(first: int, steps: Steps) -> None:
+        """Compute and store outputs and contact forces of some records."""
         nonlocal evaluated
         begun, rows = perf_counter(), slice(first, first + len(steps.z))
         numbers, column, load = np.arange(rows.start, rows.stop) * every, 0, P
@@ -155,9 +162,9 @@ def observe(
 def displacements(
     system: System, trajectory: SystemTrajectory, outputs: Sequence[int] | None = None
 ) -> dict[str, Array]:
-    """Outputs O q + W f - X lambda of every body, (T, o), and what moments of friction add; of all or some `outputs`.
+    """Outputs O q + W f - X lambda (T, o) of each body by name, with the effect of the moments of friction.
 
-    These are numbered from one body to the next, ascending.
+    `outputs` are numbers among those of all bodies, one body after the other, ascending; None: all.
     """
     outputs_of_bodies, first = {}, 0
     for name, chosen in by_body(system, outputs).items():
@@ -173,7 +180,10 @@ def displacements(
 
 
 def by_body(system: System, outputs: Sequence[int] | None) -> dict[str, Indices | slice]:
-    """Numbers of some `outputs` of all bodies, ascending, among those of each; None: all."""
+    """Indices of `outputs` within each body's own outputs; None: all.
+
+    The arguments are indices among the outputs of all bodies, one body after the other, ascending.
+    """
     ends = np.cumsum([0, *(body.outputs.shape[0] for body in system.bodies.values())])
     if outputs is None:
         return dict.fromkeys(system.bodies, slice(None))
@@ -190,10 +200,22 @@ def deformation(
     chosen: Indices | slice = slice(None),
     moments: Array | None = None,
 ) -> Array | None:
-    """W f - X lambda of the chosen outputs (T, o) of a body, under the loads (T, i) N on it; None where it has no such.
+    """Outputs W f - X lambda (T, o) of one body's residual flexibility; None if it has none.
 
-    With the places x (T, sides) m of its sides, their multipliers (T, sides) N, and the `moments` (T, sides) N m of
-    their friction (`pmr.system.contacts`), which do X' times as much.
+    Parameters
+    ----------
+    name : str
+        Name of the body.
+    x : (T, sides) array, m
+        Positions of the contact sides on the body.
+    multipliers : (T, sides) array, N
+        Their forces.
+    loads : (T, i) array
+        Loads on the body.
+    chosen : (o,) array of int, or slice
+        Numbers of outputs.
+    moments : (T, sides) array, N m, optional
+        Moments of friction at the sides (`pmr.system.contacts`); they add the outputs X' moments.
     """
     body = system.bodies[name]
     points = [side.place for side in system.sides if side.place.body == name]
@@ -226,6 +248,6 @@ def deformation(
 
 
 def _weighted_sum(weights: Array, touched: Indices, X: Array) -> Array:
-    """(T, o): the rows of X (K, o) that are `touched` (T, d), times their weights (T, d)."""
+    """Sums (T, o) over d of the rows `touched` (T, d) of X (K, o) times their `weights` (T, d)."""
     ends = np.arange(len(weights) + 1) * weights.shape[1]
     return np.asarray(sp.csr_matrix((weights.ravel(), touched.ravel(), ends), (len(weights), len(X))) @ X)

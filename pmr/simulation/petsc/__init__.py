@@ -3,10 +3,11 @@ r"""Full models over time, in PETSc: the reference for bodies too large to be di
 .. math::
     M \ddot q + D \dot q + K q + C^T \lambda = B f, \qquad C q - \lambda / k = 0
 
-of one body with C(s), or of several that contacts join (`pmr.system.contacts`), of which some may only push.
+of one body with C(s), or of several that contacts join (`pmr.system.contacts`), some of which may only push.
 
 Scheme, start and sign of the multipliers are those of `pmr.simulation.native.systems` and of Exudyn, so the motions
-agree. Distributed over the models' communicator: every function here is collective.
+agree.  Models are distributed over the ranks of their communicator: every function here is collective, that is, all
+ranks have to call it.
 """
 
 from pmr.simulation.petsc.checkpoint import Checkpoint

@@ -1,6 +1,6 @@
-"""Checkpoints of a long simulation: a file that is complete or not there, npz with a JSON header, never a pickle.
+"""Checkpoints of a long simulation: a file that is complete or does not exist, npz with a JSON header, never a pickle.
 
-A simulation on any number of ranks to and from a file: its state and what was recorded.
+It stores the state of a simulation on any number of ranks, and what was recorded.
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ FORMAT = "pmr-checkpoint"
 FORMAT_VERSION = 2
 #: Version 1 has one number of parts for all steps, and path and loads at the steps only.
 READ = (1, FORMAT_VERSION)
-#: Numbers that describe the model agree to this if it is the same, assembled on however many ranks.
+#: Relative agreement of numbers that describe the same model, assembled on any number of ranks.
 SAME = 1e-9
 _DAMAGE = (KeyError, TypeError, ValueError, OverflowError, RecursionError)
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """Folder in which a simulation is stored from time to time, and from which it resumes.
+    """File in which a simulation is stored from time to time, and from which it resumes.
 
     Attributes
     ----------
     file : Path
-        Replaced at each checkpoint, and last when the simulation ends: a simulation that is started again ends at
-        once with the same result.  Whoever has stored the result may delete it.
+        Replaced at each checkpoint, and a last time when the simulation ends: a simulation that is started again ends
+        at once with the same result.  It may be deleted once the result is stored.
     seconds : float
         Wall time between two checkpoints.
     """
@@ -58,7 +58,7 @@ class Checkpoint:
 
 @dataclass(frozen=True)
 class Saved:
-    """A simulation after `step` steps, which took `seconds`: arrays by name, whole, and what it belongs to."""
+    """A simulation after `step` steps, which took `seconds`: its arrays of all ranks by name, and its identity."""
 
     step: int
     seconds: float
@@ -67,9 +67,9 @@ class Saved:
 
 
 def save(checkpoint: Checkpoint, saved: Saved) -> None:
-    """Write a checkpoint and put it in the place of the one before, in one go.
+    """Write a checkpoint, which replaces the one before in one operation.
 
-    Where there is no room for it the simulation goes on without, and what was saved before stays.
+    If there is no room on the disk, a warning is logged, and the one before stays.
     """
     header = {
         "format": FORMAT,
@@ -86,7 +86,7 @@ def save(checkpoint: Checkpoint, saved: Saved) -> None:
 
 
 def load(checkpoint: Checkpoint, identity: Mapping[str, Any]) -> Saved | None:
-    """The checkpoint of the simulation with this identity; None if there is no file.
+    """Checkpoint of the simulation with this identity; None if there is no file.
 
     Raises
     ------
@@ -112,11 +112,16 @@ def load(checkpoint: Checkpoint, identity: Mapping[str, Any]) -> Saved | None:
 
 
 def _differences(stored: Mapping[str, Any], expected: Mapping[str, Any]) -> str:
+    """Names of the entries of an identity in which the stored one differs."""
     names = [key for key, value in expected.items() if not _same(stored.get(key), value)]
     return ", ".join(names)
 
 
 def _same(a: Any, b: Any) -> bool:
+    """Whether a stored entry of an identity agrees with the expected one, numbers to `SAME`.
+
+    A list of digests agrees with its first digest alone, too, which older files have.
+    """
     if isinstance(b, list) and isinstance(b[0], str):
         return bool(a in (b, b[0]))
     if isinstance(b, list):
@@ -130,9 +135,9 @@ _SPREAD = tuple(field.name for field in fields(State) if field.name not in ("mul
 def identity(
     system: FullSystem, excitation: Excitation, at: Sampled, recorder: Recorder, initial: Mapping[str, InitialState]
 ) -> dict[str, Any]:
-    """Digests that distinguish this simulation from others, one product of each matrix; collective.
+    """Digests that distinguish this simulation from others, with one product of each matrix; collective.
 
-    Path and loads count in the middle of steps, too, which may be made in parts.
+    Paths and loads are also evaluated in the middle of steps, which may be divided.
     """
     stepping, between = excitation.stepping, 0.5 * (excitation.times[:-1] + excitation.times[1:])
     forms = []
@@ -168,7 +173,8 @@ def identity(
 class Reached:
     """State of a simulation after `step` steps, which took `seconds` of wall time.
 
-    A reduced model that is made again may ask for other `parts` (T,) of the steps: those of the start are kept.
+    `parts` (T,) are the numbers of parts of the steps with which the simulation began; it keeps them even if a reduced
+    model that is made again asks for others.
     """
 
     step: int
@@ -178,7 +184,7 @@ class Reached:
 
 
 class Keeper:
-    """Checkpoints of one simulation; collective but for `due`."""
+    """Writes and reads the checkpoints of one simulation; all methods but `due` are collective."""
 
     def __init__(self, checkpoint: Checkpoint, system: FullSystem, identity: Mapping[str, Any]) -> None:
         self._checkpoint, self._identity = checkpoint, identity
@@ -186,11 +192,11 @@ class Keeper:
         self._last = time.monotonic()
 
     def due(self) -> bool:
-        """True on rank 0 when it is time to save."""
+        """Whether it is time for a checkpoint; always False on other ranks than 0."""
         return self._comm.rank == 0 and time.monotonic() - self._last >= self._checkpoint.seconds
 
     def save(self, reached: Reached, recorder: Recorder) -> None:
-        """Save everything after a step."""
+        """Write a checkpoint after a step."""
         gathered, state = self._system.gathered, reached.state
         arrays = {name: gathered(getattr(state, name)[None])[0] for name in _SPREAD}
         arrays |= {"states.q": gathered(recorder.q), "states.v": gathered(recorder.v)}
@@ -204,7 +210,9 @@ class Keeper:
         self._last = time.monotonic()
 
     def load(self, recorder: Recorder, parts: NDArray[np.int64]) -> Reached | None:
-        """The last checkpoint, the recorder filled; None if there is none.  Where it knows none, `parts` are those.
+        """State of the last checkpoint, with the recorder filled in place; None if there is no checkpoint.
+
+        `parts` (T,) are used if the file has none.
 
         Raises
         ------
@@ -232,6 +240,7 @@ def _of_friction(system: FullSystem) -> list[Any]:
 
 
 def _digest(*parts: Any) -> str:
+    """SHA-256 digest of bytes and arrays."""
     digest = hashlib.sha256()
     for part in parts:
         digest.update(part if isinstance(part, bytes) else np.ascontiguousarray(part).tobytes())

@@ -1,10 +1,8 @@
-"""Forces of the contacts in a step of full order.
+"""Forces of the contacts in a step of full order: their multipliers, and their effect on the bodies.
 
-Forces of contacts, of which some only push, and what those that open leave in a step.
-
-The complementarity problem is the kernel's (`pmr.kernel.laws`); ranks take the solution of the first one.
-
-Multipliers of the contacts and what they do to the bodies: the Schur complement of the effective matrix.
+The multipliers follow from the Schur complement of the effective matrix.  Some contacts may only push: the
+complementarity problem is the kernel's (`pmr.kernel.laws`), and all ranks use the solution of the first one.  The force
+of a contact that opens is removed from the next step.
 """
 
 from __future__ import annotations
@@ -36,7 +34,10 @@ from pmr.simulation.refusals import describe_dependence, describe_unsettled
 
 @dataclass(frozen=True)
 class Prediction:
-    """This rank's rows (n_local,) of a step's end without its acceleration: q*, v* and a*."""
+    """State q*, v*, a* at a step's end without the step's acceleration: this rank's rows (n_local,).
+
+    a* is the acceleration-like variable of generalized-alpha.
+    """
 
     q: Array
     v: Array
@@ -44,7 +45,7 @@ class Prediction:
 
     @classmethod
     def of(cls, factors: SchemeFactors, share: Array, force: Array) -> Prediction:
-        """What accelerations, and their share in the acceleration-like variable, leave for the next step."""
+        """Contributions to the next step by acceleration-like variables `share` and accelerations `force`."""
         return cls(
             q=factors.z_from_share * share + factors.z_from_force * force,
             v=factors.v_from_share * share + factors.v_from_force * force,
@@ -53,7 +54,10 @@ class Prediction:
 
 
 class Pushing:
-    """Contacts of a system, closed or open; `mass` is a factor of M, needed where some only push."""
+    """State of a system's contacts: closed or open, with their last forces.
+
+    `mass` is a factor of M, needed if some contacts only push.
+    """
 
     def __init__(self, system: FullSystem, mass: BlockFactor | None, state: State) -> None:
         self.mass, self.pushes, self._comm = mass, ~np.isnan(system.clearance), system.comm
@@ -61,17 +65,18 @@ class Pushing:
         self.begin(state)
 
     def begin(self, state: State) -> None:
-        """Stand where a state does."""
+        """Set the contacts to those of a state."""
         self._force, self.share = np.where(self.pushes, state.multipliers, 0.0), state.share.copy()
         self._closed = ~self.pushes | (state.multipliers > 0.0)
 
     def forces(self, matrix: Array, motion: Array) -> Array:
-        """Multipliers (m,) in N, from A (m, m) and how far the rows come out without them, (m,) m.
+        """Multipliers (m,) in N of contacts with the matrix A (m, m), by `motion` (m,) in m without multipliers.
 
-        A ContactError is raised where contacts depend on each other, or which are closed is not settled.
+        Raises ContactError if contacts depend on each other, or which are closed is not settled.
         """
 
         def solution() -> tuple[Array, NDArray[np.bool_]]:
+            """Multipliers and mask of closed contacts."""
             return solve_contact(matrix, motion - self._clearance, self.pushes, self._closed)
 
         if self._comm.size == 1 or not self.pushes.any():
@@ -81,7 +86,10 @@ class Pushing:
         return forces
 
     def release(self, rows: PathRows, factors: SchemeFactors) -> Prediction | None:
-        """Take back what contacts that are open now add to the prediction by their last force; None if none does."""
+        """Correction of the prediction that removes the last forces of contacts that are now open; else None.
+
+        Their stored forces are set to zero.
+        """
         opened = ~self._closed & ((self._force != 0.0) | (self.share != 0.0))
         if not opened.any():
             return None
@@ -92,7 +100,7 @@ class Pushing:
         return Prediction.of(factors, share, force)
 
     def end_step(self, multipliers: Array, factors: SchemeFactors) -> None:
-        """Store what forces (m,) of a step leave for the next one."""
+        """Store what the contact forces (m,) of a step contribute to the next one."""
         share = factors.gain * multipliers + Prediction.of(factors, self.share, self._force).a
         self.share = np.where(self.pushes, share, 0.0)
         self._force = np.where(self.pushes, multipliers, 0.0)
@@ -100,18 +108,18 @@ class Pushing:
 
 Array = NDArray[np.float64]
 
-#: Bytes a rank may spend on S^{-1} E, which saves the second solve of a step: 560 loads of the reference boom's pads at
+#: Bytes a rank may use for S^{-1} E, which saves the second solve of a step: 560 loads of the reference boom's pads at
 #: up to 240,000 coordinates a rank.
 STORED_BYTES = 2**30
 
 
 class Constraint:
-    r"""All contacts over a course, with a factor of S; collective.
+    r"""All contacts over a course of side positions, with a factor of S; collective.
 
     .. math:: (dq\, C S^{-1} C^T + 1/k)\, \lambda = C q_{free}
 
-    of those that are closed, which `pushing` decides.  S^{-1} E is stored if that of
-    `shared` factors fits into the memory that is meant for it.
+    for the closed contacts, which `pushing` decides.  `q_gain` is dq.  S^{-1} E is stored if that of all `shared`
+    integrators fits into `STORED_BYTES`.
     """
 
     def __init__(
@@ -136,7 +144,7 @@ class Constraint:
         self.matrix = np.zeros((0, 0))
 
     def move(self, step: int) -> None:
-        """Go to a step of the course."""
+        """Set the rows and their matrix to a step of the course."""
         self.rows.move(step)
         x = self.rows.course.x[step]
         if not np.array_equal(x, self._at):
@@ -144,7 +152,7 @@ class Constraint:
             self._at = x
 
     def multipliers(self, motion: Array) -> Array:
-        """Multipliers (m,) in N from how the rows would move without them, C q_free (m,).
+        """Multipliers (m,) in N, by the motion C q_free (m,) in m of the rows without multipliers.
 
         Raises
         ------
@@ -168,9 +176,9 @@ class Constraint:
 
 
 def answers(factor: AnyFactor, E: sp.csr_matrix, comm: MPI.Comm, stored: bool) -> tuple[Array, Array]:
-    """P = E^T S^{-1} E (p, p), the same on every rank, and this rank's rows of S^{-1} E if they are stored.
+    """Matrix P = E^T S^{-1} E (p, p), the same on every rank, and this rank's rows of S^{-1} E.
 
-    E is given as this rank's columns of its transpose, (p, n_local).
+    `E` is this rank's columns (p, n_local) of E^T.  Rows of S^{-1} E are (n_local, p), or (n_local, 0) unless `stored`.
     """
     p, n = E.shape
     P, stored_rows = np.zeros((p, p)), np.zeros((n, p if stored else 0), order="F")
@@ -184,12 +192,12 @@ def answers(factor: AnyFactor, E: sp.csr_matrix, comm: MPI.Comm, stored: bool) -
 
 
 def compliances(system: FullSystem, factor: BlockFactor, visited: VisitedCarriers) -> Sequence[Array]:
-    """P of each body."""
+    """Matrices P = E^T S^{-1} E (p, p) of all bodies, with the factors of their S."""
     parts = zip(factor.of_bodies, visited.of_bodies, strict=True)
     return [answers(S, E, system.comm, False)[0] for S, E in parts]
 
 
 def paths(system: FullSystem, x: Array, step: int = 0) -> PathRows:
-    """The system's rows where its sides are at x (T, q) m."""
+    """The system's rows with its q sides at x (T, q) in m, set to one of the T steps."""
     course = Course(system, x)
     return PathRows(course, VisitedCarriers(system, course), step)

@@ -1,29 +1,28 @@
-r"""Generalized-alpha on full models, one solve a body with a constant matrix a step.
+r"""Generalized-alpha on full models, with one solve for each body and step, with a constant matrix.
 
-With q*, v* what position and velocity become without the new acceleration, dq and dv what that adds to them, and
-S = M + dv D + dq K (Arnold, Bruels: Convergence of the generalized-alpha scheme for constrained mechanical systems,
-Multibody System Dynamics 18, 2007, equations 5 to 7), the step's end is
+With q*, v* position and velocity at the step's end without the new acceleration, dq and dv their derivatives by that
+acceleration, and S = M + dv D + dq K (Arnold, Bruels: Convergence of the generalized-alpha scheme for constrained
+mechanical systems, Multibody System Dynamics 18, 2007, equations 5 to 7), the step's end is
 
 .. math::
     S b = B f + M q^* / dq + D (q^* dv / dq - v^*) - C^T \lambda, \qquad
     q = dq\, b, \quad \ddot q = b - q^* / dq, \quad v = v^* + dv\, \ddot q
 
-in which K is not needed, and lambda follows from the b that it would be without it:
+in which K is not needed, and lambda follows from the solution b_free without lambda:
 
 .. math::
     (dq\, C S^{-1} C^T + 1/k)\, \lambda = dq\, C b_{free}
 
-Rayleigh damping does without the product with D too: with D = alpha M + beta K and w = q^* dv / dq - v^*,
+Rayleigh damping needs no product with D either: with D = alpha M + beta K and w = q^* dv / dq - v^*,
 
 .. math::
     S^{-1} D w = S^{-1} M \bigl(\alpha - g (1 + dv\, \alpha)\bigr) w + g w, \qquad
     g = \beta / (dq + dv\, \beta)
 
-Steps of full models in as many parts as a schedule says, or as pads that only push take: a factor for each length.
-
-The parts of each step are those that a reduced model's forces asked for (src/substeps.c of `pmr.kernel`).  In
-full order the same estimate asks for more and tells less: the walls under pads are light, so that every impact rings
-in them.
+Steps may be divided into equal parts, as a schedule says or as pads that only push need it: then there is a factor for
+each length.  The parts of each step are those that the forces of a reduced model asked for (src/substeps.c of
+`pmr.kernel`).  In full order the same estimate asks for more and is less reliable: the walls under pads are light, so
+that they vibrate after every impact.
 """
 
 from __future__ import annotations
@@ -51,9 +50,9 @@ Array = NDArray[np.float64]
 
 
 class Integrator:
-    """Takes steps of one length along a course; everything that does not change is made here.
+    """Takes steps of one length along a course; everything that is constant is computed when it is made.
 
-    With `shared` integrators of other lengths it shares memory.
+    It shares memory with the other `shared` - 1 integrators, of other lengths.
     """
 
     def __init__(
@@ -77,15 +76,16 @@ class Integrator:
         self.constraint = Constraint(system, self._factor, self._q_gain, rows, pushing, shared)
 
     def _factorise(self, model: FullModel) -> AnyFactor:
+        """Factor of the effective matrix S of a model."""
         S = effective_matrix(model, self._v_gain, self._q_gain)
         factor = factor_for_steps(S, "M + dv D + dq K")
         S.destroy()
         return factor
 
     def step(self, step: int, state: State, f: Array, c: Array, flag: bool) -> tuple[State, bool]:
-        """The state after one more step, under the loads f (i,) and with amplitudes c (K,) of terms at its end.
+        """Take one step, to number `step` of the course, under loads f (i,) and amplitudes c (K,) of terms at its end.
 
-        Says also whether any rank raises its flag.
+        Returns the new state, and whether any rank has its `flag` set.
 
         Raises
         ------
@@ -138,19 +138,22 @@ class Integrator:
         return Prediction(state.q + self._factors.h * state.v + added.q, state.v + added.v, added.a)
 
     def _free(self, scaled: Array, v: Array, f: Array) -> Array:
-        """Free of the rows' forces: b_free; this rank's rows, overwritten by the next call."""
+        """This rank's rows (n_local,) of the solution b_free without the rows' forces; overwritten by the next call.
+
+        `scaled` is q* / dq, v is v*.
+        """
         system = self._system
         for body, at, inputs in zip(self._bodies, system.local, system.inputs, strict=True):
             self._b[at] = body.free(scaled[at], v[at], f[inputs])
         return self._b
 
     def destroy(self) -> None:
-        """Give the factors' memory back."""
+        """Free the factors' memory."""
         self._factor.destroy()
 
 
 class _Body:
-    """Next state of one body's coordinates by themselves."""
+    """Solver for the next state of one body without its contacts."""
 
     def __init__(self, model: FullModel, factor: AnyFactor, v_gain: float, q_gain: float) -> None:
         self._M, self._D, self._factor, self._v_gain = model.M, model.D, factor, v_gain
@@ -161,7 +164,7 @@ class _Body:
         self._b = self._right.duplicate()
 
     def free(self, scaled: Array, v: Array, f: Array) -> Array:
-        """b_free, this rank's rows, from q* / dq and v* given likewise, and the loads f (i,)."""
+        """This rank's rows of b_free, from its rows of q* / dq (`scaled`) and v* and the loads f (i,)."""
         w = self._v_gain * scaled - v
         self._x.getArray()[:] = scaled + self._damped.of_mass * w
         self._M.mult(self._x, self._right)
@@ -175,26 +178,27 @@ class _Body:
 
 @dataclass(frozen=True)
 class _Damped:
-    """S^-1 D w = S^-1 M (of_mass w) + at_once w of Rayleigh damping."""
+    """Coefficients of S^-1 D w = S^-1 M (of_mass w) + at_once w for Rayleigh damping."""
 
     of_mass: float
     at_once: float
 
     @classmethod
     def by(cls, rayleigh: Rayleigh, v_gain: float, q_gain: float) -> _Damped:
+        """Coefficients of a Rayleigh damping with the gains dv and dq."""
         at_once = rayleigh.beta / (q_gain + v_gain * rayleigh.beta)
         return cls(rayleigh.alpha - at_once * (1.0 + v_gain * rayleigh.alpha), at_once)
 
 
 def _sum_over_ranks(comm: MPI.Comm, motion: Array, total: float, flag: bool) -> tuple[Array, float, bool]:
-    """Sums over the ranks, in one message."""
+    """Sums of `motion` and `total` over the ranks, and whether any has its flag set, by one message."""
     summed = np.concatenate([motion, [total, float(flag)]])
     comm.Allreduce(MPI.IN_PLACE, summed)
     return summed[:-2], float(summed[-2]), bool(summed[-1] > 0.0)
 
 
 def contact_frequency(system: FullSystem, x: Array, mass: BlockFactor) -> float:
-    """Largest omega in rad/s of the contacts that only push, with the sides at x (T, q) m; collective."""
+    """Largest omega in rad/s of the contacts that only push, with the sides at x (T, q) in m; collective."""
     pushing, largest = np.flatnonzero(~np.isnan(system.clearance)), 0.0
     steps = np.unique(np.linspace(0, len(x) - 1, contact_step.PLACES).astype(int))
     rows = paths(system, x[steps])
@@ -207,9 +211,10 @@ def contact_frequency(system: FullSystem, x: Array, mass: BlockFactor) -> float:
 
 
 class PartedSteps:
-    """Takes steps along a course that is sampled as finely as the most parts take it, from step `first` on; collective.
+    """Takes steps, each divided into its number of parts, along a course from step `first` on; collective.
 
-    A step in other parts than the one before begins anew from position, velocity and equilibrium of forces.
+    The course is sampled at the largest number of parts.  A step with another number of parts than the one before
+    starts anew from position, velocity and equilibrium of forces.
     """
 
     def __init__(self, system: FullSystem, lengths: Lengths, fine: Sampled, pushing: Pushing, first: int) -> None:
@@ -221,12 +226,14 @@ class PartedSteps:
         }
 
     def step(self, number: int, state: State, due: bool, recorder: Recorder) -> tuple[State, bool]:
-        """The state after step `number`, and whether any rank is due for a checkpoint.
+        """Take step `number` in all its parts.
+
+        Returns the new state, and whether any rank is due for a checkpoint.
 
         Raises
         ------
         SimulationError
-            As of `Integrator.step`.
+            As `Integrator.step`.
         """
         finest, parts = self._lengths.finest, int(self._lengths.parts[number - 1])
         if parts != self._lengths.parts[max(number - 2, 0)] and self._pushing.pushes.any():
@@ -240,7 +247,7 @@ class PartedSteps:
         return state, due
 
     def destroy(self) -> None:
-        """Give the factors' memory back."""
+        """Free the memory of all factors."""
         for integrator in self._integrators.values():
             integrator.destroy()
         if self._pushing.mass is not None:

@@ -1,4 +1,4 @@
-"""Full-order simulations: what runs the integrator and keeps what is asked for."""
+"""Full-order simulations: run the integrator and record what is asked for."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from pmr.system.contacts import joints_of
 
 Array = NDArray[np.float64]
 
-#: How often progress is reported.
+#: How many times progress is reported.
 REPORTS = 1000
 
 
@@ -41,25 +41,25 @@ def observe(
     progress: Progress | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> History:
-    """Simulate full models and keep what is recorded; collective.
+    """Simulate full models and return what is recorded; collective.
 
     Parameters
     ----------
     system : FullSystem
-        M positive definite; a model alone is `FullSystem.of` it.
+        M positive definite; for a single model `FullSystem.of` it.
     excitation : Excitation
         The system's paths, by name, a load for each ``body.input``, and an amplitude for each term.
     recording : Recording, optional
         By default all outputs at all steps.
     initial : mapping of str to InitialState, optional
-        Of each body, whole, (n,), on every rank; those that are missing start at rest, undeformed.  `static_start`
-        gives one.
+        Initial state of each body, with all its n coordinates, on every rank; bodies that are missing start at rest,
+        undeformed.  `static_start` returns states in equilibrium.
     progress : callable, optional
         As for `pmr.simulation.SystemSimulator`.
     checkpoint : Checkpoint, optional
-        If its file exists, the simulation goes on from there, in the parts of steps with which it began.  On one rank
-        the result is the same to the last digit as without interruption; on several as far as MUMPS adds up messages in
-        the order of their arrival.
+        If its file exists, the simulation resumes from it, with the parts of steps with which it began.  On one rank
+        the result is the same to the last digit as without interruption; on several it differs as far as MUMPS adds up
+        messages in the order of their arrival.
 
     Raises
     ------
@@ -94,7 +94,7 @@ class _Run:
         self._lengths = Lengths.of(excitation.stepping, omega)
 
     def history(self, progress: Progress | None, checkpoint: Checkpoint | None) -> History:
-        """Take all steps that a checkpoint has not."""
+        """Take all steps, or those after a checkpoint, and return what is recorded."""
         recorder, keeper, T = self._recorder, None, self._excitation.stepping.steps
         if checkpoint:
             run_identity = identity(self._system, self._excitation, self._at, recorder, self._initial)
@@ -120,6 +120,7 @@ class _Run:
         return replace(history, forces=forces[:, :m], peaks=peaks[:, :m], supports=forces[:, m:])
 
     def _started(self) -> Reached:
+        """State at t = 0."""
         state = starting_state(self._system, self._at, self._initial, self._mass)
         return Reached(0, 0.0, state, self._lengths.parts)
 
@@ -142,7 +143,10 @@ class _Run:
         return steps
 
     def _step(self, steps: PartedSteps, step: int, state: State, due: bool) -> tuple[State, bool]:
-        """A step in all its parts; whether any rank is due for a checkpoint."""
+        """Take a step in all its parts; return the state, and whether any rank is due for a checkpoint.
+
+        A SimulationError is raised with step, time and path coordinates.
+        """
         try:
             return steps.step(step, state, due, self._recorder)
         except SimulationError as error:
@@ -153,7 +157,7 @@ class _Run:
 
 
 def sample_excitation(system: FullSystem, excitation: Excitation) -> Sampled:
-    """The excitation at the steps.
+    """Excitation sampled at the steps.
 
     Raises
     ------

@@ -1,8 +1,6 @@
-"""Records of a full-order simulation.
+"""Records of a full-order simulation: selected outputs at every so many steps, and whole states at a few times.
 
-What is recorded of a full-order simulation: chosen outputs at every so many steps, whole states at a few times.
-
-Keeps what is recorded of a full-order simulation, each rank its share.
+Each rank stores its contributions.
 """
 
 from __future__ import annotations
@@ -30,18 +28,18 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Recording:
-    """Choice of what is recorded.  Memory is of its order, and that of a few vectors.
+    """Selection of what is recorded.  Memory is of the order of what is recorded, plus a few vectors.
 
     Attributes
     ----------
     outputs : sequence of int, optional
-        Numbers of the outputs, those of one body after the other; all by default.
+        Numbers of the outputs among those of all bodies, one body after the other; all by default.
     every : int
-        Keep each `every`-th step, the first one included.
+        Record each `every`-th step, the first one included.
     energies : bool
-        Two products with a matrix at each of these steps.
+        Whether energies are recorded, which costs two products with a matrix at each of these steps.
     states : sequence of float, s
-        Times at which the whole state is recorded; the nearest step counts.
+        Times at which whole states are recorded, at the nearest step.
     """
 
     outputs: Sequence[int] | None = None
@@ -52,7 +50,7 @@ class Recording:
 
 @dataclass(frozen=True)
 class States:
-    """Whole states of a body at t (S,) s: this rank's rows of q and v, (S, n_local), and the paths' s (S, P) in m."""
+    """Whole states of a body at t (S,) in s: this rank's rows of q and v (S, n_local), path coordinates s (S, P)."""
 
     t: Array
     s: Array
@@ -62,37 +60,37 @@ class States:
 
 @dataclass(frozen=True)
 class History:
-    """Outputs of a full-order simulation; the same on every rank, but for `states`.
+    """Outputs of a full-order simulation; the same on every rank, except `states`.
 
     Attributes
     ----------
     t : (T,) array, s
     s : (T, P) array, m
-        Of the paths, in the order of the excitation.
+        Path coordinates, in the order of the excitation.
     y : mapping of str to (T, o) array
-        Chosen outputs of each body.
+        Selected outputs of each body.
     forces, peaks : (T, m) arrays, N
-        Of the contacts, positive where they push: at t, and the largest within the step that ends there of those that
-        only push.
+        Contact forces, positive where they push: at t, and for contacts that only push the largest within the step that
+        ends at t.
     supports : (T, h) array, N
         Multipliers of the supports that hold one coordinate, one body after the other (`FullSystem.with_supports`).
     residual_position : (T,) array, m
         Largest violation of a row, max |C q - lambda / k|; of one that only pushes, beyond its clearance.
     residual_velocity : (T,) array, m/s
-        Largest violation of a rigid row's time derivative, max |C v + s' C' q|; NaN where a row gives way.
+        Largest violation of a rigid row's time derivative, max |C v + s' C' q|; NaN if any row gives way.
     energy : Energy or None
-        As asked; strain energy includes that of the pads.
+        Energies, with the pads' strain energy; None if they are not recorded.
     states : mapping of str to States
-        Of each body.
+        Whole states of each body.
     seconds : float
         Wall time of the steps, those before an interruption included.
     preparation : float, s
         Wall time of the factorisation and the compliance of the path.
     surplus : float
-        Share of the largest energy that neither loads nor moving rows put in (`pmr.simulation.balance`); NaN where
-        energies were not asked for at every step.
+        Share of the largest energy that neither loads nor moving rows put in (`pmr.simulation.balance`); NaN unless
+        energies are recorded at every step.
     friction : (T, n) array, N, or None
-        Of the pads that rub, along the boom (`pmr.system.contacts`).
+        Friction of the pads that rub, along the boom (`pmr.system.contacts`); None without any.
     """
 
     t: Array
@@ -115,9 +113,9 @@ Array = NDArray[np.float64]
 
 
 class Recorder:
-    """Keeps what is recorded: this rank's share of sums over coordinates, which are only added up at the end.
+    """Records a full-order simulation: this rank's contributions to sums over coordinates, added up at the end.
 
-    Work is added up at every step, or part of one, in this rank's share too.
+    Work is added up at every step, or part of one, as this rank's contribution, too.
 
     Raises
     ------
@@ -158,7 +156,10 @@ class Recorder:
         self.q, self.v = np.zeros((len(self.state_steps), n)), np.zeros((len(self.state_steps), n))
 
     def follow(self, state: State, rows: PathRows, x: Array, f: Array, c: Array) -> None:
-        """See a step, or a part of one, at whose end the sides are at x (q,) m under f (i,) N; c (K,) of terms."""
+        """Take note of a step, or a part of one, for peaks and work.
+
+        At its end the sides are at x (q,) in m, with loads f (i,) and amplitudes c (K,) of terms.
+        """
         if self._pushes:
             self._peak = np.maximum(self._peak, state.multipliers)
         if not self._balanced:
@@ -174,11 +175,11 @@ class Recorder:
         self._now = now
 
     def forget(self) -> None:
-        """Leave out what was followed, where a simulation goes on from a state that was recorded before."""
+        """Discard peaks and work, as the simulation resumes from a state that was recorded before."""
         self._peak, self._work = np.full_like(self._peak, -np.inf), 0.0
 
     def record(self, step: int, state: State, rows: PathRows, at: Sampled) -> None:
-        """Keep what is asked of the state after a step."""
+        """Record the state after a step, if its number is one of those selected."""
         peak, work, self._work = self._peak, self._work, 0.0
         if self._pushes:
             self._peak = np.full_like(peak, -np.inf)
@@ -195,7 +196,10 @@ class Recorder:
         self.sums[row] = np.concatenate([self._outputs @ state.q, rows.apply(state.q), drift, [*energy, work]])
 
     def _energy(self, state: State, f: Array) -> tuple[float, float, float]:
+        """This rank's contributions to kinetic energy, strain energy and potential of the loads, in J."""
+
         def half_form(matrices: Sequence[PETSc.Mat], x: Array) -> float:
+            """This rank's contribution to x^T A x / 2, for a matrix of each body."""
             energy = 0.0
             for A, at, (right, product) in zip(matrices, self._system.local, self._vectors, strict=True):
                 right.getArray()[:] = x[at]
@@ -207,7 +211,7 @@ class Recorder:
         return half_form(self._M, state.v), half_form(self._K, state.q), -float(f @ motion)
 
     def history(self, at: Sampled, seconds: float, preparation: float) -> History:
-        """All of it; collective."""
+        """Everything that is recorded; collective."""
         system, every = self._system, slice(None, None, self.recording.every)
         sums = system.comm.allreduce(self.sums)
         y, motion, drift, energies_of_steps = np.split(sums, self._ends, axis=1)
@@ -252,11 +256,12 @@ class Recorder:
         )
 
     def _of_bodies(self, y: Array) -> dict[str, Array]:
+        """Selected outputs (T, o) of each body."""
         columns = zip(self._system.bodies, self._system.observed, strict=True)
         return {name: y[:, (self.chosen >= at.start) & (self.chosen < at.stop)] for name, at in columns}
 
     def _mobility(self) -> Array:
-        """B^T diag(M)^-1 B, (i, i) in 1/kg; collective."""
+        """Matrix B^T diag(M)^-1 B (i, i) in 1/kg; collective."""
         inertia = np.concatenate([model.M.getDiagonal().getArray() for model in self._system.models])
         B = self._inputs.toarray().T
         return np.asarray(self._system.comm.allreduce(B.T @ (B / inertia[:, None])))
@@ -264,23 +269,27 @@ class Recorder:
 
 @dataclass(frozen=True)
 class _Acting:
-    """Loads f (i,) N and how far their points moved (i,) m, forces (q,) N at the sides, slopes and places (q,) m."""
+    """Loads and contacts at a step, for the work: of i loads, and of the q sides of contacts.
+
+    `f` and `motion` (i,) are loads and displacements of their points; `force` (q,) in N, `slope` (q,) and x (q,) in m
+    are forces on the sides, slopes of their rows times q, and side positions.
+    """
 
     f: Array
     motion: Array
     force: Array
     slope: Array
     x: Array
-    # forces of terms on this rank's coordinates (n_local,), and these; none without terms
+    # forces of terms on this rank's coordinates, and these coordinates, (n_local,); empty without terms
     of_terms: Array = field(default_factory=lambda: np.zeros(0))
     q: Array = field(default_factory=lambda: np.zeros(0))
-    # of contacts (m,) N, and what cylinders among them give way to friction (m,) m; none without friction
+    # contact forces (m,) N, and displacements (m,) m of cylinders by friction; empty without friction
     multipliers: Array = field(default_factory=lambda: np.zeros(0))
     gap: Array = field(default_factory=lambda: np.zeros(0))
 
 
 def _work(a: _Acting, b: _Acting) -> float:
-    """Work in J of loads, terms and travelling contacts from one step to the next; this rank's share."""
+    """Work in J of loads, terms and travelling contacts from one step to the next; this rank's contribution."""
     of_loads = (a.f + b.f) @ (b.motion - a.motion) / 2.0
     of_terms = (a.of_terms + b.of_terms) @ (b.q - a.q) / 2.0 - (a.multipliers + b.multipliers) @ (b.gap - a.gap) / 2.0
     return float(of_loads + of_terms + ((a.force + b.force) / 2.0) @ ((a.slope + b.slope) / 2.0 * (b.x - a.x)))

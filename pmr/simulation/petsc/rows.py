@@ -1,20 +1,16 @@
-r"""Factors of the effective matrix and the contacts' rows, at every place of the paths.
+r"""Factors of the effective matrix, and the contacts' rows at every position of the paths.
 
-Factors of the bodies' matrices, one for each that differs, and the matrix that a step solves with.
-
-The contacts' rows over the visited paths, and the inverse of the effective matrix on what they touch.
-
-Rows act through the p carriers E^T (p, n) that they touch on the way (`pmr.constraints.rows`).  A contact has one side
-on each of its bodies, with a coordinate x of its own.  Between two breaks the row of a side is
-c(x) = sum_e x^e Gamma_e E^T with x counted from the lower break, so that with the powers of all sides stacked,
-C = X(x) Gamma E^T, and
+There is one factor for each body's matrix that differs from the others.  Rows act through the p carriers E^T (p, n)
+that they touch on the way (`pmr.constraints.rows`).  A contact has one side on each of its bodies, with a coordinate x
+of its own.  Between two breaks the row of a side is c(x) = sum_e x^e Gamma_e E^T with x counted from the lower break,
+so that with the powers of all sides stacked, C = X(x) Gamma E^T, and
 
 .. math::
     C S^{-1} C^T = X\, (\Gamma P \Gamma^T)\, X^T, \qquad
     S^{-1} C^T \lambda = (S^{-1} E\, \Gamma^T)\, X^T \lambda, \qquad P = E^T S^{-1} E
 
-change from step to step in X alone.  S, E and P are block diagonal, a block for each body.  P is kept on every rank;
-S^{-1} E only where memory allows, and where it does not, a second solve a step takes its place.
+change from step to step in X alone.  S, E and P are block diagonal, with a block for each body.  P is stored on every
+rank; S^{-1} E is stored only if memory allows, and otherwise replaced by a second solve in each step.
 """
 
 from __future__ import annotations
@@ -32,7 +28,10 @@ from pmr.fullmodel.model import FullModel, FullSystem, consecutive
 
 
 class BlockFactor:
-    """Factors of a matrix of each body; bodies that are the same model share theirs.  Collective."""
+    """Factors of a matrix of each body, by the function `factorised`; collective.
+
+    Bodies that are the same model share one.
+    """
 
     def __init__(self, system: FullSystem, factorised: Callable[[FullModel], AnyFactor]) -> None:
         self._local, self._factors = system.local, dict[int, AnyFactor]()
@@ -43,7 +42,7 @@ class BlockFactor:
         self._vectors = [model.M.createVecs() for model in system.models]
 
     def solve(self, right: Array) -> Array:
-        """Answer, this rank's rows (n_local,), to one right-hand side given likewise."""
+        """This rank's rows (n_local,) of the solution, from its rows of one right-hand side."""
         solution = np.empty_like(right)
         for factor, at, (load, answer) in zip(self.of_bodies, self._local, self._vectors, strict=True):
             load.getArray()[:] = right[at]
@@ -52,18 +51,18 @@ class BlockFactor:
         return solution
 
     def solve_columns(self, columns: Array) -> Array:
-        """Answers, this rank's rows (n_local, k), to a few right-hand sides given likewise."""
+        """This rank's rows (n_local, k) of the solutions, from its rows of k right-hand sides."""
         parts = zip(self.of_bodies, self._local, strict=True)
         return np.concatenate([factor.solve_columns(np.asfortranarray(columns[at])) for factor, at in parts])
 
     def destroy(self) -> None:
-        """Give the factors' memory back."""
+        """Free the factors' memory."""
         for factor in self._factors.values():
             factor.destroy()
 
 
 def effective_matrix(model: FullModel, v_gain: float, q_gain: float) -> PETSc.Mat:
-    """S = M + dv D + dq K: what an acceleration of the step's end costs in force."""
+    """Matrix S = M + dv D + dq K: the derivative of forces by the acceleration at a step's end."""
     S = model.K.copy()
     S.scale(q_gain)
     for factor, A in ((v_gain, model.D), (1.0, model.M)):
@@ -76,22 +75,24 @@ Indices = NDArray[np.int64]
 
 
 class Course:
-    """Places x (T, q) m of the sides of a system's contacts along its paths.
+    """Positions x (T, q) in m of the q sides of a system's contacts along its paths, at T steps.
 
     Attributes
     ----------
     rows : tuple of Row
-        Of each side, on its body's carriers.
+        Row of each side, on its body's carriers.
     contact, body : (q,) integer arrays
+        Numbers of the contact and of the body of each side.
     sign : (q,) array
+        Sign of each side in its contact's row.
     contacts : int
-        Number of them.
+        Number of contacts.
     on : list of lists of int
         Numbers of the sides on each body.
     interval : (T, q) integer array
-        In which interval of its row each side is at each step.
+        Number of the interval of its row in which each side is at each step.
     distance : (T, q) array, m
-        Into that interval.
+        Distance of each side from the lower break of that interval.
     """
 
     def __init__(self, system: FullSystem, x: Array) -> None:
@@ -108,13 +109,13 @@ class Course:
             self.distance[:, k] = x[:, k] - row.breaks[self.interval[:, k]]
 
     def touched(self, body: int) -> Indices:
-        """Carriers (p,) of a body that the rows touch somewhere, ascending."""
+        """Numbers (p,) of a body's carriers that its rows touch at any step, ascending."""
         visited = [self.rows[k].touched[np.unique(self.interval[:, k])].ravel() for k in self.on[body]]
         return np.unique(np.concatenate([np.empty(0, np.int64), *visited]))
 
 
 class VisitedCarriers:
-    """The carriers that sides touch on their way: their numbers for each body, and this rank's columns of its E^T."""
+    """Carriers that sides touch on their way: their numbers for each body, and this rank's columns of its E^T."""
 
     def __init__(self, system: FullSystem, course: Course) -> None:
         self.numbers = [course.touched(body) for body in range(len(system.models))]
@@ -127,7 +128,7 @@ class VisitedCarriers:
 
 
 class Layout:
-    """Numbers of q sides' entries (D,) and of their powers (c,), one side after the other, and where contacts start."""
+    """Numbering of the sides' D entries and c powers, one side after the other, and the first power of each contact."""
 
     def __init__(self, course: Course) -> None:
         widths = [row.touched.shape[1] for row in course.rows]
@@ -144,16 +145,16 @@ class Layout:
 
 
 class PathRows:
-    """All contacts' rows at one step of a course, as one rank sees them.
+    """Rows of all contacts at one step of a course, for one rank.
 
     Attributes
     ----------
     Gamma : (c, D) array
         Coefficients with the sides' signs: one line for each power of each side, one column for each of its entries.
     columns : (D,) integer array
-        Which of its body's visited carriers each entry stands for.
+        Number of each entry's carrier among its body's visited ones.
     interval : (q,) integer array
-        In which interval of its row each side is.
+        Number of the interval of its row in which each side is.
     """
 
     def __init__(self, course: Course, visited: VisitedCarriers, step: int = 0) -> None:
@@ -166,7 +167,7 @@ class PathRows:
         self.move(step)
 
     def move(self, step: int) -> None:
-        """Go to a step of the course."""
+        """Set the rows to a step of the course."""
         course, interval = self.course, self.course.interval[step]
         changed = np.flatnonzero(interval != self.interval).tolist()
         for k in changed:
@@ -180,18 +181,18 @@ class PathRows:
         self.X = self.x**self.layout.exponents
 
     def apply(self, q: Array) -> Array:
-        """This rank's part (m,) of C q, q (n_local,) given by this rank's rows."""
+        """This rank's contribution (m,) to C q, from its rows q (n_local,)."""
         values = (self.X @ self.Gamma) * (self._E @ q)
         return np.asarray(np.bincount(self.layout.contact_of_entry, values, self.course.contacts), float)
 
     def slopes(self, q: Array) -> Array:
-        """This rank's part (q,) of dc/dx q of each side, with its sign."""
+        """This rank's contribution (q,) to dc/dx q of each side, with its sign, from its rows q (n_local,)."""
         values = (self._power_derivatives @ self.Gamma) * (self._E @ q)
         return np.asarray(np.bincount(self.layout.side_of_entry, values, len(self.course.rows)), float)
 
     @property
     def _power_derivatives(self) -> Array:
-        """Derivatives (c,) of the powers."""
+        """Derivatives (c,) of the powers by x."""
         exponents = self.layout.exponents
         return np.asarray(exponents * self.x ** np.maximum(exponents - 1, 0))
 
@@ -200,7 +201,7 @@ class PathRows:
         return np.asarray(self._E.T @ ((self.X @ self.Gamma) * multipliers[self.layout.contact_of_entry]))
 
     def transposed_slopes(self, moments: Array) -> Array:
-        """This rank's rows (n_local,) of what moments (m,) do that turn the sides of contacts, (dC/dx)^T moments."""
+        """This rank's rows (n_local,) of (dC/dx)^T `moments`, for moments (m,) on the sides of contacts."""
         return np.asarray(self._E.T @ ((self._power_derivatives @ self.Gamma) * moments[self.layout.contact_of_entry]))
 
     def of_contacts(self, values: Array) -> Array:
@@ -209,10 +210,10 @@ class PathRows:
 
 
 class PathCompliance:
-    """P = E^T S^{-1} E, a block (p, p) for each body, reduced to the powers of the sides at the present step.
+    """Blocks P = E^T S^{-1} E (p, p) of all bodies, reduced to the powers of the sides at the current step.
 
-    Pairs of sides are always multiplied in the same order, whichever of them moved: an interrupted
-    simulation goes on with the same digits.
+    Pairs of sides are always multiplied in the same order, whichever of them moved: an interrupted simulation resumes
+    with the same digits.
     """
 
     def __init__(self, P: Sequence[Array], rows: PathRows) -> None:
@@ -220,7 +221,7 @@ class PathCompliance:
         self._of_powers = np.zeros((len(rows.layout.side_of_power),) * 2)
 
     def of_rows(self, rows: PathRows) -> Array:
-        """C S^{-1} C^T, (m, m)."""
+        """Matrix C S^{-1} C^T (m, m) at the current step."""
         self._update(rows)
         if rows.course.contacts == 0:
             return np.zeros((0, 0))
@@ -230,6 +231,7 @@ class PathCompliance:
         return np.asarray((A + A.T) / 2.0)
 
     def _update(self, rows: PathRows) -> None:
+        """Compute the blocks of sides that are in another interval than before."""
         changed, self._interval = np.flatnonzero(rows.interval != self._interval).tolist(), rows.interval
         at, entries, powers, body = rows.columns, rows.layout.entries, rows.layout.powers, rows.course.body
         for k, l in {(min(i, j), max(i, j)) for i in changed for j in rows.course.on[body[i]]}:
@@ -239,7 +241,7 @@ class PathCompliance:
 
 
 class StoredAnswers:
-    """This rank's rows of S^{-1} C^T lambda on one body from those of S^{-1} E, (n_local, p)."""
+    """Computes S^{-1} C^T lambda on one body from this rank's rows `answers` (n_local, p) of S^{-1} E."""
 
     def __init__(self, answers: Array, body: int, rows: PathRows) -> None:
         self._answers, self._sides = answers, rows.course.on[body]
@@ -250,12 +252,13 @@ class StoredAnswers:
         self._of_powers = np.zeros((len(answers), len(self._powers)), order="F")
 
     def correction(self, rows: PathRows, multipliers: Array) -> Array:
-        """For the present rows."""
+        """This rank's rows (n_local,) of S^{-1} C^T lambda on the body, at the current step."""
         self._update(rows)
         weights = rows.X * multipliers[rows.layout.contact_of_power]
         return np.asarray(self._of_powers @ weights[self._powers])
 
     def _update(self, rows: PathRows) -> None:
+        """Compute the columns of sides that are in another interval than before."""
         for k, at in self._at.items():
             if rows.interval[k] != self._interval[k]:
                 entries, powers = rows.layout.entries[k], rows.layout.powers[k]
@@ -265,7 +268,7 @@ class StoredAnswers:
 
 
 def contact_rows(system: FullSystem, x: Array, rates: Array | None = None) -> sp.csr_matrix:
-    """C (m, n) with the sides at x (q,) m, on whole vectors; or its time derivative where they move at `rates` (q,)."""
+    """Contact rows C (m, n) on all n coordinates, with the sides at x (q,) in m; with `rates` (q,) in m/s, dC/dt."""
     bodies, rows = list(system.bodies), sp.csr_matrix((len(system.contacts), system.size))
     weight = [1.0] * len(x) if rates is None else rates.tolist()
     for side, row, at, rate in zip(system.sides, system.side_rows, x, weight, strict=True):

@@ -1,21 +1,20 @@
-r"""State of a full-order system, at t = 0, and the forces of terms and friction in it.
+r"""State of a full-order system: at t = 0, and the forces of terms and friction in a step.
 
-State of a full-order system at t = 0: velocities, accelerations and multipliers, as march and Exudyn find them.
+Velocities, accelerations and multipliers at t = 0 are those of march and Exudyn:
 
 .. math::
     \lambda_y = k\, C_y q_0, \qquad
     \begin{bmatrix} M & C_r^T \\ C_r & 0 \end{bmatrix} \begin{bmatrix} \ddot q_0 \\ \lambda_r \end{bmatrix}
     = \begin{bmatrix} B f - D v_0 - K q_0 - C_y^T \lambda_y \\ 0 \end{bmatrix}
 
-with the contacts that give way (y) and the rigid ones (r), whose own motion is left out.  One that only pushes has
-lambda_y = k (C_y q_0 - c) where that is positive, and none elsewhere.
+with the contacts that give way (y) and the rigid ones (r); terms of the rigid rows' own motion are left out.  A contact
+with clearance c that only pushes has lambda_y = k (C_y q_0 - c) if this is positive, and 0 otherwise.
 
-Terms that vary in time (`pmr.system.terms`) in full order: forces on a step's right-hand side, iterated.
-
-The factor of S = M + dv D + dq K stays: the forces w of the terms begin with those of the predicted end of the step,
-and with multipliers and motion they are found anew until they no longer change, one more solve a time.  How fast is
-said in pmr/kernel/src/terms.c; two to four times are the rule: such a step costs as many of the others.  Where that is
-not enough, iterates are extrapolated (pmr/kernel/src/extrapolation.c).
+Terms that vary in time (`pmr.system.terms`) are forces on a step's right-hand side, found by iteration: the factor of S
+= M + dv D + dq K stays, and the forces w of the terms start with those of the predicted end of the step and are
+computed again from multipliers and motion until they no longer change, with one more solve each time.  How fast they
+converge is said in pmr/kernel/src/terms.c; two to four iterations are the rule, and such a step costs as much as this
+many others.  If that is not enough, iterates are extrapolated (pmr/kernel/src/extrapolation.c).
 """
 
 from __future__ import annotations
@@ -44,9 +43,9 @@ from pmr.system.contacts import Friction
 Array = NDArray[np.float64]
 Product = Callable[[Array], Array]
 
-#: Change of forces that counts as none, and the one that is accepted after the last iteration, over the largest so far.
+#: Change of forces that counts as zero, and change accepted after the last iteration, over the largest force so far.
 CONVERGED, ACCEPTED = 1e-11, 1e-8
-#: Iterations of a step at most; a change so many times the largest force, or the first one of the step, diverges.
+#: Most iterations of a step; a change this many times the largest force so far, or the step's first, means divergence.
 LIMIT, DIVERGED = 100, 1e6
 #: Directions that are stored for the extrapolation of forces: two vectors each.
 MOST_DIRECTIONS = 16
@@ -54,16 +53,19 @@ MOST_DIRECTIONS = 16
 
 @dataclass(frozen=True)
 class Rubbed:
-    """Friction: forces on this rank's coordinates (n_local,) N, sums (J,) N of joints, gaps (m,) m."""
+    """Friction of pads: forces (n_local,) in N on this rank's coordinates, sums (J,) in N of J joints, gaps (m,)."""
 
     force: Array | float
     sums: Array
-    gap: Array  # of cylinders, that give way to the sums
+    gap: Array  # displacements of cylinders by the sums
     at_limits: float = 0.0  # square of the force with all pads at their limits, this rank's share
 
 
 class Terms:
-    """Forces of a system's terms on this rank's coordinates; collective."""
+    """Forces of a system's terms and of friction on this rank's coordinates; collective.
+
+    As a condition it is true if the system has terms or friction.
+    """
 
     def __init__(self, system: FullSystem) -> None:
         self._comm, self._names = system.comm, system.term_names
@@ -79,10 +81,11 @@ class Terms:
         self._iteration: FixedPoint | None = None
 
     def __bool__(self) -> bool:
+        """Whether the system has terms or friction."""
         return bool(self._parts) or self._friction is not None
 
     def forces(self, q: Array, v: Array, c: Array) -> Array:
-        """W = -sum_k c_k (V_k v + G_k q), this rank's rows (n_local,), of q and v given likewise."""
+        """This rank's rows (n_local,) of w = -sum_k c_k (V_k v + G_k q), from its rows of q and v and c (K,)."""
         forces = np.zeros_like(q)
         for number, at, stiffness, damping in self._parts:
             for multiplied, state in ((stiffness, q), (damping, v)):
@@ -91,7 +94,7 @@ class Terms:
         return forces
 
     def rubbed(self, rows: PathRows, multipliers: Array, grip: Grip) -> Rubbed:
-        """Friction with the rows where they stand, under multipliers (m,)."""
+        """Friction at the rows' current positions, by contact forces `multipliers` (m,) and friction `grip`."""
         if self._friction is None:
             return Rubbed(0.0, np.zeros(0), np.zeros(len(multipliers)))
         friction, limits = self._friction, grip.limits
@@ -102,18 +105,22 @@ class Terms:
         return Rubbed(force, sums, friction.gaps_of(sums), at_limits)
 
     def slide(self, old: Grip, rubbed: Rubbed, c: Array, h: float, multipliers: Array, matrix: Array) -> Grip:
-        """Friction of the pads after a step of h s, at the joints' places, which stand behind the amplitudes c."""
+        """Friction of the pads after a step of h s, from `old` at its beginning.
+
+        c are the amplitudes of the terms, followed by the joints' path coordinates at the step's end; `multipliers`
+        (m,) and `matrix` (m, m) as in `pmr.simulation.start.slide`.
+        """
         if self._friction is None:
             return old
         return slide(self._friction, old, rubbed.sums, c[len(self._names) :], h, multipliers, matrix)
 
     def begin_step(self) -> None:
-        """Begin an iteration anew: at a step, and where contacts that open change what it leads to."""
+        """Start a new iteration: at a step, and if contacts that open change its result."""
         if self._iteration is not None:
             self._iteration.restart()
 
     def extrapolate(self, w: Array, old: Rubbed, new_w: Array, new: Rubbed) -> tuple[Array, Rubbed]:
-        """The forces and the friction of the next iteration, from those of this one and what follows from them."""
+        """Forces w and friction of the next iteration, from those of this one and from its results."""
         size, first = len(w), self._comm.rank == 0  # sums of joints count once
         if self._iteration is None:
             self._iteration = FixedPoint(size + len(new.sums), MOST_DIRECTIONS, self._comm.allreduce)
@@ -125,12 +132,15 @@ class Terms:
         return following[:size], replace(new, sums=sums, gap=self._friction.gaps_of(sums))
 
     def at_rest(self, old: Rubbed, new: Rubbed) -> bool:
-        """Whether the gaps no longer change."""
+        """Whether the gaps by friction no longer change."""
         self._widest = max(self._widest, float(np.abs(new.gap).max(initial=0.0)))
         return bool(np.abs(new.gap - old.gap).max(initial=0.0) <= CONVERGED * self._widest)
 
     def settled(self, old: Array, new: Array, times: int, rubbed: Rubbed) -> bool:
-        """Whether the forces no longer change; a SimulationError is raised where they diverge or never settle."""
+        """Whether the forces no longer change, after `times` iterations.
+
+        Raises SimulationError if they diverge, or have not converged after `LIMIT` iterations.
+        """
         sums = self._comm.allreduce(np.array([np.sum((new - old) ** 2), np.sum(new**2), rubbed.at_limits]), MPI.SUM)
         change, size, at_limits = (float(np.sqrt(total)) for total in sums)
         largest = max(self._largest, size, at_limits)
@@ -145,7 +155,7 @@ class Terms:
 
 
 def _product(system: FullSystem, bodies: tuple[str, ...], A: Any) -> Product | None:
-    """This rank's rows of A x from its rows of x, of stacked bodies."""
+    """Function that returns this rank's rows of A x from its rows of x, of stacked bodies; None if A is None."""
     if A is None:
         return None
     if not (sp.issparse(A) or isinstance(A, np.ndarray)):
@@ -159,6 +169,7 @@ def _product(system: FullSystem, bodies: tuple[str, ...], A: Any) -> Product | N
     of_mine = rows[mine][:, moving]
 
     def multiply(x: Array) -> Array:
+        """This rank's rows of A x."""
         vector = np.zeros(len(moving))
         vector[positions[is_local]] = x[is_local]
         return np.asarray(of_mine @ system.comm.allreduce(vector, MPI.SUM))
@@ -168,10 +179,10 @@ def _product(system: FullSystem, bodies: tuple[str, ...], A: Any) -> Product | N
 
 @dataclass(frozen=True)
 class State:
-    """This rank's rows (n_local,) of position, velocity, acceleration-like variable and acceleration.
+    """State of a full-order system: this rank's rows (n_local,) of q, v, acceleration-like variable a and acceleration.
 
-    The multipliers lambda (m,), their `share` (m,) in the acceleration-like variable where contacts only push, and the
-    `grip` of pads that rub are the same on every rank.
+    The multipliers lambda (m,) in N, their `share` (m,) in the acceleration-like variable for contacts that only push,
+    and the friction `grip` of pads are the same on every rank.
     """
 
     q: Array
@@ -185,9 +196,9 @@ class State:
 
 @dataclass(frozen=True)
 class Sampled:
-    """An excitation on a time grid: paths s (T, P) m, places x (T, q) m of the sides, their rates, loads f (T, i) N.
+    """An excitation at T times: paths s (T, P) in m, side positions x (T, q) in m, their rates in m/s, loads f (T, i).
 
-    Amplitudes of terms are c (T, K), the paths of joints with friction behind them.
+    c (T, K) are amplitudes of terms, followed by the path coordinates of joints with friction.
     """
 
     t: Array
@@ -199,7 +210,7 @@ class Sampled:
 
 
 def static_start(system: FullSystem, excitation: Excitation) -> dict[str, InitialState]:
-    """Every body at rest in equilibrium with the loads at t = 0, whole, on every rank; collective.
+    """States of all bodies at rest in equilibrium with the loads at t = 0, the same on every rank; collective.
 
     Raises
     ------
@@ -209,6 +220,7 @@ def static_start(system: FullSystem, excitation: Excitation) -> dict[str, Initia
     gathered = system.gather()
 
     def make() -> dict[str, InitialState]:
+        """States of the gathered system, on the first rank."""
         assert gathered is not None
         return dict(systems.static_start(gathered, excitation))
 
@@ -218,7 +230,9 @@ def static_start(system: FullSystem, excitation: Excitation) -> dict[str, Initia
 def starting_state(
     system: FullSystem, at: Sampled, initial: Mapping[str, InitialState], mass: BlockFactor | None
 ) -> State:
-    """State at the start; collective.  `mass` is a factor of M, needed where anything acts or moves.
+    """State at t = 0; collective.
+
+    `mass` is a factor of M; None if nothing acts or moves and no contact only pushes.
 
     Raises
     ------
@@ -247,18 +261,19 @@ def starting_state(
 
 
 def _initial_grip(system: FullSystem, at: Sampled, multipliers: Array) -> Grip:
+    """Friction of pads at t = 0, which is zero."""
     return Grip.at_start(system.contacts, at.c[0][len(system.term_names) :], multipliers)
 
 
 def moves_at_once(system: FullSystem, at: Sampled, initial: Mapping[str, InitialState]) -> bool:
-    """Whether anything acts or moves at t = 0; the same on every rank."""
+    """Whether a load acts, or a body is deformed or moves, at t = 0; the same on every rank."""
     load = any(np.any(local_csr(model.inputs) @ at.f[0][inputs]) for model, inputs in _inputs(system))
     start = whole_start(system, initial)
     return bool(system.comm.allreduce(int(bool(load or np.any(start.q) or np.any(start.v)))))
 
 
 def whole_start(system: FullSystem, initial: Mapping[str, InitialState]) -> InitialState:
-    """Coordinates and velocities (n,) of all bodies; at rest, undeformed, where none are given.
+    """Coordinates and velocities (n,) of all bodies, stacked; zero for bodies that `initial` does not name.
 
     Raises
     ------
@@ -281,11 +296,12 @@ def _forces(system: FullSystem, f: Array, q: Array, v: Array) -> Array:
 
 
 def _inputs(system: FullSystem) -> list[tuple[FullModel, slice]]:
+    """Pairs of each model and the slice of its inputs."""
     return list(zip(system.models, system.inputs, strict=True))
 
 
 class _Held:
-    """M with the rigid contacts at one place each."""
+    """Mass matrix with the rigid contacts at t = 0."""
 
     def __init__(self, system: FullSystem, at: Sampled, mass: BlockFactor) -> None:
         rigid = system.compliance.rigid
@@ -298,7 +314,10 @@ class _Held:
         self._G = self._comm.allreduce(self._mine @ self._answers)
 
     def impulse(self, start: InitialState) -> Array:
-        """This rank's rows of what a velocity has too much, of least kinetic energy."""
+        """This rank's rows of the excess of a velocity over the nearest consistent one, in terms of kinetic energy.
+
+        Raises InputError if the position violates a rigid contact, or these depend on each other.
+        """
         check_position(self._C, start.q, self._names)
         drift = row_drift(self._C, self._turning, start)
         if drift is None:
@@ -308,7 +327,7 @@ class _Held:
         return np.asarray(self._answers @ impulse)
 
     def acceleration(self, force: Array) -> tuple[Array, Array]:
-        """This rank's rows of the acceleration under a force given likewise, and the contacts' multipliers."""
+        """This rank's rows of the acceleration under its rows of a force, and the multipliers of the rigid contacts."""
         free = self._factor.solve(force)
         multipliers = np.linalg.lstsq(self._G, self._comm.allreduce(self._mine @ free), rcond=None)[0]
         return free - self._answers @ multipliers, multipliers

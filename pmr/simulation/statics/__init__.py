@@ -1,1 +1,1 @@
-"""Systems at rest: equilibrium, what a load that grows does, buckling, stops and lifting off."""
+"""Systems at rest: equilibrium, response to a load that grows, buckling, stopping and hoisting."""

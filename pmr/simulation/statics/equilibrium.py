@@ -1,26 +1,26 @@
-r"""Equilibrium of a system of bodies under constant loads, at given places.
+r"""Equilibrium of a system of bodies under constant loads, with its paths held, and buckling factors.
 
 .. math::
     \Bigl(K + \sum_k c_k G_k\Bigr) q + C^T \lambda = B f, \qquad
     C q + H f - F \lambda = g \text{ where a contact is closed}, \quad \lambda = 0 \text{ where it is open}
 
-with the clearances g and the system's terms at their amplitudes c.
-Contacts that only push are closed where they push and open where a gap is left; of the ones that are wrong the kernel
-says which change sides (`pmr.kernel.laws.ContactSearch`; docs/pads.md has the proof that this ends).  A body that open
-contacts leave free for the moment is held by its mass times a frequency far below all others; the last solve has none
-of that.
+with the clearances g and the system's terms at their amplitudes c.  Contacts that only push are closed where they push
+and open where a gap is left; if some are on the wrong side, the kernel says which of these change sides
+(`pmr.kernel.laws.ContactSearch`; docs/pads.md has the proof that this ends).  A body that open contacts leave free for
+the moment is held by its mass times a frequency far below all others; the last solve is without that.
 
-Terms may make K indefinite while contacts are open that close later, and then changing sides need not end.  So where
-it does not, the energy is minimised in steps, each with a share of omega^2 M added and its force at the last q taken
-away (Rockafellar: Monotone operators and the proximal point algorithm, SIAM Journal on Control and Optimization 14,
-1976): each has one solution, and where they come to rest the system stands by itself, and stably.
+Terms may make K indefinite while contacts are open that close later, and then changing sides need not end.  In this
+case the energy is minimised in steps, each with a share of omega^2 M added and its force at the last q subtracted
+(Rockafellar: Monotone operators and the proximal point algorithm, SIAM Journal on Control and Optimization 14, 1976):
+each step has one solution, and where they converge the system is in stable equilibrium without the addition.
 
-Buckling of a system under axial forces: by which factors they grow until something stands still bent.
+Buckling of a system under axial forces: the factors Lambda of these forces at which the system is in equilibrium in a
+bent shape, too,
 
 .. math::
     \Bigl(K + \Lambda \sum_k c_k G_k\Bigr) q + C^T \lambda = 0, \qquad C q - F \lambda = 0
 
-with the geometric stiffness :math:`c_k G_k` of terms (`pmr.system.terms`) under the loads that are looked at.  With the
+with the geometric stiffness :math:`c_k G_k` of terms (`pmr.system.terms`) under the loads in question.  With the
 flexibility A of the bodies and their contacts, symmetric and at least semi-definite, 1/Lambda are the eigenvalues of
 :math:`-L^T \sum c_k G_k\, L`, :math:`A = L L^T`.
 """
@@ -46,9 +46,9 @@ from pmr.system.terms import add_terms
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Share of the lowest omega^2 that holds bodies which nothing else holds; what it may change of an equilibrium.
+#: Multiple of M over the lowest omega^2 that holds otherwise free bodies; the relative change of q that it may cause.
 ALMOST_FREE, UNCHANGED = 1e-8, 1e-3
-#: Solves at most.
+#: Most solves of one search for the closed contacts.
 LIMIT = 1000
 #: Shares of the lowest omega^2 with which an equilibrium is approached where K is indefinite while contacts are open
 #: that close later, one after the other, steps with each, and solves in each: with a large share a step is sure to
@@ -58,13 +58,16 @@ SHARES, STEPS, FEW = (1.0, 1e-1, 1e-2, 1e-3, 1e-4), 20, 50
 ROUND_OFF = 1e-9
 #: Equations up to which a dense factor is quicker than a sparse one.
 DENSE = 300
-#: An equilibrium whose strain energy is a smaller share of what its entries cancel is held by round-off alone.
+#: An equilibrium with a strain energy below this share of the sum of its terms' sizes is held by round-off alone.
 ROUND_OFF_OF_K = 1e2 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """Coordinates q (n,) as `Assembly` numbers them, contact forces (m,) in N, and which contacts are closed (m,)."""
+    """Equilibrium of a system: coordinates q (n,) in the order of `Assembly`, contact forces (m,) in N and a mask (m,).
+
+    The mask `closed` is true for closed contacts; the force of an open contact is zero.
+    """
 
     q: Array
     forces: Array
@@ -72,9 +75,24 @@ class Equilibrium:
 
 
 def equilibrium(assembly: Assembly, x: Array, f: Array, c: Array | None = None) -> Equilibrium:
-    """At places x (sides,) m, under loads f (i,) and with amplitudes c (k,) of the system's terms, zero by default.
+    """Compute the equilibrium of all bodies under constant loads.
 
-    An InputError is raised where contacts do not hold the bodies against these loads, or can't tell their forces apart.
+    Parameters
+    ----------
+    assembly : Assembly
+        System with n coordinates, m contacts, i inputs and k terms.
+    x : (sides,) array, m
+        Positions of the sides of all contacts (`System.coordinates`).
+    f : (i,) array
+        Loads, one for each input.
+    c : (k,) array, optional
+        Amplitudes of the system's terms (`pmr.system.terms`); zero by default.
+
+    Raises
+    ------
+    InputError
+        If the contacts do not hold the bodies against the loads, if their forces are not determined, or if no stable
+        equilibrium is found with the terms (the boom buckles).
     """
     contacts = _Contacts(assembly, x, f)
     K, softest = assembly.stiffness(() if c is None else c), _lowest(assembly, contacts.rows)
@@ -102,7 +120,10 @@ def equilibrium(assembly: Assembly, x: Array, f: Array, c: Array | None = None) 
 
 
 class _Contacts:
-    """Contacts at one place under one load, of which those that only push are closed or open."""
+    """Contacts of a system at side positions x (sides,) m under loads f (i,); finds which of them are closed.
+
+    Only contacts with a clearance can open; all others are always closed.
+    """
 
     def __init__(self, assembly: Assembly, x: Array, f: Array) -> None:
         self._assembly, self.rows, clearance = assembly, assembly.at(x), assembly.system.clearance
@@ -111,9 +132,10 @@ class _Contacts:
         self.all_closed = np.ones(len(clearance), dtype=bool)
 
     def solve(self, K: sp.csr_matrix, push: Array, closed: Mask | None = None, limit: int = LIMIT) -> Equilibrium:
-        """Equilibrium of a stiffness K (n, n) that is positive definite whatever is open, under forces `push` (n,).
+        """Equilibrium with a stiffness K (n, n) under forces `push` (n,), with a search for the closed contacts.
 
-        The contacts `closed` are so at first; after `limit` solves some may still be on the wrong side.
+        K has to be positive definite even with all contacts open.  The search starts from the mask `closed` (m,), by
+        default all contacts; after `limit` solves it stops, and some contacts may still be on the wrong side.
         """
         closed = self.all_closed if closed is None else closed
         search = ContactSearch()
@@ -126,7 +148,10 @@ class _Contacts:
         return state
 
     def solve_closed(self, K: sp.csr_matrix, push: Array, closed: Mask) -> Equilibrium:
-        """Equilibrium with some contacts closed; not finite where they hold nothing or depend on each other."""
+        """Equilibrium with stiffness K (n, n) under forces `push` (n,) and the contacts of a mask `closed` (m,) closed.
+
+        All others are open.  Not finite where the closed contacts do not hold the bodies or depend on each other.
+        """
         forces, n = np.zeros(len(closed)), self._assembly.size
         right = np.concatenate([push, (self._clearance - self._motion)[closed]])
         solution = saddle_point_solver(K, self.rows.of(closed))(right)
@@ -134,7 +159,11 @@ class _Contacts:
         return Equilibrium(solution[:n], forces, closed)
 
     def confirm(self, state: Equilibrium, almost: Equilibrium, K: sp.csr_matrix) -> bool:
-        """Whether an equilibrium stands by K alone, where `almost` is the same with a little more than K."""
+        """Return whether `state`, solved with the stiffness K (n, n) alone, is a valid equilibrium.
+
+        It has to agree with `almost`, solved with K plus a small multiple of the mass matrix, to `UNCHANGED`; its
+        strain energy has to exceed round-off; and no contact may be on the wrong side.
+        """
         q, closed, forces = state.q, state.closed, state.forces.copy()
         if self._clearance[closed].any():  # as if the contacts that are closed had been so from the start
             F = self.rows.F[np.ix_(closed, closed)]
@@ -145,7 +174,7 @@ class _Contacts:
         return bool(unchanged and stiff and not self._wrong(state).any())
 
     def _wrong(self, state: Equilibrium) -> Mask:
-        """Contacts that pull although they only push, or would have to push although they are open."""
+        """Mask (m,) of closed contacts that pull although they only push, and of open ones whose bodies overlap."""
         rows, q, forces = self.rows, state.q, state.forces
         motion = rows.C @ q + self._motion - rows.F @ forces
         size = np.abs(rows.C) @ np.abs(q) + self._clearance
@@ -154,7 +183,11 @@ class _Contacts:
 
 
 def border_matrix(K: Array, C: Array, F: Array) -> tuple[Array, Array]:
-    """The matrix of a structure that is held, and what the unknowns are to be multiplied with, in similar units."""
+    """Scaled matrix ((K, u C^T), (u C, -u^2 F)) of a held structure, and its units (n + m,): n times 1, m times u.
+
+    K (n, n), C (m, n), F (m, m); u is the largest entry of K, so that all blocks are of similar size.  Multiply a right
+    side by the units before solving, and the solution by them afterwards.
+    """
     n, scale = len(K), float(np.abs(K).max()) or 1.0
     matrix, units = np.empty((n + len(C), n + len(C))), np.ones(n + len(C))
     units[n:] = scale
@@ -163,7 +196,11 @@ def border_matrix(K: Array, C: Array, F: Array) -> tuple[Array, Array]:
 
 
 def saddle_point_solver(K: sp.csr_matrix, rows: ContactRows) -> Callable[[Array], Array]:
-    """Solutions of ((K, C^T), (C, -F)) for right sides (n + m, ...); not finite where it is singular."""
+    """Return a function that solves ((K, C^T), (C, -F)) z = r for right sides r (n + m, ...), with one refinement.
+
+    K (n, n) is the stiffness, C (m, n) and F (m, m) are those of the contact `rows`.  The function returns z (n + m,
+    ...): coordinates, then contact forces; NaN where the matrix is singular.
+    """
     n, scale = K.shape[0], rows.unit(K)
     units = np.concatenate([np.ones(n), np.full(len(rows.C), scale)])
     if 0 < len(units) <= DENSE:
@@ -178,6 +215,7 @@ def saddle_point_solver(K: sp.csr_matrix, rows: ContactRows) -> Callable[[Array]
         return lambda right: np.full(right.shape, np.nan)
 
     def solve(right: Array) -> Array:
+        """Solution (n + m, ...) for right sides (n + m, ...), with one refinement."""
         scaled = (units * right.T).T
         solution = once(scaled)
         solution += once(scaled - matrix @ solution)
@@ -187,7 +225,7 @@ def saddle_point_solver(K: sp.csr_matrix, rows: ContactRows) -> Callable[[Array]
 
 
 def _sparse_factor(matrix: sp.csc_matrix) -> Callable[[Array], Array] | None:
-    """Sparse LU factor, as a function of right sides; None where the matrix is singular."""
+    """Function that solves with a sparse LU factor of the matrix; None where the matrix is singular."""
     try:
         return spla.splu(matrix).solve
     except RuntimeError:
@@ -195,13 +233,16 @@ def _sparse_factor(matrix: sp.csc_matrix) -> Callable[[Array], Array] | None:
 
 
 def _dense_factor(matrix: Array) -> Callable[[Array], Array] | None:
-    """Dense LU factor, as a function of right sides; None where singular.  Quicker below some hundred rows."""
+    """Function that solves with a dense LU factor of the matrix; None where singular.  Fast below some hundred rows."""
     factor, pivots, singular = dgetrf(matrix)
     return None if singular else lambda right: dgetrs(factor, pivots, right)[0]
 
 
 def _lowest(assembly: Assembly, rows: ContactRows) -> float:
-    """About the lowest omega^2 in (rad/s)^2 with all contacts closed: Rayleigh's quotient of what inertia bends."""
+    """Estimate of the lowest omega^2 in (rad/s)^2 with all contacts closed.
+
+    Rayleigh's quotient g . q / (q . M q) of the displacements q under the forces g = diag(M).
+    """
     g = assembly.M.diagonal()
     q = saddle_point_solver(assembly.K, rows)(np.concatenate([g, np.zeros(len(rows.F))]))[: assembly.size]
     return abs(float(g @ q / (q @ (assembly.M @ q))))
@@ -211,40 +252,49 @@ Solve = Callable[[Array], Array]
 
 #: Coordinates up to which all factors are found at once, dense.
 DENSE_UP_TO = 600
-#: Share of the largest eigenvalue below which a factor is none: what round-off leaves of zero.
+#: Share of the largest eigenvalue below which an eigenvalue is round-off of zero.
 EIGEN_ROUND_OFF = 1e-10
 
 
 def buckling_factors(assembly: Assembly, x: Array, coefficients: Mapping[str, float], count: int = 1) -> Array:
-    """The lowest positive factors (count,) by which the terms' coefficients buckle the system, every contact closed.
+    """Lowest positive buckling factors Lambda (count,), ascending, with every contact closed.
 
-    Where there are fewer, because nothing is compressed, the others are infinite.
+    At Lambda times the coefficients c_k the system buckles.  Infinite where there are fewer than `count` factors, as
+    where nothing is compressed.
 
     Parameters
     ----------
     assembly : Assembly
     x : (sides,) array, m
-        Places of contacts, as `pmr.system.system.System.coordinates` has them.
+        Positions of the sides of all contacts, as `pmr.system.system.System.coordinates` returns them.
     coefficients : mapping of str to float
-        c_k of the system's terms by name; others have none.
+        Amplitude c_k of each term of the system, by the term's name; zero for terms that are not named.
     count : int
+        Number of factors.
 
     Raises
     ------
     InputError
-        If there is no term of such a name, or contacts do not hold the bodies.
+        If the system has no term of such a name, or the contacts do not hold the bodies.
     """
     return Held(assembly, assembly.at(x)).factors(coefficients, count)
 
 
 class Held:
-    """A system at one place with every contact closed: its flexibility serves all loads that are looked at there."""
+    """A system at fixed side positions with every contact closed; its factored flexibility serves any number of loads.
+
+    `rows` are the contacts at these positions (`Assembly.at`).
+    """
 
     def __init__(self, assembly: Assembly, rows: ContactRows) -> None:
         self._assembly, self._rows = assembly, rows
 
     def factors(self, coefficients: Mapping[str, float], count: int = 1) -> Array:
-        """Buckling factors (count,), as `buckling_factors` has them."""
+        """Lowest positive buckling factors Lambda (count,), ascending; infinite where there are fewer than `count`.
+
+        `coefficients` are the amplitudes c_k of the geometric stiffness G_k by the names of the terms, zero for others.
+        Raises InputError for a name that no term has, or if the contacts do not hold the bodies.
+        """
         G = geometric_stiffness(self._assembly, coefficients)
         values = np.full(count, np.inf)
         if G.nnz:
@@ -258,11 +308,15 @@ class Held:
 
     @cached_property
     def _solve(self) -> Solve:
+        """Function that solves the equilibrium equations of `saddle_point_solver`."""
         return saddle_point_solver(self._assembly.K, self._rows)
 
     @cached_property
     def _answer(self) -> Array:
-        """Response (n,) to a load without symmetry; an InputError is raised where round-off alone resists it."""
+        """Displacements (n,) under a random load, which has no symmetry.
+
+        Raises InputError where only round-off resists the load, so that the contacts do not hold the bodies.
+        """
         K, load = self._assembly.K, np.random.default_rng(3).standard_normal(self._assembly.size)
         q = self._solve(np.concatenate([load, np.zeros(len(self._rows.F))]))[: len(load)]
         if not q @ load >= ROUND_OFF_OF_K * np.abs(q) @ (abs(K) @ np.abs(q)):  # NaN too
@@ -272,7 +326,7 @@ class Held:
 
     @cached_property
     def _root(self) -> Array:
-        """L of the flexibility A = L L^T, (n, n)."""
+        """Matrix L (n, n) with A = L L^T, A the flexibility of the bodies and their contacts."""
         n = len(self._answer)
         A = self._solve(np.vstack([np.eye(n), np.zeros((len(self._rows.F), n))]))[:n]
         size, Q = np.linalg.eigh((A + A.T) / 2.0)
@@ -280,7 +334,10 @@ class Held:
 
 
 def geometric_stiffness(assembly: Assembly, coefficients: Mapping[str, float]) -> sp.csr_matrix:
-    """The sum of c_k G_k on the assembly's coordinates (n, n); an InputError is raised for a name that no term has."""
+    """Sum of c_k G_k (n, n) over the terms named in `coefficients`, which maps names to amplitudes c_k.
+
+    Raises InputError for a name that no term has.
+    """
     terms = {term.name: term for term in assembly.terms}
     for name in coefficients:
         if name not in terms:
@@ -290,7 +347,10 @@ def geometric_stiffness(assembly: Assembly, coefficients: Mapping[str, float]) -
 
 
 def _largest(solve: Solve, rows: ContactRows, G: sp.csr_matrix, start: Array, count: int) -> Array:
-    """The largest 1/Lambda, by Arnoldi's method on -A sum c_k G_k, whose eigenvalues are real."""
+    """Largest eigenvalues 1/Lambda (count + 2,) of -A G, unsorted, by Arnoldi's method.
+
+    G (n, n) is the sum of c_k G_k, A the flexibility that `solve` applies, `start` (n,) the first vector.
+    """
     n, nothing = len(start), np.zeros(len(rows.F))
     operator = spla.LinearOperator(
         (n, n), matvec=lambda q: solve(np.concatenate([-(G @ q.ravel()), nothing]))[:n], dtype=float

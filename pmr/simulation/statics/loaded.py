@@ -1,19 +1,19 @@
-r"""A structure at rest under a load that grows: everything as a rational function of the load P.
+r"""A structure at rest under a load that grows: the response as a rational function of the load P.
 
 .. math::
     (K + G_0 + P\, G_1)\, q + C^T \lambda = b_0 + P\, b_1, \qquad C q - F \lambda = g_0 + P\, g_1
 
-with the geometric stiffness G_0 of what is there without the load, and G_1 of a unit of it.  With closed contacts that
-do not change, A the flexibility under :math:`K + G_0`, :math:`A = L L^T`, :math:`L^T G_1 L = V \eta V^T` and U = L V,
+with the geometric stiffness G_0 of the fixed loads, and G_1 of a unit of the load that grows.  With fixed closed
+contacts, A the flexibility under :math:`K + G_0`, :math:`A = L L^T`, :math:`L^T G_1 L = V \eta V^T` and U = L V,
 
 .. math::
     q(P) = \bar q(P) - P\, U\, (I + P \eta)^{-1} U^T G_1\, \bar q(P), \qquad \bar q(P) = q_0 + P\, q_1
 
-(Woodbury), where q_0 and q_1 are the linear answers.  So one factorisation gives all loads, and the structure buckles
-where the first :math:`1 + P \eta_i` vanishes.  Contacts that only push open and close with the load: each set of closed
-ones has a `Form` of its own.  A search that meets a set which holds nothing begins anew with the closed contacts of
-first order, where a little of the mass holds what is free: that matrix is positive definite, so the search for these
-ends (docs/pads.md).
+(Woodbury), where q_0 and q_1 are the linear responses to the fixed loads and to a unit of P.  So one factorisation
+serves all loads, and the structure buckles at the smallest P with a vanishing :math:`1 + P \eta_i`.  Contacts that only
+push open and close as the load grows: each set of closed contacts has a `Form` of its own.  A search that meets a set
+that holds nothing starts again from the contacts that are closed without geometric stiffness, with a small multiple of
+the mass matrix as stiffness: that matrix is positive definite, so the search for these ends (docs/pads.md).
 """
 
 from __future__ import annotations
@@ -38,35 +38,38 @@ Mask = NDArray[np.bool_]
 ROUND_OFF, RIGID = 1e-9, 1e-4
 #: Pull or overlap that is round-off, over the largest force or displacement.
 WRONG = 1e-9
-#: Sets of closed contacts that are tried at one load; share of the lowest omega^2 that holds what open ones leave free.
+#: Most sets of closed contacts tried at one load; multiple of M, over the lowest omega^2, that holds free bodies.
 MOST_SETS, ALMOST_FREE = 200, 1e-8
 
 
 @dataclass(frozen=True)
 class Equations:
-    """Forces and matrices at one place, without the load and by a unit of it."""
+    """Matrices and forces in one posture; pairs are (by the fixed loads, by a unit of the load that grows).
+
+    Sizes: n coordinates, m contacts, o outputs, d directions of the load.
+    """
 
     M: Array  # (n, n)
     K: Array  # (n, n)
-    G: tuple[Array, Array]  # (n, n): geometric stiffness, of what is there and of a unit of the load
+    G: tuple[Array, Array]  # (n, n): geometric stiffness, of the fixed loads and of a unit of the load
     b: tuple[Array, Array]  # (n,): loads on coordinates
-    g: tuple[Array, Array]  # (m,): gaps minus what loads move at contacts by themselves
+    g: tuple[Array, Array]  # (m,): gaps minus displacements of contacts by the loads themselves
     C: Array  # (m, n)
     F: Array  # (m, m)
     outputs: Array  # (o, n)
-    X: Array  # (o, m): what contact forces take from outputs by themselves
-    direct: tuple[Array, Array]  # (o,): what loads add to them
+    X: Array  # (o, m): X, outputs are O q - X lambda + direct
+    direct: tuple[Array, Array]  # (o,): outputs by the loads themselves
     pushes: Mask  # (m,): contacts that only push
-    # the load's inputs in its d directions: loads on coordinates (n, d), what they move at contacts (m, d) and at
-    # their own place (d, d)
+    # inputs of the load in its d directions: forces on coordinates (n, d), direct displacements of contacts (m, d)
+    # and of the load's position (d, d)
     on: tuple[Array, Array, Array]
-    # (r, n): what a unit of the load adds to the last r rows of outputs
+    # (r, n): added to the last r rows of `outputs` by a unit of the load
     by_load: Array = field(default_factory=lambda: np.zeros((0, 1)))
 
 
 @dataclass(frozen=True)
 class State:
-    """Outputs (o,), contact forces (m,) and form under a load; not finite where no equilibrium exists."""
+    """Outputs (o,), contact forces (m,) and form under a load; NaN where no equilibrium exists."""
 
     load: float
     outputs: Array
@@ -75,12 +78,13 @@ class State:
 
     @cached_property
     def stands(self) -> bool:
+        """Whether an equilibrium exists."""
         return bool(np.isfinite(self.forces).all() and np.isfinite(self.outputs).all())
 
 
 @dataclass(frozen=True)
 class States:
-    """Equilibria under several loads."""
+    """Equilibria under p loads."""
 
     load: Array  # (p,)
     outputs: Array  # (p, o)
@@ -90,7 +94,7 @@ class States:
 
     @classmethod
     def of(cls, states: Sequence[State]) -> States:
-        """One after the other."""
+        """Equilibria of a list of states, in its order."""
         load, outputs, forces = (
             np.array([getattr(state, of) for state in states]) for of in ("load", "outputs", "forces")
         )
@@ -99,17 +103,17 @@ class States:
 
     @classmethod
     def beside(cls, state: State, outputs: Array, forces: Array) -> States:
-        """Under the same load, with other outputs (p, o) and forces (p, m)."""
+        """Equilibria under the load and with the form of `state`, with outputs (p, o) and forces (p, m)."""
         count = len(outputs)
         return cls(np.full(count, state.load), outputs, forces, np.ones(count, dtype=bool), (state.form,) * count)
 
     def some(self, which: Mask) -> States:
-        """Equilibria that a mask (p,) selects."""
+        """Equilibria selected by a mask (p,)."""
         forms = tuple(form for form, chosen in zip(self.forms, which.tolist(), strict=True) if chosen)
         return States(self.load[which], self.outputs[which], self.forces[which], self.stands[which], forms)
 
     def split(self, lengths: Iterable[int]) -> Iterator[States]:
-        """So many, then so many."""
+        """Yield consecutive groups of these lengths, in order."""
         first = 0
         for length in lengths:
             at = slice(first, first := first + length)
@@ -118,18 +122,22 @@ class States:
 
 @dataclass(frozen=True)
 class Condensed:
-    """Matrices (r, r) on what rigid contacts leave free."""
+    """Matrices (r, r) on the r coordinates that rigid contacts leave free."""
 
     M: Array
-    K: Array  # under what is there without the load
-    G: tuple[Array, Array]  # geometric stiffness, of what is there and of a unit of the load
-    place: Array  # (d, r): how the place of the load moves along its directions, m
-    own: Array  # (n, r): coordinates of the structure
-    gaps: Array  # (r, closed): what gaps at contacts that give way press with, of those that are closed
+    K: Array  # with the geometric stiffness of the fixed loads
+    G: tuple[Array, Array]  # geometric stiffness, of the fixed loads and of a unit of the load
+    place: Array  # (d, r): displacement of the load's position along its directions
+    own: Array  # (n, r): coordinates of the structure, q = own z
+    gaps: Array  # (r, closed): forces by gaps of closed contacts that give way
 
 
 class Form:
-    """Equilibria with a set of contacts closed (m,)."""
+    """Equilibria with a fixed set of closed contacts, a mask (m,), for any load.
+
+    `held` says whether these contacts hold the structure without the load; it buckles at the load `critical` (inf:
+    never).
+    """
 
     def __init__(self, equations: Equations, closed: Mask) -> None:
         self.equations, self.closed = equations, closed
@@ -146,7 +154,7 @@ class Form:
         if not np.isfinite(size := float(np.linalg.norm(flexibility))):
             return
         if size * np.abs(K).max() > 1.0 / np.finfo(float).eps or (L := root(flexibility)) is None:
-            return  # nothing but round-off holds it, or past buckling by what is there without the load
+            return  # nothing but round-off holds it, or it buckles under the fixed loads alone
         self.eta, V = np.linalg.eigh(L.T @ e.G[1] @ L)
         least = float(self.eta[0]) if len(self.eta) else 0.0
         some = -least > ROUND_OFF * np.abs(self.eta).max(initial=0.0) and least < 0.0
@@ -154,7 +162,11 @@ class Form:
         self._answers(Z, L @ V)
 
     def _answers(self, Z: Array, U: Array) -> None:
-        """Responses, which are outputs, forces and what contacts move, to both parts of the load and to U."""
+        """Compute the responses to both components of the load and to the modes U.
+
+        A response is outputs, contact forces and motions of pushing contacts.  `Z` is the inverse of the bordered
+        matrix of coordinates and closed contacts.
+        """
         e, n, closed, pushes = self.equations, len(self.equations.K), self.closed, self.equations.pushes
         o, m, d = len(e.outputs), len(closed), int(pushes.sum())
         R = np.zeros((o + m + d + len(e.by_load), n + int(closed.sum())))
@@ -177,9 +189,10 @@ class Form:
         self._on_modes = [U.T @ (e.G[1] @ response[:n]) for response in z]
 
     def responses(self, loads: Array) -> Array:
-        """Under loads (p,): outputs, forces, and how contacts that push move beyond their gaps, (p, o + m + d).
+        """Responses (p, o + m + d) under loads (p,): outputs, contact forces, and overlaps of the d contacts that push.
 
-        Not numbers where nothing stands.
+        An overlap is C q - F lambda - g: how far a contact's sides move towards each other beyond its gap.  NaN where
+        no equilibrium exists.
         """
         if not self.held:
             e = self.equations
@@ -196,12 +209,15 @@ class Form:
         return np.asarray(values[:, :last])
 
     def stands(self, loads: Array) -> Mask:
-        """Under which loads (p,) it stands."""
+        """Mask (p,) of the loads (p,) below the load at which the structure buckles."""
         return np.asarray(loads < self.critical)
 
     @cached_property
     def _unstressed_flexibility(self) -> tuple[Array, Array, Array, Array]:
-        """Geometric stiffness on the root L of the unstressed flexibility, both parts; L; what loads press contacts."""
+        """Matrices L^T G_0 L and L^T G_1 L, L, and forces of the closed contacts (closed, n) by unit forces.
+
+        L is the root of the flexibility without geometric stiffness.
+        """
         e, n = self.equations, len(self.equations.K)
         matrix, units = border_matrix(e.K, self._C, self._F)
         Z = np.linalg.inv(matrix)
@@ -211,22 +227,25 @@ class Form:
         return L.T @ e.G[0] @ L, L.T @ e.G[1] @ L, L, units[n:, None] * Z[n:, :n]
 
     def inverse_factor(self, load: float) -> float:
-        """1 over the factor by which all axial forces would have to grow until it buckles; 0 where none presses."""
+        """Inverse of the buckling factor: 1 / Lambda, where Lambda times all axial forces under `load` cause buckling.
+
+        Zero if nothing is compressed.
+        """
         on = self.condensed
         factor = first_singular(on.K - on.G[0], on.G[0] + load * on.G[1])
         return 1.0 / factor if factor > 0.0 else np.inf
 
     def load_of_factor(self, factor: float, near: float = np.nan, up_to: float = np.inf) -> float:
-        r"""The load in kg at which all axial forces may grow by no more than a factor; infinite where none is.
+        r"""Smallest load P in kg at which `factor` times all axial forces cause buckling; infinite if there is none.
 
-        :math:`(K + \Lambda G_0 + P \Lambda G_1) q = 0` on what rigid contacts leave free; `near` and `up_to` as
-        `first_singular` has them.
+        :math:`(K + \Lambda G_0 + P \Lambda G_1) q = 0` with the factor Lambda, on the coordinates that rigid contacts
+        leave free; `near` and `up_to` as in `first_singular`.
         """
         on = self.condensed
         return first_singular(on.K + (factor - 1.0) * on.G[0], factor * on.G[1], near, up_to)
 
     def buckled(self, load: float) -> Array:
-        """Contact forces (m,) of the shape in which it buckles first, the largest 1."""
+        """Contact forces (m,) of the first buckling shape under `load`, scaled so that the largest is 1."""
         N0, N1, L, on_contacts = self._unstressed_flexibility
         _, Y = np.linalg.eigh(N0 + load * N1)
         G = self.equations.G[0] + load * self.equations.G[1]
@@ -236,7 +255,7 @@ class Form:
 
     @cached_property
     def condensed(self) -> Condensed:
-        """On what rigid contacts leave free, with the place of the load; contacts that give way are in K."""
+        """Matrices on what rigid contacts leave free; compliant contacts are included in K."""
         e, closed = self.equations, self.closed
         T, H, E = e.on
         n, d = T.shape
@@ -261,12 +280,12 @@ class Form:
 
     @property
     def against(self) -> Array:
-        """The direction (d,) against which a load pulls, among those of its inputs."""
+        """Unit vector (d,) opposite to the pull of the load, in the directions of its inputs."""
         pull = np.linalg.lstsq(self.equations.on[0], self.equations.b[1], rcond=None)[0]
         return np.asarray(-pull / np.linalg.norm(pull))
 
     def frequency(self, load: float) -> float:
-        """The lowest in Hz, with the load as a mass in kg that moves along its own directions; 0 past buckling."""
+        """Lowest natural frequency in Hz under `load` in kg, a mass that moves in its directions; 0 past buckling."""
         if load >= self.critical:
             return 0.0
         M, place = self.condensed.M, self.condensed.place
@@ -281,17 +300,17 @@ class Form:
         return float(1.0 / np.sqrt(largest[0]) / (2.0 * np.pi)) if largest[0] > 0.0 else np.inf
 
     def load_of_frequency(self, frequency: float, near: float = np.nan, up_to: float = np.inf) -> float:
-        r"""The load in kg, as a mass, at which the lowest frequency falls to one in Hz; infinite where none does.
+        r"""Smallest load P in kg, as a mass, that lowers a natural frequency to `frequency` in Hz; else infinite.
 
-        :math:`(K - \omega^2 M + P (G - \omega^2 c^T c)) q = 0`, c how its place moves; `near` and `up_to` as
-        `first_singular` has them.
+        :math:`(K - \omega^2 M + P (G_1 - \omega^2 c^T c)) q = 0` with the displacement c q of the load's position;
+        `near` and `up_to` as in `first_singular`.
         """
         on, square = self.condensed, (2.0 * np.pi * frequency) ** 2
         return first_singular(on.K - square * on.M, on.G[1] - square * on.place.T @ on.place, near, up_to)
 
 
 class Loaded:
-    """Equilibria at one place, by the load; forms of contacts that have been closed are kept."""
+    """Equilibria in one posture under any load; the forms of all sets of closed contacts met so far are stored."""
 
     def __init__(self, equations: Equations) -> None:
         self.equations = equations
@@ -300,17 +319,17 @@ class Loaded:
 
     @cached_property
     def both_ways(self) -> bool:
-        """Whether no contact may open."""
+        """Whether no contact can open."""
         return not self.equations.pushes.any()
 
     def state(self, load: float) -> State:
-        """The equilibrium under a load; one that does not stand where none is found."""
+        """Equilibrium under a load; NaN values where none is found."""
         if load not in self._states:
             self._states[load] = self._find(load)
         return self._states[load]
 
     def states(self, loads: Sequence[float]) -> States:
-        """Equilibria under several loads: all at once where no contact may open."""
+        """Equilibria under several loads, computed at once where no contact can open."""
         if not self.both_ways:
             return States.of([self.state(load) for load in loads])
         o, m, form, load = len(self.equations.outputs), len(self.equations.pushes), self._closed, np.array(loads)
@@ -319,15 +338,18 @@ class Loaded:
 
     @cached_property
     def _closed(self) -> Form:
+        """Form with every contact closed; used if no contact can open."""
         return self._form(self._last)
 
     def _form(self, closed: Mask) -> Form:
+        """Form of a mask (m,) of closed contacts, computed once."""
         key = closed.tobytes()
         if key not in self._forms:
             self._forms[key] = Form(self.equations, closed.copy())
         return self._forms[key]
 
     def _find(self, load: float) -> State:
+        """Search the equilibrium under a load, from the last closed contacts and then from those of first order."""
         closed, every = self._last, np.ones_like(self._last)
         if self.both_ways:
             return self._with(closed, load)[0]
@@ -338,13 +360,16 @@ class Loaded:
 
     @cached_property
     def _first_order(self) -> Loaded:
-        """Equilibria without geometric stiffness and with a little of the mass as stiffness: there is always one."""
+        """Problem without geometric stiffness, with a little of the mass matrix as stiffness: always solvable."""
         e, every = self.equations, self._form(np.ones_like(self._last))
         floor = ALMOST_FREE * (2.0 * np.pi * every.frequency(0.0)) ** 2
         return Loaded(replace(e, K=e.K + floor * e.M, G=(0.0 * e.K, 0.0 * e.K)))
 
     def _search(self, closed: Mask, load: float) -> State:
-        """The equilibrium under a load, by way of sets of closed contacts (m,) that stand, from the given one on."""
+        """Search the equilibrium under a load from a mask `closed` (m,) on, through sets that have an equilibrium.
+
+        NaN values where a set has none, or after `MOST_SETS` sets.
+        """
         search = ContactSearch()
         for _ in range(MOST_SETS):
             state, wrong = self._with(closed, load)
@@ -357,7 +382,7 @@ class Loaded:
         return State(load, np.full_like(state.outputs, np.nan), np.full_like(state.forces, np.nan), state.form)
 
     def _with(self, closed: Mask, load: float) -> tuple[State, Mask]:
-        """The state with these contacts closed (m,), and which of them are on the wrong side."""
+        """State with the contacts of a mask (m,) closed, and a mask (m,) of contacts on the wrong side."""
         form, o, m = self._form(closed), len(self.equations.outputs), len(closed)
         values = form.responses(np.array([load]))[0]
         forces, beyond, pushes = values[o : o + m], values[o + m :], self.equations.pushes

@@ -1,6 +1,6 @@
-"""Places at which a boom stands still, all at once: what acts there without a load that is looked for, and by it.
+"""Postures of a boom at rest, all at once: its matrices, and the loads of the weight, of given loads and of a mass.
 
-The shape of a boom at rest: how places along its sections are displaced across them.
+The deflection of a boom at rest: how points along its sections are displaced across them.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: What the load is called that is looked for, by a kg of it; what acts without any load.
+#: Names of components: the load of a chart, whose unit is 1 kg, and the boom's weight.
 HOOK, WEIGHT = "load of the chart", "weight"
 #: A load that never acts: modes that no load reaches are left out of a model, and by these a boom may buckle sideways.
 SIDEWAYS = "sideways in the chart"
@@ -41,41 +41,49 @@ SIDEWAYS = "sideways in the chart"
 
 @dataclass(frozen=True)
 class Stands:
-    """Postures of a boom: extensions (P,) m of its sections by name, angles (P,) rad."""
+    """P postures of a boom: extensions (P,) in m by the sections' names, luffing and slewing angles (P,) in rad."""
 
-    extensions: Mapping[str, Array]  # of a body alone where its slider is, if it has been said
+    extensions: Mapping[str, Array]  # of a single body the slider's path coordinate, if given
     luffing: Array
     slewing: Array
 
     @classmethod
     def of(cls, at: Mapping[str, Any]) -> Stands:
-        """From the lists of a task's arguments: ``extensions`` by name, ``luffing`` and ``slewing``."""
+        """Postures from a task's arguments `at`: lists ``extensions`` by name, ``luffing`` and ``slewing``."""
         extensions = {name: np.array(extension, float) for name, extension in at["extensions"].items()}
         return cls(extensions, np.array(at["luffing"], float), np.array(at["slewing"], float))
 
     @property
     def count(self) -> int:
+        """Number P of postures."""
         return len(self.luffing)
 
     def some(self, which: NDArray[np.int64]) -> Stands:
-        """Some of them, by their numbers."""
+        """Postures selected by their numbers."""
         extensions = {name: values[which] for name, values in self.extensions.items()}
         return Stands(extensions, self.luffing[which], self.slewing[which])
 
     def reach(self, scene: Scene) -> Array:
-        """Along the boom from the base's tail to its tip, (P,) m."""
+        """Distance (P,) in m along the boom from the tail of the base section to the tip of the last section."""
         tails = np.sum([np.zeros(self.count), *(self.extensions[name] for name in scene.names[1:])], axis=0)
         return np.asarray(tails + scene.sections[-1].length)
 
     def on_ground(self, scene: Scene, along: Array) -> Array:
-        """Places (P,) m along the boom, undeformed, from the pivot: X, Y and Z of the ground, (P, 3) m."""
+        """Positions (P, 3) in m from the pivot, in ground axes X, Y, Z, of undeformed points of the boom.
+
+        `along` (P,) in m is the distance of each posture's point from the tail of the base section.
+        """
         assert scene.frame is not None
         place = np.array(scene.frame.place) + along[:, None] * np.eye(3)[0]
         return np.einsum("pij,pj->pi", rotation(self.luffing, self.slewing), place)
 
 
 def with_hook(scene: Scene) -> Scene:
-    """The scene with the load of a chart at its tip, on the axis: a kg of it pulls down where the scene is at rest."""
+    """Scene with the load of a chart, `HOOK`, added at the tip: the weight of 1 kg, downwards in ground axes.
+
+    Where the last section bends sideways, `SIDEWAYS` is added too, a load that is always zero.  The base keeps only its
+    constant inclination, and `recovery` is removed.
+    """
     assert scene.frame is not None and scene.gravity is not None  # as whoever makes a chart says
     pull = Constant(amount=-scene.gravity.acceleration)
     hook = Load(name=HOOK, on="tip", direction="z", axes="ground", signal=pull)
@@ -89,12 +97,16 @@ def with_hook(scene: Scene) -> Scene:
 
 @dataclass(frozen=True)
 class Postures:
-    """Matrices of a system at P places, and what acts there: parts by name, the weight first, a unit of each."""
+    """Matrices of a system in P postures, and the loads of each component: the weight, then every load by its name.
+
+    Sizes: n coordinates, i inputs, m contacts, o outputs, k terms, w components, d driven sections, r forces on
+    supports and on the machine.  A load acts by a unit: 1 N or 1 N m, or the weight of 1 kg of `HOOK`.
+    """
 
     M: Array  # (n, n)
     K: Array  # (n, n)
     B: Array  # (n, i)
-    outputs: Array  # (o, n): of the tip and of probes
+    outputs: Array  # (o, n): of the tip, compliant supports and probes
     direct: Array  # (o, i)
     energy: Array  # (i, i)
     terms: Array  # (k, n, n)
@@ -103,13 +115,13 @@ class Postures:
     hook: NDArray[np.int64]  # numbers of inputs along which the load moves as a mass
     hook_axes: tuple[str, ...]  # axes of the boom along which these act
     C: Array  # (P, m, n)
-    F: Array  # (P, m, m)
+    F: Array  # (P, m, m) m/N
     H: Array  # (P, m, i)
     X: Array  # (P, o, m)
-    f: Array  # (w, P, i): loads of each part
-    c: Array  # (w, P, k): amplitudes of the terms of each part
-    # rows of r forces on supports and on the machine (`pmr.simulation.at_rest`): by coordinates, contact forces,
-    # loads and, by a unit of each part, coordinates again
+    f: Array  # (w, P, i): loads of a unit of each component
+    c: Array  # (w, P, k): amplitudes of the terms by a unit of each component
+    # rows of r forces on supports and on the machine (`pmr.simulation.at_rest`.RestRows): coefficients of
+    # coordinates, of contact forces, of loads and, for a unit of each component, again of coordinates
     machine_q: Array  # (P, r, n)
     machine_forces: Array  # (P, r, m)
     machine_loads: Array  # (P, r, i)
@@ -118,13 +130,13 @@ class Postures:
     luffing: Array  # (P,) rad
     up: Array  # (P, 3): the vertical in the axes of the boom
     tip: Array  # (P, 3) m: the undeformed tip from the pivot, in the axes of the boom
-    arm: Array  # (P,) m: about the pivot, of the cylinder that raises the boom; NaN where the scene has none
-    drives: Array  # (d, o + r + m): shares of all columns in the force that moves a section along the boom
-    drive_names: tuple[str, ...]  # (d,): the sections
-    rope_names: tuple[str, ...]  # those of them on ropes, or that others on ropes follow
+    arm: Array  # (P,) m: lever arm about the pivot of the luffing cylinder; NaN where the scene has none
+    drives: Array  # (d, o + r + m): coefficients of all columns in the force that drives a section
+    drive_names: tuple[str, ...]  # (d,): names of the driven sections
+    rope_names: tuple[str, ...]  # driven sections on ropes, or that others on ropes follow
     parts: tuple[str, ...]  # (w,)
     gravity: float  # m/s^2
-    # of outputs, then of forces on supports and on the machine, (o + r,)
+    # (o + r,): of outputs, then of forces on supports and on the machine
     output_names: tuple[str, ...]
     output_kinds: tuple[str, ...]
     output_units: tuple[str, ...]
@@ -134,7 +146,7 @@ class Postures:
 
     @classmethod
     def of(cls, scene: Scene, system: System, at: Stands) -> Postures:
-        """Matrices of a scene that `with_hook` made, with its bodies, reduced or full."""
+        """Matrices of a scene made by `with_hook`, of its system of reduced or full bodies and of the postures `at`."""
         assembly = Assembly(system)
         x = places_of(system, at)
         rows, size = assembly.along(x), assembly.size
@@ -191,7 +203,7 @@ class Postures:
 
     @cached_property
     def columns(self) -> Columns:
-        """Names, units and kinds of the columns of outputs, then of contact forces."""
+        """Names, units and kinds of the columns of the outputs, then of the contact forces."""
         bodies = ("",) * len(self.force_names)
         return Columns(
             (*self.output_names, *self.force_names),
@@ -203,7 +215,18 @@ class Postures:
         )
 
     def at(self, k: int, amounts: Mapping[str, float], factor: float = 1.0) -> Equations:
-        """Equations of the k-th place, where parts act by so many units each, a kg of the load `factor` times."""
+        """Equations of the k-th posture under a fixed load and a load in kg that grows.
+
+        Parameters
+        ----------
+        k : int
+            Number of the posture.
+        amounts : mapping of str to float
+            How many units of each component (weight, loads) act all the time; zero for those that are not named.
+            An amount of `HOOK` is ignored.
+        factor : float
+            Factor of the forces of 1 kg of `HOOK`, the load that grows.
+        """
         shares = np.array([0.0 if name == HOOK else amounts.get(name, 0.0) for name in self.parts])
         hook = factor * np.array([name == HOOK for name in self.parts])
         f, c = (np.array([shares, hook]) @ loads_of_parts[:, k] for loads_of_parts in (self.f, self.c))
@@ -229,7 +252,7 @@ class Postures:
         )
 
     def pull(self, k: int) -> Array:
-        """Force (3,) in N of a kg of the load at the k-th place, in the axes of the boom."""
+        """Force (3,) in N that 1 kg of the load exerts in the k-th posture, in boom axes."""
         force = np.zeros(3)
         for number, axis in zip(self.hook.tolist(), self.hook_axes, strict=True):
             force["xyz".index(axis)] += self.f[self.parts.index(HOOK), k, number]
@@ -237,7 +260,7 @@ class Postures:
 
 
 def places_of(system: System, at: Stands) -> Array:
-    """Places of the sides of all contacts, (P, sides) m."""
+    """Positions x (P, sides) in m of the sides of all contacts in each posture."""
     paths = {name: at.extensions.get(name, np.zeros(at.count)) for name in system.paths}
     paths |= {LUFFING: at.luffing} if LUFFING in system.paths else {}
     x = system.coordinates(paths) if paths else system.coordinates({})
@@ -245,7 +268,11 @@ def places_of(system: System, at: Stands) -> Array:
 
 
 def unit_loads(scene: Scene, system: System, at: Stands) -> tuple[tuple[str, ...], Array, Array]:
-    """Parts, and loads (w, P, i) and amplitudes (w, P, k) of a unit of each: of the weight, and of every load."""
+    """Names of the w components, their loads (w, P, i) and amplitudes (w, P, k), at P postures on i inputs and k terms.
+
+    The first component is the weight, by itself; each other one is a unit of a load without the weight: 1 N or 1 N m,
+    or the weight of 1 kg of `HOOK`.
+    """
     assert scene.gravity is not None
     names = _load_names(scene)
     unit = dict.fromkeys(names, 1.0) | {HOOK: -scene.gravity.acceleration}
@@ -262,11 +289,15 @@ def unit_loads(scene: Scene, system: System, at: Stands) -> tuple[tuple[str, ...
 
 
 def _load_names(scene: Scene) -> list[str]:
+    """Names of all loads of the scene's sections, each once."""
     return list(dict.fromkeys(load.name for part in scene.sections for load in part.loads))
 
 
 def acceleration_loads(scene: Scene, system: System, at: Stands, angle: str) -> Array:
-    """Loads (P, i) of a unit of the acceleration of an angle, in N s^2, on a scene that `with_hook` made."""
+    """Loads (P, i) for an acceleration of 1 rad/s^2 of an `angle`, ``luffing`` or ``slewing``, in N s^2.
+
+    The scene is one that `with_hook` made.
+    """
     still = rest_scene(scene, at.extensions, at.luffing, at.slewing, dict.fromkeys(_load_names(scene), 0.0))
     numbers = np.arange(at.count, dtype=float)
     f = [Excitation.of(each).forces(system.input_names, numbers) for each in (still, accelerate_angle(still, angle))]
@@ -274,27 +305,28 @@ def acceleration_loads(scene: Scene, system: System, at: Stands, angle: str) -> 
 
 
 def _arms(scene: Scene, at: Stands) -> Array:
+    """Lever arms (P,) in m of the luffing cylinder about the pivot; NaN for a scene without one."""
     assert scene.frame is not None
     cylinder = scene.frame.cylinder
     return np.full(at.count, np.nan) if cylinder is None else cylinder.length(at.luffing)[1]
 
 
 def _up(still: Scene, at: Stands) -> Array:
-    """Vertical (P, 3) in the axes of the boom, of a scene of `rest_scene`."""
+    """Vertical unit vectors (P, 3) in boom axes, of a scene made by `rest_scene`."""
     assert still.frame is not None
     numbers = np.arange(at.count, dtype=float)
     return Turning.of(*still.frame.angles, numbers, still.frame.rocking).up
 
 
 def _hook_inputs(system: System) -> NDArray[np.int64]:
-    """Inputs along whose axes the load moves as a mass: those of its weight, and the one across the boom."""
+    """Indices of the inputs along which `HOOK` moves as a mass: those of its weight, and the one across the boom."""
     named = {name.rpartition(" ")[2]: k for k, name in enumerate(system.input_names) if HOOK in name}
     across = [k for k, name in enumerate(system.input_names) if SIDEWAYS in name]
     return np.array([*named.values(), *(across if "y" not in named else [])])
 
 
 def _select_outputs(system: System) -> tuple[list[int], list[Output]]:
-    """Numbers of outputs, and what they are: of the last body's tip, of supports that give way, and of probes."""
+    """Indices and descriptions of the outputs shown: at the last body's tip, of compliant supports, and of probes."""
     numbers, outputs, first = list[int](), list[Output](), 0
     last = list(system.bodies)[-1]
     for name, body in system.bodies.items():
@@ -307,13 +339,16 @@ def _select_outputs(system: System) -> tuple[list[int], list[Output]]:
     return numbers, outputs
 
 
-#: Places along a section, about.
+#: Points along each section, at most.
 PLACES = 9
 
 
 @dataclass(frozen=True)
 class Bent:
-    """Displacements across the boom at some of the observed places of all sections."""
+    """Outputs that show the deflection of a boom: b displacements across it, at about `PLACES` points of each section.
+
+    Sizes as in `Postures`.
+    """
 
     outputs: Array  # (b, n)
     direct: Array  # (b, i)
@@ -325,7 +360,7 @@ class Bent:
 
     @classmethod
     def of(cls, system: System, at: Stands) -> Bent:
-        """Choose outputs across the boom of a system at some places."""
+        """Choose outputs across the boom of a system in the postures `at`."""
         assembly = Assembly(system)
         number, x, section, direction, first = list[int](), list[float](), list[int](), list[str](), 0
         for k, body in enumerate(system.bodies.values()):
@@ -346,7 +381,7 @@ class Bent:
         )
 
     def measured(self, at: Postures) -> Postures:
-        """Postures whose only outputs are the displacements across the boom."""
+        """Postures `at` whose only outputs are displacements across the boom; forces on the machine are left out."""
         none = {name: getattr(at, name)[..., :0, :] for name in ("machine_q", "machine_forces", "machine_loads")}
         return replace(
             at,

@@ -1,28 +1,27 @@
-r"""How a structure under its load swings: where the load is hoisted off the ground, and where turning stops.
+r"""How a structure under its load swings: when the load is hoisted off the ground, and when a turning motion stops.
 
-A load that is hoisted off the ground at a constant speed: how much more than its weight its rope pulls with.
+A load that is hoisted off the ground at a constant speed: by how much the force of its rope exceeds its weight.
 
-With the stiffness k of the rope, its speed v, and u = c q how far the boom's tip has risen, the rope is taut at t = 0
-and pulls with
+With the stiffness k of the rope, its speed v, and the upward displacement u = c q of the boom's tip, the rope becomes
+taut at t = 0 and pulls with
 
 .. math::
     F = k\, (c\, q - y + v\, t), \qquad M \ddot q + K q = -c^T F, \qquad m\, \ddot y = F - m g
 
-where the load stays on the ground, y = 0, until F comes to m g, and a rope that becomes slack does not push.  Each part
-is solved in closed form, mode by mode, without damping, up to two periods after the load is off the ground.  On a tip
-that does not give way :math:`F_{max} / m g = 1 + v \sqrt{k / m} / g`.
+where the load stays on the ground, y = 0, until F reaches m g, and a slack rope has no force.  Each phase is solved in
+closed form, mode by mode, without damping, up to two periods after the load leaves the ground.  On a rigid tip
+:math:`F_{max} / m g = 1 + v \sqrt{k / m} / g`.
 
-A boom whose turning stops: how it swings while its rate falls steadily to nothing, and afterwards.
+A boom whose turning stops: how it swings during a constant deceleration, and afterwards.
 
-With loads b of a unit of the deceleration, which lasts from 0 to T, on the boom under its load m, which moves with the
-tip along the rope,
+With loads b of a unit of the deceleration, which lasts from 0 to T, on the boom under its load m, a mass that moves
+with the tip along the rope,
 
 .. math::
     (M + m c^T c)\, \ddot q + (K + G_0 + m\, G_1)\, q = b\, a(t), \qquad a = 1 \text{ up to } T,\ 0 \text{ after}
 
-is solved in closed form, mode by mode, without damping.  Outputs and forces of contacts, rigid ones too, are those at
-rest under what is left of the loads by what accelerates: :math:`b\, a - (M + m c^T c)\, \ddot q`.  Contacts stay closed
-or open as they are.
+is solved in closed form, mode by mode, without damping.  Outputs and contact forces, of rigid contacts too, are those
+at rest under the loads minus inertia, :math:`b\, a - (M + m c^T c)\, \ddot q`.  Contacts stay closed or open.
 """
 
 from __future__ import annotations
@@ -38,9 +37,9 @@ from pmr.simulation.statics.loaded import Form
 
 Array = NDArray[np.float64]
 
-#: Periods of the lowest frequency after the load is off the ground, and at how many times the force is looked at.
+#: Periods of the lowest frequency after the load leaves the ground, and number of times in them.
 PERIODS, SAMPLES = 2.0, 4000
-#: Times that a rope may become slack and taut before it lifts the load.
+#: Most changes between a slack and a taut rope before it lifts the load.
 MOST = 100
 
 
@@ -53,9 +52,9 @@ class Rope:
 
 
 class _Forced:
-    """Modes of M x'' + K x = f_0 + t f_1 from the time `since` on, from rest or with what they begin with.
+    """Solution of M x'' + K x = f_0 + t f_1 in modes, for times from `since` in s on, with initial x and x' in `start`.
 
-    Shapes have a unit stiffness, so that those without inertia are among them: they follow the loads at once.
+    Modes are scaled to a unit stiffness, so that those without inertia are included: they follow the loads at once.
     """
 
     def __init__(self, M: Array, K: Array, f: tuple[Array, Array], start: tuple[Array, Array], since: float) -> None:
@@ -70,13 +69,13 @@ class _Forced:
         self.period = 2.0 * np.pi * float(np.sqrt(inertia[-1]))
 
     def along(self, row: Array, t: Array) -> Array:
-        """Values (T, ...) that a row (n,) measures at times (T,)."""
+        """Values (T,) of row . x at times (T,) in s, for a row (n,)."""
         of, angle = row @ self._shapes, self._w * (t[:, None] - self._since)
         free = np.cos(angle) @ (of * self._amplitude) + np.sin(angle) @ (of * self._rate)
         return np.asarray(free + of @ self._constant + t * (of @ self._growing))
 
     def at(self, t: float) -> tuple[Array, Array]:
-        """Displacements and rates (n,)."""
+        """Displacements x (n,) and rates x' (n,) at a time t in s."""
         angle = self._w * (t - self._since)
         x = self._amplitude * np.cos(angle) + self._rate * np.sin(angle) + self._constant + self._growing * t
         v = self._w * (self._rate * np.cos(angle) - self._amplitude * np.sin(angle)) + self._growing
@@ -84,7 +83,10 @@ class _Forced:
 
 
 def lift_off(form: Form, load: float, rope: Rope, gravity: float) -> float:
-    """Largest force of the rope over the weight of a `load` in kg; NaN where the structure does not stand under it."""
+    """Largest force of the rope over the weight of a `load` in kg that is hoisted off the ground.
+
+    `gravity` is in m/s^2.  NaN where no equilibrium exists under the load, or the rope does not lift it.
+    """
     if not form.held or not 0.0 < load < form.critical:
         return np.nan
     M, place = form.condensed.M, form.condensed.place
@@ -92,7 +94,7 @@ def lift_off(form: Form, load: float, rope: Rope, gravity: float) -> float:
     K, c = (K + K.T) / 2.0, form.against @ place
     n = len(c)
     still, t, q, rate, taut = np.zeros(n), 0.0, np.zeros(n), np.zeros(n), True
-    # what the weight takes of the rope, and of the boom under it, with as much again for what swings
+    # twice the time in which the rope's speed makes up for the deflections of rope and boom under the weight
     longest = 2.0 * (weight / k + weight * float(c @ np.linalg.solve(K, c))) / v
     for _ in range(MOST):  # a rope may become slack again before it lifts anything
         stiff, pulls = (K + k * np.outer(c, c), -k * v * c) if taut else (K, still)
@@ -120,13 +122,13 @@ def lift_off(form: Form, load: float, rope: Rope, gravity: float) -> float:
     return float(np.max(pull[:slack]) / weight)
 
 
-#: Periods of the lowest frequency that are looked at, from the start of the stop and from its end, and times in each.
+#: Periods of the lowest frequency evaluated after the start of the stop and after its end, and times in each.
 STOP_PERIODS, STOP_SAMPLES = 2.0, 300
 
 
 @dataclass(frozen=True)
 class Acting:
-    """Loads on coordinates (n,), what they move at contacts (m,) and at outputs (o,) by themselves."""
+    """Effect of a unit of the deceleration: loads b (n,) on coordinates, g (m,) on gaps, `direct` (o,) on outputs."""
 
     b: Array
     g: Array
@@ -135,7 +137,10 @@ class Acting:
 
 @dataclass(frozen=True)
 class Swing:
-    """By a unit of the deceleration, beside what is there at rest: outputs (T, o) and forces (T, m) at times (T,) s."""
+    """Response to a unit of the deceleration: outputs (T, o) and contact forces (T, m) at times t (T,) in s.
+
+    The response to the loads at rest is not included.
+    """
 
     t: Array
     outputs: Array
@@ -144,7 +149,10 @@ class Swing:
 
 
 def stopping_swing(form: Form, load: float, acting: Acting, duration: float) -> Swing | None:
-    """How a structure swings under a `load` in kg; None where it does not stand under it."""
+    """Swing of a structure under a `load` in kg, during a constant deceleration of `duration` s and afterwards.
+
+    None where no equilibrium exists under the load.
+    """
     if not form.held or not 0.0 <= load < form.critical:
         return None
     e, on, closed = form.equations, form.condensed, form.closed
@@ -155,7 +163,7 @@ def stopping_swing(form: Form, load: float, acting: Acting, duration: float) -> 
     moving = inertia > len(K) * np.finfo(float).eps * inertia[-1]
     inertia, shapes = inertia[moving], shapes[:, moving]
     amplitude = shapes.T @ (on.own.T @ acting.b + on.gaps @ acting.g[closed])
-    # what a unit of each mode's acceleration resists with: on coordinates, and along the rope
+    # inertia of a unit acceleration of each mode: on coordinates, and along the rope
     along = load * (c @ shapes) / hook
     resisting = [
         e.M @ (on.own @ shapes) + np.outer(e.b[1], along),
@@ -178,7 +186,11 @@ def stopping_swing(form: Form, load: float, acting: Acting, duration: float) -> 
 
 
 def _at_rest(form: Form, load: float, loads: list[Array]) -> tuple[Array, Array]:
-    """Outputs (o, k) and forces (m, k) under loads (n, k), gaps (m, k) and direct outputs (o, k)."""
+    """Outputs (o, k) and contact forces (m, k) at rest under k load cases.
+
+    `loads` are forces on coordinates (n, k), gaps (m, k) and direct outputs (o, k); `load` in kg sets the geometric
+    stiffness.
+    """
     e, closed = form.equations, form.closed
     C, F, K = e.C[closed], e.F[np.ix_(closed, closed)], e.K + e.G[0] + load * e.G[1]
     n, (matrix, units) = len(K), border_matrix(K, C, F)
