@@ -254,7 +254,7 @@ def round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> fl
 
 
 def probe_round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> Array:
-    """Round-off (k,) of each of the k outputs that are neither in m nor in N, in its unit, bounded as in `round_off`."""
+    """Round-off (k,) of each of the k outputs that are neither in m nor in N, in its unit, as in `round_off`."""
     return ROUND_OFF * _largest_motions(bodies, loads, end, other_outputs)
 
 
@@ -348,7 +348,7 @@ def force_histories(response: Response) -> ForceHistories:
 def force_errors(
     forces: Mapping[tuple[str, str], Mapping[str, Array]], reference: Mapping[tuple[str, str], Mapping[str, Array]]
 ) -> dict[str, float]:
-    r"""Errors by kind, fractions, of the forces that occur in both; the larger error where a kind has forces and moments.
+    r"""Errors by kind, fractions, of the forces that occur in both; the larger one where a kind has forces and moments.
 
     .. math::
         e = \frac{\lVert f - r \rVert}{\max(\lVert r \rVert,\; 10^{-3} \max_k \lVert r_k \rVert)}
