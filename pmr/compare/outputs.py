@@ -260,7 +260,10 @@ def output_contacts(system: Joined[Any]) -> list[int]:
 
 
 def force_kinds_of_system(system: Joined[Any]) -> tuple[str, ...]:
-    """Kind of each force output of a system, of springs, then of `output_contacts`; all ``pad_force`` for a body alone."""
+    """Kind of each force output of a system: of the springs of all bodies, then of `output_contacts`.
+
+    Of a body alone all kinds are ``pad_force``.
+    """
     springs = [kind for body in system.bodies.values() for kind in column_names(body).kinds[1]]
     kinds = [*springs, *(system.contacts[k].kind for k in output_contacts(system))]
     return tuple("pad_force" if ALONE in system.bodies else f"{kind}_force" for kind in kinds)
