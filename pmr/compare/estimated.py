@@ -48,13 +48,13 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Coordinates of the model that tells the error of another one.
+#: Least number of coordinates of a model by which the error of another one is estimated.
 FEWEST = 6
-#: Share of the first truncated mode's motion that is not quasi-static, above which more modes are called for.
+#: Share of the first truncated mode's motion that is not quasi-static above which a warning asks for more modes.
 REACHED = 0.5
 #: Step times highest circular frequency up to which a moving slider was seen to be stable with rho_inf = 1.
 RESOLVED = 2.0
-#: What summary.json has of every estimate, beside what there is of each kind of output.
+#: Keys of every estimate in summary.json, besides those of kinds of outputs.
 _FIGURES = ("probes", "by", "chi", "largest", "seconds", "not_covered")
 
 
@@ -63,7 +63,7 @@ class ReductionError:
     """Part of a summary with ``estimate``, the estimated error of the reduction, and its band and sections."""
 
     part: Part
-    band: Array | None = None  # how far off the tip may be over time, (T, d) in m
+    band: Array | None = None  # error of each displacement of the tip over time, (T, d) in m, with margin
     sections: Mapping[str, float] = field(default_factory=dict)  # along each section of a boom, fractions
 
     def of_section(self, name: str) -> dict[str, Any]:
@@ -158,7 +158,7 @@ class SimulatedSystem:
     system: System
     excitation: Excitation
     given: SystemTrajectory | None = None
-    response: Response | None = None  # what it says in that motion, if known
+    response: Response | None = None  # response to that motion, if known
 
     @classmethod
     def of(cls, system: System, excitation: Excitation, simulations: Simulations) -> SimulatedSystem:

@@ -28,10 +28,11 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: How many times the largest stiffness about the pivot may be the least, before it is said that a support has one.
+#: Ratio of a cylinder's largest stiffness about the pivot to its smallest above which a support is no stand-in for it.
 TURNED = 1.1
 
-#: Share of a pad's largest push, and of a tenth of the largest force of any pad, from which a pull is reported.
+#: Share of a pad's largest push, or of a tenth of the largest force of any pad if that is more, above which its pull is
+#: warned of.
 PULLED = 0.01
 
 

@@ -31,17 +31,18 @@ from pmr.scene import Scene
 from pmr.scene.choice import has_giving_walls, model_of
 from pmr.scene.members import members
 
-#: Of beams: how many times as short their elements are, and with which power of it they converge.
+#: Beams: factor by which elements of the other mesh are shorter, and order with which the motion converges.
 FINER, ORDER = 2.0, 2.0
-#: How many times as long as a pad elements of beams may be to converge with `ORDER`; longer ones do with `FIRST_ORDER`.
+#: Largest ratio of the length of a beam's element to that of a pad with which `ORDER` applies; else `FIRST_ORDER` does.
 LONGEST_ELEMENT = 2.0
-#: Of walls: how many times as long their cells are, and with which power of it they converge.
+#: Walls: factor by which cells of the other mesh are longer, and order with which the motion converges.
 COARSER, FIRST_ORDER = 2.0, 1.0
-#: How many times as long as a pad cells of walls may be: on longer ones too little is stated (`docs/accuracy.md`).
+#: Largest ratio of the length of a wall's cell to that of a pad: on longer cells the stated error is too small
+#: (`docs/accuracy.md`).
 LONGEST = 1.5
-#: Errors that a run measures of its mesh without being asked.
+#: Kinds of outputs whose error of the mesh a run states without a tolerance.
 MEASURED = ("beam", "tip", "pad_force", "cylinder_force", "support_force", "reaction", "frequency")
-#: Places along the body are the same up to this share of its length.
+#: Positions along the body are the same if they differ by no more than this share of its length.
 SAME = 1e-9
 
 
@@ -50,8 +51,8 @@ class OtherMesh:
     """Scene on another mesh, with which a scene is compared."""
 
     scene: Scene
-    called: str
-    share: float  # of the difference: what the scene's own mesh is off by
+    called: str  # as warnings and results name it
+    share: float  # factor on the difference of motions that gives the error of the scene's own mesh
 
 
 def other_mesh(scene: Scene) -> OtherMesh:

@@ -27,9 +27,9 @@ from pmr.simulation import Excitation
 from pmr.system.from_scene import system_of
 from pmr.system.system import System
 
-#: Share of a tolerance that a mesh may take for the rest to be searched beside it.
+#: Largest share of a tolerance that the error of the mesh may take: of a larger one the search takes no account.
 MOST_OF_MESH = 0.9
-#: Coordinates of the reduction of a body alone, which the enrichment modes join: many scenes share it.
+#: Number of coordinates, besides enrichment modes, of the reduction of a body alone: many scenes share that reduction.
 COORDINATES = 6
 _CALLED = {
     "beam": "displacements",
@@ -49,8 +49,8 @@ class Choice:
     scene: Scene  # with the chosen step and, of a body alone, the chosen coordinates
     models: Mapping[str, ReducedModel]  # by body, `ALONE` or sections, these without the modes of their cylinders
     trial: Trial
-    mesh: Mapping[str, float] | None = None  # by kind what the mesh is off by, a fraction
-    mesh_reason: str | None = "the scene leaves it out"  # why that isn't known
+    mesh: Mapping[str, float] | None = None  # error of the mesh by kind, a fraction; None if unknown
+    mesh_reason: str | None = "the scene leaves it out"  # why that error is unknown
     reasons: tuple[str, ...] = ()  # why this model and this step, a clause each
     seconds: float = 0.0  # wall time of the search
 
