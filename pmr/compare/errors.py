@@ -139,11 +139,11 @@ def errors_between(
 
     `responses` are by the name of their model.  `measure` is `nrms` or `relative_error` (fractions) or `absolute_error`
     (m, and N for forces).  In each pair the model that comes later in `order` is the reference.  The pinned node, which
-    does not move, counts in no pair.  Probes and reactions that both responses have are compared too, under their own
-    names.
+    does not move, counts in no pair.  All further outputs that both responses have, such as probes and reactions, are
+    compared too, under their own names.
 
-    A kink of the path is a blow on the beam, and what the reduced model can't follow of this blow goes on vibrating at
-    frequencies above those of the reduced model; forces show that, displacements hardly do (docs/paper.md).
+    A kink of the path is a blow on the beam.  What the reduced model can't follow of it lets the full model vibrate at
+    frequencies above those of the reduced one; forces show that, displacements hardly do (docs/paper.md).
     """
     return errors_of_pairs(compared_pairs(responses, order, quantities), measure)
 

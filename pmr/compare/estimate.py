@@ -69,8 +69,8 @@ Models = Mapping[str, ReducedModel]
 
 #: Factors on the difference to a richer model in estimates, and on errors that follow from all modes of a reduction.
 MARGIN, MARGIN_OF_ALL_MODES = 1.25, 1.1
-#: Share of inertia that attachment modes leave out where those that leave out less make the motion grow: under rigid
-#: contacts they leave no flexibility but round-off, which may push the wrong way.
+#: Share of inertia that attachment modes leave out where the motion grows with `LEFT_OUT`: under rigid contacts the
+#: flexibility that remains is round-off, which may have the wrong sign.
 MORE_LEFT_OUT = 1e-5
 
 
@@ -250,7 +250,7 @@ def _attachment_difference(models: Models, first: _Simulated, excitation: Excita
     Attachment modes are for the contact forces and loads of the first run, whose parts of each step are used again.  If
     the motion grows, it is simulated with fewer attachment modes, then with half as many enrichment modes, and so on;
     raises GrowthError if the motion grows with all of them.  Where pads lift off in the first run, a third run without
-    enrichment modes tells in which kinds of outputs richer models disagree; raises UnsettledError if they do in
+    enrichment modes shows in which kinds of outputs richer models disagree; raises UnsettledError if they disagree in
     displacements.
     """
     if not excitation.stepping.schedule:
@@ -436,10 +436,11 @@ def carrier_forces_of_run(carriers: CarriedRows, rows: Sequence[Row], run: Traje
 def carrier_forces(
     carriers: CarriedRows, rows: Sequence[Row], x: Array, multipliers: Array, loads: Array
 ) -> sp.csr_matrix:
-    """Forces of m rows on K carriers, then the loads: a sparse matrix (T, K + i) in N.
+    r"""Forces of m rows on K carriers, then the loads: a sparse matrix (T, K + i) in N.
 
-    The rows are at the path coordinates x (T, m) in m with multipliers (T, m) in N; loads are (T, i) in N.  A row
-    touches few carriers at a time.
+    A row with the multiplier :math:`\lambda` acts on its few carriers with :math:`-b(x) \lambda`, b being its weights
+    on them.  The rows are at the path coordinates x (T, m) in m, their multipliers are (T, m) in N, the loads (T, i) in
+    N.
     """
     T, K = len(x), len(carriers.values)
     on, shares = [np.broadcast_to(K + np.arange(loads.shape[1]), loads.shape)], [loads]

@@ -232,7 +232,7 @@ def step_part(scene: Scene, simulated: SimulatedSystem, natural: Array, step_est
     """``step`` of summary.json: the time step's error, with warnings.
 
     `natural` (S, f) in Hz are f natural frequencies in S positions on the way.  `step_estimate`, if it is passed, is
-    not computed again.  There are no warnings if the step was chosen by its error, as with `[accuracy]`.
+    not computed again.  The size of the error is not warned of if the step was chosen by it, as with `[accuracy]`.
     """
     system, excitation = simulated.system, simulated.excitation
     if scene.simulation.simulators[0] != "march":

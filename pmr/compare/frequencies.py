@@ -269,8 +269,8 @@ def _first_reached(scene: Scene, excitation: Excitation, count: int) -> Visited:
 def frequencies_on_way(scene: Scene, system: System, excitation: Excitation, at: Visited) -> Frequencies:
     """Natural frequencies in Hz of the reduced system in the positions `at`, with every contact closed.
 
-    Terms have the amplitudes of the times `at.t`.  A body alone has the closed form beside them, if there is one; a
-    boom of which two joints move has a map of the first frequency over both extensions.
+    Terms have the amplitudes of the times `at.t`.  For a body alone without terms the closed form is included, if there
+    is one; for a boom of which two joints move, a map of the first frequency over both extensions.
     """
     c = excitation.amplitudes(system.term_names, at.t)
     curves = {"reduced": Assembly(system).frequencies(at.sides(system), at.count, c)}

@@ -380,7 +380,8 @@ def is_recorded(system: System, stepping: TimeStepping) -> bool:
 def in_parts(system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> Excitation:
     """Excitation whose steps are divided into the parts that a run of the system divides them into.
 
-    `run` is simulated if it is None.  The excitation is returned unchanged if no contact only pushes.
+    `run` is simulated if it is None.  The excitation is returned unchanged if no contact only pushes, or if its time
+    grid sets the number of parts.
     """
     omega = contact_frequency(system, excitation)
     if omega == 0.0:

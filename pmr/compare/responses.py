@@ -43,10 +43,10 @@ if TYPE_CHECKING:
 
 Indices = NDArray[np.int64]
 
-#: A full model of more coordinates than this goes through PETSc, for diagonalising costs more.  Exudyn factorises in
+#: A full model of more coordinates than this is simulated by PETSc, for diagonalising costs more.  Exudyn factorises in
 #: every step: 453 coordinates take it twice as long as PETSc, and from some 900 on Newton's method may not converge.
 MARCHED_UP_TO = 400
-#: Number of coordinates up to which full models of several sections, diagonalised one by one, go through ``march``.
+#: Number of coordinates up to which ``march`` simulates full models of several sections, diagonalised one by one.
 SECTIONS_MARCHED_UP_TO = 1200
 #: Seconds: shorter simulations are repeated for their time, since caches are empty in the first one.
 SHORT = 0.1
@@ -85,9 +85,9 @@ def simulate(
 ) -> Simulations:
     """Simulate a reduced system once by every simulator that the scene names, and record states at the `steps`.
 
-    Of all simulators but the first only solver times, and the differences in displacements between them, are returned.
-    Where contacts only push, Exudyn divides each step into the parts that the compiled simulator chose, if that ran
-    first. Stages of `clock` are the simulations.
+    The response and states are those of the first simulator; of the others, solver times and the differences in
+    displacements are returned.  Where contacts only push, Exudyn divides each step into the parts that the compiled
+    simulator chose, if that ran first.  Each simulation is a stage of `clock`.
 
     Raises InputError, with the key to change, if the motion grows without bound.
     """
@@ -106,6 +106,7 @@ def simulate(
     seconds = {name: response.seconds for name, response in responses.items()}
 
     def again() -> dict[str, float]:
+        """Repeat short simulations and return the least seconds of each simulator."""
         return {name: one.least(seconds[name], scene.simulation.repeats) for name, one in prepared.items()}
 
     return Simulations(results[names[0]], seconds, agreement(responses), stepping, again)
@@ -214,11 +215,13 @@ def _prepare(system: System, excitation: Excitation, simulator: str, steps: Indi
     start, formulation = systems.start_of(system, excitation), exudyn.FORMULATIONS[simulator]
 
     def run(done: Progress | None) -> Simulated:
+        """Simulate by Exudyn and evaluate the response."""
         trajectory = exudyn.simulate_system(system, excitation, start, done, formulation)
         states, response = states_of(system, trajectory, steps), respond(system, trajectory)
         return Simulated(response, states, trajectory.parts, None if alone else trajectory, response)
 
     def again(count: int) -> list[float]:
+        """Repeat the simulation by Exudyn `count` times and return the solver's seconds of each."""
         return [exudyn.simulate_system(system, excitation, start, None, formulation).seconds for _ in range(count)]
 
     return Prepared(run, again)
@@ -234,10 +237,12 @@ def _prepare_march(system: System, excitation: Excitation, steps: Indices, recor
     march = cache(lambda: March(form, excitation))
 
     def run(done: Progress | None) -> Simulated:
+        """Simulate, evaluate the response block by block, and record states."""
         evaluation, recorder = Evaluation(system, excitation.times, f), Recorder(recorded_steps)
         parts = np.ones(len(excitation.times), np.int64)
 
         def take(block: Block) -> None:
+            """Evaluate one block, and record its states and parts of steps."""
             part = block.at(slice(None))
             evaluation(block.first, part)
             parts[block.first : block.first + block.count] = part.parts
@@ -433,10 +438,11 @@ MACHINE = "machine"
 
 
 def with_machine(scene: Scene, response: Response) -> Response:
-    """Append displacements, rates and forces of the machine, if its motion was found with the scene's, to the response.
+    """Append displacements, rates and forces of a machine that moves by itself to the response of a scene.
 
     Displacements are in m or rad, rates in m/s or rad/s.  Forces are those of springs, dampers and constraints in N or
     N m, positive along the axes, by the directions of ``[frame.base]``; a direction in which none acts has no force.
+    The response is returned unchanged if no motion of a machine was found with the scene's.
     """
     motions = {} if scene.frame is None or scene.frame.base is None else scene.frame.base.motions
     free_motions: dict[str, Samples] = {
@@ -503,8 +509,8 @@ def memory_warnings(scene: Scene, size: int, outputs: int) -> list[str]:
 def check_memory(scene: Scene, size: int, outputs: int, free: int | None, tell: bool = True) -> None:
     """Raise an InputError, with the number of steps that fits, if the histories do not fit into `free` bytes of memory.
 
-    `free` is None if it is unknown.  If they fit but take more than `NOTABLE_BYTES`, this is logged if `tell` is true.
-    `size` and `outputs` are as for `needed_bytes`.
+    Histories of less than `NOTABLE_BYTES` are not checked, nor are any if `free` is None (unknown).  Those that take
+    more but fit are logged as a warning if `tell` is true.  `size` and `outputs` are as for `needed_bytes`.
     """
     for message in memory_warnings(scene, size, outputs):
         total = needed_bytes(scene, size, outputs)

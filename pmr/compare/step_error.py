@@ -81,10 +81,10 @@ BUDGET = 300_000
 BUDGET_OF_IMPACTS = 50_000
 #: Largest number of steps of any run, the first two halvings included.
 LONGEST = 4_000_000
-#: Steps at which runs are compared, at most.
+#: Largest number of times at which runs are compared.
 COMPARED = 20_000
-#: Least rho_inf of runs that others are compared with.  With less, steps damp what they don't resolve, so that runs
-#: which all lack it agree; with 1, rows that move can make it grow.
+#: Least rho_inf of the runs with shorter steps.  With less, steps damp motions that they don't resolve, so that runs in
+#: which these are missing agree; with 1, rows that move can make such motions grow.
 UNDAMPED = 0.95
 
 
@@ -113,9 +113,10 @@ class Stepped:
     `run` is the run with the given step; it is simulated if it is needed and None.  If `complete` is a function, which
     adds to a response those forces that follow from others, all kinds of forces are sampled.
 
-    Where contacts only push, the given run chooses the number of parts of each step.  Runs with shorter steps divide
-    each step into the most parts of that step, the one before and the one after in the given run, and half of the step
-    into as many: so parts become shorter with the step, at impacts and between them.
+    Where contacts only push, the given run chooses the number of parts of each step, unless its time grid sets that
+    number or the run is too long to be recorded.  Runs with shorter steps divide each step into the most parts of that
+    step, the one before and the one after in the given run, and half of the step into as many: so parts become shorter
+    with the step, at impacts and between them.
     """
 
     def __init__(
@@ -154,7 +155,10 @@ class Stepped:
         return TimeStepping(grid.end, step, self.reference_rho, schedule=tuple(np.repeat(most, 2**times).tolist()))
 
     def simulate(self, stepping: TimeStepping) -> SystemTrajectory:
-        """Simulate all steps on a time grid, unless it is the given run; errors as for `pmr.simulation.Simulator`."""
+        """Motion at all steps on a time grid; the given run is not simulated again if it is known.
+
+        Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
+        """
         if self._known is not None and stepping == self.given:
             return self._known
         return run_from_start(self._form, self.excitation.on_grid(stepping))
@@ -571,15 +575,15 @@ def step_warnings(
 
 
 def _load(name: str, signal: SignalBase, stepping: TimeStepping) -> str:
-    """Clause that says up to which frequency a signal goes, and how many steps a period of it takes."""
+    """Clause about the highest frequency of a signal and the number of steps in a period of it."""
     f = signal.highest_frequency(0.0, stepping.end)
     return f"{name} goes up to {f:.4g} Hz, {_steps(f, stepping.step)}"
 
 
 def _motion(band: float, h: float, natural: Array) -> str:
-    """Clause that says up to which frequency in Hz the motion goes, and which modes it excites.
+    """Clause about the highest frequency of the motion, `band` in Hz, and the highest mode that it excites.
 
-    `h` is the step in s, `natural` (S, f) in Hz are frequencies in S positions.
+    `h` is the step in s, `natural` (S, f) in Hz are f natural frequencies in S positions.
     """
     frequencies = natural[:, ~np.isnan(natural).all(axis=0)]  # some reduced models have fewer modes than are drawn
     lowest = np.sort(np.nanmin(frequencies, axis=0)) if frequencies.size else np.empty(0)
