@@ -310,12 +310,15 @@ def _dynamic_stiffness(body: SlidingBody, end: float) -> Array | None:
 
 
 def _norms(A: Array, rows: Array) -> Array:
-    """Norm sqrt(x A^-1 x^T), (r,), of each row x of `rows` (r, n)."""
+    """Norm sqrt(x A^-1 x^T), (r,), of each row x of `rows` (r, n), with the symmetric matrix A (n, n)."""
     return np.asarray(np.sqrt(np.maximum(np.einsum("rn,nr->r", rows, np.linalg.solve(A, rows.T)), 0.0)))
 
 
 def _reach(A: Array, body: SlidingBody, loads: Array) -> float:
-    """Sum over all inputs i of the largest absolute load of `loads` (T, i) in N times the norm of its column of B."""
+    """Sum over all inputs i of the largest absolute load of `loads` (T, i) in N times the norm of its column of B.
+
+    The norm is that of `_norms` with the matrix A.
+    """
     return float(_norms(A, np.asarray(body.B).T) @ np.abs(loads).max(axis=0, initial=0.0))
 
 
