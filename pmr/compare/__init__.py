@@ -1,1 +1,1 @@
-"""How far simulations are apart, and how far a reduced model is off."""
+"""Comparison of simulations with each other, and estimates of the error of a reduced model."""

@@ -1,13 +1,14 @@
-r"""Errors of responses beside references, what of them is round-off, and their frequencies.
+r"""Errors of responses against reference responses, their share of round-off, and the frequency band of a motion.
 
 .. math::
     e_{NRMS}(s, r) = \min\Big( \frac{1}{|N|} \sum_{i \in N}
         \frac{\sqrt{\frac{1}{J} \sum_j (s_{ij} - r_{ij})^2}}{\sqrt{\frac{1}{J} \sum_j r_{ij}^2}},\; 1 \Big), \qquad
     e_{abs}(s, r) = \lVert s - r \rVert
 
-N holds the components that move.  The publication counts those whose reference has an RMS above 1e-10 m, which leaves
-out its pinned node (Weyrer et al., section "Experiments"); here it is those above 1e-6 of the component that moves
-most, for a length would call every motion of a small structure nothing.
+s is the signal, r the reference, i the component, j the time step and J the number of steps.  N holds the components
+that move.  The publication counts those whose reference has an RMS above 1e-10 m, which leaves out its pinned node
+(Weyrer et al., section "Experiments"); here it is those above 1e-6 of the component that moves most, because a limit in
+m would treat every motion of a small structure as zero.
 """
 
 from __future__ import annotations
@@ -30,42 +31,43 @@ Array = NDArray[np.float64]
 Measure = Callable[[Array, Array], float]
 Observed = Callable[[Response], Array]
 Pair = tuple[Array, Array]
-#: Of two responses the later one is the reference.
+#: Of two responses, that of the model which comes later here is the reference.
 ORDER = ("reduced", "full", "ancf")
 
 #: Components whose reference RMS does not exceed this share of the largest one are left out of e_NRMS: a direction in
 #: which nothing happens holds round-off only.
 RELATIVE_FLOOR = 1e-6
-#: Size of a reference from which on squares neither vanish nor lose digits, in all of its components that count.
+#: Norm above which squares of a reference neither underflow nor lose digits, in all components that are counted.
 LEAST = 1e-130
-#: Share of a displacement or a force that cancels which may be left as round-off: tens of thousands of steps of double
-#: precision. Kernels of BLAS leave up to 1.6e-12 of a displacement.
+#: Share of a displacement or a force that may remain as round-off where it cancels: tens of thousands of units of
+#: double precision.  BLAS routines leave up to 1.6e-12 of a displacement.
 ROUND_OFF = 1e-11
-#: N/m: what holds a coordinate lets nothing through.
+#: Stiffness in N/m that makes a held coordinate rigid.
 HOLDS = 1e300
-#: Coordinates up to which it is found out what the loads would do to the body.
+#: Number of coordinates of a body up to which its round-off is bounded: the matrix is dense.
 LARGEST_COMPLIANCE = 500
 
 
 def nrms(signal: Array, reference: Array) -> float:
     """e_NRMS of a signal (T,) or (T, M) against a reference of the same shape, as a fraction in [0, 1].
 
-    Raises ValueError or SimulationError as `relative_error`.
+    T is the number of times, M that of components.  Raises ValueError or SimulationError as `relative_error` does.
     """
     return min(relative_error(signal, reference), 1.0)
 
 
 def relative_error(signal: Array, reference: Array) -> float:
-    """RMS of the difference over the RMS of the reference, the mean over all components that move.
+    """RMS of the difference over the RMS of the reference, averaged over all components that move; a fraction.
 
-    It is e_NRMS without the limit of 1, so that growth can be told.  Where squares would leave the range of numbers,
-    the reference's largest value is the unit of both.
-    Where the reference is zero throughout: 0 if the signal is too, 1 otherwise.  Raises ValueError if the shapes
-    differ; SimulationError if a value is not finite.
+    It is e_NRMS without the limit of 1, so that a motion that grows can be recognised.  Signal and reference have the
+    shape (T,) or (T, M): times, components.  Where squares of the values would leave the range of double precision,
+    both are divided by the largest absolute value of the reference first.  If the reference is zero throughout, the
+    error is 0 if the signal is zero too, and 1 otherwise.  Raises ValueError if the shapes differ; SimulationError if a
+    value is not finite.
     """
     if signal.shape != reference.shape:
         raise ValueError(f"shapes {signal.shape} and {reference.shape} differ")
-    with np.errstate(over="ignore", invalid="ignore"):  # infinitely far off is possible
+    with np.errstate(over="ignore", invalid="ignore"):  # the difference may be infinite
         difference = signal - reference
         scale, error = _lengths(reference), _lengths(difference)
         if not (np.isfinite(error).all() and LEAST < np.max(scale, initial=0.0) < np.inf):
@@ -79,14 +81,14 @@ def relative_error(signal: Array, reference: Array) -> float:
 
 
 def _lengths(values: Array) -> Any:
-    """Length of each component over all steps."""
+    """Euclidean norm (...) over all T steps of each component of `values` (T, ...)."""
     return np.sqrt(np.einsum("t...,t...->...", values, values))
 
 
 def absolute_error(signal: Array, reference: Array) -> float:
     """e_abs, the euclidean norm of the difference over all steps (and components), in the signals' unit.
 
-    Raises SimulationError if a value is not finite, or the norm isn't.
+    Raises SimulationError if a value of the difference, or its norm, is not finite.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         difference = np.asarray(signal) - np.asarray(reference)
@@ -97,18 +99,25 @@ def absolute_error(signal: Array, reference: Array) -> float:
 
 
 def refuse_infinite(*values: Array) -> None:
-    """Raises SimulationError if anything is not finite."""
+    """Raise a SimulationError if any value in any of the arrays is NaN or infinite."""
     if not all(np.isfinite(largest(array, None)) for array in values):
         raise SimulationError("what was simulated is not finite: loads or motions are too large to be computed with")
 
 
 def largest(values: Array, axis: int | None = 0) -> Any:
-    """The largest size along an axis, or of all; NaN where one is.  What a copy of all sizes would take is left out."""
+    """Largest absolute value along `axis` (0: of each column), or of all entries if `axis` is None; NaN if one is NaN.
+
+    It is computed from the maximum and the minimum, which saves the memory that an array of absolute values would take.
+    """
     return np.maximum(values.max(axis=axis, initial=0.0), -values.min(axis=axis, initial=0.0))
 
 
 def observed_quantities(tips: int, along: slice) -> Mapping[str, Observed]:
-    """Quantities that are compared: the last `tips` columns are the tip's, those `along` the beam may be among them."""
+    """Functions of a response that return the compared quantities of a body alone, (T, k) each, by name.
+
+    ``tip`` is the last `tips` columns of the displacements in m, ``beam`` the columns `along` (these may include the
+    tip's), ``pad_force`` all contact forces in N.
+    """
     return {
         "tip": lambda response: response.displacement[:, -tips:],
         "beam": lambda response: response.displacement[:, along],
@@ -116,7 +125,7 @@ def observed_quantities(tips: int, along: slice) -> Mapping[str, Observed]:
     }
 
 
-#: Of a planar beam that is observed at its nodes, the last of which is its tip.
+#: Compared quantities of a planar beam that is observed at its nodes, the last of which is its tip.
 AT_NODES = observed_quantities(1, slice(None))
 
 
@@ -126,19 +135,21 @@ def errors_between(
     order: tuple[str, ...] = ORDER,
     quantities: Mapping[str, Observed] = AT_NODES,
 ) -> dict[str, dict[str, float]]:
-    """Errors of all pairs: ``{"reduced_vs_full": {"tip": ..., "beam": ..., "pad_force": ...}, ...}``.
+    """Errors of all pairs of models, as ``{"reduced_vs_full": {"tip": ..., "beam": ..., "pad_force": ...}, ...}``.
 
-    `measure` is `nrms` (fractions) or `absolute_error` (m, and N for the force).  The later one in `order` is the
-    reference.  The pinned node, which does not move, counts in no pair.  Outputs in other units are compared by name.
+    `responses` are by the name of their model.  `measure` is `nrms` or `relative_error` (fractions) or `absolute_error`
+    (m, and N for forces).  In each pair the model that comes later in `order` is the reference.  The pinned node, which
+    does not move, counts in no pair.  All further outputs that both responses have, such as probes and reactions, are
+    compared too, under their own names.
 
-    A kink of the path strikes the beam, and what of the blow a reduced model can't follow rings on at frequencies
-    above its own; the force sees that, displacements hardly do (docs/paper.md).
+    A kink of the path is a blow on the beam.  What the reduced model can't follow of it lets the full model vibrate at
+    frequencies above those of the reduced one; forces show that, displacements hardly do (docs/paper.md).
     """
     return errors_of_pairs(compared_pairs(responses, order, quantities), measure)
 
 
 def errors_of_pairs(pairs_of_models: Mapping[str, Mapping[str, Pair]], measure: Measure) -> dict[str, dict[str, float]]:
-    """Errors of pairs of signals, as from `pairs`."""
+    """Errors by pair of models and quantity, from pairs (signal, reference) as `compared_pairs` returns them."""
     return {between: {name: measure(*pair) for name, pair in of.items()} for between, of in pairs_of_models.items()}
 
 
@@ -147,7 +158,11 @@ def compared_pairs(
     order: tuple[str, ...] = ORDER,
     quantities: Mapping[str, Observed] = AT_NODES,
 ) -> dict[str, dict[str, Pair]]:
-    """Signals and references (T, o) that `errors` compares, by pair and quantity; round-off set to 0."""
+    """Pairs (signal, reference), each (T, o), which `errors_between` compares, by ``<a>_vs_<b>`` and quantity.
+
+    o is the number of columns of a quantity.  Columns in which neither signal nor reference exceeds round-off are set
+    to 0.
+    """
     present = [name for name in order if name in responses]
     pairs_of_models = dict[str, dict[str, Pair]]()
     least = max((response.round_off for response in responses.values()), default=0.0)
@@ -164,9 +179,10 @@ def compared_pairs(
 
 
 def _others(response: Response, reference: Response, force: float) -> dict[str, Pair]:
-    """Other outputs that both know, with zeros where nothing happens beside those of the same unit.
+    """Pairs (signal, reference), (T,) each, of probes, reactions and other outputs that both responses have, by name.
 
-    Reactions are nothing up to `force` in N, or N m, either.
+    A pair is replaced by zeros where neither of the two exceeds `RELATIVE_FLOOR` times the largest output in the same
+    unit; in N and N m also where neither exceeds `force`, the round-off of forces.
     """
     units = dict(zip(response.other_names, response.other_units, strict=True))
     pairs = {name: (response.other(name), reference.other(name)) for name in units if name in reference.other_names}
@@ -179,7 +195,10 @@ def _others(response: Response, reference: Response, force: float) -> dict[str, 
 
 
 def with_common_forces(first: Response, second: Response) -> tuple[Response, Response]:
-    """Both with the forces that both know, in one order, where both say which is which."""
+    """Both responses with only the forces that occur in both, in the same order.
+
+    They are returned unchanged if one of them has no names of forces, or if the names are equal.
+    """
     if not (first.force_names and second.force_names) or first.force_names == second.force_names:
         return first, second
     common = [name for name in first.force_names if name in second.force_names]
@@ -193,7 +212,11 @@ def with_common_forces(first: Response, second: Response) -> tuple[Response, Res
 def _without_round_off(
     compared_response: Response, reference: Response, least: float, force: float
 ) -> tuple[Response, Response]:
-    """Both with zeros where neither exceeds round-off: such displacements (m) and forces (N) are nobody's error."""
+    """Both responses with zeros in the columns of displacements and forces in which neither of them exceeds round-off.
+
+    Round-off is `least` in m for displacements, and for forces the larger of `force` in N and `ROUND_OFF` times the
+    largest force.
+    """
     x, y = zero_round_off(compared_response.displacement, reference.displacement, least)
     size = max(float(largest(response.slider_force, None)) for response in (compared_response, reference))
     f, g = zero_round_off(compared_response.slider_force, reference.slider_force, max(force, ROUND_OFF * size))
@@ -203,7 +226,10 @@ def _without_round_off(
 
 
 def zero_round_off(signal: Array, reference: Array, round_off: float | Array) -> tuple[Array, Array]:
-    """Two signals (T, o) with zeros in the columns in which neither exceeds round-off, which each may have its own."""
+    """Signal and reference (T, o) with zeros in those columns in which neither exceeds `round_off`.
+
+    `round_off` is one value, or one for each column (o,), in the unit of the signals.
+    """
     moves = np.maximum(largest(signal), largest(reference)) > round_off
     if moves.all():
         return signal, reference
@@ -216,21 +242,28 @@ def round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> fl
     .. math:: 10^{-11} \max_o \lVert O_o^T \rVert \sum_i \lVert B_i \rVert \max_t |f_i|, \qquad
         \lVert x \rVert^2 = x^T \big(K + (2 \pi / t_e)^2 M\big)^{-1} x
 
+    with the row :math:`O_o` of each displacement output, the column :math:`B_i` of each of the i inputs, its load
+    :math:`f_i`, stiffness K, mass M and :math:`t_e` = `end`.
+
     By Cauchy and Schwarz the product bounds what the loads do to an output of the bodies with their contacts released,
-    in whichever coordinates.  Round-off is a share of that also where a slider cancels it, or where loads along the
-    axis don't bend the body at all.  It is linear in the loads, so no motion is too small by itself.  0 for bodies that
-    are large.
+    in whichever coordinates.  Round-off is a share of that also where a slider cancels the displacement, or where loads
+    along the axis don't bend the body at all.  It is linear in the loads, so that no motion counts as round-off because
+    the loads are small.  It is 0 if a body has more than `LARGEST_COMPLIANCE` coordinates.
     """
     return float(ROUND_OFF * _largest_motions(bodies, loads, end, length_outputs).max(initial=0.0))
 
 
 def probe_round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> Array:
-    """Round-off as in `round_off`, of each output that is neither in m nor in N, (k,) in its unit."""
+    """Round-off (k,) of each of the k outputs that are neither in m nor in N, in its unit, as in `round_off`."""
     return ROUND_OFF * _largest_motions(bodies, loads, end, other_outputs)
 
 
 def _largest_motions(bodies: Mapping[str, SlidingBody], loads: Array, end: float, which: Callable[[Any], Any]) -> Array:
-    """How far each of some outputs (o,) may go; 0 where a body is large."""
+    """Bound (o,) on each of the outputs that `which` selects, in its unit, under loads (T, i) in N for `end` seconds.
+
+    `which` returns a mask of a body's outputs.  All bounds are 0 if a body has more than `LARGEST_COMPLIANCE`
+    coordinates.
+    """
     sizes, reach, first = list[Array](), 0.0, 0
     for body in bodies.values():
         chosen, last = which(body), first + body.B.shape[1]
@@ -243,10 +276,12 @@ def _largest_motions(bodies: Mapping[str, SlidingBody], loads: Array, end: float
 
 
 def force_round_off(body: SlidingBody, loads: Array, end: float, s: float) -> float:
-    r"""Force in N that may be round-off alone: as `round_off`, of outputs that are forces and of sliders' rows.
+    r"""Force in N that may be round-off alone in a body under loads (T, i) in N for `end` seconds.
 
-    A row's is at most that share of :math:`\lVert B \rVert |f| / \sqrt{\lVert C^T \rVert^2 + G + 1/k}`,
-    with C and G at the path coordinate s in m.
+    It is bounded as in `round_off`, for the outputs that are forces and for the multipliers of the released rows, those
+    that move or only push.  The force of a row is at most :math:`\lVert B \rVert |f| / \sqrt{\lVert C^T \rVert^2 + G +
+    1/k}` with the row C and its residual flexibility G, both at the path coordinate s in m, and its stiffness k;
+    `ROUND_OFF` times that counts as round-off.  It is 0 if the body has more than `LARGEST_COMPLIANCE` coordinates.
     """
     if (A := _dynamic_stiffness(body, end)) is None:
         return 0.0
@@ -261,7 +296,10 @@ def force_round_off(body: SlidingBody, loads: Array, end: float, s: float) -> fl
 
 
 def _dynamic_stiffness(body: SlidingBody, end: float) -> Array | None:
-    """K + (2 pi / end)^2 M, with what supports hold held; None where the body is large."""
+    """K + (2 pi / end)^2 M (n, n) with held coordinates made rigid; None where the body is too large.
+
+    It is None for more than `LARGEST_COMPLIANCE` coordinates, or unless `end` in s is positive.
+    """
     if body.size > LARGEST_COMPLIANCE or not end > 0.0:
         return None
     stiffness = dense(body.K + (2.0 * np.pi / end) ** 2 * body.M)
@@ -272,28 +310,32 @@ def _dynamic_stiffness(body: SlidingBody, end: float) -> Array | None:
 
 
 def _norms(A: Array, rows: Array) -> Array:
-    """Norm sqrt(x A^-1 x^T) of each of the rows (r, n)."""
+    """Norm sqrt(x A^-1 x^T), (r,), of each row x of `rows` (r, n), with the symmetric matrix A (n, n)."""
     return np.asarray(np.sqrt(np.maximum(np.einsum("rn,nr->r", rows, np.linalg.solve(A, rows.T)), 0.0)))
 
 
 def _reach(A: Array, body: SlidingBody, loads: Array) -> float:
-    """Sum of all loads' largest values (T, i), each times the norm of its input."""
+    """Sum over all inputs i of the largest absolute load of `loads` (T, i) in N times the norm of its column of B.
+
+    The norm is that of `_norms` with the matrix A.
+    """
     return float(_norms(A, np.asarray(body.B).T) @ np.abs(loads).max(axis=0, initial=0.0))
 
 
 #: Forces, or moments, (T,) by kind and unit, such as ``("pad_force", "N")``, and by their names.
 ForceHistories = dict[tuple[str, str], dict[str, Array]]
 
-#: Share of the largest kind's norm below which a kind of forces is measured by that share.
+#: Share of the norm of the largest kind of forces: errors of kinds with a smaller norm are relative to that share.
 LITTLE_FORCE = 1e-3
 #: Units of forces and moments.
 FORCE_UNITS = ("N", "N m")
 
 
 def force_histories(response: Response) -> ForceHistories:
-    """All forces of a response by kind, such as ``("pad_force", "N")`` or ``("reaction", "N m")``, and by name.
+    """All forces of a response, (T,) each, by kind and unit and then by name.
 
-    Forces at the ends of steps; of pads that only push those are smaller than the peaks within steps.
+    Keys are such as ``("pad_force", "N")`` or ``("reaction", "N m")``.  Forces of contacts are those at the ends of
+    steps; for pads that only push these are smaller than the peaks within steps.
     """
     forces = ForceHistories()
     first = len(response.output_names)
@@ -309,14 +351,15 @@ def force_histories(response: Response) -> ForceHistories:
 def force_errors(
     forces: Mapping[tuple[str, str], Mapping[str, Array]], reference: Mapping[tuple[str, str], Mapping[str, Array]]
 ) -> dict[str, float]:
-    r"""Errors by kind, fractions, of the forces that both have; the larger one where a kind has forces and moments.
+    r"""Errors by kind, fractions, of the forces that occur in both; the larger one where a kind has forces and moments.
 
     .. math::
         e = \frac{\lVert f - r \rVert}{\max(\lVert r \rVert,\; 10^{-3} \max_k \lVert r_k \rVert)}
 
-    over all forces of a kind and all times; r_k are the forces of the other kinds in the same unit.  A kind that bears
-    next to nothing, such as a cylinder that holds still, is measured by what the others bear.
-    Kinds of which all forces of the reference are zero are left out.
+    with the forces f and their reference r over all forces of a kind and all times; r_k are the reference forces of
+    each kind k in the same unit.  The error of a kind that bears next to nothing, such as the force of a cylinder that
+    holds still, is thereby relative to `LITTLE_FORCE` times the largest kind.  Kinds are left out if all reference
+    forces in their unit are zero.
     """
     pairs = dict[tuple[str, str], tuple[float, float]]()
     for key in (key for key in forces if key in reference):
@@ -334,7 +377,10 @@ def force_errors(
 
 
 def band(y: Array, step: float) -> float:
-    """Frequency in Hz above which 1 % of signals (T, o) lies, by its RMS, at steps of so many s; 0 if all are zero."""
+    """Frequency in Hz above which 1 % of signals y (T, o) lies, by their RMS; 0 if all of them are constant.
+
+    `step` is the time between samples in s.
+    """
     from scipy.fft import next_fast_len  # slow to import, and few need it
 
     window, count = np.hanning(len(y))[:, None], next_fast_len(len(y), real=True)
@@ -346,13 +392,19 @@ def band(y: Array, step: float) -> float:
 
 
 def band_of(response: Response) -> float:
-    """Band of a motion in Hz: the tip's, or that of all displacements where the tip rests on a support."""
+    """Band in Hz of the motion of a response: `band` of the last displacement, which is the tip's.
+
+    It is that of all displacements if the tip moves by no more than round-off, as on a support.
+    """
     tip, step = response.displacement[:, -1:], float(response.t[1] - response.t[0])
     return band(tip if np.ptp(tip) > response.round_off else response.displacement, step)
 
 
 def error_below(signal: Array, reference: Array, step: float, highest: float) -> float:
-    """`pmr.compare.errors.relative_error` of what two signals (T, o) have up to a frequency in Hz."""
+    """`relative_error` of a signal (T, o) against a reference, both without what they have above `highest` in Hz.
+
+    `step` is the time between samples in s.
+    """
     too_high = np.fft.rfftfreq(len(signal), step) > highest
     spectra = [np.fft.rfft(values, axis=0) for values in (signal, reference)]
     for spectrum in spectra:

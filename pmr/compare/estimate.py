@@ -1,16 +1,17 @@
-r"""How far a reduced model is off, without a full one.
+r"""Estimate the error of a reduced model without a full model.
 
-The error is what inertia and damping of the truncated modes make of the motion.  A second run has more coordinates: the
-first modes left out, the enrichment modes, and attachment modes (`pmr.reduced.attachment`), which give the rest its
-inertia and damping in the directions of all loads that a body bore in the first run:
+The error comes from inertia and damping of the truncated modes.  A second run has more coordinates: the first truncated
+modes (enrichment modes), and attachment modes (`pmr.reduced.attachment`), which add inertia and damping of all further
+modes in the directions of all loads that a body bore in the first run:
 
 .. math:: \text{estimate} = 1.25 \lVert y_{\text{second}} - y_r \rVert
 
-1.25 is a margin: without it the estimate was 0.98 to 1.2 times the true error in random scenes, damped and not, with
-one slider, two sliders and twelve pads (tests/compare/test_estimate_kinds_sweep.py).  It is no bound
-(docs/moving_residual_flexibility.md, section 12); `pmr.compare.trust` says where it can be seen to fail.  Where pads
-land and lift off an impact a moment earlier changes all that follows: a third run, without the enrichment modes, has to
-be near the second one then.
+with the outputs y_r of the reduced model and those of the second run.  1.25 is a margin: without it the estimate was
+0.98 to 1.2 times the true error in random scenes, damped and not, with one slider, two sliders and twelve pads
+(tests/compare/test_estimate_kinds_sweep.py).  It is no bound (docs/moving_residual_flexibility.md, section 12);
+`pmr.compare.trust` names the cases in which it is seen to fail.  Where pads land and lift off, an impact a moment
+earlier changes the whole motion after it: then a third run, without the enrichment modes, has to be close to the second
+one.
 """
 
 from __future__ import annotations
@@ -66,10 +67,10 @@ from pmr.system.system import System
 Array = NDArray[np.float64]
 Models = Mapping[str, ReducedModel]
 
-#: Margin of the estimate over what the enrichment modes say, and of errors that all modes of a reduction tell.
+#: Factors on the difference to a richer model in estimates, and on errors that follow from all modes of a reduction.
 MARGIN, MARGIN_OF_ALL_MODES = 1.25, 1.1
-#: Share of inertia that attachment modes leave out where those that leave out less make the motion grow: under rigid
-#: contacts they leave no flexibility but round-off, which may push the wrong way.
+#: Share of inertia that attachment modes leave out where the motion grows with `LEFT_OUT`: under rigid contacts the
+#: flexibility that remains is round-off, which may have the wrong sign.
 MORE_LEFT_OUT = 1e-5
 
 
@@ -78,47 +79,51 @@ class Estimate:
     """Estimated errors of the outputs of reduced bodies, with margin.
 
     Fractions are e_NRMS relative to the second run's motion, not capped: above 1 the error is larger than the motion.
-    `by` says what with: ``attachment`` modes, or an ``other model``.
+    `by` is the method: ``attachment`` modes, or an ``other model``.
     """
 
     errors: Mapping[str, float]  # by kind of output (`pmr.compare.outputs`), without those that are `unknown`
     probes: Mapping[str, float]  # of each output in another unit, by name (`probe_differences`)
-    error: Array  # (T, o) m: what is missing in the displacements, as far as these runs know, without margin
+    error: Array  # (T, o) m: what is missing in the displacements, as far as these runs show, without margin
     tips: tuple[int, ...]  # numbers of the displacements that are the tip's
     seconds: float  # wall time of the estimate, all runs included
     by: str
     enrichment: int | None = None  # modes of each body that the second run has more; None: all that models keep
     chi: float | None = None  # share of the first truncated mode's motion that is not quasi-static
-    bodies: Mapping[str, float] = field(default_factory=dict)  # along each of several bodies
+    bodies: Mapping[str, float] = field(default_factory=dict)  # error along each of several bodies, with margin
     unknown: Mapping[str, str] = field(default_factory=dict)  # kinds without an estimate, and why, in words
-    scatter: str = ""  # what is to be said of peak forces where these are not settled
+    scatter: str = ""  # sentence about peak forces (`describe_scatter`) where these are not settled, else empty
 
     def of(self, kind: str) -> float:
-        """Error of one kind of output, with margin; 0 where it is unknown."""
+        """Error of one kind of output, a fraction with margin; 0 where there is no estimate of it."""
         return self.errors.get(kind, 0.0)
 
     @property
     def beam(self) -> float:
-        """That over all displacements."""
+        """Error over all displacements, a fraction with margin."""
         return self.of("beam")
 
     @property
     def tip(self) -> float:
-        """Error of the tip."""
+        """Error of the tip's displacements, a fraction with margin."""
         return self.of("tip")
 
     @property
     def largest(self) -> float:
-        """Estimated largest error of any output at any time in m, with margin."""
+        """Estimated largest error of any displacement at any time in m, with margin."""
         return float(MARGIN * np.abs(self.error).max())
 
 
 def no_estimate(models: Models) -> str | None:
-    """Why errors of bodies with these models can't be estimated, in words; None where they can."""
+    """Why errors of bodies with these models can't be estimated, in words; None if they can.
+
+    `models` are by body.
+    """
     return next((f"{name}: {why}" if name else why for name, model in models.items() if (why := _defect(model))), None)
 
 
 def _defect(model: ReducedModel) -> str | None:
+    """Why the error of one model can't be estimated, in words; None if it can."""
     if model.flexibility is None:
         return (
             "without residual flexibility the static deformation of the modes that are left out is missing, and the "
@@ -136,7 +141,7 @@ def _defect(model: ReducedModel) -> str | None:
 
 @dataclass(frozen=True)
 class _Simulated:
-    """Bodies, their motion, and what they say in it."""
+    """A system, its motion in a run, the response to that motion and its outputs."""
 
     system: System
     run: SystemTrajectory
@@ -151,6 +156,7 @@ class _Simulated:
         run: SystemTrajectory | None = None,
         response: Response | None = None,
     ) -> _Simulated:
+        """Simulate the system under the excitation and evaluate its outputs; `run` and `response` are not repeated."""
         run = run or run_from_start(system, excitation)
         response = response or respond(system, run)
         return cls(system, run, response, outputs_of_response(system, run, excitation, response))
@@ -158,14 +164,17 @@ class _Simulated:
 
 @dataclass(frozen=True)
 class _Difference:
-    """Motion of a richer model beyond a model; its run; kinds of outputs on which two of them disagree."""
+    """Outputs of a richer model minus those of a model, the richer model's run, and kinds of outputs that are in doubt.
 
-    missing: Outputs
+    In doubt are kinds in which two richer models disagree.
+    """
+
+    missing: Outputs  # of the richer model minus those of the model
     better: _Simulated
     enrichment: int  # modes of each body that it has more, at most
-    named: Mapping[str, float] = field(default_factory=dict)  # errors of what is no kind, by name, without margin
-    unsettled: Collection[str] = ()
-    scatter: str = ""
+    named: Mapping[str, float] = field(default_factory=dict)  # errors by name (`_errors_by_name`), without margin
+    unsettled: Collection[str] = ()  # kinds in which two richer models disagree
+    scatter: str = ""  # as in `Estimate`
 
 
 def estimate(
@@ -175,12 +184,13 @@ def estimate(
     run: SystemTrajectory | None = None,
     response: Response | None = None,
 ) -> Estimate:
-    """Estimate the error of a system of bodies whose `models` on their modes are given, with their enrichment modes.
+    """Estimate the error of a system of reduced bodies by a second run with enrichment modes and attachment modes.
 
-    The system has more where cylinders do (`pmr.reduced.attachment`).  Its `run`, and what it says in it, are found
-    here unless they are given; one or two others are, in the parts of a step that it took.  Raises ValueError if there
-    is no estimate (`no_estimate`); InputError or SimulationError as for `pmr.simulation.Simulator`; SimulationError too
-    if what two richer models say of an impact differs.
+    `models` are the reduced models by body, on their modes alone; `system` has further coordinates where there are
+    cylinders (`pmr.reduced.attachment`).  Its `run` under the excitation and its `response` are computed unless they
+    are passed.  The second run, and a third one where pads lift off, divide each step into the same parts as `run`.
+    Raises ValueError if there is no estimate (`no_estimate`); InputError or SimulationError as for
+    `pmr.simulation.Simulator`; SimulationError too if the two richer models disagree on the motion after an impact.
     """
     begin = time.perf_counter()
     if why := no_estimate(models):
@@ -223,7 +233,10 @@ def estimate(
 
 
 def _no_forces(model: ReducedModel, excitation: Excitation, of_run: Outputs, better: Outputs) -> str | None:
-    """Why forces of a body alone have no estimate; None where they have one."""
+    """Why forces of sliders and pads of a body alone have no estimate, in words; None if they have one.
+
+    `of_run` are the outputs of the model, `better` those of the richer one.
+    """
     if impulsive(model, excitation):
         return SLIDER_IMPACTS
     if model.moving and jumps_damped(model, excitation.signals, excitation.stepping.end):
@@ -232,7 +245,14 @@ def _no_forces(model: ReducedModel, excitation: Excitation, of_run: Outputs, bet
 
 
 def _attachment_difference(models: Models, first: _Simulated, excitation: Excitation, floors: Floors) -> _Difference:
-    """By the enrichment modes, and attachment modes for what bodies bore, in the parts of a step that they took."""
+    """Simulate the richer model, with enrichment and attachment modes, and return its difference to the first run.
+
+    Attachment modes are for the contact forces and loads of the first run, whose parts of each step are used again.  If
+    the motion grows, it is simulated with fewer attachment modes, then with half as many enrichment modes, and so on;
+    raises GrowthError if the motion grows with all of them.  Where pads lift off in the first run, a third run without
+    enrichment modes shows in which kinds of outputs richer models disagree; raises UnsettledError if they disagree in
+    displacements.
+    """
     if not excitation.stepping.schedule:
         excitation = in_parts(first.system, excitation, first.run)
     loads = loads_carried(first.system, first.run)
@@ -288,13 +308,19 @@ def _with_enrichment(model: ReducedModel, count: int) -> ReducedModel:
 
 
 def _errors_by_name(response: Response, better: Response, excitation: Excitation) -> dict[str, float]:
-    """Errors by name, of reactions and probes, and of forces of each kind between kinks."""
+    """Errors of `response` against `better`, fractions without margin, of all outputs that `errors_between` compares.
+
+    They include reactions and probes by name, and forces of each kind between kinks of extensions.
+    """
     responses, measured = {"reduced": response, "full": better}, quantities_of_boom(excitation, response)
     return errors_between(responses, relative_error, quantities=measured)["reduced_vs_full"]
 
 
 def _errors_along(system: System, displacement: Array, error: Array) -> dict[str, float]:
-    """Error along each of several bodies, with margin."""
+    """Error along each body by its name, a fraction with margin; empty for a body alone.
+
+    `displacement` (T, o) in m are those of all bodies, `error` (T, o) in m what is missing in them.
+    """
     first, errors = 0, dict[str, float]()
     for name, body in system.bodies.items() if len(system.bodies) > 1 else ():
         columns = slice(first, first := first + int(np.count_nonzero(length_outputs(body))))
@@ -303,16 +329,18 @@ def _errors_along(system: System, displacement: Array, error: Array) -> dict[str
 
 
 def _probes(system: System) -> list[str]:
+    """Names of the probes of all bodies, in the order of the probes in `Outputs`."""
     return [named(name, probe) for name, body in system.bodies.items() for probe in column_names(body).others]
 
 
 def by_other(system: System, better: ReducedModel, excitation: Excitation) -> Estimate:
-    r"""The error of a body alone on any basis, from another one of the same body whose error can be estimated.
+    r"""Estimate the error of a body alone on any basis by another model of the same body whose error can be estimated.
 
     .. math:: \lVert y - y_r \rVert \le \lVert y_b - y_r \rVert + \lVert y - y_b \rVert
 
-    with y_b the motion of free modes with residual flexibility, and their own estimate for the last term.  Raises
-    ValueError, InputError, SimulationError as for `estimate` of the other model.
+    with the exact outputs y, the outputs y_r of `system`, and y_b those of `better`, a model on free modes with
+    residual flexibility; the last term is the estimate for `better`.  Raises ValueError, InputError and SimulationError
+    as `estimate` of the other model does.
     """
     begin = time.perf_counter()
     terms = () if system.terms_of is None else system.terms_of({ALONE: better})
@@ -335,7 +363,10 @@ def by_other(system: System, better: ReducedModel, excitation: Excitation) -> Es
 
 
 def _with_common_forces(first_run: _Simulated, second_run: _Simulated) -> tuple[Outputs, Outputs, list[str]]:
-    """Outputs with the forces that both know, and names of the others: rows that a basis doesn't move are left out."""
+    """Outputs of both runs with only the forces that occur in both, and the names of all other forces.
+
+    A force occurs in one run only if a basis does not move the row of its contact, which is then left out of the model.
+    """
     names = [each.response.force_names for each in (first_run, second_run)]
     common = [name for name in names[1] if name in names[0]]
     first, second = (
@@ -349,11 +380,14 @@ def chi(body: ReducedModel, run: Trajectory, f: Array, mode: int) -> float:
     r"""Share of a mode's motion that is not quasi-static, in a run of a body on its modes under loads f (T, i) in N.
 
     .. math::
-        \chi = \frac{\mathrm{rms}(\eta - \varphi_{r+1}^T g / \omega_{r+1}^2)}{\mathrm{rms}(\eta)}, \quad \eta = p_{r+1}
+        \chi = \frac{\mathrm{rms}(\eta - \varphi^T g / \omega^2)}{\mathrm{rms}(\eta)}, \quad
+        \eta = q_k, \quad \varphi^T g = (B f - C(s)^T \lambda)_k, \quad \omega^2 = K_{kk}
 
-    docs/moving_residual_flexibility.md, sections 10 and 12.
+    with k = `mode`, counted from 0, which is usually the first truncated mode, and coordinates q, contact rows C,
+    multipliers :math:`\lambda` and path coordinate s of the run (docs/moving_residual_flexibility.md, sections 10 and
+    12).
 
-    It is 0 where the mode stands still but for round-off, as torsion does under loads in a plane of symmetry.
+    It is 0 if the mode moves by round-off only, as torsion does under loads in a plane of symmetry.
     """
     force = f @ body.B[mode] - np.einsum(
         "tm,tm->t", evaluate(columns(body.rows, [mode]), run.s)[:, :, 0], run.multipliers
@@ -363,18 +397,22 @@ def chi(body: ReducedModel, run: Trajectory, f: Array, mode: int) -> float:
 
 
 def _rms(x: Array) -> float:
+    """RMS of all entries of x."""
     unit = float(np.abs(x).max(initial=0.0))  # squares of tiny values would vanish
     return unit * float(np.sqrt(np.mean((x / unit) ** 2))) if unit > 0.0 else 0.0
 
 
 #: Share of the error that two richer models may differ by where pads lift.
 SETTLED = 0.5
-#: Steps of a run whose loads are answered, at most, evenly taken from all.
+#: Largest number of steps, evenly taken from all, for whose loads attachment modes are made.
 ANSWERED_STEPS = 20_000
 
 
 def loads_carried(system: System, run: SystemTrajectory) -> dict[str, sp.csr_matrix]:
-    """Forces of contacts and loads on the carriers and inputs of each body, (S, K + i) in N."""
+    """Forces of contacts and loads on the carriers and inputs of each body in a run, (S, K + i) in N, by body.
+
+    S is the number of steps, at most `ANSWERED_STEPS`; K is the number of carriers of the body, i that of its inputs.
+    """
     forces, first = {}, 0
     for name, body in system.reduced.items():
         rows = [system.row(side.place) for side in system.sides if side.place.body == name]
@@ -386,9 +424,10 @@ def loads_carried(system: System, run: SystemTrajectory) -> dict[str, sp.csr_mat
 
 
 def carrier_forces_of_run(carriers: CarriedRows, rows: Sequence[Row], run: Trajectory, loads: Array) -> sp.csr_matrix:
-    """Forces of rows on their carriers in a run, and its loads (T, i): (S, K + i) in N, at up to `STEPS` steps.
+    """Forces of rows on their carriers in a run of one body, and its loads (T, i): (S, K + i) in N.
 
-    The path coordinates of the run are those of each row (T, m) in m.
+    They are at S steps, at most `ANSWERED_STEPS`, evenly taken from all T.  `run.s` has to hold the path coordinate of
+    each row, (T, m) in m.
     """
     steps = np.linspace(0, len(run.t) - 1, min(len(run.t), ANSWERED_STEPS)).astype(int)
     return carrier_forces(carriers, rows, run.s[steps], run.multipliers[steps], loads[steps])
@@ -397,9 +436,11 @@ def carrier_forces_of_run(carriers: CarriedRows, rows: Sequence[Row], run: Traje
 def carrier_forces(
     carriers: CarriedRows, rows: Sequence[Row], x: Array, multipliers: Array, loads: Array
 ) -> sp.csr_matrix:
-    """Forces of rows at x (T, m) m on their carriers, by multipliers (T, m) N, and loads: (T, K + i) in N.
+    r"""Forces of m rows on K carriers, then the loads: a sparse matrix (T, K + i) in N.
 
-    Sparse, for a row touches few carriers at a time.
+    A row with the multiplier :math:`\lambda` acts on its few carriers with :math:`-b(x) \lambda`, b being its weights
+    on them.  The rows are at the path coordinates x (T, m) in m, their multipliers are (T, m) in N, the loads (T, i) in
+    N.
     """
     T, K = len(x), len(carriers.values)
     on, shares = [np.broadcast_to(K + np.arange(loads.shape[1]), loads.shape)], [loads]
@@ -414,20 +455,26 @@ def carrier_forces(
 
 
 def lifts_off(forces: Array) -> bool:
-    """Whether a contact that only pushes does so now and then, by the forces (T, p) of these in N."""
+    """Whether any of p contacts that only push is closed at some steps and open at others.
+
+    `forces` (T, p) in N are theirs; an open contact has none.
+    """
     pushed = forces > 0.0
     return bool(np.any(pushed.any(axis=0) & ~pushed.all(axis=0)))
 
 
 def settled(error: float, apart: float) -> bool:
-    """Whether two richer models that are so far `apart` may tell such an error; fractions."""
+    """Whether two richer models differ little enough, by `apart`, for an estimate of the error `error`; fractions.
+
+    They do if `apart` is at most `SETTLED` times the error, or if the error is round-off.
+    """
     return apart <= SETTLED * error or error <= ROUND_OFF
 
 
 def describe_scatter(peaks: Sequence[float]) -> str:
     """Sentence about the largest forces, in N, of pads that land and lift off in nearly equal models.
 
-    Empty where they have the same to three digits.
+    It is empty if the smallest and the largest of the `peaks` agree to three digits.
     """
     least, most = (with_unit(find(peaks), "N") for find in (min, max))
     if least == most:
@@ -439,7 +486,7 @@ def describe_scatter(peaks: Sequence[float]) -> str:
 
 
 class UnsettledError(SimulationError):
-    """Two richer models differ by as much as they tell; `warning` says how far `peaks`, in N, scatter by it."""
+    """Two richer models differ too much for an estimate; `warning` is `describe_scatter` of the `peaks` in N."""
 
     def __init__(self, error: float, apart: float, peaks: Sequence[float]) -> None:
         super().__init__(
@@ -449,17 +496,30 @@ class UnsettledError(SimulationError):
         self.warning = describe_scatter(peaks)
 
 
-#: Share of inertia that directions among the loads may leave out.
+#: Share of inertia that attachment modes for load cases at rest may leave out.
 LEFT_OUT_AT_REST = 1e-4
 
 
 def system_with_attachment_modes(system: System, x: Array, forces: Sequence[Array], loads: Sequence[Array]) -> System:
-    """Add attachment modes for contact forces (P, m) N at places x (P, sides) m, and loads (P, i) N, of several cases.
+    """Return the system with attachment modes for the contact forces and loads of several load cases at rest.
 
-    At rest residual flexibility leaves nothing out but for what axial forces do to it: attachment modes for what bodies
-    bear (`pmr.reduced.attachment`) and enrichment modes have the matrices of second order, and inertia.
+    The residual flexibility of a model at rest is exact but for the effect of axial forces on it.  Attachment modes for
+    the loads on the bodies (`pmr.reduced.attachment`) and enrichment modes have second-order matrices and inertia, so
+    they add that effect.
 
-    An InputError is raised where the models know no more.
+    Parameters
+    ----------
+    system : System
+        Of reduced bodies.
+    x : (P, sides) array, m
+        Path coordinates of all sides of the contacts in P positions.
+    forces, loads : sequences of arrays, (P, m) and (P, i) in N
+        Forces of the m contacts and loads on the i inputs, an array for each load case.
+
+    Raises
+    ------
+    InputError
+        If the models don't hold what attachment modes need (`no_estimate`).
     """
     models = system.modal
     if why := no_estimate(models):

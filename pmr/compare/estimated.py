@@ -1,4 +1,4 @@
-"""Errors that a run estimates without a reference, of the reduction and of the time step, as parts of its summary."""
+"""Errors of the reduction and of the time step that a run estimates without a reference, as parts of its summary."""
 
 from __future__ import annotations
 
@@ -48,36 +48,36 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Coordinates of the model that tells the error of another one.
+#: Least number of coordinates of a model by which the error of another one is estimated.
 FEWEST = 6
-#: Share of the first truncated mode's motion that is not quasi-static, above which more modes are called for.
+#: Share of the first truncated mode's motion that is not quasi-static above which a warning asks for more modes.
 REACHED = 0.5
 #: Step times highest circular frequency up to which a moving slider was seen to be stable with rho_inf = 1.
 RESOLVED = 2.0
-#: What summary.json has of every estimate, beside what there is of each kind of output.
+#: Keys of every estimate in summary.json, besides those of kinds of outputs.
 _FIGURES = ("probes", "by", "chi", "largest", "seconds", "not_covered")
 
 
 @dataclass(frozen=True)
 class ReductionError:
-    """``estimate`` of a summary, and what else is known of it."""
+    """Part of a summary with ``estimate``, the estimated error of the reduction, and its band and sections."""
 
     part: Part
-    band: Array | None = None  # how far off the tip may be over time, (T, d) in m
+    band: Array | None = None  # error of each displacement of the tip over time, (T, d) in m, with margin
     sections: Mapping[str, float] = field(default_factory=dict)  # along each section of a boom, fractions
 
     def of_section(self, name: str) -> dict[str, Any]:
-        """Figures of one section."""
+        """Contents of summary.json for one section: ``estimate``, the error along it; empty if there is none."""
         return {"estimate": self.sections[name]} if name in self.sections else {}
 
 
 def asks_for_other(scene: Scene, reduced: ReducedModel) -> bool:
-    """Whether another model of the same body has to tell the error (`pmr.compare.estimate.by_other`)."""
+    """Whether the scene wants an estimate that needs another model of the body (`pmr.compare.estimate.by_other`)."""
     return scene.reduction.estimate and no_estimate({ALONE: reduced}) is not None
 
 
 def other_of(scene: Scene, reduced: ReducedModel) -> Scene:
-    """The scene that has it: free modes with residual flexibility, no fewer coordinates."""
+    """The scene with the other model's reduction: free modes with residual flexibility, no fewer coordinates."""
     choice = scene.reduction
     other = Reduction(basis="free_modes", coordinates=max(FEWEST, reduced.size), solver=choice.solver)
     return scene.model_copy(update={"reduction": other})
@@ -90,9 +90,9 @@ def reduction_error(
     other: ReducedModel | None = None,
     estimated: Estimate | None = None,
 ) -> ReductionError:
-    """The reduction's error as enrichment modes tell it, or an `other` model of a body alone, and what is not in it.
+    """Estimate the reduction's error by enrichment modes, or by the `other` model of a body alone.
 
-    What is `estimated` already is not computed again.
+    Effects that the error does not cover are listed in it.  `estimated`, if it is passed, is not computed again.
     """
     system, excitation = simulated.system, simulated.excitation
     models = system.modal
@@ -100,6 +100,7 @@ def reduction_error(
     telling = models if other is None else {ALONE: other}
 
     def make() -> Estimate:
+        """Compute the estimate, or return the one that is known."""
         if other is not None:
             return by_other(system, other, excitation)
         return estimated or estimate(models, system, excitation, simulated.run, simulated.response)
@@ -122,7 +123,10 @@ def reduction_error(
 
 
 def _frequency_error(models: Mapping[str, ReducedModel], system: System, excitation: Excitation) -> float | None:
-    """Error of the two lowest natural frequencies on the way, with margin, by the enrichment modes; None without."""
+    """Error of the two lowest natural frequencies on the way, a fraction with margin, by the enrichment modes.
+
+    None if there is no estimate (`no_estimate`) or nothing vibrates.
+    """
     if no_estimate(models) is not None:
         return None
     steps = steps_of(excitation)
@@ -146,16 +150,19 @@ def _left_out(
 
 @dataclass(frozen=True)
 class SimulatedSystem:
-    """A system of reduced bodies, what drove it, and the motion, which is made again where it is not `given`."""
+    """A system of reduced bodies, its excitation, and its motion.
+
+    The motion is simulated again if it was not kept, `given` being None then.
+    """
 
     system: System
     excitation: Excitation
     given: SystemTrajectory | None = None
-    response: Response | None = None  # what it says in that motion, if known
+    response: Response | None = None  # response to that motion, if known
 
     @classmethod
     def of(cls, system: System, excitation: Excitation, simulations: Simulations) -> SimulatedSystem:
-        """System as the simulators of a scene moved it, in the parts of a step that they took."""
+        """The system with the motion and response of the scene's first simulator, and its parts of each step."""
         run = simulations.first.run
         if run is None:
             return cls(system, excitation)
@@ -163,11 +170,15 @@ class SimulatedSystem:
 
     @cached_property
     def run(self) -> SystemTrajectory:
+        """Motion of the system at all steps."""
         return self.given or run_from_start(self.system, self.excitation)
 
 
 def _attempt(clock: Clock, make: Callable[[], Estimate]) -> tuple[Estimate | None, str, list[str]]:
-    """An estimate; or None, with the reason, and what is said of forces that scatter."""
+    """The estimate that `make` returns, an empty reason and no warnings.
+
+    If it fails, None, the reason, and warnings about forces that scatter.
+    """
     try:
         with clock.stage("estimate"):
             return make(), "", []
@@ -177,9 +188,9 @@ def _attempt(clock: Clock, make: Callable[[], Estimate]) -> tuple[Estimate | Non
 
 
 def estimate_summary(estimated: Estimate, not_covered: Sequence[str] = ()) -> dict[str, Any]:
-    """Figures of summary.json: fractions by kind of output, ``probes`` by their names, ``chi``, ``largest``
+    """Contents of ``estimate`` in summary.json: fractions by kind of output, ``probes`` by name, ``chi`` and more.
 
-    Of what has no estimate all are None.
+    Kinds of outputs without an estimate are None; ``not_covered`` lists the effects that the estimate leaves out.
     """
     figures = {name: getattr(estimated, name) for name in _FIGURES if name != "not_covered"}
     return dict.fromkeys(OUTPUT_KINDS) | dict(estimated.errors) | figures | {"not_covered": list(not_covered)}
@@ -188,7 +199,10 @@ def estimate_summary(estimated: Estimate, not_covered: Sequence[str] = ()) -> di
 def estimate_warnings(
     models: Mapping[str, ReducedModel], stepping: TimeStepping, estimated: Estimate | None
 ) -> list[str]:
-    """Warnings about coordinates that are too few, or an estimate that is in doubt."""
+    """Warnings about too few coordinates, or about a step that is too long for an estimate without damping.
+
+    `models` are by body; `estimated` is None if there is no estimate.
+    """
     beam, chi = (0.0, 0.0) if estimated is None else (estimated.of("beam"), estimated.chi or 0.0)
     messages = []
     if beam > 0.0 and chi > REACHED:
@@ -204,7 +218,7 @@ def estimate_warnings(
 
 
 def envelope(error: Array) -> Array:
-    """Width within which signals (T, o) stay for two periods of their oscillation around each time."""
+    """Largest absolute value (T, o) of errors (T, o) within two periods of their oscillation around each time."""
     signs = np.signbit(error)
     crossings = np.count_nonzero(signs[1:] != signs[:-1], axis=0)
     width = np.empty_like(error)
@@ -215,9 +229,10 @@ def envelope(error: Array) -> Array:
 
 
 def step_part(scene: Scene, simulated: SimulatedSystem, natural: Array, step_estimate: StepError | None = None) -> Part:
-    """``step``: the time step's error; `natural` (S, f) in Hz are frequencies along the way.
+    """``step`` of summary.json: the time step's error, with warnings.
 
-    A given `step_estimate` is not computed again.  Where the step was searched by its error, nothing is said.
+    `natural` (S, f) in Hz are f natural frequencies in S positions on the way.  `step_estimate`, if it is passed, is
+    not computed again.  The size of the error is not warned of if the step was chosen by it, as with `[accuracy]`.
     """
     system, excitation = simulated.system, simulated.excitation
     if scene.simulation.simulators[0] != "march":

@@ -1,4 +1,4 @@
-"""Forces of pads, cylinders, ropes and supports: their extremes, and warnings where they pull or are not known."""
+"""Forces of pads, cylinders, ropes and supports: their extremes, and warnings where they pull or are unknown."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: How many times the largest stiffness about the pivot may be the least, before it is said that a support has one.
+#: Ratio of a cylinder's largest stiffness about the pivot to its smallest above which a support is no stand-in for it.
 TURNED = 1.1
 
-#: Share of a pad's largest push, and of a tenth of the largest force of any pad, from which a pull is reported.
+#: Share of a pad's largest push, or of a tenth of the largest force of any pad if that is more, above which its pull is
+#: warned of.
 PULLED = 0.01
 
 
 def forces_part(scene: Scene, system: System, response: Response) -> Part:
-    """``pads``, ``cylinders`` and ``reactions`` of summary.json: smallest and largest force, when and where.
+    """``pads``, ``cylinders`` and ``reactions`` of summary.json: smallest and largest force of each, when and where.
 
-    Of cylinders also the largest ``friction`` that they overcome, what it has ``dissipated`` in J, and ``kinks``.
-    Pads that are
-    pulled and forces that are not known are warned of.
+    Cylinders also have the largest ``friction`` in N that they overcome, what friction has ``dissipated`` in J, and
+    their impulses at ``kinks``.  Warnings name pads that are pulled and forces that are unknown.
     """
     joined, along, figures = len(scene.sections) > 1, scene.along(response.t), dict[str, Any]()
     if joined or scene.pads:
@@ -54,9 +54,10 @@ def forces_part(scene: Scene, system: System, response: Response) -> Part:
 
 
 def pad_loads(scene: Scene, response: Response) -> dict[str, Extremes]:
-    """Forces in N, positive where a pad pushes the body inwards, of all pads whose force the response holds.
+    """Extremes in N, positive where a pad pushes the body inwards, of all pads whose force the response holds, by name.
 
-    Of a body alone in the order of its rings; of sections those of all contacts but cylinders, and of springs.
+    Of a body alone they are in the order of its rings; of sections they are those of all contacts and springs but
+    cylinders.
     """
     along = scene.along(response.t)
     names = [name for ring in _rings(scene) for name, _, _ in ring.places]
@@ -72,11 +73,12 @@ def pad_loads(scene: Scene, response: Response) -> dict[str, Extremes]:
 
 
 def _rings(scene: Scene) -> tuple[PadRing, ...]:
-    """Rings of pads of a body alone."""
+    """Rings of pads of a body alone; none of a boom of several sections."""
     return scene.pads if len(scene.sections) == 1 else ()
 
 
 def _cylinders(scene: Scene, system: System, response: Response) -> Iterator[dict[str, Any]]:
+    """Rows of ``cylinders`` in summary.json: the extremes of each cylinder's force, its friction and its kinks."""
     at_kinks, along = impulses(scene, system), scene.along(response.t)
     driven = {force_of(cylinder_of(name)): name for name in scene.names[1:]}
     for force in response.force_names:
@@ -88,11 +90,13 @@ def _cylinders(scene: Scene, system: System, response: Response) -> Iterator[dic
 
 
 def _friction_figures(scene: Scene, system: System, response: Response, body: str) -> dict[str, float]:
-    r"""The largest ``friction`` in N along a section's joint, and what it has ``dissipated`` in J.
+    r"""The largest ``friction`` in N along a section's joint, and the energy in J that it has ``dissipated``.
 
-    .. math:: \int f\, dy - f^2 / 2 \textstyle\sum \kappa, \qquad y = s - \Lambda / k
+    .. math:: \int f\, dy - f^2 / (2 \textstyle\sum \kappa), \qquad y = s - \Lambda / k
 
-    as if all of its pads stuck alike (`pmr.system.contacts`).
+    with the joint's total friction f, the extension s, the cylinder's force :math:`\Lambda` and stiffness k, and the
+    stiffnesses :math:`\kappa` at which the joint's pads stick, as if all of them stuck alike (`pmr.system.contacts`).
+    `body` is the name of the section.
     """
     friction = Friction.of(system.contacts)
     assert friction is not None  # as the response has its friction
@@ -105,9 +109,10 @@ def _friction_figures(scene: Scene, system: System, response: Response, body: st
 
 
 def reactions(scene: Scene, response: Response, path: Array) -> dict[str, object]:
-    """``reactions`` of summary.json: ``name``, ``unit``, and what `Extremes.summary` says; empty without any.
+    """``reactions`` of summary.json, rows with ``name``, ``unit`` and `Extremes.summary`; empty if there are none.
 
-    Of all supports, rigid or not, of a body or of the sections of a boom, whose names begin with the section's.
+    They are those of all supports, rigid or not.  In a boom their names begin with the section's.  `path` (T,) in m is
+    the path coordinate, or the reach of sections, at the times of the response.
     """
     extremes_of = reaction_extremes(response, path)
     rows = [{"name": of.support, "unit": of.unit, **extremes.summary()} for of, extremes in extremes_of.items()]
@@ -120,7 +125,10 @@ def reactions(scene: Scene, response: Response, path: Array) -> dict[str, object
 
 
 def missing_reactions(scene: Scene) -> list[str]:
-    """Reactions that the models can't tell, a line each: along x of beams that don't move so, and of all points."""
+    """Warnings about reactions that the models do not compute.
+
+    These are reactions along x of beams without axial coordinates, and forces of supports with ``points = "all"``.
+    """
     weight_along = scene.gravity is not None and scene.gravity.direction[0] != 0.0
     # what slides in others is accelerated along them, and has cylinders
     bodies_without_axial = [
@@ -146,17 +154,20 @@ def missing_reactions(scene: Scene) -> list[str]:
 
 
 def _force(response: Response, name: str) -> Array | None:
-    """Force of a pad, (T,) N; of a rigid one that stays, which is a support, the reaction."""
+    """Force (T,) in N of a pad; None if it is unknown.
+
+    A rigid pad that does not move is a support: its force is the reaction.
+    """
     if force_of(name) in response.force_names:
         return response.force(force_of(name), 0)
     return response.other(reaction_of(name)) if reaction_of(name) in response.other_names else None
 
 
 def pulled_rings(scene: Scene, contacts: Sequence[Contact], response: Response) -> list[str]:
-    """Rings with pads that hold both ways and are pulled, a line each, and all joints that have some, in one line: how
-    many, which most, what to set.
+    """Warnings about pads that hold both ways and are pulled: one for each ring of a body alone, one for all joints.
 
-    Points that hold a planar beam both ways are meant to, so only pads count.
+    Each says how many pads pull, which one most, and which key to set.  Points that hold a planar beam both ways are
+    meant to pull, so only pads count.
     """
     loads, lines = pad_loads(scene, response), list[str]()
     largest = max((max(load.most, -load.least) for load in loads.values()), default=0.0)
@@ -177,7 +188,10 @@ def pulled_rings(scene: Scene, contacts: Sequence[Contact], response: Response) 
 
 
 def unknown_forces(scene: Scene, response: Response) -> list[str]:
-    """Pads whose force the model doesn't tell, in a line: a rigid pad that stays holds by the choice of coordinates."""
+    """A warning that names the rigid pads that do not move and whose force the model doesn't contain; else nothing.
+
+    Such a pad is held by the choice of coordinates.
+    """
     names = [
         name
         for ring in _rings(scene)
@@ -191,6 +205,7 @@ def unknown_forces(scene: Scene, response: Response) -> list[str]:
 
 
 def _of_ring(ring: PadRing, pulling: Mapping[str, Extremes], response: Response) -> str:
+    """Warning about the pads of one ring that pull; `pulling` has the extremes of their forces by name."""
     most = min(pulling, key=lambda name: pulling[name].least)
     load = pulling[most]
     pads = f"{len(pulling)} of {len(ring.places)} pads of the ring {ring.name} pull"
@@ -202,6 +217,7 @@ def _of_ring(ring: PadRing, pulling: Mapping[str, Extremes], response: Response)
 
 
 def _of_joints(held: Sequence[Contact], pulling: Mapping[str, Extremes], response: Response) -> str:
+    """Warning about the pads of all joints that pull; `held` are their contacts, `pulling` the extremes by name."""
     pad = min((contact.name for contact in held), key=lambda name: pulling[name].least)
     sections = list(dict.fromkeys(contact.inner.body for contact in held))
     more = f", and {len(held) - 1} more" if len(held) > 1 else ""
@@ -216,11 +232,13 @@ def _of_joints(held: Sequence[Contact], pulling: Mapping[str, Extremes], respons
 
 
 def impulses(boom: Scene, system: System) -> dict[str, list[dict[str, float]]]:
-    r"""Impulses of each cylinder by its name at each kink: ``t`` in s, ``impulse`` in N s.
+    r"""Impulses of each cylinder by its name at each kink of any extension: ``t`` in s, ``impulse`` in N s.
 
     .. math:: I_i = \sum_{k \ge i} m_k\, \Delta \dot X_k, \qquad \Delta \dot X_k = \sum_{j \le k} \Delta \dot s_j
 
-    with the masses m of the section that it pushes and of those beyond, which lean on it.
+    with the jump :math:`\Delta \dot s_j` in the speed of the extension of section j, the mass :math:`m_k` of section k,
+    and the jump :math:`\Delta \dot X_k` in its speed.  A cylinder i pushes its section and all sections beyond, which
+    lean on it.
     """
     jumps = [path.kinks(boom.time.end) for path in boom.paths.values()]
     masses = [_moved_mass(system.bodies[name]) for name in boom.names[1:]]
@@ -235,7 +253,7 @@ def impulses(boom: Scene, system: System) -> dict[str, list[dict[str, float]]]:
 
 
 def _moved_mass(body: SlidingBody) -> float:
-    """Mass in kg that an extension accelerates; 0 where there is none."""
+    """Mass in kg of a body that an extension accelerates; 0 if the body has no input for that."""
     along = [k for k, name in enumerate(body.input_names) if name in (EXTENSION, INERTIA + "x")]
     if not along:
         return 0.0
@@ -244,7 +262,7 @@ def _moved_mass(body: SlidingBody) -> float:
 
 
 def _kink_warnings(cylinders: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Say in a line that forces at kinks are none to size by."""
+    """A warning, if any cylinder has kinks, that forces at kinks must not be used for sizing; else nothing."""
     impulses_at_kinks = [
         (abs(kink["impulse"]), kink["t"], cylinder["name"])
         for cylinder in cylinders
@@ -261,18 +279,20 @@ def _kink_warnings(cylinders: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def rope_forces(scene: Scene, response: Response) -> dict[str, Array]:
-    r"""Force (T,) in N of each section that follows another one or is followed, by its name; positive: it pushes out.
+    r"""Force (T,) in N on each section on ropes, or that others on ropes follow, by its name; positive pushes it out.
 
-    A section k with :math:`s_k = r_k s_j + c_k` hangs on a rope that the joint j drives.  By virtual work, with
-    :math:`F_k` what the section needs along the boom from the next outer one if each had a cylinder of its own,
+    A section k with :math:`s_k = r_k s_j + c_k`, r_k being the ratio and c_k the offset of its extension, hangs on a
+    rope that the joint j drives.  Let :math:`F_k` be the force along the boom between section k and the next outer one
+    if each section had a cylinder of its own.  By virtual work
 
     .. math::
         T_j = F_j + \sum_{k\ \mathrm{follows}\ j} r_k T_k
 
-    is what the rope or cylinder of the joint j pushes with, all of its strands together, and :math:`T_j \dot s_j` of a
-    cylinder the power for all that it moves.  Friction of the joints' pads is in it, that of sheaves is not.
+    is the force with which the rope or cylinder of the joint j pushes, all strands of a rope together.  The power for
+    all that a cylinder moves is :math:`T_j \dot s_j`.  Friction of the joints' pads is included, that of sheaves is
+    not.
 
-    Empty without ropes, or where forces along the boom are not known.
+    Empty if there are no ropes, or if forces along the boom are unknown.
     """
     shares = rope_shares(scene)
     if any(force_of(cylinder_of(name)) not in response.force_names for name in shares):
@@ -283,10 +303,11 @@ def rope_forces(scene: Scene, response: Response) -> dict[str, Array]:
 
 
 def ropes_part(scene: Scene, response: Response) -> Part:
-    """``ropes``: ``name``, what it ``follows`` or None, and of its ``force`` in N the extremes, when and where.
+    """``ropes`` of summary.json: ``name``, the section that it ``follows`` or None, and the extremes of its ``force``.
 
-    Of what follows nothing also the ``power`` in W that moves it and all that follow; of a rope whose EA is known its
-    ``length`` in m, the largest on the way, and the ``stiffness`` in N/m that it has there, of all strands together.
+    The force is in N.  A section that follows none has also the ``power`` in W that moves it and all sections that
+    follow it.  A rope whose EA is known has its largest ``length`` in m on the way and its ``stiffness`` in N/m at that
+    length, of all strands together.  Ropes that would have to push are warned of.
     """
     if len(scene.sections) < 2:
         return Part()
@@ -314,13 +335,15 @@ def ropes_part(scene: Scene, response: Response) -> Part:
 
 
 def luffing_part(scene: Scene, response: Response) -> Part:
-    r"""``luffing_cylinder``: ``force`` N, ``length`` m, ``speed`` m/s, ``power`` W: extremes, when and where.
+    r"""``luffing_cylinder`` of summary.json: extremes of ``force`` N, ``length`` m, ``speed`` m/s and ``power`` W.
 
     .. math::
         L(\varphi) = |R(\varphi)\, r_1 - r_0|, \qquad F = \mathfrak M / \tfrac{dL}{d\varphi}, \qquad P = F\, \dot L
 
-    with the moment M of all that the boom presses on its machine with about the pivot (`pmr.simulation.reactions`):
-    whatever holds the base in the scene, the pivot turns freely and the cylinder alone keeps the angle.
+    with the length L at the luffing angle :math:`\varphi`, the rotation R, the lug r_1 on the boom, the foot r_0 on the
+    machine, the force F, the power P and the moment :math:`\mathfrak M` about the pivot of all forces with which the
+    boom presses on its machine (`pmr.simulation.reactions`).  The pivot turns freely and the cylinder alone keeps the
+    angle, whatever holds the base in the scene.  Empty without such a cylinder.
     """
     if scene.frame is None or scene.frame.cylinder is None or CYLINDER not in response.other_names:
         return Part()
@@ -336,7 +359,11 @@ def luffing_part(scene: Scene, response: Response) -> Part:
 
 
 def turning_warnings(scene: Scene, angles: Array) -> list[str]:
-    """A line where a support that gives way stands for a cylinder whose arm changes over luffing angles (T,) in rad."""
+    """A warning if a support with a stiffness stands in for a luffing cylinder whose stiffness varies; else nothing.
+
+    It is given if the cylinder's stiffness about the pivot varies by more than a factor of `TURNED` over the luffing
+    `angles` (T,) in rad.
+    """
     names = [support.name for support in scene.sections[0].supports if support.stiffness != "rigid"]
     across = [name for name in supports_at_lug(scene) if name in names]
     if not across or scene.frame is None or scene.frame.cylinder is None:

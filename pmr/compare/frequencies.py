@@ -1,8 +1,9 @@
-r"""Natural frequencies on the way of a scene, beside closed forms and published ones, and responses in frequency.
+r"""Natural frequencies along the path of a scene, beside closed forms and published ones, and frequency responses.
 
 Closed forms are those of the uniform Euler-Bernoulli beam, pinned at 0, supported at s, free at L.  The rotation of the
-beam over the support is the one unknown; the moments with which the two spans resist it must cancel.  With a = beta s,
-b = beta (L - s) and beta^4 = rho A omega^2 / (E I) the spans' dynamic stiffnesses are
+beam over the support is the one unknown; the moments with which the two spans resist it must cancel.  With the mass per
+length rho A, the bending stiffness E I, a = beta s, b = beta (L - s) and beta^4 = rho A omega^2 / (E I) the dynamic
+stiffnesses of the two spans are
 
 .. math::
     k_1 = EI \beta \frac{2 \sin a \sinh a}{\sin a \cosh a - \cos a \sinh a}, \qquad
@@ -37,33 +38,37 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Frequencies that are compared, and places at which: beyond so many coordinates each of these costs some tenths of a
-#: second and more.
+#: Number of frequencies that are compared for a body alone, of positions in which they are, of positions for models of
+#: more than `LARGE` coordinates, where each position takes some tenths of a second and more, and that limit.
 CURVES, POSITIONS, FEWER_POSITIONS, LARGE = 6, 49, 11, 300
-#: Places along the path, and frequencies, of responses in frequency.
+#: Number of positions along the path, and of frequencies, of frequency responses.
 RESPONSES, RESPONSE_FREQUENCIES = 5, 400
 _UNITS = {"N": "m/N", "m/s^2": "m/(m/s²)"}
 
 
 def visited_positions(scene: Scene, size: int) -> Array:
-    """Path coordinates (S,) in m, evenly over the path, at which frequencies of `size` coordinates are compared."""
+    """Path coordinates (S,) in m, evenly over the path, at which frequencies of a model are compared.
+
+    There are `POSITIONS`, fewer if the model has a `size` of more than `LARGE` coordinates, one if nothing moves.
+    """
     low, high = scene.path_bounds
     return np.linspace(low, high, POSITIONS if size <= LARGE else FEWER_POSITIONS) if high > low else np.array([low])
 
 
 def reduced_frequencies(model: ReducedModel, s: Array, count: int) -> Array:
-    """The `count` lowest frequencies (S, count) in Hz at the path coordinates s (S,) m.
+    """The `count` lowest frequencies (S, count) in Hz at the path coordinates s (S,) in m.
 
-    Where fewer coordinates are free than asked for, the rest is NaN.
+    If fewer than `count` coordinates are free, the last columns are NaN.
     """
     system = System.of(model)
     return Assembly(system).frequencies(system.coordinates({SLIDER: s}), count)
 
 
 def closed_form_frequencies(scene: Scene, s: Array, count: int) -> Array:
-    """The `count` lowest frequencies (S, count) in rad/s of the scene's beam, or (S, 0) where there is no closed form.
+    """The `count` lowest frequencies (S, count) in rad/s of the scene's beam with its slider at s (S,) in m.
 
-    With axial coordinates those of the bar, held at 0 and free at its end, stand among those of bending.
+    They are in ascending order; with axial coordinates they include those of the bar, held at 0 and free at its end.
+    The shape is (S, 0) if there is no closed form.
     """
     profile = scene.body.profile
     if profile is None or not is_pinned_beam(member_at(scene)):
@@ -82,9 +87,10 @@ _AT_ONCE = 1000  # steps
 
 
 def bending_frequencies(s: float, length: float, bending_stiffness: float, mass_per_length: float, count: int) -> Array:
-    """The `count` lowest circular frequencies in rad/s with the support at s, 0 < s <= length (m).
+    """The `count` lowest circular frequencies (count,) in rad/s with the support at s, 0 < s <= length (m).
 
-    Raises ValueError if s does not lie on the beam, or on the pin.
+    `bending_stiffness` is in N m^2, `mass_per_length` in kg/m.  Raises ValueError if s does not lie on the beam, or on
+    the pin.
     """
     if not 0.0 < s <= length:
         raise ValueError(f"s = {s:g} m: allowed are 0 < s <= {length:g} m")
@@ -103,13 +109,27 @@ def bending_frequencies(s: float, length: float, bending_stiffness: float, mass_
 
 
 def axial_frequencies(length: float, axial_stiffness: float, mass_per_length: float, count: int) -> Array:
-    """(2 n - 1) pi / (2 L) sqrt(EA / rho A) in rad/s: a bar held at one end (Blevins 1979, table 8-16)."""
+    """The `count` lowest frequencies (2 n - 1) pi / (2 L) sqrt(EA / rho A) in rad/s of a bar, n = 1, 2, ....
+
+    It is held at one end; L is its `length` in m, EA its `axial_stiffness` in N, rho A its `mass_per_length` in kg/m
+    (Blevins 1979, table 8-16).
+    """
     n = np.arange(1, count + 1)
     return (2 * n - 1) * np.pi / (2.0 * length) * np.sqrt(axial_stiffness / mass_per_length)
 
 
 def _residual(x: Any, share: float) -> Any:
-    """(k_1 + k_2) times both denominators over cosh a cosh b, at beta L = x and s / L = share: no overflow."""
+    r"""Characteristic function of a beam of length L that is pinned at 0, supported at s and free at L.
+
+    Its roots in x are beta L of the natural frequencies; `share` is s / L.  It is
+
+    .. math::
+        2 \sin a \tanh a\, (1 / \cosh b + \cos b) + (\cos b \tanh b - \sin b)\, (\sin a - \cos a \tanh a), \qquad
+        a = x\, s / L, \quad b = x\, (1 - s / L)
+
+    which is k_1 + k_2, the dynamic stiffnesses of the spans in this module's docstring, divided by EI beta and
+    multiplied by the denominators of both over cosh a cosh b, so that nothing overflows.
+    """
     a, b = x * share, x * (1.0 - share)
     supported = 2.0 * np.sin(a) * np.tanh(a) * (1.0 / np.cosh(b) + np.cos(b))
     free = (np.cos(b) * np.tanh(b) - np.sin(b)) * (np.sin(a) - np.cos(a) * np.tanh(a))
@@ -119,12 +139,28 @@ def _residual(x: Any, share: float) -> Any:
 def frequency_response(
     system: System, places: Array, along: Array, tips: Collection[str], c: Array
 ) -> FrequencyResponse:
-    """How far the tip moves under each load, with all paths at rest: what a drive or a controller meets.
+    """Displacement of the tip per unit of each load over frequency, with all paths at rest.
 
-    By `Assembly.answers`, from a tenth of the lowest natural frequency to the highest, at `places` (S, sides) in m,
-    which `along` (S,) in m tells apart, with amplitudes c (S, k) of the system's terms; `tips` are names of outputs.
+    It is what a drive or a controller meets.  Computed by `Assembly.answers` at `RESPONSE_FREQUENCIES` frequencies from
+    a tenth of the lowest natural frequency to 1.2 times the highest.  For each load the output is that displacement of
+    the tip which its static part moves most.
 
-    An InputError is raised where a contact only pushes.
+    Parameters
+    ----------
+    system : System
+    places : (S, sides) array, m
+        Path coordinates of all sides of the contacts in S positions.
+    along : (S,) array, m
+        One coordinate of each position, such as the reach, by which results name it.
+    tips : collection of str
+        Names of the outputs that are displacements of the tip.
+    c : (S, k) array
+        Amplitudes of the system's k terms in each position.
+
+    Raises
+    ------
+    InputError
+        If a contact only pushes.
     """
     if pushing := [contact.name for contact in system.contacts if contact.clearance is not None]:
         allowed = f"contacts that hold both ways are allowed: {', '.join(pushing)} only push"
@@ -152,7 +188,11 @@ def frequency_response(
 
 
 def frequency_part(response: FrequencyResponse | None) -> Part:
-    """``frequency_response``: of each load static and largest gain, and where that is, at each place."""
+    """``frequency_response`` of summary.json; nothing if `response` is None.
+
+    For each load and each position s in m: the ``static`` gain, the ``largest`` gain (None without damping) and the
+    frequency ``at`` which it occurs, in Hz.
+    """
     if response is None:
         return Part()
     figures: dict[str, Any] = {"s": response.s.tolist(), "damped": response.damped, "gain": {}}
@@ -168,21 +208,21 @@ def frequency_part(response: FrequencyResponse | None) -> Part:
     return Part({"frequency_response": figures})
 
 
-#: Coordinates of full sections above which few places are visited.
+#: Number of coordinates of full sections above which only `FEWER_PLACES_OF_BOOM` positions are computed.
 LARGE_SYSTEM = 1200
 
 
 @dataclass(frozen=True)
 class Visited:
-    """Places, and how many frequencies are compared there."""
+    """Positions on the way of a scene, S of them on P paths, and how many frequencies are compared in each."""
 
     along: Array  # (S,) m: the path coordinate of a body alone, the reach of sections
     s: Array  # (S, P) m: coordinates of all paths
     count: int
-    t: Array  # (S,) s: when the run is there first, which says how the system is stressed
+    t: Array  # (S,) s: when the run is there first; loads and axial forces of that time stress the system
 
     def sides(self, system: System) -> Array:
-        """X (S, sides) in m of the contacts' places."""
+        """Path coordinates (S, sides) in m of the sides of all contacts of a system."""
         return system.coordinates(dict(zip(system.paths, self.s.T, strict=True)))
 
 
@@ -193,9 +233,11 @@ def shown_paths(scene: Scene, excitation: Excitation) -> Paths:
 
 
 def places_on_way(scene: Scene, excitation: Excitation, size: int) -> Visited:
-    """From one end of the way to the other; fewer places where frequencies of a large full model are found.
+    """Positions from one end of the way to the other at which frequencies are compared.
 
-    With second order frequencies change with time, too: what stays where it is, is looked at again and again.
+    `size` is the number of coordinates of the full model, 0 if there is none; large models have fewer positions.  If
+    nothing moves along its path but stiffness changes with time, by second order or a luffing cylinder, the positions
+    are the same at evenly spaced times.
     """
     alone = ALONE in scene.bodies
     count = PLACES_OF_BOOM if size <= LARGE_SYSTEM else FEWER_PLACES_OF_BOOM
@@ -213,22 +255,22 @@ def places_on_way(scene: Scene, excitation: Excitation, size: int) -> Visited:
 
 
 def _first_there(excitation: Excitation, s: Array) -> Array:
-    """When the only path is nearest to s (S,) m first, (S,) s."""
+    """Times (S,) in s at which the only path is closest to each path coordinate s (S,) in m for the first time."""
     return np.array([excitation.times[np.argmin(np.abs(excitation.s[:, 0] - at))] for at in s])
 
 
 def _first_reached(scene: Scene, excitation: Excitation, count: int) -> Visited:
-    """Places at which the sections first reach so far."""
+    """Positions, `count` at most, at which the sections first have evenly spaced reaches."""
     steps = on_the_way(scene, excitation.times, count)
     t = excitation.times[steps]
     return Visited(scene.reach(t), excitation.s[steps], CURVES_OF_BOOM, t)
 
 
 def frequencies_on_way(scene: Scene, system: System, excitation: Excitation, at: Visited) -> Frequencies:
-    """Frequencies of the reduced system, with every contact closed.
+    """Natural frequencies in Hz of the reduced system in the positions `at`, with every contact closed.
 
-    Terms have the amplitudes of that time.  Beside those of a body alone are the closed form's, where there is one; two
-    joints that move have a map.
+    Terms have the amplitudes of the times `at.t`.  For a body alone without terms the closed form is included, if there
+    is one; for a boom of which two joints move, a map of the first frequency over both extensions.
     """
     c = excitation.amplitudes(system.term_names, at.t)
     curves = {"reduced": Assembly(system).frequencies(at.sides(system), at.count, c)}
@@ -240,7 +282,7 @@ def frequencies_on_way(scene: Scene, system: System, excitation: Excitation, at:
 
 
 def response_on_way(scene: Scene, system: System, excitation: Excitation) -> FrequencyResponse | None:
-    """Frequency response of the last body's tip along the way; None unless the scene wants it."""
+    """Frequency response of the last body's tip in `RESPONSES` positions on the way; None unless the scene wants it."""
     if not scene.sections[-1].observe.frequency_response:
         return None
     if ALONE in system.bodies:
@@ -252,26 +294,29 @@ def response_on_way(scene: Scene, system: System, excitation: Excitation) -> Fre
     return frequency_response(system, at.sides(system), at.along, tip_names(scene), c)
 
 
-#: Frequencies that are compared, and places on the way at which: fewer where matrices are large.
+#: Number of frequencies that are compared for a boom, of positions in which they are, and of those for large models.
 CURVES_OF_BOOM, PLACES_OF_BOOM, FEWER_PLACES_OF_BOOM = 4, 13, 4
-#: Extensions of each joint at which the first frequency is mapped.
+#: Number of extensions of each joint at which the first frequency is mapped.
 MAPPED = 9
-#: Share of the reach by which a published one may lie beyond it: it is rounded.
+#: Share of the reach by which a published reach, which is rounded, may lie beyond it.
 BESIDE = 1e-4
 
 
 def on_the_way(boom: Scene, t: Array, count: int) -> NDArray[np.int64]:
-    """Steps (S,) at which the boom first reaches so far, evenly from its shortest to its longest."""
+    """Steps (S,), `count` at most, at which the boom first has evenly spaced reaches from its shortest to its longest.
+
+    `t` (T,) are the times of all steps in s.
+    """
     reach = boom.reach(t)
     goals = np.linspace(reach.min(), reach.max(), count if np.ptp(reach) > 1e-9 * reach.max() else 1)
     return np.array(list(dict.fromkeys(int(np.argmin(np.abs(reach - goal))) for goal in goals)))
 
 
 def frequency_map(boom: Scene, system: System) -> FrequencyMap | None:
-    """Lowest frequencies over the first two joints that move on paths of their own, every contact closed.
+    """Lowest frequency over the extensions of the first two joints that move on paths of their own.
 
-    All other such joints are where they start; None where fewer than two move.  With second order the boom rests at its
-    steepest angle.
+    Every contact is closed.  All other joints with paths of their own are at their start; joints that follow others
+    move with them.  None if fewer than two joints move.  With second order the boom rests at its steepest angle.
     """
     ends = {name: path.bounds(0.0, boom.time.end) for name, path in boom.paths.items() if not _follows(boom, name)}
     moving = [name for name, (low, high) in ends.items() if high - low > 1e-9 * high]
@@ -296,14 +341,16 @@ def frequency_map(boom: Scene, system: System) -> FrequencyMap | None:
 
 
 def _follows(boom: Scene, name: str) -> bool:
+    """Whether the joint of a section follows that of another one."""
     joint = boom.sections[boom.names.index(name)].joint
     return joint is not None and joint.follows is not None
 
 
 def published_part(boom: Scene, frequencies: Frequencies) -> Part:
-    """``published_frequencies``: the first one where it is published, and what each model has there.
+    """``published_frequencies`` of summary.json: the published first frequency at each reach, and that of each model.
 
-    What is published beyond this boom's reach is left out, with a line.
+    Frequencies of models are interpolated in the reach.  Published ones beyond this boom's reach are left out, and a
+    warning says so.
     """
     published = boom.published.frequencies if boom.published else ()
     low, high, slack = frequencies.along[0], frequencies.along[-1], BESIDE * frequencies.along[-1]

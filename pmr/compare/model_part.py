@@ -1,15 +1,15 @@
-r"""How far a structural model is off, beside a richer one of the same bodies, pads and loads: a part of the budget.
+r"""Error of a structural model against a richer one of the same bodies, pads and loads, for the error budget.
 
-Both are reduced alike and simulated under the scene's paths and loads.  With :math:`y_o(t)` the histories of a kind of
-outputs (displacements, forces of pads) the model is off by
+Both are reduced alike and simulated under the scene's paths and loads.  With the histories :math:`y_o(t_j)` of the
+outputs o of a kind (displacements, forces of pads) at the steps j the error is
 
 .. math::
     e = \frac{\lVert y^{richer}_o(t_j) - y_o(t_j) \rVert}{\lVert y^{richer}_o(t_j) \rVert}
 
-over all outputs of the kind that both models have, and all steps (forces: `force_errors`); and in a frequency, one of
-the two lowest at places all along the path, by the largest :math:`|f / f^{richer} - 1|`.  Of the richer model those
-modes count that move most in directions which the poorer one knows: a planar beam has no lateral modes.  With
-second order both are stressed as they are when the run is there.
+over all outputs of the kind that both models have, and all steps (forces: `force_errors`).  For frequencies it is the
+largest :math:`|f / f^{richer} - 1|` of the two lowest at positions all along the path.  Of the richer model only those
+modes are compared that move most in directions in which the poorer one moves: a planar beam has no lateral modes.  With
+second order both models are stressed as they are when the run is at that position.
 """
 
 from __future__ import annotations
@@ -33,16 +33,17 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Frequencies that are compared, modes among which they are, and places along the path: beams with walls that give way
-#: are off most over an eighth of it, which nine places missed in two of twenty booms (`benchmarks.walls`).
+#: Number of frequencies that are compared, of modes among which they are, and of positions along the path.  The error
+#: of beams with walls that give way is largest over an eighth of it; nine positions missed that in two of twenty booms
+#: (`benchmarks.walls`).
 FREQUENCIES, MODES, PLACES = 2, 12, 33
-#: Share of a mode's motion that a poorer model knows, for the mode to be one that it should have.
+#: Least share of a mode's motion in directions of the poorer model, for the mode to be compared.
 KNOWN = 0.5
-#: Of the largest motion of any mode: less is round-off.
+#: Share of the largest motion of any mode up to which a mode's motion is round-off.
 NO_MOTION = 1e-9
 #: Kinds of outputs that are compared, as a summary calls them; forces as `force_errors` compares them.
 MODEL_KINDS = ("beam", "tip", "pad_force", "cylinder_force", "support_force", "reaction")
-#: Share of the largest frequency below which one is that of a rigid-body motion.
+#: Share of the largest frequency below which a frequency is that of a rigid-body motion.
 RIGID = 1e-3
 DIRECTIONS = ("x", "y", "z")
 STRESS = "stress, which depends on how walls bend at pads, loads and corners"
@@ -51,17 +52,17 @@ IMPACTS = "impacts of pads that lift off and close again, which differ from mode
 
 @dataclass(frozen=True)
 class Motion:
-    """Motion of one model in a run."""
+    """Frequencies, motions of modes and response of one model in a run: P positions, f modes."""
 
     frequencies: Array  # (P, f) Hz
-    moved: Array  # (P, 3, f): squares of what the outputs of each mode move along x, y, z
+    moved: Array  # (P, 3, f): sums of the squared displacements of all outputs along x, y, z in each mode
     response: Response
 
     @classmethod
     def of(cls, scene: Scene, system: System, response: Response | None = None) -> Motion:
-        """Frequencies at `PLACES` places, and a `response` where there is one.
+        """Compute the frequencies at up to `PLACES` positions, and simulate the response unless it is passed.
 
-        Else an `InputError` is raised where the motion grows without bound.
+        Raises an `InputError` if the motion grows without bound.
         """
         scene = as_made(scene, system.terms)
         excitation = Excitation.of(scene)
@@ -81,7 +82,10 @@ class Motion:
         return cls(np.array(frequencies), np.array(motions), response)
 
     def lowest(self, directions: Array) -> Array:
-        """The lowest frequencies (P, 2) Hz of modes that move most in `directions`, (3,) of True or False."""
+        """The lowest frequencies (P, `FREQUENCIES`) in Hz of modes that move most in the directions of the mask (3,).
+
+        Where there are fewer such modes, the rest is NaN.  If the model moves in no other direction, all modes count.
+        """
         every, share = self.moved.sum(axis=1), self.moved[:, directions].sum(axis=1)
         mine = (share >= KNOWN * every) & (share > NO_MOTION * share.max(axis=1, keepdims=True))
         if not self.moved[:, ~directions].any():
@@ -93,19 +97,23 @@ class Motion:
         return lowest_of_places
 
     def histories(self, kind: str) -> dict[str, Array]:
-        """Histories of all outputs of a kind by their names, each (T,)."""
+        """Histories (T,) of all outputs of a kind, by their names."""
         numbers = {output.name: k for k, output in enumerate(self.response.outputs) if output.kind == kind}
         return {name: self.response.column(k) for name, k in numbers.items()}
 
     @property
     def forces(self) -> ForceHistories:
-        """Forces by kind and unit, of pads that only push the peaks within each step."""
+        """Forces by kind and unit, then by name; of pads that only push the peaks within each step."""
         response = self.response
         peaks = response.slider_force if response.force_peaks is None else response.force_peaks
         return force_histories(replace(response, slider_force=peaks))
 
     def at_places_of(self, other: Motion) -> dict[str, Array]:
-        """Displacements along bodies where another one has them, by its names; between places linear."""
+        """Displacements (T,) of this motion at the positions of another motion's outputs, by the names of these.
+
+        They are interpolated linearly between this motion's own positions on the same body, in the same direction.
+        Outputs beyond these positions are left out.
+        """
         places, displacements = dict[tuple[str, str], list[tuple[float, Array]]](), dict[str, Array]()
         for k, output in enumerate(self.response.outputs):
             if output.kind == "beam" and output.place is not None:
@@ -127,14 +135,20 @@ class Motion:
 
 
 def steps_of(excitation: Excitation) -> list[int]:
-    """Steps at which all paths together are nearest to `PLACES` places from shortest to longest."""
+    """Steps, without repetitions, at which the sum of all path coordinates is closest to evenly spaced values.
+
+    These are `PLACES` values from the smallest sum to the largest.
+    """
     reach = excitation.s.reshape(len(excitation.times), -1).sum(axis=1)
     at = np.linspace(reach.min(), reach.max(), PLACES)
     return list(dict.fromkeys(int(np.argmin(np.abs(reach - place))) for place in at))
 
 
 def model_budget(scene: Scene, of_scene: Motion, richer: Motion, called: str) -> dict[str, Any]:
-    """``budget.model`` of summary.json; what moves in neither model is off by None."""
+    """``budget.model`` of summary.json: errors of a model against a `richer` one, which is `called` so.
+
+    Kinds of outputs in which the richer model does not move are None.
+    """
     shares: dict[str, float | None] = {}
     for kind in ("beam", "tip"):
         histories = of_scene.histories(kind), richer.histories(kind)
@@ -160,21 +174,28 @@ def model_budget(scene: Scene, of_scene: Motion, richer: Motion, called: str) ->
 
 
 def frequency_error(f: Array, reference: Array) -> float | None:
-    r"""The largest :math:`|f / f_r - 1|` of frequencies (..., f) in Hz; None where all are those of rigid bodies."""
+    """The largest :math:`|f / f_r - 1|` of frequencies f (..., n) in Hz against f_r; None if all are of rigid bodies.
+
+    f_r is `reference`, of the same shape; NaN entries are left out.
+    """
     vibrates = reference > RIGID * np.nanmax(reference, initial=0.0)
     return float(np.nanmax(np.abs(f[vibrates] / reference[vibrates] - 1.0))) if vibrates.any() else None
 
 
 def largest_model_error(part: Mapping[str, Any]) -> float:
-    """The largest one that a part states, a fraction."""
+    """The largest error, a fraction, in `part`, the contents of ``budget.model``."""
     return float(max(part[kind] for kind in (*MODEL_KINDS, "largest", "frequency") if part.get(kind) is not None))
 
 
 def _largest(motion: Motion) -> float:
+    """Largest absolute displacement of a motion in m."""
     return float(np.abs(motion.response.displacement).max())
 
 
 def _off(y: Array, reference: Array) -> float | None:
-    """Difference over the reference's norm; in units of its largest value, which squares can't overflow."""
+    """Norm of the difference over that of the reference, a fraction; None if the reference is zero.
+
+    Both are divided by the largest value of the reference first, so that squares don't overflow.
+    """
     unit = float(np.abs(reference).max())
     return float(np.linalg.norm((y - reference) / unit) / np.linalg.norm(reference / unit)) if unit > 0.0 else None

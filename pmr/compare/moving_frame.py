@@ -1,4 +1,4 @@
-"""A boom in a frame that moves: second order and buckling, its angles, and its energy in space."""
+"""A boom in a frame that moves: effects of second order, buckling, the frame's angles, and the energy in space."""
 
 from __future__ import annotations
 
@@ -34,19 +34,21 @@ from pmr.system.terms import Term, terms_of
 Array = NDArray[np.float64]
 
 
-#: Of motions in the plane, below which those across it are none.
+#: Share of the motion in the plane of luffing up to which that across it counts as zero.
 ACROSS = 1e-9
 
 
 def frame_part(scene: Scene, system: System, excitation: Excitation, frequencies: Frequencies) -> Part:
-    r"""``frame`` and ``buckling`` of summary.json; nothing without a frame.
+    r"""``frame`` and ``buckling`` of summary.json; empty without a frame.
 
-    Of what turns, `gyroscopic` is :math:`2 |\omega| / \omega_1` and `centrifugal` :math:`(|\omega| / \omega_1)^2`, with
-    the lowest frequency on the way: so large beside the stiffness is what is dropped without second order.  Frequencies
-    are those of the boom as axial forces and the frame stress it, or ``unstressed`` without second order.
+    ``gyroscopic`` is :math:`2 |\omega| / \omega_1` and ``centrifugal`` :math:`(|\omega| / \omega_1)^2` with the largest
+    angular velocity :math:`\omega` of the frame and the lowest circular frequency :math:`\omega_1` on the way: the
+    terms that are left out without second order have these sizes relative to the stiffness.  Both are None past the
+    buckling load, where :math:`\omega_1` is 0.  ``frequencies`` is ``stressed`` if axial forces and the frame act on
+    the frequencies, or ``unstressed`` without second order.
 
-    `share` is how much axial forces and the frame's speed change the stiffness at most (`second_order_effect`):
-    above `limit` second order matters.
+    ``share`` is how much axial forces and the frame's speed change the stiffness at most (`second_order_effect`); above
+    ``limit`` second order matters.
     """
     if scene.frame is None:
         return Part()
@@ -87,7 +89,10 @@ def frame_part(scene: Scene, system: System, excitation: Excitation, frequencies
 
 
 def _in_plane(scene: Scene, system: System) -> list[str]:
-    """A line where buckling across the plane of luffing is not seen: reduced models hold what inputs move."""
+    """A warning that names the bodies in which buckling across the plane of luffing is not seen; else nothing.
+
+    In these no load acts across the plane, so the reduced model does not move there.
+    """
     assert scene.frame is not None  # of a scene that has one
     held = []
     for name, body in system.bodies.items():
@@ -108,6 +113,10 @@ def _in_plane(scene: Scene, system: System) -> list[str]:
 
 
 def _past_buckling(is_included: bool, stresses: Stressed) -> list[str]:
+    """A warning if the boom is past its buckling load, in words that depend on `is_included`; else nothing.
+
+    `is_included` says whether second order is simulated.
+    """
     past = (
         f"the boom is past its buckling load: at {stresses.at:g} s {stresses.factor:.3g} of the axial forces bends it "
     )
@@ -116,6 +125,7 @@ def _past_buckling(is_included: bool, stresses: Stressed) -> list[str]:
 
 
 def _second_order_left_out(is_included: bool, stresses: Stressed) -> list[str]:
+    """A warning if second order is left out although it matters; else nothing."""
     size = f"by {100.0 * stresses.share:.2g} % at {stresses.share_at:g} s"
     left_out = f"second order is left out: axial forces and the frame's speed change the stiffness {size}, so static "
     left_out += "deflections are off by as much, vibrations drift out of phase; frame.second_order = true includes it"
@@ -123,19 +133,23 @@ def _second_order_left_out(is_included: bool, stresses: Stressed) -> list[str]:
 
 
 def _ranges(base: BaseMotion, t: Array) -> dict[str, dict[str, float]]:
-    """Ranges of each motion of the base, m or the frame's unit, and of each given acceleration."""
+    """Smallest and largest value of each motion of the base, in m or the frame's unit of angles.
+
+    Accelerations that the scene prescribes are included, as ``acceleration.<axis>``.
+    """
     accelerations = {f"acceleration.{axis}": signal for axis, signal in base.accelerations.items()}
     return {key: _range(signal.value(t)) for key, signal in (base.motions | accelerations).items()}
 
 
 def _range(angle: Array) -> dict[str, float]:
+    """Smallest and largest value of a signal (T,), as ``min`` and ``max``."""
     return {"min": float(angle.min()), "max": float(angle.max())}
 
 
 _log = logging.getLogger(__name__)
-#: Times at which is looked, ends included.
+#: Number of times, ends included, at which the effect of second order is computed.
 STRESSED_TIMES = 41
-#: Share from which on ``auto`` keeps second order, and a warning says that it is left out.
+#: Share of the stiffness above which ``auto`` keeps second order, and a warning says if it is left out.
 SECOND_ORDER_LIMIT = 2e-3
 
 
@@ -145,43 +159,47 @@ class Stressed:
 
     t: Array  # (T,) s
     factors: Array  # (T,) by which all axial forces would have to grow until the boom buckles; inf where none presses
-    shares: Array  # (T,) by which the stiffness changes, as above
+    shares: Array  # (T,) by which the stiffness changes (`second_order_effect`)
 
     @property
     def factor(self) -> float:
+        """Smallest buckling factor at these times."""
         return float(self.factors.min())
 
     @property
     def at(self) -> float:
-        """When that is, s."""
+        """Time in s of the smallest buckling factor."""
         return float(self.t[np.argmin(self.factors)])
 
     @property
     def share(self) -> float:
+        """Largest share by which the stiffness changes at these times."""
         return float(self.shares.max())
 
     @property
     def share_at(self) -> float:
-        """When that is, s."""
+        """Time in s of the largest share by which the stiffness changes."""
         return float(self.t[np.argmax(self.shares)])
 
     @property
     def matters(self) -> bool:
+        """Whether second order changes the stiffness by more than `SECOND_ORDER_LIMIT`; true for NaN."""
         return not self.share <= SECOND_ORDER_LIMIT
 
 
 def second_order_effect(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Stressed:
     r"""Effect of second order in a scene with a frame, with all contacts closed.
 
-    With the stiffness :math:`\sum_k c_k G_k` that they add at a time, the share is the largest part of the strain
-    energy that it adds to or takes from any motion,
+    Axial forces and the frame's speed add :math:`\sum_k c_k G_k` to the stiffness K, with the amplitude c_k and the
+    matrix G_k of each term k.  The share by which they change it at a time is the largest part of the strain energy
+    that they add to or take from any motion q,
 
     .. math::
         \max_q \frac{\lvert q^T \sum_k c_k G_k\, q \rvert}{q^T K q}, \qquad C q = F \lambda,
 
-    for a load along a column P / P_cr.  Left out, a static deflection is off by that share, and a vibration falls
-    behind by :math:`\pi` times it a period (docs/moving_frame.md has measurements, on which `SECOND_ORDER_LIMIT`
-    rests).
+    with contact rows C, compliance F and contact forces :math:`\lambda`; for a load P along a column that buckles at
+    P_cr it is P / P_cr.  Without second order a static deflection is off by that share, and a vibration falls behind by
+    :math:`\pi` times it a period (docs/moving_frame.md has measurements, on which `SECOND_ORDER_LIMIT` rests).
 
     Raises an InputError where contacts do not hold the bodies.
     """
@@ -206,7 +224,10 @@ def second_order_effect(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Stre
 
 
 def _looked_at(excitation: Excitation) -> NDArray[np.int64]:
-    """Numbers of steps; none beside a kink of an extension, which accelerates for a step and is no load that lasts."""
+    """Numbers of the steps at which second order is computed, `STRESSED_TIMES` at most.
+
+    Steps near a kink of an extension are left out: its acceleration lasts one step and is no lasting load.
+    """
     steps = np.unique(np.linspace(0, excitation.stepping.steps, STRESSED_TIMES).astype(np.int64))
     kinks = [t for path in excitation.paths.values() for t in path.kinks(excitation.stepping.end)]
     near_kink = np.abs(np.subtract.outer(excitation.times[steps], kinks)) < 2.0 * excitation.stepping.step
@@ -214,7 +235,10 @@ def _looked_at(excitation: Excitation) -> NDArray[np.int64]:
 
 
 def decide_second_order(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Scene:
-    """The scene with second order or without it, where its frame leaves that open."""
+    """The scene with second order or without it, if its frame leaves that open (``auto``); else the scene unchanged.
+
+    Second order is kept if it matters (`Stressed.matters`), or if contacts do not hold the bodies.
+    """
     if scene.frame is None or scene.frame.second_order != "auto":
         return scene
     try:
@@ -227,23 +251,27 @@ def decide_second_order(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Scen
 
 
 def as_made(scene: Scene, terms: Any) -> Scene:
-    """Scene with the choice of second order that the system's `terms` were made with."""
+    """The scene with the choice of second order of a system with these `terms`, if its own is ``auto``."""
     open_ = scene.frame is not None and scene.frame.second_order == "auto"
     return _with_second_order(scene, bool(terms)) if open_ else scene
 
 
 def _with_second_order(scene: Scene, second_order: bool) -> Scene:
-    assert scene.frame is not None  # of a scene that is asked about
+    """The scene with this choice of second order in its frame."""
+    assert scene.frame is not None  # callers have checked it
     return scene.model_copy(update={"frame": scene.frame.model_copy(update={"second_order": second_order})})
 
 
-#: What fields grow with: none, x, y, z.
+#: Coordinates in which fields are linear, "" for constant fields.
 OVER = ("", "x", "y", "z")
 
 
 @dataclass(frozen=True)
 class InSpace:
-    """In J at the times t (T,): the energy, and the work since the start, of the frame's drives and of all else."""
+    """Energy in J of a boom in space at the times t in s, and work in J since the start, (T,) each.
+
+    `drives` is the work of the frame's drives, `others` that of everything else.
+    """
 
     t: Array
     energy: Array
@@ -252,15 +280,14 @@ class InSpace:
 
     @property
     def residual_energy(self) -> Array:
-        """Change of energy that is nobody's work, (T,) J: damping takes it, or it is an error of the step."""
+        """Change of energy, (T,) in J, that no work accounts for: damping takes it, or it is an error of the step."""
         return self.energy - self.energy[0] - self.drives - self.others
 
 
 def in_space(scene: Scene, system: System, excitation: Excitation, run: SystemTrajectory) -> InSpace:
     r"""Energy of a scene with a frame, and work of its drives, beyond those of the same boom when rigid.
 
-    Work is that of each step's means, which is of second order in the step. With the velocity V = v_0 + omega x (p + X
-    e_x + r) + X' e_x of points at rest in the frame, whose base moves by v_0, c = V x omega, and g the weight,
+    The work of a step is that of the mean forces over it, which is of second order in the step.
 
     .. math::
         E = \int \rho\, \bigl( V \cdot (\dot u + \omega \times u) + g\, e_Z \cdot u \bigr)
@@ -268,11 +295,16 @@ def in_space(scene: Scene, system: System, excitation: Excitation, run: SystemTr
         \dot W = \int \rho\, \bigl( V \cdot \ddot u + 2 c \cdot \dot u + (\dot c + g\, \dot e_Z) \cdot u \bigr)
         + \int \rho\, (\ddot u + 2 \omega \times \dot u + \dot\omega \times u) \cdot (\omega \times u) + f \cdot \dot u
 
-    U is the strain energy.  W is done by the drives of the frame and of the extensions, which move all mass at its
-    deflected place, by loads, and by contacts that travel.  V is affine in r: momenta of the fields of
-    `pmr.simulation.frame` are all that is needed of u.  To u belongs, with second order, by how much sections and
-    cylinders are shorter along the axis as they bend; without it the integrals with two u but that of |u'|^2 are left
-    out, as in the equations of motion.
+    with the energy E, the work W, the density :math:`\rho`, the displacement u relative to the frame, the angular
+    velocity :math:`\omega` of the frame, gravity g, the vertical e_Z, the strain energy U, the loads f, V = v_0 + omega
+    x (p + X e_x + r) + X' e_x and c = V x omega.  V is the velocity of a point at rest in the frame: v_0 is that of the
+    pivot, p the base's tail from the pivot, X the tail of the section along the boom's axis e_x, and r the point from
+    that tail.
+
+    W is done by the drives of the frame and of the extensions, which move all mass at its deflected position, by loads,
+    and by contacts that travel.  V is affine in r: of u only momenta of the fields of `pmr.simulation.frame` are
+    needed.  With second order u includes the lengths by which sections and cylinders get shorter along the axis as they
+    bend; without it the integrals with two u but that of |u'|^2 are left out, as in the equations of motion.
     """
     account = _Account(scene, run)
     for name, body in system.bodies.items():
@@ -286,9 +318,9 @@ def in_space(scene: Scene, system: System, excitation: Excitation, run: SystemTr
 
 
 def energy_part(scene: Scene, system: System, excitation: Excitation, run: SystemTrajectory | None) -> Part:
-    """``energy`` of summary.json, in J from the start to the end; nothing without a frame.
+    """``energy`` of summary.json in J, changes from the start to the end; empty without a frame.
 
-    A run whose states were not kept, which takes microseconds a step, is made again.
+    If `run` is None, because its states were not kept, it is simulated again, which takes microseconds a step.
     """
     if scene.frame is None:
         return Part()
@@ -305,17 +337,20 @@ def energy_part(scene: Scene, system: System, excitation: Excitation, run: Syste
 
 @dataclass(frozen=True)
 class _Moments:
-    """Integrals of rho u_j, then of rho u_j times x, y and z, (T, 4, 3), and their rates."""
+    """Integrals (T, 4, 3) of rho u_j, then of rho u_j times x, y and z, for the axes j = x, y, z, and their rates.
+
+    u is the displacement of a section relative to the frame, rho its density.
+    """
 
     u: Array
     rate: Array
 
 
 class _Account:
-    """Energy (T,), and work of each step (T - 1,), to which bodies, terms and momenta are added in this order."""
+    """Energy (T,) and work of each step (T - 1,) in J: bodies, terms and momenta are added in this order."""
 
     def __init__(self, scene: Scene, run: SystemTrajectory) -> None:
-        assert scene.frame is not None  # of those who ask
+        assert scene.frame is not None  # `in_space` is for scenes with a frame
         self._scene, self._run = scene, run
         self._turning = Turning.of(*scene.frame.angles, run.t, scene.frame.rocking)
         self._base = np.einsum("tji,tj->ti", self._turning.rotation, _of_base(scene.frame, run.t))
@@ -324,7 +359,10 @@ class _Account:
         self.energy, self.drives, self.others = run.energy.copy(), np.zeros(len(run.t) - 1), np.diff(run.work)
 
     def add_fields(self, name: str, body: SlidingBody, system: System) -> None:
-        """Moments of a body; what inertia loads do in the frame is nobody's work in space."""
+        """Set the moments of a body, in place, and subtract the work of its inertia loads from `others`.
+
+        Inertia loads are forces in the frame only; in space they do no work.
+        """
         moments, motion = self.moments[name], self._run.bodies[name]
         for column, of_input in enumerate(body.input_names):
             if of_input.startswith(INERTIA):
@@ -335,8 +373,11 @@ class _Account:
                 self.others -= mean(load) * np.diff(moments.u[at])
 
     def add_term(self, of: FrameTerm, term: Term, c: Array) -> None:
-        """One of second order with amplitudes c (T,)."""
-        if of.of in ("load", "cylinder load"):  # whose work it is
+        """Add energy and work of a term of second order, whose amplitudes are c (T,).
+
+        Terms of loads are skipped: their work is that of the loads.
+        """
+        if of.of in ("load", "cylinder load"):  # their work is that of the loads
             return
         q, v = (np.hstack([getattr(self._run.bodies[name], what) for name in term.bodies]) for what in "qv")
         G, V = ((0.0 * q.T if A is None else A @ q.T).T for A in (term.stiffness, term.damping))
@@ -352,7 +393,10 @@ class _Account:
             self.drives -= 2.0 * mean(c) * dot(np.diff(q, axis=0), mean(G)) + np.diff(c) / 2.0 * dot(mean(q), mean(G))
 
     def _shorten(self, of: FrameTerm, c: Array, bent: Array, rate: Array) -> None:
-        """Displacements along the axis, as a section bends or the cylinder that carries it leans."""
+        """Add the displacements along the axis of a section that bends, or of one whose cylinder leans, to the moments.
+
+        `bent` and `rate` (T,) are q^T G q / 2 and its rate, with the amplitude c (T,) and the matrix G of the term.
+        """
         if of.of == "cylinder":  # it is shorter along the axis the shorter it is
             length, longer = (
                 getattr(self._scene.extension(of.number), what)(self._run.t) for what in ("value", "rate")
@@ -364,7 +408,7 @@ class _Account:
         moments.rate[:, over, 0] += rate
 
     def add_momentum(self, number: int, of: _Moments) -> None:
-        """Add moments that are linear in the displacements of the section with that number."""
+        """Add energy and work that are linear in the displacements of the section with that number."""
         t, omega, gravity = self._run.t, self._turning.velocity, self._scene.gravity
         weight = (gravity.signal.value(t) if gravity else 0.0 * t)[:, None] * self._turning.up
         V = _speeds(self._scene, omega, number, t)
@@ -376,7 +420,11 @@ class _Account:
 
 
 def _speeds(scene: Scene, omega: Array, number: int, t: Array) -> Array:
-    """V (T, 4, 3) of a section: of its tail in m/s, and by how much it grows with x, y and z, in 1/s."""
+    """Velocity of points at rest in the frame, (T, 4, 3), without that of the pivot.
+
+    It is that at a section's tail in m/s, then its slopes over x, y and z in 1/s.  `omega` (T, 3) in rad/s is the
+    angular velocity of the frame.
+    """
     assert scene.frame is not None
     place, out = np.zeros((len(t), 3)) + scene.frame.place, np.zeros((len(t), 3))
     for k in range(1, number + 1):
@@ -387,7 +435,7 @@ def _speeds(scene: Scene, omega: Array, number: int, t: Array) -> Array:
 
 
 def _of_base(frame: Frame, t: Array) -> Array:
-    """How fast the pivot moves along axes of the ground, (T, 3) m/s; what is given as an acceleration is integrated."""
+    """Velocity (T, 3) in m/s of the pivot along the axes of the ground; accelerations are integrated."""
     velocity = np.zeros((len(t), 3))
     if frame.base is not None:
         for k, axis in enumerate("xyz"):
@@ -399,9 +447,10 @@ def _of_base(frame: Frame, t: Array) -> Array:
 
 
 def _sum(a: Array, b: Array) -> Array:
-    """Sum of the products of all entries at each time, (T,)."""
+    """Sum over the last two axes of the products of entries, (T,)."""
     return np.asarray(np.einsum("tij,tij->t", a, b))
 
 
 def _since_start(work: Array) -> Array:
+    """Sum (T,) of the work of all steps, (T - 1,), up to each time."""
     return np.append(0.0, np.cumsum(work))

@@ -1,8 +1,9 @@
-r"""What models are judged by: displacements along the beam, the tip, forces of sliders and pads, velocities, probes.
+"""Outputs by which models are compared: displacements, the tip's, forces, velocities and probes, and their errors.
 
-Of a trajectory in the coordinates of a body, forces are its outputs in N and the multipliers of its sliders and pads;
-velocities those of the displacements, with the part that follows at once (`output_rates`).  All outputs in
-other units count as probes: stresses, strains and displacements of a place, rotations.
+For a trajectory in the coordinates of a body, forces are its outputs in N and the multipliers of its sliders and pads.
+Velocities are the rates of the displacements, with those of the residual flexibility, which follows its forces at once
+(`output_rates`).  All outputs in other units count as probes: stresses, strains, and displacements and rotations that
+are measured at a point.
 """
 
 from __future__ import annotations
@@ -43,30 +44,30 @@ from pmr.system.system import Joined, System
 
 Array = NDArray[np.float64]
 
-#: Kinds of outputs by the names that scenes and summaries give them, and the one that only sections have.
+#: Kinds of outputs by their names in scenes and summaries, and the kind that only sections have.
 OUTPUT_KINDS = ("beam", "tip", "pad_force", "velocity", "probe")
 CYLINDER_FORCE = "cylinder_force"
-#: Those that are forces.
+#: Kinds of outputs that are forces.
 FORCE_KINDS = ("pad_force", CYLINDER_FORCE)
-#: Share of the largest probe in the same unit below which a probe's error is one of that share instead of its own.
+#: Share of the largest probe in the same unit: errors of smaller probes are relative to that share, not to their size.
 LITTLE = 0.01
 _HISTORIES = ("displacement", "velocity", "force", "probe")
 
 
 @dataclass(frozen=True)
 class Outputs:
-    """Outputs of a simulation, by kind."""
+    """Outputs of a simulation by kind: T times, o displacements, p forces, k probes."""
 
     displacement: Array  # (T, o) m
-    velocity: Array  # (T, o) m/s; no columns where they are not wanted
+    velocity: Array  # (T, o) m/s; (T, 0) where velocities are not wanted
     force: Array  # (T, p) N
-    probe: Array  # (T, k)
-    units: tuple[str, ...]  # of the probes
+    probe: Array  # (T, k) in `units`
+    units: tuple[str, ...]  # of the probes, (k,)
     tips: tuple[int, ...]  # numbers of the displacements that are the tip's
-    forces: tuple[str, ...] = ()  # kind of each force; none: all are those of sliders and pads
+    forces: tuple[str, ...] = ()  # kind of each force, (p,); empty: all are forces of sliders and pads
 
     def of(self, kind: str) -> Array:
-        """One of `KINDS`, or `CYLINDERS`, (T, k)."""
+        """Outputs of one kind, one of `OUTPUT_KINDS` or `CYLINDER_FORCE`: (T, number of outputs of that kind)."""
         if kind == "tip":
             return self.displacement[:, list(self.tips)]
         if kind in FORCE_KINDS:
@@ -74,33 +75,33 @@ class Outputs:
         return {"beam": self.displacement, "velocity": self.velocity, "probe": self.probe}[kind]
 
     def _forces(self, kind: str, force: Array) -> Array:
-        """Columns of some forces (T, p) that are of one of the `FORCES`."""
+        """Those columns of `force` (T, p), in N, whose kind is `kind`, one of `FORCE_KINDS`."""
         if not self.forces:
             return force if kind == "pad_force" else force[:, :0]
         return force[:, [k for k, kind_of_force in enumerate(self.forces) if kind_of_force == kind]]
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of which there are outputs; rates may be wanted of all displacements."""
+        """Kinds of which there are outputs; ``velocity`` is always among them, even if no velocities were computed."""
         return tuple(kind for kind in (*OUTPUT_KINDS, CYLINDER_FORCE) if kind == "velocity" or self.of(kind).shape[1])
 
     def moved_at(self, places: Sequence[int]) -> Outputs:
-        """Return these outputs with some of the displacements alone, by their numbers."""
+        """Outputs with only those displacements, and their velocities, whose numbers are in `places`, in that order."""
         which, rates = list(places), self.velocity.shape[1] > 0
         tips = tuple(which.index(tip) for tip in self.tips if tip in which)
         velocity = self.velocity[:, which] if rates else self.velocity
         return replace(self, displacement=self.displacement[:, which], velocity=velocity, tips=tips)
 
     def plus(self, difference: Outputs) -> Outputs:
-        """The sum of both, kind by kind."""
+        """Sum of these outputs and a difference of outputs, kind by kind."""
         return replace(self, **{name: getattr(self, name) + getattr(difference, name) for name in _HISTORIES})
 
     def minus(self, other: Outputs) -> Outputs:
-        """The difference of both, kind by kind."""
+        """These outputs minus others, kind by kind."""
         return self.plus(other.times(-1.0))
 
     def times(self, factor: float) -> Outputs:
-        """All of it, scaled."""
+        """These outputs, all kinds of them, times a factor."""
         return replace(self, **{name: factor * getattr(self, name) for name in _HISTORIES})
 
 
@@ -114,9 +115,10 @@ class Floors:
 
     @classmethod
     def of(cls, system: System, excitation: Excitation, forces: Array | None = None) -> Floors:
-        """Bounds of round-off of a system under these loads (`pmr.compare.errors.round_off`).
+        """Bounds of the round-off of a system's outputs under these loads (`pmr.compare.errors.round_off`).
 
-        Of several bodies no force counts that is nothing beside the largest of its `forces` (T, m) in N.
+        For several bodies the bound of forces is `RELATIVE_FLOOR` times the largest of the contact forces `forces` (T,
+        m) in N, or 0 without these; for a body alone it is `pmr.compare.errors.force_round_off`.
         """
         f, end, least = excitation.forces(system.input_names), excitation.stepping.end, 0.0
         if ALONE in system.bodies:
@@ -130,7 +132,10 @@ class Floors:
 def differences(
     outputs: Outputs, reference: Outputs, floors: Floors, kinds: Sequence[str] = OUTPUT_KINDS
 ) -> dict[str, float]:
-    """Error by kind (`pmr.compare.errors.relative_error`), fractions; what is round-off in both counts as zero."""
+    """Error of outputs against a reference by kind (`pmr.compare.errors.relative_error`), as fractions.
+
+    Columns that are round-off in both, by the `floors`, count as zero.
+    """
     moves = zero_round_off(outputs.displacement, reference.displacement, floors.displacement)
     errors = dict[str, float]()
     for kind in kinds:
@@ -153,11 +158,13 @@ def differences(
 
 
 def probe_differences(outputs: Outputs, reference: Outputs, floors: Floors) -> Array:
-    r"""Error of each probe, (k,) fractions; what is round-off in both counts as zero.
+    r"""Error of each probe, (k,) fractions; probes that are round-off in both count as zero.
 
     .. math:: \mathrm{rms}(y_k - r_k) / \max(\mathrm{rms}(r_k),\ 0.01 \max_j \mathrm{rms}(r_j))
 
-    over all probes j in the unit of k: of a wall that is bent, the stress across is worth no digits of its own.
+    with the probe y_k, its reference r_k, and all probes j in the unit of k.  So a small stress, such as that across a
+    wall that is bent, is not judged by its own size.  Where the denominator is 0, the error is 0 if the probe is zero
+    too, else 1.
     """
     y, r = zero_round_off(outputs.probe, reference.probe, floors.probe)
     refuse_infinite(y, r)
@@ -170,9 +177,10 @@ def probe_differences(outputs: Outputs, reference: Outputs, floors: Floors) -> A
 
 
 def impulsive(model: ReducedModel, excitation: Excitation) -> bool:
-    """Whether forces of sliders have no size: at a kink of the path a rigid slider strikes the body.
+    """Whether the path has a kink before the end and a rigid slider moves on it, so that its force has no limit.
 
-    The force of that blow is as high as the step is short, and no two models agree on it.
+    At a kink a rigid slider strikes the body.  The shorter the step, the larger the force of that impact, and no two
+    models agree on it.
     """
     rigid = np.flatnonzero(model.row_compliance == 0.0)
     if not set(rigid.tolist()) & set(model.moving):
@@ -183,17 +191,20 @@ def impulsive(model: ReducedModel, excitation: Excitation) -> bool:
 
 Supports = Sequence[tuple[str, str]]  # names and units of rigid supports
 
-#: Kind of contacts that hold an overlap straight: moments, no forces of pads.
+#: Kind of contacts that keep overlapping sections parallel: they bear moments, not forces of pads.
 STRAIGHT = "straight"
-#: Steps beside a kink whose forces are left out.
+#: Number of steps before and after a kink whose forces are left out.
 BESIDE_KINK = 2.0
 
 
 def quantities_of_boom(excitation: Excitation, response: Response) -> Mapping[str, Observed]:
-    """Quantities that are compared: the last section's tip, all lines, forces of each kind, and these between kinks.
+    """Functions of a response that return the compared quantities of a boom, (T, k) each, by name.
 
-    At a kink of an extension a force is as high as its step is short or its cylinder stiff: such steps are left out
-    ``_between_kinks``, where there are any.
+    ``tip`` returns the displacements of the last section's tip in m, ``beam`` all displacements in m, and each kind of
+    forces that `response` has, such as ``pad_force``, the forces of that kind in N.  If an extension has a kink before
+    the end, there is also ``<kind>_between_kinks`` for each kind of forces, which leaves out all times within
+    `BESIDE_KINK` steps of a kink: the force at a kink has no limit, since it grows as the step gets shorter or the
+    cylinder stiffer.
     """
     last, t, stepping = response.outputs[len(response.output_names) - 1].body, response.t, excitation.stepping
     at = [kink for path in excitation.paths.values() for kink in path.kinks(stepping.end)]
@@ -210,7 +221,11 @@ def quantities_of_boom(excitation: Excitation, response: Response) -> Mapping[st
 
 
 def _forces(kind: str, steps: slice | NDArray[np.bool_], response: Response) -> Array:
-    """Zero where a force is nothing beside the largest one of any kind, as that of a cylinder that holds still."""
+    """Forces of one kind at `steps`, (S, k) in N; those that are negligible against the largest of any kind are 0.
+
+    Negligible is a force, such as that of a cylinder that holds still, of at most `RELATIVE_FLOOR` times the largest
+    one.
+    """
     which = np.array(force_kinds(response)) == kind
     size = np.abs(response.slider_force).max(axis=0)
     counts = size > RELATIVE_FLOOR * size.max()
@@ -218,14 +233,18 @@ def _forces(kind: str, steps: slice | NDArray[np.bool_], response: Response) -> 
 
 
 def force_kinds(response: Response) -> list[str]:
-    """Kind of each force: ``pad_force``, ``cylinder_force`` or, of supports that give way, ``support_force``."""
+    """Kind of each force of a response, in order: ``pad_force``, ``cylinder_force`` or ``support_force``.
+
+    The last one is the force of a support that gives way.
+    """
     return [f"{output.kind}_force" for output in response.outputs if output.is_force]
 
 
 def output_contacts(system: Joined[Any]) -> list[int]:
-    """Numbers of the contacts whose forces are outputs; of a body alone they are those that move or only push.
+    """Numbers of the contacts whose forces are outputs.
 
-    Forces of rigid supports are reactions.
+    Left out are rigid supports, whose forces are reactions, and contacts of the kind `STRAIGHT`; of a body alone also
+    contacts that neither move nor only push.
     """
     bearing_contacts = [
         (k, contact)
@@ -241,27 +260,30 @@ def output_contacts(system: Joined[Any]) -> list[int]:
 
 
 def force_kinds_of_system(system: Joined[Any]) -> tuple[str, ...]:
-    """Kinds of forces of the springs of all bodies and of the contacts that bear; of a body alone all are of pads."""
+    """Kind of each force output of a system: of the springs of all bodies, then of `output_contacts`.
+
+    Of a body alone all kinds are ``pad_force``.
+    """
     springs = [kind for body in system.bodies.values() for kind in column_names(body).kinds[1]]
     kinds = [*springs, *(system.contacts[k].kind for k in output_contacts(system))]
     return tuple("pad_force" if ALONE in system.bodies else f"{kind}_force" for kind in kinds)
 
 
 def tip_columns(system: Joined[Any]) -> list[int]:
-    """Which of the displacements are those of the last body's tip."""
+    """Numbers of the displacements, among those of all bodies, that belong to the tip of the last body."""
     last = list(system.bodies)[-1]
     kinds = [(name, kind) for name, body in system.bodies.items() for kind in column_names(body).kinds[0]]
     return [k for k, (name, kind) in enumerate(kinds) if name == last and kind.split(" ")[0] == "tip"]
 
 
 def tip_names(boom: Scene) -> set[str]:
-    """Names of displacements of the last section's tip."""
+    """Names of the displacements of the last section's tip along y and z."""
     last = boom.sections[-1]
     return {named(last.name, last.observe.tip_along(direction)) for direction in "yz"}
 
 
 def columns_of(section: str, response: Response) -> list[int]:
-    """Columns of the displacements of a section."""
+    """Numbers of the displacements in a response that belong to a section, its tip's included."""
     return [k for k, output in enumerate(response.outputs) if output.body == section and output.kind in ("beam", "tip")]
 
 
@@ -274,16 +296,17 @@ class Rates:
 
 
 def load_rates(model: ReducedModel, excitation: Excitation) -> Rates:
-    """Loads (T, i) in N and their rates at the steps."""
+    """Loads (T, i) in N at all steps and their rates (T, i) in N/s, in the order of the model's inputs."""
     t, signals = excitation.times, in_order(excitation.loads, model.input_names)
     rates = np.column_stack([np.empty((len(t), 0)), *(load.rate(t) for load in signals)])
     return Rates(excitation.forces(model.input_names), rates)
 
 
 def force_rates(model: ReducedModel, trajectory: Trajectory, path_rate: Array, loads: Rates) -> Rates:
-    """The forces z (T, m) in N that deform the residual part, and their rates in N/s; `path_rate` (T,) is s' in m/s.
+    """Multipliers z (T, m) in N, which deform the residual part, and their rates (T, m) in N/s (see `output_rates`).
 
-    Raises ValueError if the model has no residual flexibility.
+    `path_rate` (T,) is the rate of the path coordinate in m/s.  Contacts that are open have the rate 0.  Raises
+    ValueError if the model has no residual flexibility.
     """
     tables, s = model.flexibility, trajectory.s
     if tables is None:
@@ -300,27 +323,30 @@ def force_rates(model: ReducedModel, trajectory: Trajectory, path_rate: Array, l
 
 
 def output_rates(model: ReducedModel, trajectory: Trajectory, excitation: Excitation) -> Array:
-    r"""Rates of the outputs, (T, o) in m/s, of a trajectory in the model's coordinates, all steps of the excitation.
+    r"""Rates of the outputs, (T, o) in m/s, of a trajectory in the model's coordinates, at all steps of the excitation.
 
     .. math::
         \dot y = O \dot p + W \dot f - X \dot z - \dot s X' z, \qquad
         (G + 1/k)\, \dot z = C \dot p + \dot s C' p + H \dot f + \dot s H' f - \dot s G' z
 
-    with z the multipliers that deform the residual part (docs/moving_residual_flexibility.md, section 5).
+    with outputs y, coordinates p, loads f, multipliers z that deform the residual part, path coordinate s, stiffnesses
+    k of the rows, output matrix O, rows C(s), and the tables of residual flexibility W (`direct`), X(s) (`outputs`),
+    H(s) (`inputs`) and G(s) (`rows`); a prime is the derivative with respect to s (docs/moving_residual_flexibility.md,
+    section 5).  Without residual flexibility only :math:`O \dot p` is left.
 
     Where s or f has a kink, so do z and the deformation under the slider: their rates jump, as those of a massless part
     can and those of a real one can't.  On smooth paths the recovered part makes velocities more accurate, on the
-    paper's straight ramps less so (section 5 has figures).
+    paper's straight ramps less so (section 5 has numbers).
 
-    Coordinates feel the damping of the residual part through the rows' forces (`Inertia`), outputs are those of its
-    statics.  With D = beta K its deformation x = R (B f - C^T z) lags behind its forces, and rows that give way share
-    the rest out anew:
+    The coordinates feel the damping of the residual part through the rows' forces (`Inertia`), but the outputs contain
+    its static deformation only.  With damping D = beta K the deformation x = R (B f - C^T z), R being the residual
+    flexibility, lags behind its forces, and rows that give way share the forces anew.  The outputs leave out
 
     .. math::
         \Delta y = -\beta\,(O \dot x - X \bar G^{-1} C \dot x), \qquad \bar G = G + 1/k
 
-    Nothing of it is left of rows that are rigid but the loads' part.  Stresses feel it most, for the residual part has
-    much of them, and no number of modes takes it away.
+    With rigid rows only the part of this that comes from the loads differs from zero.  Stresses are affected most, for
+    the residual part has a large share in them, and more modes do not remove the difference.
     """
     result, tables = trajectory.v @ model.outputs.T, model.flexibility
     if tables is None:
@@ -331,27 +357,32 @@ def output_rates(model: ReducedModel, trajectory: Trajectory, excitation: Excita
     return np.asarray(result - ds * apply_table(tables.outputs, trajectory.s, z.value, 1))
 
 
-#: Numbers of a run that are recorded before outputs alone are.
+#: Largest number of values of a run that are kept; of larger runs only outputs are.
 MOST_RECORDED = 20_000_000
 
 
 def run_from_start(system: System | SystemForm, excitation: Excitation, every: int = 1) -> SystemTrajectory:
-    """Each `every`-th step, from static equilibrium or undeformed, as the excitation says.
+    """Simulate a system by the compiled simulator and return every `every`-th step of the motion.
 
-    Runs of one modal form share its tables.
+    It starts in static equilibrium or undeformed, as the excitation says.  Repeated runs of one `SystemForm` share its
+    tables.
     """
     form = system if isinstance(system, SystemForm) else SystemForm.of(system)
     return systems.simulate_form(form, excitation, every=every)
 
 
 def is_recorded(system: System, stepping: TimeStepping) -> bool:
-    """Whether all steps of a run are to be recorded."""
+    """Whether the states and multipliers at all steps are few enough, `MOST_RECORDED` numbers, to be kept in memory."""
     bodies, contacts = system.bodies.values(), len(system.contacts)
     return stepping.steps * (2 * sum(body.size for body in bodies) + contacts) <= MOST_RECORDED
 
 
 def in_parts(system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> Excitation:
-    """The excitation with the parts of a step that a run of the system takes, where pads push."""
+    """Excitation whose steps are divided into the parts that a run of the system divides them into.
+
+    `run` is simulated if it is None.  The excitation is returned unchanged if no contact only pushes, or if its time
+    grid sets the number of parts.
+    """
     omega = contact_frequency(system, excitation)
     if omega == 0.0:
         return excitation
@@ -360,14 +391,14 @@ def in_parts(system: System, excitation: Excitation, run: SystemTrajectory | Non
 
 
 def outputs_of_run(system: System, run: SystemTrajectory, excitation: Excitation, every: int = 1) -> Outputs:
-    """Outputs of each `every`-th step of a run, whose excitation has all of them."""
+    """Outputs, with velocities, at every `every`-th step of a run, which has all steps of the excitation."""
     y, stride = np.hstack(list(systems.displacements(system, run).values())), slice(None, None, every)
     sampled, displacement = outputs_from(system, y[stride], run.forces[stride]), y[:, _displacement_mask(system)]
     return replace(sampled, velocity=displacement_rates(system, run, excitation, displacement)[stride])
 
 
 def outputs_of_response(system: System, run: SystemTrajectory, excitation: Excitation, response: Response) -> Outputs:
-    """Outputs of all steps of a run from its response."""
+    """Outputs at all steps of a run, with velocities, read from its response."""
     probes = np.concatenate([other_outputs(body) for body in system.bodies.values()])
     other_columns = np.empty((len(run.t), 0)) if response.others is None else response.others
     return Outputs(
@@ -382,15 +413,16 @@ def outputs_of_response(system: System, run: SystemTrajectory, excitation: Excit
 
 
 def outputs_without_rates(system: System, run: SystemTrajectory) -> Outputs:
-    """Outputs of all steps of a run without velocities, which are expensive."""
+    """Outputs at all steps of a run without velocities, which are expensive to compute."""
     y = np.hstack(list(systems.displacements(system, run).values()))
     return outputs_from(system, y, run.forces)
 
 
 def between_kinks(system: System, sampled: Outputs, excitation: Excitation, times: Array, step: float) -> Outputs:
-    """Outputs at some times (T,) s whose forces are zero within `BESIDE_KINK` steps, in s, of a kink of an extension.
+    """Outputs `sampled` at `times` (T,) in s with all forces set to 0 near kinks of the extensions.
 
-    There they have no size: the shorter the steps, the larger they are.  A body alone keeps all.
+    Near is within `BESIDE_KINK` times `step` in s.  There forces have no limit: the shorter the steps, the larger they
+    are. The outputs of a body alone on one path are returned unchanged.
     """
     if system.on_one_path:
         return sampled
@@ -398,15 +430,15 @@ def between_kinks(system: System, sampled: Outputs, excitation: Excitation, time
 
 
 def away_from_kinks(excitation: Excitation, times: Array, step: float) -> NDArray[np.bool_]:
-    """Which of some times (T,) s are more than `BESIDE_KINK` steps, in s, from every kink of a path."""
+    """Mask (T,) of the `times` in s that are more than `BESIDE_KINK` times `step` in s from every kink of a path."""
     kinks = [kink for path in excitation.paths.values() for kink in path.kinks(excitation.stepping.end)]
     return np.asarray(np.all([np.ones(len(times), bool), *(np.abs(times - t) > BESIDE_KINK * step for t in kinks)], 0))
 
 
 def outputs_from(system: System, y: Array, forces: Array) -> Outputs:
-    """Outputs from all output columns y (T, o) of the bodies and contact forces (T, m), without velocities.
+    """Outputs, without velocities, from all output columns y (T, o) of the bodies and contact forces (T, m) in N.
 
-    Forces are those of pads, sliders, springs and cylinders.
+    The forces in the result are those of springs, then of pads, sliders and cylinders (`output_contacts`).
     """
     bodies = list(system.bodies.values())
     displacements, springs, probes = (
@@ -424,15 +456,15 @@ def outputs_from(system: System, y: Array, forces: Array) -> Outputs:
 
 
 def _displacement_mask(system: System) -> NDArray[np.bool_]:
-    """Which outputs of all bodies are displacements."""
+    """Mask (o,) of the output columns of all bodies: True for displacements."""
     return np.concatenate([length_outputs(body) for body in system.bodies.values()])
 
 
 def displacement_rates(system: System, run: SystemTrajectory, excitation: Excitation, displacement: Array) -> Array:
-    r"""Rates of the `displacement`, (T, o) in m/s and m, of all steps of the excitation.
+    r"""Rates (T, o) in m/s of the displacements `displacement` (T, o) in m, at all steps of the excitation.
 
-    Of a body on one path those of the residual part follow from its tables (`output_rates`); of several
-    bodies, and with attachment modes, :math:`O \dot q` and differences.
+    For a body on one path with tables of residual flexibility they are `output_rates`.  For several bodies, and with
+    attachment modes, they are :math:`O \dot q` plus central differences of the rest of the displacements, y - O q.
     """
     if system.on_one_path and all(map(_by_tables, system.bodies.values())):
         body, motion = along_path(system, run, excitation)
@@ -448,13 +480,13 @@ def displacement_rates(system: System, run: SystemTrajectory, excitation: Excita
 
 
 def _by_tables(body: SlidingBody) -> bool:
-    """Return whether tables of flexibility yield rates, as they do without attachment modes."""
+    """Whether the rates of a body's outputs follow from tables of flexibility: it has these and no attachment modes."""
     attached = body.carriers is not None and getattr(body.carriers, "inertia", None) is None
     return body.flexibility is not None and not attached
 
 
 def along_path(system: System, run: SystemTrajectory, excitation: Excitation) -> tuple[ReducedModel, Trajectory]:
-    """A body on one path with none but the rows that are contacts, and its motion with the path coordinate (T,)."""
+    """The only body, with no rows but those of its contacts, and its motion with one path coordinate s (T,) in m."""
     (body,), (motion,) = system.reduced.values(), run.bodies.values()
     rows = [body.row_names.index(contact.inner.row) for contact in system.contacts]
     s = excitation.on_slider.along(body.domain) if excitation.paths else np.full(len(run.t), body.domain[0])

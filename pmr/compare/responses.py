@@ -1,4 +1,4 @@
-"""Responses of systems: motions by the simulators that a scene names, what they mean, and the memory they take."""
+"""Responses of systems: simulation by the simulators that a scene names, evaluation of motions, and memory needed."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ if TYPE_CHECKING:
 
 Indices = NDArray[np.int64]
 
-#: A full model of more coordinates than this goes through PETSc, for diagonalising costs more.  Exudyn factorises in
+#: A full model of more coordinates than this is simulated by PETSc, for diagonalising costs more.  Exudyn factorises in
 #: every step: 453 coordinates take it twice as long as PETSc, and from some 900 on Newton's method may not converge.
 MARCHED_UP_TO = 400
-#: The same of several sections, which are diagonalised one by one.
+#: Number of coordinates up to which ``march`` simulates full models of several sections, diagonalised one by one.
 SECTIONS_MARCHED_UP_TO = 1200
-#: s: what takes no longer is simulated several times, since the first one may be cold.
+#: Seconds: shorter simulations are repeated for their time, since caches are empty in the first one.
 SHORT = 0.1
 
 
@@ -57,10 +57,10 @@ class Simulated:
     """Response of one simulation, with the states that were recorded."""
 
     response: Response
-    states: Mapping[str, BodyStates]  # of each body at the steps that were asked for
-    parts: Indices | None  # (T,): of how many parts each step was made
-    run: SystemTrajectory | None  # of reduced bodies, whose states are all kept where these are not too many
-    own: Response  # the response without what scenes have beside the system
+    states: Mapping[str, BodyStates]  # of each body, at the steps for which they were wanted
+    parts: Indices | None  # (T,): number of parts of each step; None if not known
+    run: SystemTrajectory | None  # the motion at all steps; None where it was not kept
+    own: Response  # the response of the system alone, without forces and motions of the scene's machine
 
 
 @dataclass(frozen=True)
@@ -69,12 +69,12 @@ class Simulations:
 
     first: Simulated  # by the one that the scene names first
     seconds: Mapping[str, float]  # of each simulator's solver, the first one's first
-    agreement: Mapping[str, float]  # of each two of them, m
-    made: TimeStepping  # the time grid, with the parts that the first one made each step in where contacts only push
-    again: Callable[[], Mapping[str, float]]  # the seconds once more, the least of the repeats that the scene asks for
+    agreement: Mapping[str, float]  # largest difference in displacements between each two of them, m (`agreement`)
+    made: TimeStepping  # the time grid, with the first one's parts of each step where contacts only push
+    again: Callable[[], Mapping[str, float]]  # repeat the simulations as the scene says; least seconds of each
 
     def with_least_seconds(self) -> Simulations:
-        """Repeat short simulations and report the least solver seconds of each simulator."""
+        """Repeat short simulations and return these with the shortest solver time of each simulator."""
         least = self.again()
         response = replace(self.first.response, seconds=next(iter(least.values())))
         return replace(self, first=replace(self.first, response=response), seconds=least)
@@ -83,11 +83,13 @@ class Simulations:
 def simulate(
     scene: Scene, system: System, excitation: Excitation, clock: Clock | None = None, steps: Sequence[int] = ()
 ) -> Simulations:
-    """Simulate a reduced system once by every simulator that the scene names; the first one's states at the `steps`.
+    """Simulate a reduced system once by every simulator that the scene names, and record states at the `steps`.
 
-    Exudyn makes each step in the parts that the compiled simulator before it chose.
+    The response and states are those of the first simulator; of the others, solver times and the differences in
+    displacements are returned.  Where contacts only push, Exudyn divides each step into the parts that the compiled
+    simulator chose, if that ran first.  Each simulation is a stage of `clock`.
 
-    Raises an InputError where the motion grows: the scene's own model can be mended by its step.
+    Raises InputError, with the key to change, if the motion grows without bound.
     """
     clock, names = clock or Clock(), scene.simulation.simulators
     omega, stepping = contact_step.contact_frequency(system, excitation), excitation.stepping
@@ -104,6 +106,7 @@ def simulate(
     seconds = {name: response.seconds for name, response in responses.items()}
 
     def again() -> dict[str, float]:
+        """Repeat short simulations and return the least seconds of each simulator."""
         return {name: one.least(seconds[name], scene.simulation.repeats) for name, one in prepared.items()}
 
     return Simulations(results[names[0]], seconds, agreement(responses), stepping, again)
@@ -117,7 +120,10 @@ def simulate_by(
     steps: Sequence[int] = (),
     done: Progress | None = None,
 ) -> Simulated:
-    """Simulate by one simulator, repeated as the scene says unless it takes long; least seconds."""
+    """Simulate by one simulator; short simulations are repeated as the scene says, and the shortest time is reported.
+
+    States are recorded at the `steps`.
+    """
     prepared = _prepare(system, excitation, simulator, np.asarray(steps, np.int64))
     result = prepared.run(done)
     seconds = prepared.least(result.own.seconds, scene.simulation.repeats)
@@ -131,7 +137,7 @@ def march_once(scene: Scene, system: System, excitation: Excitation) -> Response
 
 
 def agreement(responses: Mapping[str, Response]) -> dict[str, float]:
-    """``<a>_vs_<b>``: largest difference of displacements in m between two simulators."""
+    """Largest difference of displacements in m between two simulators at any time, by ``<a>_vs_<b>``."""
     return {
         f"{a}_vs_{b}": float(np.abs(responses[a].displacement - responses[b].displacement).max())
         for a, b in combinations(responses, 2)
@@ -140,9 +146,9 @@ def agreement(responses: Mapping[str, Response]) -> dict[str, float]:
 
 @contextmanager
 def refused_growth(scene: Scene) -> Iterator[None]:
-    """Within, a motion of the reduced model that grows without bound is the scene's mistake, which a user can mend.
+    """Context in which a motion of the reduced model that grows without bound raises an InputError for the user.
 
-    Raises InputError with the key, `time.step` or `time.rho_inf`.
+    It names the key to change, `time.step` or `time.rho_inf`.
     """
     try:
         yield
@@ -151,9 +157,9 @@ def refused_growth(scene: Scene) -> Iterator[None]:
 
 
 def check_installed(scene: Scene) -> None:
-    """Refuse before the work what a scene's simulators need and isn't there.
+    """Raise an InputError if a package that the scene's simulators need is not installed.
 
-    Raises InputError with the package and the command that installs it.
+    It names the package and the command that installs it.
     """
     names = [*scene.simulation.simulators, *(["exudyn"] if "ancf" in scene.compare.against else [])]
     if "full" in scene.compare.against and scene.simulation.full != "auto":
@@ -163,7 +169,10 @@ def check_installed(scene: Scene) -> None:
 
 
 def compared_quantities(scene: Scene, response: Response) -> Mapping[str, Observed]:
-    """Quantities by name that are compared between a response like this one and others."""
+    """Functions of a response that return the compared quantities, by name, for this scene and responses like this one.
+
+    They are `observed_quantities` of a body alone and `quantities_of_boom` of a boom.
+    """
     if ALONE not in scene.bodies:
         return quantities_of_boom(Excitation.of(scene), response)
     tips = len(transverse(member_at(scene)))
@@ -171,7 +180,7 @@ def compared_quantities(scene: Scene, response: Response) -> Mapping[str, Observ
 
 
 def full_simulator(scene: Scene, size: int) -> str:
-    """Which simulator takes a full model of `size` coordinates: the one that the scene names, or the fastest."""
+    """Name of the simulator for a full model of `size` coordinates: the one that the scene names, or the fastest."""
     if scene.simulation.full != "auto":
         return scene.simulation.full
     return "march" if size <= (MARCHED_UP_TO if len(scene.bodies) == 1 else SECTIONS_MARCHED_UP_TO) else "petsc"
@@ -179,20 +188,24 @@ def full_simulator(scene: Scene, size: int) -> str:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A simulation, with all that repeating it needs made once."""
+    """A simulation whose set-up is done, so that it can be repeated."""
 
     run: Callable[[Progress | None], Simulated]
-    seconds: Callable[[int], list[float]]  # of the solver alone, so many times: outputs are evaluated once
+    seconds: Callable[[int], list[float]]  # repeat the solver alone that many times; seconds of each
 
     def least(self, first: float, repeats: int) -> float:
-        """The seconds of the `first` run, or of later ones if that was short and these are shorter."""
+        """The shortest solver time in s of `repeats` runs, of which the `first` took that many seconds.
+
+        Runs are repeated only if the first one took no more than `SHORT`.
+        """
         return min([first, *(self.seconds(repeats - 1) if first <= SHORT else [])])
 
 
 def _prepare(system: System, excitation: Excitation, simulator: str, steps: Indices) -> Prepared:
     """Prepare a simulator so that repeated runs of the system under the excitation share its set-up.
 
-    Of full bodies, and of one alone with many steps, nothing but states at the `steps` is kept.
+    States are recorded at the `steps`.  The motion at all steps is kept as well, except for full bodies with ``march``,
+    and for a body alone without terms if Exudyn simulates it or its steps are too many (`is_recorded`).
     """
     alone = ALONE in system.bodies and not system.terms
     if simulator == "march":
@@ -202,27 +215,34 @@ def _prepare(system: System, excitation: Excitation, simulator: str, steps: Indi
     start, formulation = systems.start_of(system, excitation), exudyn.FORMULATIONS[simulator]
 
     def run(done: Progress | None) -> Simulated:
+        """Simulate by Exudyn and evaluate the response."""
         trajectory = exudyn.simulate_system(system, excitation, start, done, formulation)
         states, response = states_of(system, trajectory, steps), respond(system, trajectory)
         return Simulated(response, states, trajectory.parts, None if alone else trajectory, response)
 
     def again(count: int) -> list[float]:
+        """Repeat the simulation by Exudyn `count` times and return the solver's seconds of each."""
         return [exudyn.simulate_system(system, excitation, start, None, formulation).seconds for _ in range(count)]
 
     return Prepared(run, again)
 
 
 def _prepare_march(system: System, excitation: Excitation, steps: Indices, recorded_steps: Indices) -> Prepared:
-    """Prepare the compiled simulator; response block by block, states of the `recorded_steps`."""
+    """Prepare the compiled simulator; the response is evaluated block by block.
+
+    The motion is kept at the `recorded_steps`; states are returned at the `steps`, which are all recorded.
+    """
     form = SystemForm.of(system)
     f, every = excitation.forces(system.input_names), len(recorded_steps) == len(excitation.times)
     march = cache(lambda: March(form, excitation))
 
     def run(done: Progress | None) -> Simulated:
+        """Simulate, evaluate the response block by block, and record states."""
         evaluation, recorder = Evaluation(system, excitation.times, f), Recorder(recorded_steps)
         parts = np.ones(len(excitation.times), np.int64)
 
         def take(block: Block) -> None:
+            """Evaluate one block, and record its states and parts of steps."""
             part = block.at(slice(None))
             evaluation(block.first, part)
             parts[block.first : block.first + block.count] = part.parts
@@ -239,14 +259,14 @@ def _prepare_march(system: System, excitation: Excitation, steps: Indices, recor
 
 Array = NDArray[np.float64]
 
-#: What a response has of each step beside its energies.
+#: Fields of a response with a value for each step, without its energies.
 RESPONSE_HISTORIES = (
     "t", "displacement", "slider_force", "residual_position", "residual_velocity", "force_peaks", "others",
 )  # fmt: skip
 
 
 def respond(system: System, trajectory: SystemTrajectory) -> Response:
-    """Displacements of all bodies, one after the other, forces of contacts, springs and supports, and energies.
+    """Response to a motion: displacements of all bodies, forces of contacts, springs and supports, and energies.
 
     Raises SimulationError if outputs, forces or energies overflow.
     """
@@ -257,9 +277,9 @@ def respond(system: System, trajectory: SystemTrajectory) -> Response:
 
 
 class Evaluation:
-    """Takes blocks of a system's motion at times t (T,) in s and makes the response of them: no state is kept.
+    """Evaluate a system's motion block by block, without keeping its states, and return the response to all of it.
 
-    Loads are (T, i) in N.
+    `t` (T,) are the times of all steps in s, `loads` (T, i) those on all inputs in N.
     """
 
     def __init__(self, system: System, t: Array, loads: Array) -> None:
@@ -268,7 +288,10 @@ class Evaluation:
         self._found: Response | None = None
 
     def __call__(self, first: int, part: SystemTrajectory) -> None:
-        """Evaluate the steps from number `first` on; raises SimulationError as `respond`."""
+        """Evaluate the block `part`, whose first step has the number `first`.
+
+        Raises SimulationError as `respond` does.
+        """
         response, rows = _evaluate(self._system, part), slice(first, first + len(part.t))
         arrays = {name: getattr(response, name) for name in RESPONSE_HISTORIES}
         for name, values in (arrays | vars(response.energy)).items():
@@ -279,16 +302,19 @@ class Evaluation:
         self._found = self._found or self._with_round_off(response, part)
 
     def response(self, ended: Ended) -> Response:
-        """The response, when all blocks are taken."""
+        """Response at all steps, after the last block; `ended` has the solver's seconds and the surplus of energy."""
         assert self._found is not None  # as every simulation has a block
         columns: dict[str, Any] = {name: self._columns.get(name) for name in RESPONSE_HISTORIES}
         energy = Energy(*(self._columns[name] for name in vars(self._found.energy)))
         return replace(self._found, **columns, energy=energy, seconds=ended.seconds, surplus=ended.surplus)
 
     def _with_round_off(self, response: Response, part: SystemTrajectory) -> Response:
-        """Bounds of round-off in a response without histories; of forces too, for a body alone."""
+        """The response without histories, but with bounds of round-off.
+
+        Forces have a bound only for a body alone without terms.
+        """
         system, end = self._system, float(np.ptp(self._t))
-        nothing: dict[str, Any] = dict.fromkeys(RESPONSE_HISTORIES)  # of these the columns have all
+        nothing: dict[str, Any] = dict.fromkeys(RESPONSE_HISTORIES)  # histories are in `_columns`
         response = replace(response, **nothing, round_off=round_off(system.bodies, self._loads, end))
         if ALONE not in system.bodies or system.terms:
             return response
@@ -298,7 +324,7 @@ class Evaluation:
 
 
 def _evaluate(system: System, part: SystemTrajectory) -> Response:
-    """Response of the system over some steps of a motion."""
+    """Response of the system over the steps of one block of a motion."""
     with np.errstate(over="ignore", invalid="ignore"):
         kinetic = np.zeros(len(part.t))
         for name, body in system.bodies.items():
@@ -320,7 +346,11 @@ def _evaluate(system: System, part: SystemTrajectory) -> Response:
 
 
 def _residuals(body: SlidingBody, motion: Trajectory, part: SystemTrajectory) -> tuple[Array, Array]:
-    """Violation (T, m) in m of each row, and its rate in m/s; NaN where rows have no rate equation."""
+    """Violation (T, m) in m of each row's equation and its rate (T, m) in m/s, at the T steps of one block.
+
+    For rows that only push, the violation is the difference to the clearance if they press, and the overlap otherwise.
+    The rate is NaN where rows give way, which have no equation at velocity level, and where path rates are unknown.
+    """
     q, v, s, multipliers = motion.q, motion.v, motion.s, motion.multipliers
     violation = body.apply_rows(s, q) - body.row_compliance * multipliers
     if body.flexibility is not None:
@@ -336,7 +366,10 @@ def _residuals(body: SlidingBody, motion: Trajectory, part: SystemTrajectory) ->
 
 @dataclass(frozen=True)
 class MotionOutputs:
-    """Simulated outputs (T, o) of each body, contact forces and their peaks (T, m) in N, and energies."""
+    """Simulated outputs (T, o) of each body, forces and peaks (T, m) in N of all contacts, and energies.
+
+    T is the number of times, o that of outputs of the body, m that of contacts; peaks are None if no step has parts.
+    """
 
     outputs: Mapping[str, Array]
     forces: Array
@@ -345,7 +378,10 @@ class MotionOutputs:
 
 
 def with_friction(response: Response, system: Joined[Any], friction: Array | None) -> Response:
-    """Append each joint's total friction force to the other outputs, from that of each pad (T, n) in N."""
+    """Append each joint's total friction force in N to the other outputs, from that of each of n pads (T, n) in N.
+
+    The response is returned unchanged without friction.
+    """
     joint_friction = Friction.of(system.contacts)
     if joint_friction is None or friction is None:
         return response
@@ -354,7 +390,7 @@ def with_friction(response: Response, system: Joined[Any], friction: Array | Non
 
 
 def response_of(system: Joined[Any], t: Array, motion: MotionOutputs) -> Response:
-    """Response of any simulator's motion at the times t (T,) in s."""
+    """Response to any simulator's motion at the times t (T,) in s; its solver time and residuals are NaN."""
     displacements, springs, other_outputs = list[Array](), list[Array](), list[Array]()
     other_names, other_units = list[str](), list[str]()
     x, names, force_names = list[Array](), list[str](), list[str]()
@@ -402,10 +438,11 @@ MACHINE = "machine"
 
 
 def with_machine(scene: Scene, response: Response) -> Response:
-    """Append places (m, rad), rates and forces (N, N m) of the machine, where the scene has its motion.
+    """Append displacements, rates and forces of a machine that moves by itself to the response of a scene.
 
-    Forces are those of springs, dampers and of what holds it, positive along the axes, by the directions of
-    ``[frame.base]``; free directions without a spring have none.
+    Displacements are in m or rad, rates in m/s or rad/s.  Forces are those of springs, dampers and constraints in N or
+    N m, positive along the axes, by the directions of ``[frame.base]``; a direction in which none acts has no force.
+    The response is returned unchanged if no motion of a machine was found with the scene's.
     """
     motions = {} if scene.frame is None or scene.frame.base is None else scene.frame.base.motions
     free_motions: dict[str, Samples] = {
@@ -427,21 +464,25 @@ def with_machine(scene: Scene, response: Response) -> Response:
 
 _log = logging.getLogger(__name__)
 
-#: Arrays (T, n) at once where Exudyn simulates, which keeps all states: they, as its sensors and as ours have them.
-#: The same of a reduced model whose error is estimated by two richer ones.  `march` keeps no states of a body alone, of
-#: several bodies it does.
+#: Number of arrays (T, n) of states of n coordinates at all T steps that exist at once where Exudyn simulates, which
+#: keeps all states, and where a reduced model's error is estimated by two richer models.  `march` keeps no states of a
+#: full body alone; of several bodies it does.
 ARRAYS_OF_STATES = 4
-#: Arrays (T, o) at once beside the responses, where the reduction's error is estimated, and elsewhere.  Measured with
-#: two responses: 6.9 kB a step for 66 outputs and 10 coordinates, here 7.5; 1.7 kB for 51 outputs, here 2.3.
+#: Number of arrays (T, o) of o outputs that exist at once in addition to the responses, where the reduction's error is
+#: estimated, and elsewhere.  Measured with two responses: 6.9 kB a step for 66 outputs and 10 coordinates, by this
+#: formula 7.5; 1.7 kB for 51 outputs, by this formula 2.3.
 ESTIMATED, COMPARED = 10, 2
-#: Numbers a step that each response holds beside its outputs.
+#: Numbers a step that each response holds in addition to its outputs.
 NUMBERS_BESIDE = 12
 BYTES = 8  # bytes
-NOTABLE_BYTES = 2**30  # bytes, from which on it is worth a line
+NOTABLE_BYTES = 2**30  # bytes: histories that take more are warned of
 
 
 def needed_bytes(scene: Scene, size: int, outputs: int) -> int:
-    """Memory in bytes that histories of all steps take at most at once; `size` and `outputs` of all full models."""
+    """Largest memory in bytes that the histories of all steps take at once.
+
+    `size` is the number of coordinates of all full models together, `outputs` that of their outputs.
+    """
     bodies, full = scene.bodies.values(), full_simulator(scene, size)
     r, several = sum(body.reduction.coordinates for body in bodies), len(bodies) > 1
     responses = len(scene.compare.against) + len(scene.simulation.simulators) + 1  # one simulated again for its time
@@ -460,15 +501,16 @@ def needed_bytes(scene: Scene, size: int, outputs: int) -> int:
 
 
 def memory_warnings(scene: Scene, size: int, outputs: int) -> list[str]:
-    """A line where the histories take a lot."""
+    """A warning if the histories take more than `NOTABLE_BYTES`, else nothing; arguments as for `needed_bytes`."""
     total = needed_bytes(scene, size, outputs)
     return [] if total < NOTABLE_BYTES else [f"{scene.time.steps:,} steps take about {total / 1e9:.1f} GB of memory"]
 
 
 def check_memory(scene: Scene, size: int, outputs: int, free: int | None, tell: bool = True) -> None:
-    """Refuse what does not fit into the `free` memory in bytes, and tell of what takes a lot of it, if asked to `tell`.
+    """Raise an InputError, with the number of steps that fits, if the histories do not fit into `free` bytes of memory.
 
-    Raises InputError with what would fit.
+    Histories of less than `NOTABLE_BYTES` are not checked, nor are any if `free` is None (unknown).  Those that take
+    more but fit are logged as a warning if `tell` is true.  `size` and `outputs` are as for `needed_bytes`.
     """
     for message in memory_warnings(scene, size, outputs):
         total = needed_bytes(scene, size, outputs)
@@ -499,7 +541,7 @@ def cable_of(scene: Scene) -> ancf.Cable:
 def simulate_cable(
     scene: Scene, x: ArrayLike, excitation: Excitation, done: Progress | None = None
 ) -> ancf.CableMotion:
-    """Motion of that cable at the material points x (o,) in m.
+    """Motion of the scene's beam as an ANCF cable, at the material points x (o,) in m.
 
     Raises InputError if Exudyn is not installed, and as for `pmr.simulation.exudyn.ancf.simulate`; SimulationError if a
     step fails or a result is not finite.
@@ -511,7 +553,10 @@ def simulate_cable(
 
 
 def cable_response(scene: Scene, x: ArrayLike, done: Progress | None = None) -> Response:
-    """Response of the ANCF reference; its joint holds a point in space, so the rows' residuals do not apply: NaN."""
+    """Response of the ANCF cable, a reference, at the material points x (o,) in m.
+
+    Its joint holds a point in space, so it has no rows: their residuals are NaN.
+    """
     motion = simulate_cable(scene, x, Excitation.of(scene), done)
     from pmr.simulation.exudyn import ancf
 

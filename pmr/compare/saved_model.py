@@ -1,4 +1,4 @@
-"""A saved system under a scene: what `pmr run` says of it, less what needs the full model."""
+"""Simulation of a saved system under a scene, with the results of `pmr run` that need no full model."""
 
 from __future__ import annotations
 
@@ -41,10 +41,15 @@ EARLIER = "the file is of an earlier version, without the modes that the estimat
 def simulate_saved(system: System, scene: Any) -> RunResult:
     """Simulate a system under another scene's paths, loads and time stepping, by the simulators that it names.
 
-    There are no errors in the result but what is estimated without the full model, and no singular values.  Raises
-    InputError if the scene describes other bodies or joints than the system's, loads and inputs differ, a path leaves
-    the system's, or a simulator can't do what is asked;
-    SimulationError if a step fails.
+    The result has those errors that are estimated without the full model, and no singular values.
+
+    Raises
+    ------
+    InputError
+        If the scene describes other bodies or joints than the system's, loads and inputs differ, a path leaves the
+        system's, or a simulator can't do what is asked.
+    SimulationError
+        If a step fails.
     """
     scene = as_made(scene, system.terms)
     check_installed(scene)
@@ -97,6 +102,7 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
 
 
 def _error(scene: Scene, simulated: SimulatedSystem, clock: Clock) -> ReductionError:
+    """Estimated error of the reduction; without any values if the file is of an earlier version (`EARLIER`)."""
     error = reduction_error(scene, simulated, clock)
     bodies, estimated = simulated.system.reduced.items(), all(part.reduction.estimate for part in scene.sections)
     if estimated and any(model.cylinder_modes and name not in simulated.system.on_modes for name, model in bodies):

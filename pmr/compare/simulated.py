@@ -1,4 +1,4 @@
-"""A reduced system under a scene: whether it was made for it, and its response; FEniCSx is not needed."""
+"""Response of a reduced system to a scene, and the check that it was made for that scene; FEniCSx is not needed."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def excitation_in(scene: Any, system: System) -> Excitation:
 
 
 def check_fits(scene: Any, system: System) -> None:
-    """Refuse with an InputError a scene of other bodies, joints or loads than those that a system was made from."""
+    """Raise an InputError if a scene has other bodies, joints or loads than those that a system was made from."""
     parts = scene.bodies
     if tuple(parts) != tuple(system.bodies):
         allowed = f"the sections of the system are allowed: {', '.join(system.bodies)}"
@@ -129,7 +129,10 @@ def check_fits(scene: Any, system: System) -> None:
 
 
 def join_models(scene: Any, reduced: ReducedModel | Mapping[str, ReducedModel]) -> System:
-    """The system of models that were reduced one by one; an InputError is raised where a scene has others."""
+    """System of models that were reduced one by one, joined as the scene says.
+
+    Raises InputError if they are not the models of the scene's bodies.
+    """
     names = tuple(scene.bodies)
     models = {ALONE: reduced} if isinstance(reduced, ReducedModel) else reduced
     if not isinstance(models, Mapping) or set(models) != set(names):
@@ -150,7 +153,7 @@ def join_models(scene: Any, reduced: ReducedModel | Mapping[str, ReducedModel]) 
     return system_of(decide_second_order(scene, ordered_models), ordered_models)
 
 
-#: What may differ from the scene that the model was made from: signals, and how reductions are computed or judged.
+#: Keys that may differ from the scene that the model was made from: signals, and how reductions are computed or judged.
 FREE = frozenset({
     *("signal", "acceleration", "rise", "path", "travel", "frequency_response", "solver", "estimate"),
     *("extension", "overlap", "follows", "ratio", "offset"),
@@ -158,16 +161,17 @@ FREE = frozenset({
 
 
 class Made(Protocol):
-    """A model or system that knows the scene it was made from, if it does."""
+    """A model or system with the provenance of the scene that it was made from; the provenance may be empty."""
 
     @property
     def provenance(self) -> dict[str, Any]: ...
 
 
 def with_models_of(scene: Scene, models: Made | Mapping[str, Made]) -> Scene:
-    """The scene with the structural models that measurements chose for reduced `models`, where it names none itself.
+    """The scene in which bodies whose structural model is ``auto`` have that of the reduced `models`.
 
-    `models` are a system, a model of a body alone, or a model of each section by its name.
+    Measurements chose it when these were reduced.  `models` are a system, a model of a body alone, or a model of each
+    section by its name.
     """
     parts = []
     for number, (name, part) in enumerate(scene.bodies.items()):
@@ -182,10 +186,11 @@ def with_models_of(scene: Scene, models: Made | Mapping[str, Made]) -> Scene:
 
 
 def check_made_for(model: Made, scene: Scene, number: int | None = None) -> None:
-    """Bodies, supports, pads, joints, damping, what is observed, places and directions of loads are those of the model.
+    """Raise an InputError if a model was made from another scene: the first key that differs, and the model's value.
 
-    That is of a whole scene, or of one of its sections by its `number`.  Raises InputError with the first key that
-    differs and what the model has.  Keys that the file of an older model does not hold are not compared.
+    Compared are bodies, supports, pads, joints, damping, observed outputs, and positions and directions of loads, of a
+    whole scene, or of the section `number` if it is passed.  Keys that the file of an older model does not hold are not
+    compared.
     """
     recorded_scene = model.provenance.get("scene")
     if not isinstance(recorded_scene, Mapping):
@@ -201,12 +206,13 @@ def check_made_for(model: Made, scene: Scene, number: int | None = None) -> None
 
 
 def _of_gravity(recorded_scene: Mapping[str, Any], scene: Scene) -> Iterator[tuple[str, Any, Any]]:
-    """Key, value, and that of the model, as all that follow."""
+    """Differences in gravity: key, value in the scene, value in the model."""
     if recorded_scene.get("gravity") and scene.gravity:
         yield from _part_differences(recorded_scene["gravity"], scene.gravity, "gravity")
 
 
 def _of_body(recorded_scene: Mapping[str, Any], member: Member) -> Iterator[tuple[str, Any, Any]]:
+    """Differences in one body: key, value in the scene, value in the model."""
     recorded_loads = {load.get("name"): load for load in recorded_scene.get("loads") or ()}
     for i, load in enumerate(member.part.loads):
         yield from _part_differences(recorded_loads.get(load.name, {}), load, f"loads[{i}]")
@@ -217,12 +223,14 @@ def _of_body(recorded_scene: Mapping[str, Any], member: Member) -> Iterator[tupl
 
 
 def _of_scene(recorded_scene: Mapping[str, Any], scene: Scene) -> Iterator[tuple[str, Any, Any]]:
+    """Differences in damping and sections of a whole scene: key, value in the scene, value in the model."""
     for name in ("damping", "sections"):
         if name in recorded_scene:
             yield from _part_differences(recorded_scene[name], getattr(scene, name), name)
 
 
 def _of_files(recorded_digests: Mapping[str, str], read: Mapping[str, Path]) -> Iterator[tuple[str, Any, Any]]:
+    """Differences in the content of files that the scene reads: key, name of the file, digest in the model."""
     for name, file in read.items():
         digest = hashlib.sha256(file.read_bytes()).hexdigest()
         if recorded_digests.get(name, digest) != digest:
@@ -230,7 +238,10 @@ def _of_files(recorded_digests: Mapping[str, str], read: Mapping[str, Path]) -> 
 
 
 def _part_differences(recorded: Any, present: Any, key: str) -> Iterator[tuple[str, Any, Any]]:
-    """Differences in one part of a scene."""
+    """Differences between a `recorded` and a `present` value of the scene at `key`, and in all their fields.
+
+    Each is key, present value, recorded value.
+    """
     if isinstance(present, Section) and isinstance(recorded, Mapping):
         for name in [name for name in type(present).model_fields if name in recorded and name not in FREE]:
             yield from _part_differences(recorded[name], getattr(present, name), f"{key}.{name}")
@@ -250,7 +261,7 @@ def _part_differences(recorded: Any, present: Any, key: str) -> Iterator[tuple[s
 
 
 def _equal(recorded: Any, present: Any) -> bool:
-    """Whether a value is the model's, but for round-off and what JSON makes of it."""
+    """Whether a present value equals the recorded one, except for round-off and changes by JSON."""
     if isinstance(present, tuple) and isinstance(recorded, list | tuple):
         return len(present) == len(recorded) and all(map(_equal, recorded, present))
     if isinstance(present, float) and isinstance(recorded, int | float):

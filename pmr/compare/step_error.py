@@ -1,18 +1,19 @@
-r"""How far the time step itself is off: the same model once more with half the step, a quarter, and so on.
+r"""Error that the time step itself leaves: the same model is run again with half the step, a quarter, and so on.
 
 .. math::
     d_k = \lVert y_{h/2^k} - y_{h/2^{k+1}} \rVert, \qquad
     \lVert y_h - y \rVert \approx \lVert y_h - y_{h/2^n} \rVert + d_{n-1} \frac{\rho}{1 - \rho}, \qquad
     \rho = d_{n-1} / d_{n-2}
 
-Generalized-alpha is of second order, so rho tends to 1/4 (Richardson's extrapolation) for motions that the steps
-resolve, and to about 1/2 behind kinks and jumps.  Where it is above 0.6, the steps don't resolve the motion yet and
-are halved again: two runs of which both miss it may agree.  Runs with shorter steps have a rho_inf of at least 0.95,
-for with less all of them damp what they don't resolve, and agree on that, too.  Halving is what tells, doubling would
-not: a tone that h can't tell from a slower one is none that 2 h can.
+with the given step h, the outputs y_h of the run with it, the exact outputs y, and n halvings.  Generalized-alpha is of
+second order, so rho tends to 1/4 (Richardson's extrapolation) for motions that the steps resolve, and to about 1/2
+behind kinks and jumps.  Where it is above 0.6, the steps don't resolve the motion yet and are halved again: two runs
+that both miss it may agree.  Runs with shorter steps have a rho_inf of at least 0.95, for with less all of them damp
+what they don't resolve, and agree on that, too.  Only halving shows the error, doubling the step would not: a tone that
+looks like a slower one at the step h does so at 2 h as well.
 
-Reduced and full model take the same steps, so no comparison of the two shows this error.  What a user should know of it
-is said in words here, too.
+Reduced and full model take the same steps, so no comparison of the two shows this error.  Summary and warnings about it
+are written here, too.
 """
 
 from __future__ import annotations
@@ -68,29 +69,30 @@ Compared = TypeVar("Compared")
 
 #: Ratio of two differences in a row above which a motion is not resolved yet.
 ROUGH = 0.6
-#: Share of the error by which what is beyond the finest run may change it.
+#: Share of the error that may come from beyond the finest run, by extrapolation.
 SETTLED = 0.25
-#: Differences that are small enough as they stand, whether they fall or not.
+#: Differences up to this one are small enough, whether they decrease or not.
 NEGLIGIBLE = 1e-3
-#: Difference that is none.
+#: Differences up to this one count as zero.
 NO_DIFFERENCE = 1e-12
-#: Steps of all runs together up to which they go on being halved, beyond the two halvings that are always made.
+#: Steps of all runs together up to which steps are halved more than twice.
 BUDGET = 300_000
-#: The same where rows only push: behind an impact smaller steps settle nothing.
+#: Such a limit where contacts only push: after an impact smaller steps settle nothing.
 BUDGET_OF_IMPACTS = 50_000
-#: Steps of a run up to which even these are made.
+#: Largest number of steps of any run, the first two halvings included.
 LONGEST = 4_000_000
-#: Steps at which runs are compared, at most.
+#: Largest number of times at which runs are compared.
 COMPARED = 20_000
-#: Least rho_inf of runs that others are compared with.  With less, steps damp what they don't resolve, so that runs
-#: which all lack it agree; with 1, rows that move can make it grow.
+#: Least rho_inf of the runs with shorter steps.  With less, steps damp motions that they don't resolve, so that runs in
+#: which these are missing agree; with 1, rows that move can make such motions grow.
 UNDAMPED = 0.95
 
 
 def reference_rho(system: System, rho_inf: float) -> float:
-    """`rho_inf` of the runs that one with this value is compared with: at least `UNDAMPED`.
+    """`rho_inf` of the runs with which a run with `rho_inf` is compared: at least `UNDAMPED` where that is possible.
 
-    Rows without residual flexibility grow with more damping than others, and what only pushes bounces otherwise.
+    It is unchanged if the system has rows without residual flexibility, which can grow with less damping, or contacts
+    that only push, which bounce otherwise.
     """
     parts = [body if system.on_one_path else body.carriers for body in system.bodies.values()]
     flexible = all(getattr(part, "flexibility", None) is not None for part in parts)
@@ -102,17 +104,19 @@ class Sampled:
     """Outputs and forces of a run at the T times at which runs are compared."""
 
     outputs: Outputs
-    forces: ForceHistories = field(default_factory=dict)  # of completed responses, without steps beside kinks
+    forces: ForceHistories = field(default_factory=dict)  # of completed responses, without steps near kinks
 
 
 class Stepped:
-    """A system that is simulated with several steps; its `run` with the given one is made unless it is known.
+    """A system that is simulated with several time steps.
 
-    Where `complete` adds to a response the forces that follow from others, all forces are sampled.
+    `run` is the run with the given step; it is simulated if it is needed and None.  If `complete` is a function, which
+    adds to a response those forces that follow from others, all kinds of forces are sampled.
 
-    The given run chooses its parts as any run does.  What it is compared with makes each step in as many as that run
-    made it in or those beside it, whichever are most, and as many in half the step: so parts become shorter with the
-    step, at impacts and between them.
+    Where contacts only push, the given run chooses the number of parts of each step, unless its time grid sets that
+    number or the run is too long to be recorded.  Runs with shorter steps divide each step into the most parts of that
+    step, the one before and the one after in the given run, and half of the step into as many: so parts become shorter
+    with the step, at impacts and between them.
     """
 
     def __init__(
@@ -125,10 +129,10 @@ class Stepped:
         self.system, self.excitation, self._known, self._complete = system, excitation, run, complete
         self._form = SystemForm.of(system)
         self.pushing = not np.isnan(system.clearance).all()
-        #: The time grid that the error is asked for of.
+        #: The time grid whose error is wanted.
         self.given = replace(excitation.stepping, schedule=())
         self.reference_rho = reference_rho(system, self.given.rho_inf)
-        #: What of a displacement may be round-off, in m.
+        #: Displacement in m that may be round-off.
         self.round_off = round_off(system.bodies, excitation.forces(system.input_names), self.given.end)
         #: Numbers of the tip's displacements among all.
         self.tips = tip_columns(system)
@@ -142,7 +146,7 @@ class Stepped:
             self._parts = contact_step.parts(contact_frequency(system, excitation), self.given)
 
     def halved(self, times: int) -> TimeStepping:
-        """The time grid of a run that the given one is compared with, its step halved so many times."""
+        """Time grid of a run with the given step halved `times` times, and with the reference rho_inf."""
         grid, step = self.given, self.given.step / 2**times
         if self.run is None or self.run.parts is None:
             return TimeStepping(grid.end, step, self.reference_rho, self._parts)
@@ -151,27 +155,34 @@ class Stepped:
         return TimeStepping(grid.end, step, self.reference_rho, schedule=tuple(np.repeat(most, 2**times).tolist()))
 
     def simulate(self, stepping: TimeStepping) -> SystemTrajectory:
-        """All steps of a run; errors as for `pmr.simulation.Simulator`."""
+        """Motion at all steps on a time grid; the given run is not simulated again if it is known.
+
+        Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
+        """
         if self._known is not None and stepping == self.given:
             return self._known
         return run_from_start(self._form, self.excitation.on_grid(stepping))
 
     def displacements(self, run: SystemTrajectory, which: list[int] | None = None) -> Array:
-        """All or some displacements (T, o) m of a run."""
+        """Displacements (T, o) in m in a run, all of them or those numbers that `which` lists."""
         chosen = self.moved if which is None else self.moved[which]
         return np.hstack(list(systems.displacements(self.system, run, chosen.tolist()).values()))
 
     def observed(self, stepping: TimeStepping, which: list[int] | None = None) -> Array:
-        """All or some, (T, o) m, of a run of which no more is recorded; errors likewise."""
+        """Displacements (T, o) in m on a time grid, all of them or those that `which` lists; nothing else is recorded.
+
+        Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
+        """
         chosen = self.moved if which is None else self.moved[which]
         return systems.observe(self._form, self.excitation.on_grid(stepping), chosen.tolist()).y
 
     def sample(
         self, stepping: TimeStepping, every: int, rates: bool = False
     ) -> tuple[Sampled, SystemTrajectory | None]:
-        """Each `every`-th step of a run, with velocities where `rates` are wanted, and the run if it is recorded.
+        """Sample each `every`-th step of a run on a time grid; return that and the run, or None if it was not recorded.
 
-        Displacements that are round-off are zero, and so are forces beside kinks of extensions.  Errors likewise.
+        Velocities are sampled where `rates` are wanted.  Displacements that are round-off are zero, and so are forces
+        near kinks of extensions.  Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
         """
         excitation, run, of_all = self.excitation.on_grid(stepping), None, ForceHistories()
         if rates or is_recorded(self.system, stepping):
@@ -189,7 +200,7 @@ class Stepped:
         return Sampled(replace(sampled, displacement=moves), of_all), run
 
     def _forces(self, run: SystemTrajectory) -> ForceHistories:
-        """All forces of a run but beside kinks; none where responses are not to be completed."""
+        """All forces of a run at the times that are not near kinks; empty if there is no `complete`."""
         if self._complete is None:
             return {}
         away = away_from_kinks(self.excitation, run.t, self.given.step)
@@ -198,9 +209,10 @@ class Stepped:
 
 
 class Runs:
-    """Runs of a `stepped` system with its step, half of it, and so on, at its reference rho_inf.
+    """Runs of a `stepped` system with its step, half of it, a quarter and so on, at the reference rho_inf.
 
-    Velocities are outputs where `rates` are wanted.
+    Velocities are sampled where `rates` are wanted.  `halved` is how often the step of the last run is halved, -1
+    before the first run; `taken` is the number of steps of all runs together.
     """
 
     def __init__(self, stepped: Stepped, rates: bool = False) -> None:
@@ -217,23 +229,26 @@ class Runs:
 
     @property
     def _work(self) -> int:
-        """Steps of the last run, those that are parts of one included."""
+        """Number of steps of the last run, each counted as often as it has parts."""
         stepping = self.stepping
         return sum(stepping.schedule) or stepping.steps * max(1, stepping.parts)
 
     @property
     def resolved(self) -> bool:
-        """Whether the last run can tell all tones of path and loads from slower ones."""
+        """Whether no tone of path and loads is aliased at the steps of the last run."""
         return not any(is_aliased(signal, self.stepping) for _, signal in self._stepped.excitation.signals)
 
     @property
     def affordable(self) -> bool:
-        """Whether one more run is to be made."""
+        """Whether one more run, with half the step, is within the limits on steps (`LONGEST` and the budget)."""
         steps = 2 * self._work
         return steps <= LONGEST and (self.halved < 2 or self.taken + steps <= self._budget)
 
     def given(self, first: Sampled) -> Sampled:
-        """Sample the run with the given step and rho_inf; the `first` run where that is the same."""
+        """Sample the run with the given step and rho_inf.
+
+        `first` is the first run's sample, which is returned if that is the same run.
+        """
         grid, stepping = self._stepped.given, self.stepping
         if self._stepped.run is None and (stepping.rho_inf, stepping.parts) == (grid.rho_inf, grid.parts):
             return first
@@ -258,7 +273,7 @@ class Runs:
     def band(self) -> float:
         """Frequency in Hz above which 1 % of the tip's motion lies, by its RMS, in the last run; 0 if nothing moves.
 
-        Where the tip rests, on a support for instance, that of all outputs.
+        If the tip does not move, as on a support, it is that of all displacements.
         """
         of, stepping = self._stepped, self.stepping
         if self._last is None:
@@ -275,10 +290,10 @@ class Runs:
 
 
 class Ladder(Generic[Compared]):
-    """Differences between runs with ever smaller steps, and how fast they converge.
+    """Differences between runs with ever smaller steps, and the error that they show.
 
-    `apart` is the measure of a difference to a finer run, a fraction.  The error is that of the `given` run, by default
-    of the first.
+    `apart` measures the difference of a run to a finer one, as a fraction.  `first` is the run with the longest step;
+    the error is that of the run `given`, by default of `first`.
     """
 
     def __init__(
@@ -289,18 +304,21 @@ class Ladder(Generic[Compared]):
         self.differences: list[float] = []
 
     def add(self, finer: Compared) -> None:
-        """Add the samples of a run with a smaller step."""
+        """Add the samples of the next run, with a smaller step."""
         self.differences.append(self._apart(self.last, finer))
         self.last = finer
 
     @property
     def whole(self) -> float:
-        """Difference of the first run to the last."""
+        """Difference of the given run to the last one."""
         return self._apart(self.first, self.last)
 
     @property
     def rest(self) -> float:
-        """Sum of all further differences, as a geometric series; infinite where they don't decrease."""
+        """Sum of all differences that further halvings would add, as a geometric series.
+
+        It is infinite if the differences don't decrease, and for fewer than two of them.
+        """
         if len(self.differences) < 2:
             return np.inf
         before, last = self.differences[-2:]
@@ -311,32 +329,37 @@ class Ladder(Generic[Compared]):
 
     @property
     def is_decreasing(self) -> bool:
-        """Whether differences fall, or the last one is negligible."""
+        """Whether the differences decrease, or the last one is negligible."""
         return np.isfinite(self.rest) or self.differences[-1] <= NEGLIGIBLE
 
     @property
     def most(self) -> float:
-        """Error of the first run with a rest of no more than the last difference, also where differences don't fall."""
+        """Error of the given run with a rest of at most the last difference, even if differences don't decrease."""
         return self.whole + min(self.rest, self.differences[-1])
 
     @property
     def settled(self) -> bool:
-        """Whether the rest is small against the error of the first run, or several differences in a row are small."""
+        """Whether the rest is at most `SETTLED` times the given run's difference to the last one, or all is negligible.
+
+        Negligible is that difference if its sum with the last two differences is at most `NEGLIGIBLE`.
+        """
         difference = self.whole
         small = len(self.differences) > 1 and difference + sum(self.differences[-2:]) <= NEGLIGIBLE
         return self.rest <= SETTLED * difference or small
 
     def error(self, part: float | None = None) -> float:
-        """Error of the first run, or of a part of what it says that is so far from the last run; both share the rest.
+        """Error of the given run: its difference to the last run, with its share of the rest.
 
-        Where differences don't fall, the difference to the last run, which is the least that the error may be.
+        `part` is the difference in some of the outputs, whose error is then returned with a proportional share of the
+        rest.  If differences don't decrease, the difference itself is returned, which is the least that the error may
+        be.
         """
         difference, remainder = self.whole, self.rest
         part = difference if part is None else part
         return part * (1.0 + remainder / difference) if np.isfinite(remainder) and difference > 0.0 else part
 
     def halvings(self, limit: float) -> int | None:
-        """How often the step has to be halved for an error below `limit`; None where these runs don't show it."""
+        """How often the step has to be halved for an error below `limit`; None if these runs don't show it."""
         if not self.settled:
             return None
         remainder = self.rest if np.isfinite(self.rest) else self.differences[-1]
@@ -350,7 +373,7 @@ Array = NDArray[np.float64]
 
 #: Share of the motion above which a step is called too coarse.
 STEP_LIMIT = 0.02
-#: Margin of errors of forces of completed responses, whose differences fall less evenly than those of displacements.
+#: Factor on errors of forces of completed responses: differences decrease less evenly than those of displacements.
 MARGIN_OF_FORCES = 1.25
 
 
@@ -363,15 +386,15 @@ class StepError:
     largest: float | None  # m: largest difference of any output at any time; None by ``mean``
     finest: float  # s: smallest step that was taken
     settled: bool  # whether the runs approach each other; if not, the error is at least of this size
-    by: str  # ``motion``; or ``mean``, of RMS values: rows only push, and the runs part after an impact
-    enough: float | None  # s: largest of the steps taken with an error below `LIMIT`
-    band: float | None  # Hz, above which 1 % of the tip's motion lies, as the finest run has it; None until `with_band`
+    by: str  # ``motion``; or ``mean``, of RMS values: contacts only push, and motions diverge after an impact
+    enough: float | None  # s: largest of the steps taken with an error below `STEP_LIMIT`; None if there is none
+    band: float | None  # Hz: 1 % of the tip's motion lies above it, in the finest run; None until `with_band`
     seconds: float  # wall time of all runs
-    others: Mapping[str, float] = field(default_factory=dict)  # of further kinds of outputs and forces
+    others: Mapping[str, float] = field(default_factory=dict)  # errors of further kinds of outputs and forces
     unsettled: tuple[str, ...] = ()  # those of the further kinds in which the runs do not approach each other
 
     def of(self, kind: str) -> float:
-        """Error of a kind of outputs, a fraction; infinite where it was not wanted."""
+        """Error of a kind of outputs or forces, a fraction; infinite where it was not computed."""
         return {"beam": self.beam, "tip": self.tip, **self.others}.get(kind, np.inf)
 
 
@@ -383,14 +406,31 @@ def step_error(
     complete: Callable[[Response], Response] | None = None,
     band: bool = True,
 ) -> StepError:
-    """Error of the time step, from the start of the excitation, with the `band` of the motion if it is wanted.
+    """Error of the time step in a simulation of the system from the start of the excitation.
 
-    `march` makes the runs; Exudyn's solver has the same scheme and start.  That with the given step may be known,
-    a `run` that chose its parts.  The error of displacements is always found, that of further `kinds` of outputs
-    (`pmr.compare.outputs`) on request: steps are halved until these are settled, too.  Where `complete` adds to a
-    response the forces that follow from others, errors of all kinds of forces (`force_errors`) come along, with
-    a `MARGIN` and without steps beside kinks; they take no further runs.  Raises InputError as for
-    `pmr.simulation.Simulator`; SimulationError if one of the first two runs fails, or the second would be too long.
+    Runs are by `march`; Exudyn's solver has the same scheme and start.  Steps are halved until the error of
+    displacements, and that of further `kinds`, is settled.
+
+    Parameters
+    ----------
+    system, excitation
+        What is simulated, and its paths, loads and time grid.
+    run : SystemTrajectory, optional
+        The run with the given step, which chose its own parts of steps, if it is known.
+    kinds : sequence of str
+        Kinds of outputs (`pmr.compare.outputs`), besides displacements, whose errors are wanted.
+    complete : callable, optional
+        Adds to a response the forces that follow from others.  Then errors of all kinds of forces (`force_errors`) are
+        returned, with the margin `MARGIN_OF_FORCES` and without steps near kinks; this takes no further runs.
+    band : bool
+        Whether to find the band of the motion, in Hz.
+
+    Raises
+    ------
+    InputError
+        As for `pmr.simulation.Simulator`.
+    SimulationError
+        If one of the first two runs fails, or the second would be too long.
     """
     begin, kinds = time.perf_counter(), [kind for kind in kinds if kind not in ("beam", "tip")]
     stepped = Stepped(system, excitation, run, complete)
@@ -443,19 +483,22 @@ def step_error(
 
 
 def with_band(error: StepError, system: System, excitation: Excitation) -> StepError:
-    """Return this error with the band of the motion, for which the run with the finest step is made once more."""
+    """Return this error with the band of the motion, for which the run with the finest step is simulated again."""
     runs = Runs(Stepped(system, excitation))
     runs.halved = round(np.log2(excitation.stepping.step / error.finest))
     return replace(error, band=runs.band())
 
 
 def _difference(kind: str, floors: Floors, sampled: Sampled, finer: Sampled) -> float:
-    """Difference of two runs in a kind of outputs, as a fraction of the finer run's."""
+    """Difference of a run to a finer one in a kind of outputs, as a fraction of the finer run's size."""
     return differences(sampled.outputs, finer.outputs, floors, [kind])[kind]
 
 
 def _force_ladders(of_run: Sampled, samples: Sequence[Sampled], in_the_mean: bool) -> dict[str, Ladder[ForceHistories]]:
-    """Ladders of each kind of completed forces, of their RMS values where `in_the_mean`."""
+    """A ladder for each kind of forces of completed responses; of their RMS values over time if `in_the_mean`.
+
+    `of_run` is the given run, `samples` are those with smaller and smaller steps.
+    """
     forces_of_run, *finer_forces = (_mean(run.forces) if in_the_mean else run.forces for run in (of_run, *samples))
     ladders = dict[str, Ladder[ForceHistories]]()
     for kind in force_errors(forces_of_run, finer_forces[-1]):
@@ -466,24 +509,24 @@ def _force_ladders(of_run: Sampled, samples: Sequence[Sampled], in_the_mean: boo
 
 
 def _forces_apart(kind: str, histories: ForceHistories, finer: ForceHistories) -> float:
-    """Difference of two runs in a kind of forces, as a fraction of the finer run's; 0 where they have none."""
+    """Difference of a run to a finer one in a kind of forces, as a fraction of the finer run's; 0 without any."""
     return force_errors(histories, finer).get(kind, 0.0)
 
 
 def _mean(of: ForceHistories) -> ForceHistories:
-    """RMS values over time, (1,) each."""
+    """RMS of each force over time, (1,), by kind and name."""
     return {kind: {name: _rms(force) for name, force in named.items()} for kind, named in of.items()}
 
 
 def _rms(y: Array) -> Array:
-    """RMS of each output over time, (1, o)."""
+    """RMS of each output over time, (1, o), for y (T, o)."""
     return np.asarray(np.sqrt(np.mean(y**2, axis=0, keepdims=True)))
 
 
 def step_summary(error: StepError | None, reason: str | None = None, not_covered: Sequence[str] = ()) -> dict[str, Any]:
-    """Figures of ``step`` in summary.json: the fields of `StepError`, further kinds, ``limit`` and ``reason``.
+    """Contents of ``step`` in summary.json: the fields of `StepError`, further kinds, ``limit`` and ``reason``.
 
-    ``not_covered`` lists in words what has no error.  Without a figure all are None, and ``reason`` says why.
+    ``not_covered`` lists in words what has no error.  If `error` is None, all fields are None, and ``reason`` says why.
     """
     names = [name for name in StepError.__annotations__ if name not in ("others", "unsettled")]
     figures = dict.fromkeys(names) if error is None else {name: getattr(error, name) for name in names}
@@ -494,9 +537,10 @@ def step_summary(error: StepError | None, reason: str | None = None, not_covered
 def step_warnings(
     step_error_of_run: StepError, stepping: TimeStepping, signals: Sequence[tuple[str, SignalBase]], natural: Array
 ) -> list[str]:
-    """A line where the step's error exceeds `LIMIT`, of other outputs `FAR`, or is unknown; signals with their names.
+    """A warning if the step's error exceeds `STEP_LIMIT`, or `FAR` in other outputs, or is not settled; else nothing.
 
-    `natural` (S, f) in Hz are frequencies at S places on the way, ascending.
+    `signals` are pairs (name, signal) of path and loads; `natural` (S, f) in Hz are f frequencies in S positions on the
+    way, ascending.
     """
     h = stepping.step
     if step_error_of_run.beam <= STEP_LIMIT and step_error_of_run.settled:
@@ -531,12 +575,16 @@ def step_warnings(
 
 
 def _load(name: str, signal: SignalBase, stepping: TimeStepping) -> str:
+    """Clause about the highest frequency of a signal and the number of steps in a period of it."""
     f = signal.highest_frequency(0.0, stepping.end)
     return f"{name} goes up to {f:.4g} Hz, {_steps(f, stepping.step)}"
 
 
 def _motion(band: float, h: float, natural: Array) -> str:
-    """How far the motion's band reaches, by itself and in modes."""
+    """Clause about the highest frequency of the motion, `band` in Hz, and the highest mode that it excites.
+
+    `h` is the step in s, `natural` (S, f) in Hz are f natural frequencies in S positions.
+    """
     frequencies = natural[:, ~np.isnan(natural).all(axis=0)]  # some reduced models have fewer modes than are drawn
     lowest = np.sort(np.nanmin(frequencies, axis=0)) if frequencies.size else np.empty(0)
     sentence = f"the motion goes up to {band:.3g} Hz, {_steps(band, h)}"
@@ -549,8 +597,10 @@ def _motion(band: float, h: float, natural: Array) -> str:
 
 
 def _steps(frequency: float, h: float) -> str:
+    """How many steps of h in s a period takes, in words."""
     return f"{rounded(1.0 / (frequency * h))} steps a period" if frequency > 0.0 else "no period"
 
 
 def _percent(fraction: float) -> str:
+    """The error, a fraction, in per cent in words; from 10 on as a multiple of the motion."""
     return f"{rounded(100.0 * fraction)} %" if fraction < 10.0 else f"{rounded(fraction)} times the motion"

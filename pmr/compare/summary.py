@@ -1,4 +1,4 @@
-"""Parts of summary.json: each function returns figures by their keys and warnings (`pmr.results.run.Part`)."""
+"""Parts of summary.json: each function returns values by their keys, and warnings (`pmr.results.run.Part`)."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from pmr.system.system import System
 
 
 def origin_part(scene: Scene, libraries: Mapping[str, str] | None = None) -> Part:
-    """Origin of the result, with hints about its numbers, and the versions of `libraries` beside pmr's own."""
+    """Origin of the result: title, hash, commit, date, machine, and versions of pmr and of `libraries`, with hints."""
     return Part(
         {
             "title": scene.title,
@@ -54,7 +54,7 @@ def origin_part(scene: Scene, libraries: Mapping[str, str] | None = None) -> Par
 
 
 def simulation_part(seconds: Mapping[str, float], agreement: Mapping[str, float], stages: Mapping[str, float]) -> Part:
-    """Seconds of the `stages` and of the simulators, and how far those agree."""
+    """``seconds`` of the stages and of each simulator, and ``agreement``, the differences between simulators in m."""
     return Part({"seconds": {**stages, "simulate": dict(seconds)}, "agreement": dict(agreement)})
 
 
@@ -64,10 +64,10 @@ def comparison_part(
     simulators: Mapping[str, str],
     rigid: Sequence[str] = (),
 ) -> Part:
-    """Errors beside the references, of what is `measured`; who simulated ``reduced`` and ``full``.
+    """Errors against the references, in the quantities that `measured` returns, and the simulators of each model.
 
-    Errors that are the full model's own ringing are none: they stand in ``not_judged``, with a line each, which names
-    the contacts of the full model that are `rigid`.
+    Errors that are due to ringing of the full model are not stated as errors: they are in ``not_judged``, with a
+    warning each.  The warning names contacts of the full model that are `rigid`.
     """
     reduced, full = responses["reduced"].displacement, responses.get("full")
     reference = reduced if full is None else full.displacement
@@ -93,9 +93,10 @@ def comparison_part(
 
 
 def impacts_part(system: System, excitation: Excitation, responses: Mapping[str, Response]) -> Part:
-    """``impacts`` of rigid sliders at kinks of the path: the forces' error ``pad_force`` below ``band`` in Hz.
+    """``impacts`` of rigid sliders at kinks of the path: the error ``pad_force`` of their forces below ``band`` in Hz.
 
-    Above it lies 1 % of the full model's motion at the tip, and the most of what an impact leaves in the forces.
+    Above this frequency lies 1 % of the full model's motion at the tip, and most of the forces that an impact causes.
+    Empty if no rigid slider meets a kink, or without a full model.
     """
     alone = system.reduced.get(ALONE)
     if alone is None or "full" not in responses or not impulsive(alone, excitation):
@@ -115,25 +116,26 @@ def sampling_part(excitation: Excitation) -> Part:
 
 
 def reliability_part(missing: Mapping[str, str], responses: Mapping[str, Response], system: System) -> Part:
-    """References that are `missing`, and whether the motion of the reduced system can be relied on."""
+    """``no_reference``, the reasons for missing references, and warnings if the reduced motion can't be relied on."""
     doubted = doubts(responses["reduced"], rigid_contacts(system))
     return Part({"no_reference": dict(missing)}, missing_references(missing), doubted)
 
 
 def theory_part(scene: Scene, responses: Mapping[str, Response]) -> Part:
-    """Motions beyond what the models' theory describes."""
+    """A warning about motions that are too large for the models' theory."""
     length = float(np.max(scene.reach(np.linspace(0.0, scene.time.end, scene.time.steps + 1))))
     return Part(grave=large_motion(length, responses.values()))
 
 
 def fatigue_part(scene: Scene, response: Response) -> Part:
-    r"""``fatigue`` of summary.json, a row for each probe's stress, the worst one first; nothing unless it is asked for.
+    r"""``fatigue`` of summary.json, a row for each probe's stress, the worst one first; empty unless it is wanted.
 
     .. math:: D = \sum_l n_l \sum_i D_i(f_l\, \Delta\sigma_i)
 
-    over the lines of the spectrum, which come n_l times with the share f_l of the stresses, and the run's rainflow
-    cycles (`pmr.results.fatigue`), of each component by itself.  ``life`` is how often the whole spectrum may
-    come until D is 1; None for ever.
+    with the damage D, the lines l of the spectrum, which occur n_l times with the factor f_l on the stresses, and the
+    damage D_i of each of the run's rainflow cycles i with the stress range :math:`\Delta\sigma_i`
+    (`pmr.results.fatigue`), for each stress component by itself.  ``life`` is how often the whole spectrum may occur
+    until D is 1; None if D is 0. A warning names the worst stress if its D is above 1.
     """
     settings = scene.fatigue
     if settings is None:
@@ -164,12 +166,12 @@ def utilisation_part(scene: Scene, stresses: Mapping[str, Mapping[str, Any]]) ->
     """``utilisation`` of summary.json by model, of bodies whose material has a yield stress.
 
     ``value`` is the largest stress over the yield stress of its material; ``stress`` and ``yield`` in Pa, ``t`` in s,
-    ``position`` in m in the axes of the ``section``.  More than the yield stress is warned of.
+    ``position`` in m in the axes of the ``section``.  A warning says if the yield stress is exceeded.
 
     Parameters
     ----------
     stresses : mapping
-        By body, what `pmr.reduction.recovery.Recovered.summary` says.
+        By body, what `pmr.reduction.recovery.Recovered.summary` returns.
     """
     largest = dict[str, dict[str, Any]]()
     for part in scene.sections:
@@ -186,7 +188,7 @@ def utilisation_part(scene: Scene, stresses: Mapping[str, Mapping[str, Any]]) ->
 
 
 def masses_part(masses_of_bodies: Mapping[str, Any]) -> Part:
-    """``masses`` of summary.json: of each body by ``name`` what `pmr.fullmodel.model.Masses.summary` says."""
+    """``masses`` of summary.json: the ``name`` of each body and what `pmr.fullmodel.model.Masses.summary` returns."""
     rows = [
         {"name": name, **masses_of_body.summary()}
         for name, masses_of_body in masses_of_bodies.items()
@@ -196,7 +198,10 @@ def masses_part(masses_of_bodies: Mapping[str, Any]) -> Part:
 
 
 def _utilisations(part: Body, peak: Mapping[str, Any], regions: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Utilisation of the whole body, and of each region that is of a material of its own."""
+    """Utilisation of the whole body, and of each region with a material of its own, as rows of ``utilisation``.
+
+    `peak` is the largest stress of the body, `regions` have the largest stress of each region by name.
+    """
     materials = {name: region.material for name, region in part.body.regions.items() if region.material is not None}
     if peak.get("region") in materials:  # elsewhere the largest stress is that of a region of the body's material
         others = [of_region for name, of_region in regions.items() if name not in materials]
@@ -215,7 +220,7 @@ def _utilisations(part: Body, peak: Mapping[str, Any], regions: Mapping[str, Any
 
 
 def parts_of_forces(scene: Scene, system: System, response: Response) -> list[Part]:
-    """Forces of pads, cylinders, supports, ropes and luffing cylinder, and fatigue, in a system's response."""
+    """Parts on forces of pads, cylinders, supports, ropes and luffing cylinder, and on fatigue, in a response."""
     return [
         forces_part(scene, system, response),
         ropes_part(scene, response),
@@ -225,7 +230,7 @@ def parts_of_forces(scene: Scene, system: System, response: Response) -> list[Pa
 
 
 def warnings_of_response(scene: Scene, system: System, response: Response) -> tuple[str, ...]:
-    """Warnings of a run with this response of its system that take no other model, the gravest first."""
+    """Warnings about a response of a system that can be given without another model, the gravest first."""
     excitation = Excitation.of(scene)
     omega = contact_step.contact_frequency(system, excitation)
     parts = [
@@ -245,9 +250,10 @@ def parts_of_motion(
     natural: Frequencies,
     step: Part,
 ) -> list[Part]:
-    """Forces of contacts and supports, the step's error, published frequencies, and how fine the sampling is.
+    """Parts on forces, the step's error, published frequencies, parts of steps, sampling, frame and energy.
 
-    `simulations` are those of `simulated`; `natural` are frequencies on the way; `step` says what its error is.
+    `simulations` are those of `simulated`; `natural` are frequencies on the way; `step` is the part on the step's
+    error.
     """
     excitation, system = Excitation.of(scene), simulated.system
     omega = contact_step.contact_frequency(system, excitation)
@@ -270,10 +276,10 @@ def sections_part(
     sizes: Mapping[str, Mapping[str, int]],
     more: Mapping[str, Mapping[str, Any]],
 ) -> Part:
-    """``sections`` of summary.json: name, coordinates, the error along each against the full model, what else is known.
+    """``sections`` of summary.json: name, coordinates, error along each section against the full model, and `more`.
 
-    Of `more`, a table for each section, ``max_von_mises`` and ``stress_peak`` are gathered of all; of a body alone
-    it is all that is said.
+    `more` has further values for each section by name; the largest ``stress_peak`` of all sections is returned as well,
+    and its value as ``max_von_mises``.  For a body alone only `more` is returned.
     """
     if ALONE in boom.bodies:
         return Part(dict(more.get(ALONE, {})))

@@ -1,6 +1,6 @@
-"""Whether figures of a run can be trusted: motions that ring or grow, the theory's end, and what no error covers.
+"""Whether results of a run can be trusted: motions that ring or grow, large motions, and effects that no error covers.
 
-An error is called what `pmr.results.quantities` calls its quantity.
+Quantities are named in messages as `pmr.results.quantities` names them.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ from pmr.system.system import Joined
 
 Array = NDArray[np.float64]
 
-#: Share of a motion that may change its sign with every step where no energy balance tells whether it grows: index-3
-#: multipliers that do have then spoilt the displacements by as much.
+#: Largest share of a motion that may change its sign with every step, where there is no energy balance that shows
+#: whether it grows.  Displacements alternate by such a share only after the multipliers (index 3) have spoilt them.
 ALTERNATING = 1e-3
 _CALLED = {"full": "the full model", "ancf": "the ANCF cable"}
 
 
 def distrust(response: Response, rigid: Sequence[str] = ()) -> str | None:
-    """Why nothing should be compared with a response, in words; None where nothing speaks against it.
+    """Why nothing should be compared with a response, in words; None if there is no reason.
 
-    Names of contacts that are `rigid` stand in the reason.
+    `rigid` are the names of rigid contacts, which the reason mentions.
 
-    Its energy has to come from loads and moving rows (`pmr.simulation.balance`).  Of the ANCF cable, whose energy
-    leaves out the axial strain, the displacements must not alternate from step to step instead.
+    The energy of the response has to come from loads and moving rows (`pmr.simulation.balance`).  For the ANCF cable,
+    whose energy leaves out the axial strain, the displacements must not alternate from step to step instead.
     """
     if not np.isfinite(response.displacement).all():
         return "its displacements are not finite"
@@ -56,12 +56,15 @@ def distrust(response: Response, rigid: Sequence[str] = ()) -> str | None:
 
 
 def missing_references(missing: Mapping[str, str]) -> list[str]:
-    """A line for each reference that is `missing`, with the reason."""
+    """A warning for each reference that is missing; `missing` has the reason by the name of the reference."""
     return [f"no reference by {_CALLED.get(name, name)}: {reason}" for name, reason in missing.items()]
 
 
 def doubts(reduced: Response, rigid: Sequence[str] = ()) -> list[str]:
-    """A line for each reason why the reduced motion is not to be trusted; names as for `distrust`."""
+    """A warning for each reason why the reduced motion is not to be trusted.
+
+    `rigid` are the names of rigid contacts, as for `distrust`.
+    """
     lines = []
     if reduced.surplus > NOTABLE:
         lines.append(f"the reduced model's motion is not to be trusted: {distrust(reduced, rigid)}")
@@ -73,11 +76,11 @@ def doubts(reduced: Response, rigid: Sequence[str] = ()) -> list[str]:
     return lines
 
 
-SMALL = 0.1  # of the body's length: a tip's path is then shortened by about half a per cent of it
+SMALL = 0.1  # share of the body's length: a tip that moves by it comes closer by about half a per cent of the length
 
 
 def large_motion(length: float, responses: Iterable[Response]) -> list[str]:
-    """A line where a body of this length in m moves by more than `SMALL` of it, which no linear model describes."""
+    """A warning if a body of `length` in m moves by more than `SMALL` times that, which no linear model describes."""
     largest = max(float(np.abs(response.displacement).max(initial=0.0)) for response in responses)
     if not largest > SMALL * length:
         return []
@@ -87,13 +90,13 @@ def large_motion(length: float, responses: Iterable[Response]) -> list[str]:
     ]
 
 
-#: Share of a force from which on its ringing is said, and its error may be that of the reference.
+#: Share of ringing in a force above which it is warned of, and above which an error may be due to the reference.
 RINGING_SHARE = 0.02
 ALTERNATES = "change their sign with every step"
 
 
 def causes(rigid: Sequence[str]) -> str:
-    """Cause of forces and motions that alternate, where so many contacts are `rigid`, by their names."""
+    """Clause that says why forces and motions alternate; `rigid` are the names of rigid contacts."""
     if not rigid:
         return "modes that the step does not resolve ring behind kinks and jumps where time.rho_inf is near 1"
     several = f"{rigid[0]} and {len(rigid) - 1} more are rigid" if len(rigid) > 1 else f"{rigid[0]} is rigid"
@@ -104,13 +107,14 @@ def causes(rigid: Sequence[str]) -> str:
 
 
 def remedy(rigid: Sequence[str]) -> str:
-    """Remedy that damps it, with names likewise."""
+    """Clause that says what damps forces and motions that alternate; `rigid` are the names of rigid contacts."""
     return f"time.rho_inf = 0.8 or less, a smooth path or {'a stiffness in N/m' if rigid else 'a smaller step'} damp it"
 
 
 def rigid_contacts(system: Joined[Any]) -> list[str]:
-    """Names of contacts that do not give way by themselves, but for rigid supports; of reduced bodies with residual
-    flexibility only cylinders are rigid.
+    """Names of contacts without compliance of their own, except rigid supports.
+
+    If all bodies are reduced ones with residual flexibility, only cylinders are counted: that gives way at all others.
     """
     flexible = all(getattr(body, "flexibility", None) is not None for body in system.bodies.values())
     rigid = [contact for contact in system.contacts if contact.compliance == 0.0 and contact.kind != "support"]
@@ -122,9 +126,10 @@ def alternating(signal: Array) -> float:
 
     .. math:: \mathrm{rms}(\delta^8 y / 2^8) / \mathrm{rms}(y)
 
-    Of a tone with n steps a period it is :math:`\sin^8(\pi / n)`: 1e-4 for ten of them, 1 for two.  It is the time
-    integration's own: the multipliers of rigid rows that move ring so (docs/time_integration.md), long before
-    displacements or energies show it.
+    with the signal y and its central difference :math:`\delta` over a step.  For a tone with n steps a period it is
+    :math:`\sin^8(\pi / n)`: 1e-4 for ten of them, 1 for two.  Such a part comes from the time integration: the
+    multipliers of rigid rows that move ring so (docs/time_integration.md), long before displacements or energies show
+    it.  It is 0 for fewer than nine steps.
     """
     size = float(np.sqrt(np.mean(signal**2)))
     if size == 0.0 or len(signal) < 9:
@@ -133,13 +138,20 @@ def alternating(signal: Array) -> float:
 
 
 def ringing_share(signal: Array, of: Array | None = None) -> float:
-    """The share of a signal (T, o), column by column as in errors; in parts of another one's size, if `of` is given."""
+    """RMS of the alternating part of a signal (T, o) over that of the signal itself, or of the array `of` (T, o).
+
+    It is averaged over the columns as in `relative_error`.
+    """
     of = signal if of is None else of
     return relative_error(of + signal - _steady(signal), of)
 
 
 def rings(signal: Array, reference: Array) -> bool:
-    """Whether an error is the reference's ringing: most of the difference alternates, and the reference by as much."""
+    """Whether the error of a signal (T, o) against a reference is due to ringing of the reference.
+
+    It is if the error is above `RINGING_SHARE`, and the alternating parts of both the difference and the reference are
+    more than half of the error.
+    """
     error = relative_error(signal, reference)
     return (
         error > RINGING_SHARE
@@ -149,15 +161,18 @@ def rings(signal: Array, reference: Array) -> bool:
 
 @dataclass(frozen=True)
 class NotJudged:
-    """An error that no reduced model is to be blamed for, as the reference `rings`."""
+    """An error for which no reduced model is to be blamed, since the reference `rings`."""
 
     alternating: float  # share of the reference that changes its sign with every step
-    band: float  # Hz, above which 1 % of the full model's motion lies
-    below: float  # error up to that frequency
+    band: float  # Hz: 1 % of the full model's motion lies above it
+    below: float  # error of the signal at frequencies up to `band`, a fraction
 
     @classmethod
     def of(cls, pair: Pair, full: Response) -> NotJudged | None:
-        """Compare signal and reference (T, o) of the `full` model; None if the reference is smooth."""
+        """Judge a pair of signal and reference (T, o), of which the reference comes from the response `full`.
+
+        None if the error is not due to ringing of the reference (`rings`).
+        """
         if not rings(*pair):
             return None
         step, highest = float(full.t[1] - full.t[0]), band_of(full)
@@ -166,9 +181,10 @@ class NotJudged:
 
 
 def ringing_warnings(not_judged: Mapping[str, NotJudged], rigid: Sequence[str] = ()) -> list[str]:
-    """One line of all that is not judged, by the quantities' names in summary.json; none where everything is.
+    """One warning that names all quantities that are not judged; nothing if all of them are.
 
-    Contacts that are `rigid` in the full model are the cause, if there are any.
+    `not_judged` is by the names of quantities in summary.json.  The warning gives contacts that are `rigid` in the full
+    model as the cause, if there are any.
     """
     if not not_judged:
         return []
@@ -181,7 +197,7 @@ def ringing_warnings(not_judged: Mapping[str, NotJudged], rigid: Sequence[str] =
 
 
 def _steady(signal: Array) -> Array:
-    """The signal (T, o) without what alternates in it; its first and last four steps as they are."""
+    """The signal (T, o) without its alternating part, except in its first and last four steps."""
     steady = np.copy(signal)
     if len(signal) > 8:
         steady[4:-4] -= _alternating_part(signal)
@@ -189,23 +205,23 @@ def _steady(signal: Array) -> Array:
 
 
 def _alternating_part(signal: Array) -> Array:
-    """delta^8 y / 2^8, (T - 8, ...)."""
+    r"""Central difference :math:`\delta^8 y / 2^8` (T - 8, ...) of a signal y (T, ...)."""
     for _ in range(4):
         signal = (signal[:-2] - 2.0 * signal[1:-1] + signal[2:]) / 4.0
     return signal
 
 
-#: What no estimate covers; a run's ``step`` has the figure of the time step.
+#: What no estimate covers; the error of the time step is in ``step`` of summary.json.
 AWAY_FROM_PROBES = "stresses away from probes"
 #: What no estimate covers where a rigid support holds a body: its force is not among the rows that give way.
 RIGID_REACTIONS = "reactions of rigid supports"
-#: What neither it nor a full model covers that follows a machine whose motion was found with the reduced model.
+#: What neither an estimate nor a full model covers where the machine's motion was found with the reduced model.
 MACHINE_MOTION = "the motion of frame.machine, which is found with the reduced model and its step"
-#: What it does not cover with second order of a body with too many carriers (`pmr.reduced.attachment.knows_matrices`).
+#: What no estimate covers with second order if a body has too many carriers (`pmr.reduced.attachment.knows_matrices`).
 SECOND_ORDER_EFFECTS = "effects of axial forces and the frame on the residual part, most of all on pad forces"
-#: What it does not cover of a basis whose vectors don't move some rows, which are left out of the model.
+#: What no estimate covers if the vectors of a basis don't move some rows, which are left out of the model.
 ROWS_LEFT_OUT = "what the basis does not move and leaves out: {}"
-#: Why there is no estimate of forces.
+#: Reasons why there is no estimate of forces of sliders.
 SLIDER_IMPACTS = (
     "forces of sliders: a kink of the path is an impact of a rigid slider, with a larger force in a shorter step"
 )
@@ -217,30 +233,33 @@ LOAD_JUMPS = (
     "forces of sliders: where a load jumps, damping of the modes that are left out carries a part of it at first, "
     "which no reduced model has"
 )
-#: Share of critical damping of the first mode that is left out above which that share counts.
+#: Damping ratio of the first truncated mode above which truncated modes bear a notable part of a jump (`jumps_damped`).
 DAMPED = 0.05
-#: Why there is none of what richer models disagree on, by kind of output.
+#: Reasons why there is no estimate of outputs in which richer models disagree, by kind.
 UNSETTLED_KINDS = {
     kind: f"{QUANTITIES[kind].label}, because pads lift off and close again and the motion depends on the exact time "
     "of impacts"
     for kind in ("pad_force", "cylinder_force", "velocity", "probe")
 }
-#: Share of a load's changes, by RMS, that may lie above the enrichment modes.
+#: Largest share of a load's changes, by RMS, that may lie above the frequencies of the enrichment modes.
 BEYOND = 0.05
 
 
 def highest_known(model: ReducedModel, stepping: TimeStepping, count: int | None = None) -> float:
-    """Frequency in Hz of the highest of all enrichment modes, or the first `count`, as steps of this length have it."""
+    """Frequency in Hz of the highest enrichment mode, or of the highest of the first `count`, as time stepping has it.
+
+    Time stepping lowers natural frequencies (`effects_not_covered`).
+    """
     assert model.enrichment is not None
     omega = float(np.sqrt(model.enrichment.stiffness[:count][-1]))
     return float(np.arctan(omega * stepping.step / 2.0) / (np.pi * stepping.step))
 
 
 def jumps_damped(model: ReducedModel, signals: Sequence[tuple[str, SignalBase]], end: float) -> bool:
-    """Whether a load sets in at once, and modes that are left out are damped enough to bear much of it.
+    """Whether a load jumps within the run, and truncated modes are damped enough to bear much of it at first.
 
-    With damping proportional to stiffness the highest modes give way last, so a force begins as another one than that
-    of any number of modes.
+    With damping proportional to stiffness the highest modes give way last, so the force starts from another value than
+    that of any number of modes.  `signals` are pairs (name, signal), `end` is the end of the run in s.
     """
     modes = model.enrichment
     if modes is None or modes.damping[0] <= 2.0 * DAMPED * np.sqrt(modes.stiffness[0]):
@@ -254,13 +273,15 @@ def effects_not_covered(
 ) -> list[str]:
     r"""Effects that the estimate with all enrichment modes, or the first `count`, leaves out, a clause each.
 
-    Signals come with their names.  The estimate knows of modes beyond its enrichment modes what is quasi-static and the
-    next term of that series, which converges below the lowest of them (docs/moving_residual_flexibility.md, section
-    10).  So a load that drives modes beyond the enrichment modes is not in it.  Time stepping moves natural
-    frequencies, :math:`\tan(\Omega h / 2) = \omega h / 2` with rho_inf = 1 and hardly less with other values, so these
-    are compared with the load as the steps see it.
+    `signals` are pairs (name, signal) of loads and path.  Of modes beyond its enrichment modes the estimate contains
+    the quasi-static motion and the next term of that series, which converges below the lowest of these modes
+    (docs/moving_residual_flexibility.md, section 10).  So it leaves out what a load excites beyond the enrichment
+    modes. Time stepping with the step h moves a natural frequency :math:`\omega` to :math:`\Omega`, :math:`\tan(\Omega
+    h / 2) = \omega h / 2`, with rho_inf = 1 and hardly less with other values, so these frequencies are compared with
+    the load as the steps sample it.
 
-    `IMPACTS`, `RINGING`, `JUMPS` and `UNSETTLED` join it where an estimate lacks a kind of output.
+    Where an estimate lacks a kind of output, callers add `SLIDER_IMPACTS`, `SLIDER_RINGING`, `LOAD_JUMPS` or one of
+    `UNSETTLED_KINDS`.
     """
     top = highest_known(model, stepping, count)
     beyond = [what for name, signal in signals for what in _beyond(name, signal, stepping, top)]
@@ -269,7 +290,7 @@ def effects_not_covered(
 
 
 def coverage_warnings(clauses: Sequence[str]) -> list[str]:
-    """The clauses that make the estimate too small by an unknown factor, a line each."""
+    """A warning for each of the clauses whose effect may make the estimate too small by an unknown factor."""
     without = (
         AWAY_FROM_PROBES,
         RIGID_REACTIONS,
@@ -283,11 +304,12 @@ def coverage_warnings(clauses: Sequence[str]) -> list[str]:
 
 
 def _classical(model: ReducedModel) -> bool:
-    """Whether the estimate has the damping of all modes that are left out: it is Rayleigh's, or there is none."""
+    """Whether the estimate has the damping of all truncated modes: it is Rayleigh's, or there is none."""
     return model.rayleigh is not None or not model.D.any()
 
 
 def _beyond(name: str, signal: SignalBase, stepping: TimeStepping, top: float) -> Iterator[str]:
+    """Clause, at most one, that says how much of a signal excites modes above the frequency `top` in Hz."""
     tones = [part.highest_frequency(0.0, stepping.end) for part in signal.parts]
     aliased_tone = max((_at_the_steps(tone, stepping.step) for tone in tones), default=0.0)
     if aliased_tone > top:
@@ -298,14 +320,15 @@ def _beyond(name: str, signal: SignalBase, stepping: TimeStepping, top: float) -
 
 
 def _at_the_steps(frequency: float, h: float) -> float:
-    """The frequency in Hz that a tone has at the steps."""
+    """Frequency in Hz, after aliasing, with which a tone of `frequency` in Hz appears in samples at steps of h in s."""
     return abs(frequency - round(frequency * h) / h)
 
 
 def _share_above(signal: SignalBase, stepping: TimeStepping, top: float) -> float:
-    """Share of the signal's changes that lies above `top` Hz, by RMS, at the steps.
+    """Share of the signal's changes above the frequency `top` in Hz, by RMS, sampled at the steps.
 
-    The straight line between its ends is taken out first, which is what a jump between them would be.
+    The straight line between its ends is subtracted first, which would otherwise count as a jump from the end to the
+    start.
     """
     x = signal.value(stepping.times)
     x = x - np.linspace(x[0], x[-1], len(x))
@@ -315,12 +338,17 @@ def _share_above(signal: SignalBase, stepping: TimeStepping, top: float) -> floa
     return float(np.sqrt(power[above].sum() / total)) if total > 0.0 else 0.0
 
 
-#: Error of a reduction, or of forces by the time step, from which a figure is far off.
+#: Error of a reduction, or of forces by the time step, above which it is warned of.
 FAR = 0.1
 
 
 def stated_figures(scene: Scene, response: Response) -> list[str]:
-    """Kinds of figures beside displacements that a run states; forces that are zero or round-off don't count."""
+    """Keys of the quantities, other than displacements, of which a run's results contain values.
+
+    These are the kinds of forces and reactions in the response, such as ``pad_force``, unless all forces of a kind are
+    zero or round-off against the largest of all kinds; ``frequency`` always; ``stress`` if the scene recovers it;
+    ``probe`` if there are probes.
+    """
     histories = force_histories(response)
     sizes = {
         key: max(float(np.abs(history).max(initial=0.0)) for history in each.values())
@@ -335,18 +363,21 @@ def stated_figures(scene: Scene, response: Response) -> list[str]:
 def figures_not_covered(
     scene: Scene, response: Response, part: Mapping[str, Any], exact: Collection[str] = ()
 ) -> list[str]:
-    """Figures of a run of which a `part` of the budget has no error, in words; those that are `exact` need none."""
+    """Labels of the quantities in a run's results for which `part`, one part of the error budget, has no error.
+
+    `part` has errors by the keys of quantities; keys in `exact` are of quantities that need no error.
+    """
     stated = stated_figures(scene, response)
     return [QUANTITIES[kind].label for kind in stated if part.get(kind) is None and kind not in exact]
 
 
 def unsettled_forces(kinds: Sequence[str]) -> list[str]:
-    """Kinds of forces that go on changing with smaller steps, in words."""
+    """Clause for each of the kinds of forces in `kinds`, which still change as the step gets smaller."""
     return [f"{QUANTITIES[kind].label} beyond the figure stated: smaller steps go on changing them" for kind in kinds]
 
 
 def reduction_warnings(summary: Mapping[str, Any]) -> list[str]:
-    """A line where the reduced model is off by more than `covered.FAR` beside the full one, or as it is estimated."""
+    """A warning if the summary's error of the reduced model, against the full one or estimated, is above `FAR`."""
     source, errors = reduction_error(summary)
     far = {kind: error for kind, error in errors.items() if error > FAR}
     if not far:
@@ -356,12 +387,14 @@ def reduction_warnings(summary: Mapping[str, Any]) -> list[str]:
 
 
 def _percent(error: float) -> str:
+    """The error, a fraction, in per cent in words."""
     return f"{rounded(100.0 * error)} %"
 
 
 def budget_warnings(scene: Scene, budget: Mapping[str, Any]) -> Iterator[str]:
-    """A line for each part of ``budget`` above `compare.model_tolerance`; with `[accuracy]` the mesh has a line of its
-    own (`pmr.compare.accuracy.order.warnings`).
+    """A warning for each part of the error budget, ``model`` and ``mesh``, above `compare.model_tolerance`.
+
+    With `[accuracy]` or `[budget]` the mesh is left to `pmr.compare.accuracy.order.warnings`.
     """
     allowed = scene.compare.model_tolerance
     model, mesh = budget.get("model") or {}, budget.get("mesh")

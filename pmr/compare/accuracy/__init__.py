@@ -1,4 +1,4 @@
-"""Accuracy on order: from a tolerance to the smallest model and the longest step that hold it, and what errs how much.
+"""Accuracy on order: the smallest model and the longest step that hold a tolerance, and the error of each part.
 
-Works on one reduced model with enrichment modes, which holds every smaller one (`pmr.reduced.truncation`).
+It works on one reduced model with enrichment modes, which contains every smaller one (`pmr.reduced.truncation`).
 """

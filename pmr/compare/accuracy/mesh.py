@@ -1,18 +1,19 @@
-r"""What the mesh leaves out: the same reduced motion on another mesh.
+r"""Error of the mesh, by the motion of the same reduced model on another mesh.
 
 Beams with rigid walls are compared with twice as many elements of half the length l:
 
 .. math:: e_{mesh} \approx \frac{\lVert y_{l/2} - y_l \rVert}{1 - 2^{-p}}, \qquad p = 2
 
-Beams without shear converge faster, and their part is taken to be larger than it is.  On elements of more than two
-pads' length they converge more slowly, p = 1: what the pads do then depends on where in an element they are.  Shells,
-solids and walls that give way are compared with cells twice as long, whose reduction takes half of their own or less:
+with the outputs y_l on elements of the length l and the order p with which they converge.  Beams without shear converge
+faster, so that their error is stated larger than it is.  On elements of more than two pads' length they converge more
+slowly, p = 1: the effect of pads then depends on where in an element they are.  Shells, solids and walls that give way
+are compared with cells twice as long, whose reduction takes half the time of their own or less:
 
 .. math:: e_{mesh} \approx \frac{\lVert y_{2 l} - y_l \rVert}{2^p - 1}, \qquad p = 1
 
-Both are fractions of the motion on the scene's own mesh: on cells twice as long it can be a quarter smaller.
-Pads press on a part of a cell there.  Such a motion converges with the order of the cells only after these are shorter
-than pads: `docs/accuracy.md` has measurements.
+Both errors are fractions of the motion on the scene's own mesh: on cells twice as long the motion can be a quarter
+smaller.  There pads press on a part of a cell only.  Such a motion converges with the order of the cells only after
+these are shorter than pads: `docs/accuracy.md` has measurements.
 """
 
 from __future__ import annotations
@@ -30,17 +31,18 @@ from pmr.scene import Scene
 from pmr.scene.choice import has_giving_walls, model_of
 from pmr.scene.members import members
 
-#: Of beams: how many times as short their elements are, and with which power of it they converge.
+#: Beams: factor by which elements of the other mesh are shorter, and order with which the motion converges.
 FINER, ORDER = 2.0, 2.0
-#: How many times as long as a pad elements of beams may be to converge with `ORDER`; longer ones do with `FIRST_ORDER`.
+#: Largest ratio of the length of a beam's element to that of a pad with which `ORDER` applies; else `FIRST_ORDER` does.
 LONGEST_ELEMENT = 2.0
-#: Of walls: how many times as long their cells are, and with which power of it they converge.
+#: Walls: factor by which cells of the other mesh are longer, and order with which the motion converges.
 COARSER, FIRST_ORDER = 2.0, 1.0
-#: How many times as long as a pad cells of walls may be: on longer ones too little is stated (`docs/accuracy.md`).
+#: Largest ratio of the length of a wall's cell to that of a pad: on longer cells the stated error is too small
+#: (`docs/accuracy.md`).
 LONGEST = 1.5
-#: Errors that a run measures of its mesh without being asked.
+#: Kinds of outputs whose error of the mesh a run states without a tolerance.
 MEASURED = ("beam", "tip", "pad_force", "cylinder_force", "support_force", "reaction", "frequency")
-#: Places along the body are the same up to this share of its length.
+#: Positions along the body are the same if they differ by no more than this share of its length.
 SAME = 1e-9
 
 
@@ -49,12 +51,12 @@ class OtherMesh:
     """Scene on another mesh, with which a scene is compared."""
 
     scene: Scene
-    called: str
-    share: float  # of the difference: what the scene's own mesh is off by
+    called: str  # as warnings and results name it
+    share: float  # factor on the difference of motions that gives the error of the scene's own mesh
 
 
 def other_mesh(scene: Scene) -> OtherMesh:
-    """Finer beams, or coarser walls, with which the scene's own mesh is compared.
+    """The scene on finer beams or coarser walls, with which the scene's own mesh is compared.
 
     Raises an `InputError` that says why there is none.
     """
@@ -83,7 +85,7 @@ def has_long_elements(scene: Scene) -> bool:
 
 
 def finer_beams(scene: Scene) -> Scene:
-    """The scene with twice as many elements."""
+    """The scene with twice as many elements of all beams."""
     parts = []
     for part in scene.sections:
         cells, count = part.mesh, int(FINER * part.mesh.elements)
@@ -106,9 +108,10 @@ def coarser_walls(scene: Scene) -> Scene:
 
 
 def mesh_budget(scene: Scene, beside_own: Callable[[Callable[[], Scene], str], Mapping[str, Any]]) -> dict[str, Any]:
-    """``mesh`` of the budget by kind, and its ``mesh_reason``.
+    """``mesh``, the error of the mesh by kind, and ``mesh_reason``, why there is none, of the error budget.
 
-    `beside_own` tells what a scene that is made, and called so, is apart from this one, as fractions of this one.
+    `beside_own` makes and runs a scene, given a function that makes it and its name, and returns its differences to
+    this scene by kind, as fractions of this scene's motion.
     """
     try:
         other = other_mesh(scene)
@@ -120,7 +123,7 @@ def mesh_budget(scene: Scene, beside_own: Callable[[Callable[[], Scene], str], M
 
 
 def warnings(scene: Scene) -> list[str]:
-    """A line where cells of walls are so long beside pads that the walls, and what the mesh is off by, are in doubt."""
+    """A warning if cells of walls are so long relative to pads that the walls and the mesh's error are in doubt."""
     worst, message = LONGEST, ""
     for member in members(scene):
         body, cells = member.part.body, member.part.mesh
@@ -141,7 +144,7 @@ def warnings(scene: Scene) -> list[str]:
 
 
 def once(scene: Scene) -> Scene:
-    """Reduced and simulated for its motion alone."""
+    """The scene, to be simulated once by ``march``, without estimate and recovery, for its motion alone."""
     once = scene.simulation.model_copy(update={"simulators": ("march",), "repeats": 1})
     parts = [
         part.model_copy(update={"reduction": part.reduction.model_copy(update={"estimate": False})})
@@ -151,10 +154,10 @@ def once(scene: Scene) -> Scene:
 
 
 def part_of(of_scene: Trials, other: Trials, sizes: Sizes, steps: int, share: float) -> dict[str, float]:
-    """Part of the mesh by kind, fractions of the scene's motion: a `share` of its difference to that on the other mesh.
+    """Error of the mesh by kind, fractions of the scene's motion: `share` times the difference to the other mesh.
 
-    Both are hardly damped by the scheme, as what runs are compared with (`pmr.compare.step_error`).  Raises
-    InputError or SimulationError as for `pmr.simulation.Simulator`.
+    `of_scene` and `other` are the trials on both meshes.  The scheme hardly damps either run, as in
+    `pmr.compare.step_error`.  Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
     """
     (mine, floors), (theirs, _) = of_scene.run_undamped(sizes, steps), other.run_undamped(sizes, steps)
     numbers, other_numbers = _common(of_scene.places, other.places)
@@ -163,7 +166,11 @@ def part_of(of_scene: Trials, other: Trials, sizes: Sizes, steps: int, share: fl
 
 
 def _common(places: Sequence[tuple[str, float]], other: Sequence[tuple[str, float]]) -> tuple[list[int], list[int]]:
-    """Numbers of the displacements that both have: of many nodes not all are observed."""
+    """Numbers, in each of two models, of the displacements that both have; of many nodes not all are observed.
+
+    `places` and `other` are the names and positions in m of both models' displacements.  Displacements are the same if
+    name and position are.
+    """
     at, near = {name: k for k, (name, _) in enumerate(other)}, SAME * np.ptp([x for _, x in places])
     common = [(k, at[name]) for k, (name, x) in enumerate(places) if name in at and abs(other[at[name]][1] - x) <= near]
     return [number for number, _ in common], [theirs for _, theirs in common]

@@ -1,4 +1,4 @@
-"""A scene that says what error is allowed, and the model and the step that it gets."""
+"""The search for the model and the step of a scene with a tolerance or a budget, and its part of summary.json."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ from pmr.simulation import Excitation
 from pmr.system.from_scene import system_of
 from pmr.system.system import System
 
-#: Share of a tolerance that a mesh may take for the rest to be searched beside it.
+#: Largest share of a tolerance that the error of the mesh may take: of a larger one the search takes no account.
 MOST_OF_MESH = 0.9
-#: Coordinates of the reduction of a body alone, which the enrichment modes join: many scenes share it.
+#: Number of coordinates, besides enrichment modes, of the reduction of a body alone: many scenes share that reduction.
 COORDINATES = 6
 _CALLED = {
     "beam": "displacements",
@@ -49,27 +49,28 @@ class Choice:
     scene: Scene  # with the chosen step and, of a body alone, the chosen coordinates
     models: Mapping[str, ReducedModel]  # by body, `ALONE` or sections, these without the modes of their cylinders
     trial: Trial
-    mesh: Mapping[str, float] | None = None  # by kind what the mesh is off by, a fraction
-    mesh_reason: str | None = "the scene leaves it out"  # why that isn't known
+    mesh: Mapping[str, float] | None = None  # error of the mesh by kind, a fraction; None if unknown
+    mesh_reason: str | None = "the scene leaves it out"  # why that error is unknown
     reasons: tuple[str, ...] = ()  # why this model and this step, a clause each
     seconds: float = 0.0  # wall time of the search
 
     @property
     def sum(self) -> dict[str, float]:
-        """Errors of all parts by kind: reduction, step, and the mesh as far as it is known."""
+        """Errors of reduction, step and, if it is known, the mesh together, by kind of output."""
         return {kind: size + (self.mesh or {}).get(kind, 0.0) for kind, size in self.trial.total.items()}
 
     @property
     def holds(self) -> bool:
-        """Whether the sum is within the tolerance, if there is one, and the step's error is known."""
+        """Whether the sum of errors is within the tolerance, if there is one, and the step's error is settled."""
         accuracy = self.scene.accuracy
         return accuracy is None or (self.trial.settled and max(self.sum.values()) <= accuracy.tolerance)
 
 
 def prepare_scene(scene: Scene) -> Scene:
-    """The scene whose reduction holds all models among which is chosen; as it is where it orders none.
+    """The scene whose reduction contains all models that the search can choose; unchanged without tolerance or budget.
 
-    Sections have their own coordinates, and more enrichment modes (`pmr.reduction.from_scene`).
+    Booms of several sections are unchanged, too: they have their own coordinates and more enrichment modes
+    (`pmr.reduction.from_scene`).
     """
     if scene.goal is None or len(scene.bodies) > 1:
         return scene
@@ -78,22 +79,23 @@ def prepare_scene(scene: Scene) -> Scene:
 
 
 def trials_of(scene: Scene, models: Mapping[str, ReducedModel]) -> Trials:
-    """Models of all sizes that reductions of a scene's bodies hold, with any step."""
+    """Trials of the models that reductions of a scene's bodies contain, of all sizes and with any step."""
     kinds = ("beam", "tip") if scene.goal is None else scene.goal.outputs
     return Trials(models, partial(_join_models, scene), Excitation.of(scene), kinds)
 
 
 def _join_models(scene: Scene, models: Mapping[str, ReducedModel]) -> System:
-    """Models as they are simulated."""
+    """System of these models as it is simulated."""
     stressed = any(frame_terms(scene))
     return system_of(scene, {name: as_simulated(model, stressed) for name, model in models.items()})
 
 
 class Search:
-    """The search for the model and the step that a scene orders; `trial` is the best one so far.
+    """The search for the model and the step of a scene with a tolerance or a budget; `trial` is the best one so far.
 
-    `models` are those of the scene from `prepare_scene` by body, on free modes.  Raises InputError if errors of these
-    models, or of the outputs that are asked for, can't be estimated, or if nothing is within the scene's budget.
+    `models` are the reductions of the scene from `prepare_scene` by body, on free modes.  Raises InputError if errors
+    of these models, or of the outputs that the scene names, can't be estimated, or if nothing is within the scene's
+    budget.
     """
 
     def __init__(self, scene: Scene, models: Mapping[str, ReducedModel]) -> None:
@@ -123,7 +125,10 @@ class Search:
 
     @property
     def _allowed_errors(self) -> dict[str, float]:
-        """Errors that reduction and step may have together, by kind: what the mesh leaves if that is not too little."""
+        """Errors by kind that reduction and step may have together: the tolerance minus the error of the mesh.
+
+        If the mesh takes more than `MOST_OF_MESH` of the tolerance, its error is not subtracted.
+        """
         assert self.scene.accuracy is not None
         tolerance, taken = self.scene.accuracy.tolerance, self.mesh or {}
         if max(taken.values(), default=0.0) > MOST_OF_MESH * tolerance:
@@ -131,14 +136,22 @@ class Search:
         return {kind: tolerance - taken.get(kind, 0.0) for kind in self.trials.wanted}
 
     def compare_meshes(self, other: mesh.OtherMesh, on_other: Mapping[str, ReducedModel]) -> Search:
-        """Find the part of the mesh, from the models of the scene `on_other_mesh`; errors as for `Simulator`."""
+        """Compute the error of the mesh and return this search, which uses it from then on.
+
+        `on_other` are the models of the scene that `on_other_mesh` returns.  Raises InputError or SimulationError as
+        for `pmr.simulation.Simulator`.
+        """
         trial = self.trial
         theirs = trials_of(_with_step(self.scene, trial.steps), on_other)
         self.mesh = mesh.part_of(self.trials, theirs, trial.sizes, trial.steps, other.share)
         return self
 
     def choose(self, mesh_reason: str | None) -> Choice:
-        """The choice, without what can be spared; errors as for `Simulator`."""
+        """Return the choice, without coordinates and steps that are not needed.
+
+        `mesh_reason` says why the error of the mesh is unknown.  Raises InputError or SimulationError as for
+        `pmr.simulation.Simulator`.
+        """
         begin, trials = time.perf_counter(), self.trials
         if self.scene.budget is None:
             self.trial = reach(trials, self.trial.sizes, self.trial.steps, self._allowed_errors)
@@ -162,10 +175,10 @@ class Search:
 
 
 def on_other_mesh(scene: Scene, trial: Trial) -> mesh.OtherMesh:
-    """The scene with a trial's step, on the mesh that tells the error of its own.
+    """The scene with a trial's step, on the mesh by which the error of its own mesh is estimated.
 
-    A body alone has `COORDINATES` or twice as many until they suffice: most choices share that scene.  Raises an
-    `InputError` that says why there is no other mesh.
+    A body alone has `COORDINATES` coordinates, or a multiple of them by a power of 2 that suffices, so that most
+    choices share that scene.  Raises an `InputError` that says why there is no other mesh.
     """
     other = mesh.other_mesh(_with_step(scene, trial.steps))
     if len(scene.bodies) > 1:
@@ -181,10 +194,11 @@ def on_other_mesh(scene: Scene, trial: Trial) -> mesh.OtherMesh:
 def summary(choice: Choice) -> dict[str, Any]:
     """``accuracy`` and ``budget`` of summary.json.
 
-    ``accuracy``: ``tolerance``, ``outputs``, ``holds``, ``chosen.{coordinates,step}``, of sections
-    ``chosen.sections`` too, ``reasons``, ``seconds`` of the search; ``budget``: ``reduction``, ``step``
-    and ``mesh`` by kind of output (fractions, None where unknown), their ``sum`` and which is ``first`` to be improved;
-    ``mesh_reason`` says why the part of the mesh isn't known.  A tolerance ``holds`` where the sum is within it.
+    ``accuracy``: ``tolerance``, ``outputs``, ``holds``, ``chosen.{coordinates,step}``, of sections ``chosen.sections``
+    too, ``reasons``, ``seconds`` of the search.  ``budget``: ``reduction``, ``step`` and ``mesh`` by kind of output
+    (fractions, None where unknown), their ``sum``, and ``first``, the one with the largest error, which is to be
+    improved first; ``mesh_reason`` says why the error of the mesh is unknown.  A tolerance ``holds`` if the sum is
+    within it.
     """
     trial, ordered = choice.trial, _request(choice.scene)
     sizes = {name: model.size for name, model in choice.models.items()}
@@ -209,12 +223,12 @@ def summary(choice: Choice) -> dict[str, Any]:
 
 
 def _finite(errors: Mapping[str, float]) -> dict[str, float | None]:
-    """Errors by kind, None where they are not known."""
+    """Errors by kind, with None for those that are not finite, hence unknown."""
     return {kind: size if np.isfinite(size) else None for kind, size in errors.items()}
 
 
 def warnings(choice: Choice) -> list[str]:
-    """A line where a tolerance isn't held, by the model and its step or by the mesh."""
+    """Warnings if the tolerance isn't held, by the model and its step or by the mesh; none without a tolerance."""
     accuracy, trial = choice.scene.accuracy, choice.trial
     if accuracy is None:
         return []
@@ -239,30 +253,35 @@ def warnings(choice: Choice) -> list[str]:
 
 
 def _request(scene: Scene) -> Accuracy | Budget:
+    """The scene's accuracy or budget, of which there is one."""
     assert scene.goal is not None
     return scene.goal
 
 
 def _key(scene: Scene) -> str:
+    """Key of the scene by which the search is wanted, ``accuracy`` or ``budget``."""
     return "budget" if scene.accuracy is None else "accuracy"
 
 
 def _refuse(scene: Scene, allowed: str) -> None:
+    """Raise an InputError at the key of the outputs that the scene names; `allowed` says what is allowed."""
     raise InputError("scene", f"{_key(scene)}.outputs", list(_request(scene).outputs), allowed)
 
 
 def _with_step(scene: Scene, steps: int) -> Scene:
+    """The scene with this number of steps."""
     return scene.model_copy(update={"time": scene.time.model_copy(update={"step": scene.time.end / steps})})
 
 
 def _percent(fraction: float) -> str:
+    """The error, a fraction, in per cent in words; from 10 on as a multiple of the outputs' size."""
     if not np.isfinite(fraction):
         return "an unknown amount"
     return f"{rounded(100.0 * fraction)} %" if fraction < 10.0 else f"{rounded(fraction)} times their size"
 
 
 def _list_errors(tolerance: float, sizes: Mapping[str, float]) -> str:
-    """Errors by kind, in words that don't round what is beyond the tolerance to it."""
+    """Errors by kind, in words in which an error beyond the tolerance is not rounded to the tolerance."""
     words = {kind: _percent(size) for kind, size in sizes.items()}
     more = {kind for kind, size in sizes.items() if size > tolerance and words[kind] == _percent(tolerance)}
     listed = (f"{'a little more' if kind in more else word} in {_CALLED[kind]}" for kind, word in words.items())

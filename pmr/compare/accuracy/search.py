@@ -1,7 +1,7 @@
-"""The model and the step with which a run is within its tolerance, as one finds them by hand.
+"""Search for the model and the step with which a run is within its tolerance, as one finds them by hand.
 
-One begins with the scene's own step and coordinates, takes shorter steps and twice as many coordinates until the run's
-own estimate and the error of its step are within the tolerance together, and then leaves out what can be spared:
+It begins with the scene's own step and coordinates, takes shorter steps and twice as many coordinates until the run's
+own estimate and the error of its step are within the tolerance together, and then leaves out what is not needed:
 coordinates first, then every other step.  Within a budget coordinates are given, and steps are as long as their error
 is no larger than that of the reduction.
 """
@@ -20,26 +20,27 @@ from pmr.scene.run_settings import Budget
 
 Allowed = Mapping[str, float]  # error by kind of output, a fraction
 
-#: Share of what is allowed that one error may have without being the one to be made smaller.
+#: Ratio to the allowed error up to which an error of step or reduction need not be made smaller.
 HALF = 0.5
-#: By how much an error falls at most where a step is halved: the scheme is of second order.
+#: Largest factor by which an error decreases where a step is halved: the scheme is of second order.
 SECOND_ORDER = 4.0
 
 
 def share(errors: Mapping[str, float], allowed: Allowed) -> float:
-    """The largest error, as a share of what is allowed."""
+    """The largest ratio, over all kinds of outputs, of the error to the error that is allowed."""
     return max(errors[kind] / size for kind, size in allowed.items())
 
 
 def is_within(trial: Trial, allowed: Allowed) -> bool:
-    """Whether errors of reduction and step together are allowed, and the step's is known."""
+    """Whether errors of reduction and step together are allowed, and the step's error is settled."""
     return trial.settled and share(trial.total, allowed) <= 1.0
 
 
 def reach(trials: Trials, sizes: Sizes, steps: int, allowed: Allowed) -> Trial:
-    """The first trial that is within, with shorter steps and more coordinates; the best one if none is.
+    """The first trial whose errors are allowed, with shorter steps and more coordinates; the best one if none is.
 
-    Whether there are too few coordinates is asked of steps that resolve the motion, for others tell nothing of it.
+    The search begins with these `sizes` and `steps`.  Whether there are too few coordinates is decided by runs whose
+    steps resolve the motion, for others show nothing about it.
     """
     tried = list[Trial]()
     while True:
@@ -61,15 +62,19 @@ def reach(trials: Trials, sizes: Sizes, steps: int, allowed: Allowed) -> Trial:
 
 
 def _coarse(trials: Trials, sizes: Sizes, steps: int, allowed: Allowed) -> float:
-    """Share of what is allowed that the step has; more than all of it where that is not known."""
+    """Ratio of the step's error to the error that is allowed; more than 1 if the step's error is not settled."""
     size = share(trials.step(sizes, steps), allowed)
     return size if trials.settled(sizes, steps) else max(size, 1.0 + HALF)
 
 
 def thin_out(trials: Trials, trial: Trial, allowed: Allowed, coarsest: int) -> Trial:
-    """A trial that is within, with as few coordinates, and then as few steps, as are within."""
+    """Trial whose errors are still allowed, with as few coordinates, and then as few steps, as possible.
+
+    `trial` is the one to begin with; `coarsest` is the smallest number of steps.
+    """
 
     def suits(reduction: Mapping[str, float], step: Mapping[str, float]) -> bool:
+        """Whether errors of reduction and step together are allowed."""
         return share({kind: size + step[kind] for kind, size in reduction.items()}, allowed) <= 1.0
 
     fewest = _fewest(trials, trial, allowed)
@@ -84,9 +89,9 @@ def thin_out(trials: Trials, trial: Trial, allowed: Allowed, coarsest: int) -> T
 def best_within(trials: Trials, budget: Budget, coarsest: int) -> Trial:
     """The trial with the smallest error that a budget allows.
 
-    By coordinates or by the time of a step: the most that are allowed, with the longest step whose error is no more
-    than theirs.  By real time: for each step as many coordinates as there is time for.  Raises InputError if not even
-    the smallest model is within it.
+    A budget of coordinates or of the time of a step: the most coordinates that it allows, with the longest step whose
+    error is no more than that of the reduction.  A budget of real time: for each number of steps, `coarsest` at least,
+    as many coordinates as there is time for.  Raises InputError if the smallest model exceeds the budget.
     """
     key = "microseconds_per_step" if budget.real_time is None else "real_time"
     if budget.coordinates is not None:
@@ -105,7 +110,7 @@ def best_within(trials: Trials, budget: Budget, coarsest: int) -> Trial:
 
 
 def reasons(trials: Trials, trial: Trial, coarsest: int) -> Iterator[str]:
-    """Why these coordinates and these steps, a clause each."""
+    """Why the trial has these coordinates and this number of steps, a clause each."""
     r, steps = trial.coordinates, trial.steps
     coarse = trials.fewest_resolved(steps)
     if fewer := [max(trials.beside(trial, sizes, coarse).values()) for sizes in trials.neighbours(trial.sizes, -1)]:
@@ -123,14 +128,15 @@ def reasons(trials: Trials, trial: Trial, coarsest: int) -> Iterator[str]:
 
 
 def _fewest(trials: Trials, trial: Trial, allowed: Allowed) -> Sizes:
-    """The fewest modes whose error beside the trial is within what its step leaves: of all bodies, then of each.
+    """The fewest modes whose error against the trial is within what its step leaves: of all bodies, then of each.
 
-    They are compared with the fewest steps that resolve the motion.
+    The runs have the fewest steps that resolve the motion.
     """
     margin = {kind: size - trial.step[kind] for kind, size in allowed.items()}
     steps = trials.fewest_resolved(trial.steps)
 
     def enough(sizes: Sizes) -> bool:
+        """Whether the error of these sizes against the trial is within what its step leaves."""
         return share(trials.beside(trial, sizes, steps), margin) <= 1.0
 
     low, high = trials.least - 1, trials.elastic(trial.sizes)
@@ -150,7 +156,10 @@ def _longest(
     coarsest: int,
     suits: Callable[[Mapping[str, float], Mapping[str, float]], bool],
 ) -> Trial:
-    """The trial with as few steps as errors of reduction and step suit; it is tried with half as many, and so on."""
+    """The trial with as few steps as its errors allow, by halving their number.
+
+    `suits` says whether errors of reduction and step, by kind, are allowed; `coarsest` is the smallest number of steps.
+    """
     while trial.steps > coarsest:
         least = {kind: size / ROUGH for kind, size in trial.step.items()}  # of half as many steps
         fewer = trial.steps // 2
@@ -164,9 +173,10 @@ def _longest(
 
 
 def _balance(trials: Trials, sizes: Sizes, coarsest: int) -> Trial:
-    """The longest step whose error is no more than that of the reduction; else the shortest that is tried."""
+    """Trial with the longest step whose error is no more than that of the reduction; else with the shortest step."""
 
     def suits(reduction: Mapping[str, float], step: Mapping[str, float]) -> bool:
+        """Whether the largest error of the step is no more than that of the reduction."""
         return max(step.values()) <= max(reduction.values())
 
     trial = trials.judge(sizes, trials.excitation.stepping.steps)
@@ -176,7 +186,10 @@ def _balance(trials: Trials, sizes: Sizes, coarsest: int) -> Trial:
 
 
 def _in_real_time(trials: Trials, ratio: float, coarsest: int) -> Iterator[Trial]:
-    """For each number of steps the largest model that keeps up with real time."""
+    """For each number of steps, `coarsest` at least, the trial with the largest model that is fast enough.
+
+    It has to be simulated `ratio` times as fast as real time.
+    """
     steps = coarsest
     while steps <= trials.longest:
         sizes = _largest(trials, trials.excitation.stepping.end / (steps * ratio))
@@ -187,7 +200,7 @@ def _in_real_time(trials: Trials, ratio: float, coarsest: int) -> Iterator[Trial
 
 
 def _largest(trials: Trials, seconds: float) -> Sizes | None:
-    """Most modes of each body whose step takes no more than so many seconds; None if not even the fewest do."""
+    """Most modes of each body with which a step takes no more than `seconds`; None if the fewest modes take longer."""
     low, high = trials.least - 1, trials.elastic(trials.most) + 1
     middle = high - 1
     while high - low > 1:  # all of them first: most budgets of time are generous
@@ -198,9 +211,9 @@ def _largest(trials: Trials, seconds: float) -> Sizes | None:
 
 
 def _most_coordinates(trials: Trials, allowed: int) -> Sizes:
-    """So many coordinates, from the smallest model on, each of the body where it helps most.
+    """Sizes with up to `allowed` coordinates, each added to the body where it reduces the error most.
 
-    Raises InputError if motions need more than are allowed.
+    Raises InputError if the smallest model has more coordinates than are allowed.
     """
     sizes, steps = trials.uniform(trials.least), trials.excitation.stepping.steps
     if allowed < (least := trials.coordinates(sizes)) and len(sizes) > 1:
@@ -212,6 +225,7 @@ def _most_coordinates(trials: Trials, allowed: int) -> Sizes:
 
 
 def _percent(fraction: float) -> str:
+    """The error, a fraction, in per cent in words."""
     if not np.isfinite(fraction):
         return "an unknown amount"
     return f"{rounded(100.0 * fraction)} %"

@@ -1,6 +1,6 @@
-"""Reduced models of several sizes, run with several steps, and the errors that each run states of itself.
+"""Reduced models of several sizes, run with several steps, and the errors that each run estimates for itself.
 
-One reduction of each body with all its enrichment modes holds every smaller model (`pmr.reduced.truncation`).
+One reduction of each body with all its enrichment modes contains every smaller model (`pmr.reduced.truncation`).
 """
 
 from __future__ import annotations
@@ -47,16 +47,16 @@ Sizes = tuple[int, ...]  # modes of each body
 
 #: Enrichment modes that every model keeps for its estimate, up to a quarter of all modes.
 ENRICHMENT = 4
-#: Steps of a run, at most; of several bodies, whose steps cost ten times as much.
+#: Largest number of steps of a run, for one body and for several, whose steps cost ten times as much.
 LONGEST, LONGEST_OF_SEVERAL = 512_000, 64_000
-#: As many steps for each of the scene's are tried anyhow; where contacts only push no more, as impacts take the same
-#: parts of a step in all.
+#: A run may always have so many times the scene's number of steps; where contacts only push no more than that, as
+#: impacts take the same parts of a step with any number.
 FINER = 4
-#: Largest error of a step, a fraction of the motion, that tells the error of the reduction.
+#: Largest error of a step, a fraction of the motion, with which the error of the reduction can be estimated.
 RESOLVED = 0.05
-#: How often the scene's step is doubled at most, and steps that a run has at least.
+#: How often the scene's step is doubled at most, and least number of steps of a run.
 COARSER, FEWEST = 6, 20
-#: Steps over which a step is timed, and how often.
+#: Number of steps of the runs by which a step is timed, and number of these runs.
 TIMED, TIMES = 4096, 3
 
 
@@ -71,19 +71,20 @@ class Trial:
     step: Mapping[str, float]
     settled: bool  # whether runs with shorter steps approach each other; else the step's error is at least as stated
     estimate: Estimate | None  # the run's own estimate of its reduction's error; None if it failed
-    step_error: StepError | None  # what the run says of its step; None if it failed
+    step_error: StepError | None  # the run's own error of its step; None if it failed
 
     @property
     def total(self) -> dict[str, float]:
-        """Errors of reduction and step together."""
+        """Errors of reduction and step together, by kind."""
         return {kind: size + self.step[kind] for kind, size in self.reduction.items()}
 
 
 class Trials:
-    """Runs of a system of bodies with so many modes each and so many steps; each is made once.
+    """Runs of a system of bodies for any number of modes of each body and any number of steps; each run is made once.
 
     `models` on free modes, by body, have an estimate (`pmr.compare.estimate.no_estimate` is None); `join` makes the
-    system that is simulated of models of any size.  Errors are those in the `kinds` of outputs.
+    system that is simulated from models of any size.  Errors are those in the `kinds` of outputs, also called `wanted`.
+    `sizes` are always numbers of modes, one for each body.
     """
 
     def __init__(
@@ -98,7 +99,7 @@ class Trials:
         self._wholes = {name: model if model.enrichment is None else extend(model) for name, model in models.items()}
         self.own: Sizes = tuple(model.size for model in models.values())
         self._rigid = [_rigid(model) for model in self._wholes.values()]
-        #: Elastic modes of every body at least, and modes of each at most.
+        #: Least number of elastic modes of any body, and largest number of modes of each.
         self.least = int(min(self._rigid) == 0)
         wholes = [model.size for model in self._wholes.values()]
         self.most: Sizes = tuple(
@@ -112,7 +113,7 @@ class Trials:
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of outputs that there are."""
+        """Kinds of outputs that the system has."""
         alone, system = ALONE in self._wholes, self.system(self.own)
         forces = dict.fromkeys(["pad_force"] if alone else force_kinds_of_system(system))
         probes = ["probe"] * any(np.any(other_outputs(model)) for model in self._wholes.values())
@@ -120,7 +121,10 @@ class Trials:
 
     @property
     def impulsive(self) -> bool:
-        """Whether forces have no size, as those of rigid sliders at kinks; those of sections count between kinks."""
+        """Whether forces of a body alone have no limit, as those of rigid sliders at kinks.
+
+        Of sections it is false: their forces are compared between kinks.
+        """
         return ALONE in self._wholes and impulsive(self._wholes[ALONE], self.excitation)
 
     @property
@@ -130,7 +134,7 @@ class Trials:
 
     @property
     def longest(self) -> int:
-        """Steps of a run, at most."""
+        """Largest number of steps of a run."""
         least = FINER * self.excitation.stepping.steps
         return least if self.pushing else max(least, LONGEST if len(self.own) == 1 else LONGEST_OF_SEVERAL)
 
@@ -144,9 +148,10 @@ class Trials:
         ]
 
     def coarsest(self, every: float | None = None) -> int:
-        """The fewest steps, halves of the scene's, that follow path and loads; one ends `every` so many seconds.
+        """The fewest steps, from halving the scene's number, that follow path and loads.
 
-        Where rows only push they are the scene's: steps take as many parts as impacts need; longer ones save nothing.
+        If `every` in s is not None, it is a multiple of the step.  Where contacts only push the number is the scene's:
+        impacts need their parts of steps anyhow, so longer steps save nothing.
         """
         steps = self.excitation.stepping.steps
         for _ in range(0 if self.pushing else COARSER):
@@ -165,24 +170,27 @@ class Trials:
         return self.excitation.on_grid(TimeStepping(grid.end, grid.end / steps, grid.rho_inf))
 
     def uniform(self, elastic: int) -> Sizes:
-        """So many elastic modes of each body, as far as it has them."""
+        """Sizes with `elastic` elastic modes of each body, or all of those that it has."""
         return self.cap_sizes(self.most, elastic)
 
     def cap_sizes(self, sizes: Sizes, elastic: int) -> Sizes:
-        """No more than so many elastic modes of each body."""
+        """Sizes with no more than `elastic` elastic modes of each body."""
         return tuple(min(size, rigid + elastic) for size, rigid in zip(sizes, self._rigid, strict=True))
 
     def elastic(self, sizes: Sizes) -> int:
-        """Elastic modes of the body that has most of them."""
+        """Largest number of elastic modes of any body."""
         return max(size - rigid for size, rigid in zip(sizes, self._rigid, strict=True))
 
     def double_sizes(self, sizes: Sizes) -> Sizes:
-        """Twice as many elastic modes of each body, as far as it has them."""
+        """Sizes with twice as many elastic modes of each body, or all of those that it has."""
         of_bodies = zip(sizes, self._rigid, self.most, strict=True)
         return tuple(max(size, min(rigid + max(2 * (size - rigid), 1), most)) for size, rigid, most in of_bodies)
 
     def neighbours(self, sizes: Sizes, more: int) -> list[Sizes]:
-        """Sizes of models with `more` modes of one body each; fewer where `more` is negative."""
+        """All sizes that differ from `sizes` by `more` modes of one body, within the limits of that body.
+
+        `more` is negative for fewer modes.
+        """
         changed = [(*sizes[:k], size + more, *sizes[k + 1 :]) for k, size in enumerate(sizes)]
         return [
             new for k, new in enumerate(changed) if self._rigid[k] + self.least <= new[k] <= max(self.most[k], sizes[k])
@@ -194,38 +202,42 @@ class Trials:
         return {name: truncate(model, size) if size < model.size else model for (name, model), size in of_bodies}
 
     def system(self, sizes: Sizes) -> System:
-        """Models of these sizes as they are simulated."""
+        """System that is simulated for models of these sizes."""
         if sizes not in self._systems:
             self._systems[sizes] = self._join(self.models(sizes))
         return self._systems[sizes]
 
     def coordinates(self, sizes: Sizes) -> int:
-        """Coordinates of all bodies, modes of cylinders included."""
+        """Number of coordinates of all bodies, modes of cylinders included."""
         return sum(body.size for body in self.system(sizes).bodies.values())
 
     def judge(self, sizes: Sizes, steps: int) -> Trial:
-        """Run a model of these sizes with these steps and estimate its errors."""
+        """Run models of these sizes with this number of steps and estimate the errors of the run."""
         reduction, step, at = self.reduction(sizes, steps), self.step(sizes, steps), (sizes, steps)
         of_run = self._estimates[at], self._step_errors[at]
         return Trial(sizes, self.coordinates(sizes), steps, reduction, step, self.settled(sizes, steps), *of_run)
 
     def resolved(self, sizes: Sizes, steps: int) -> bool:
-        """Whether steps are short enough to tell whether there are too few coordinates."""
+        """Whether steps are short enough to show whether there are too few coordinates.
+
+        The run's error of the step has to be computed before (`step`).
+        """
         run_error = self._step_errors[sizes, steps]
         return run_error is not None and run_error.settled and max(self.step(sizes, steps).values()) <= RESOLVED
 
     def fewest_resolved(self, steps: int) -> int:
-        """The fewest steps up to those given that were seen to resolve the motion."""
+        """The smallest number of steps, `steps` at most, with which a run was found to resolve the motion."""
         return min(
             (count for sizes, count in self._step_errors if count < steps and self.resolved(sizes, count)),
             default=steps,
         )
 
     def beside(self, trial: Trial, sizes: Sizes, steps: int) -> dict[str, float]:
-        """Error of the reduction to fewer modes than a trial has, by kind, from the difference of motions with steps.
+        """Error by kind of a reduction to fewer modes, `sizes`, than a trial has, from the difference of two runs.
 
-        Modes that both lack move at other frequencies than those that one lacks, so the trial's own error is added as a
-        square.  Where pads push both take the same parts of a step: what counts is the reduction, not how each lands.
+        Both runs have `steps` steps.  Modes that both models lack move at other frequencies than those that one of them
+        lacks, so the trial's own error is added as the root of the sum of squares.  Where contacts only push, both runs
+        divide their steps alike, so that the difference is due to the reduction, not to the time of impacts.
         """
         key = sizes, steps
         if key not in self._beside:
@@ -244,7 +256,7 @@ class Trials:
         return self._beside[key]
 
     def reduction(self, sizes: Sizes, steps: int) -> dict[str, float]:
-        """Estimated error of the reduction by kind; that of sections' forces between kinks."""
+        """Estimated error of the reduction by kind; for forces of sections that between kinks."""
         if (sizes, steps) not in self._estimates:
             try:
                 run = self._run(sizes, steps)
@@ -257,7 +269,7 @@ class Trials:
         return {kind: errors.get(f"{kind}{between}", errors.get(kind, np.inf)) for kind in self.wanted}
 
     def step(self, sizes: Sizes, steps: int) -> dict[str, float]:
-        """Error of the step by kind."""
+        """Error of the step by kind, a fraction; infinite where it could not be computed."""
         if (sizes, steps) not in self._step_errors:
             system, excitation = self.system(sizes), self.with_steps(steps)
             try:
@@ -269,12 +281,15 @@ class Trials:
         return {kind: np.inf if run_error is None else run_error.of(kind) for kind in self.wanted}
 
     def settled(self, sizes: Sizes, steps: int) -> bool:
-        """Whether runs with shorter steps than these approach each other."""
+        """Whether runs with shorter steps than these approach each other in all kinds of outputs that are wanted.
+
+        The run's error of the step has to be computed before (`step`).
+        """
         run_error = self._step_errors[sizes, steps]
         return run_error is not None and run_error.settled and not set(run_error.unsettled) & set(self.wanted)
 
     def motion(self, sizes: Sizes, excitation: Excitation) -> Outputs:
-        """Outputs at all steps of a run; forces of sections are zero beside kinks of their extensions."""
+        """Outputs at all steps of a run; forces of sections are zero near kinks of their extensions."""
         system = self.system(sizes)
         run = run_from_start(system, excitation)
         run_outputs = (
@@ -283,7 +298,7 @@ class Trials:
         return between_kinks(system, run_outputs, excitation, excitation.times, excitation.stepping.step)
 
     def run_undamped(self, sizes: Sizes, steps: int) -> tuple[Outputs, Floors]:
-        """Outputs of a run that the scheme hardly damps (`pmr.compare.step_error`), and what may be round-off."""
+        """Outputs of a run that the scheme hardly damps (`pmr.compare.step_error`), and bounds of their round-off."""
         system, excitation = self.system(sizes), self.with_steps(steps)
         grid = excitation.stepping
         stepping = TimeStepping(grid.end, grid.step, reference_rho(system, grid.rho_inf))
@@ -291,18 +306,18 @@ class Trials:
         return motion, Floors.of(system, excitation, motion.force)
 
     def seconds_a_step(self, sizes: Sizes) -> float:
-        """Least time that `march` takes for a step, on this machine."""
+        """Shortest time in s that `march` takes for a step, on this machine."""
         form, excitation = SystemForm.of(self.system(sizes)), self.with_steps(TIMED)
         return min(systems.observe(form, excitation, every=TIMED).seconds for _ in range(TIMES)) / TIMED
 
     def _run(self, sizes: Sizes, steps: int) -> SystemTrajectory:
-        """All steps of a run; the last one is stored."""
+        """Motion at all steps of a run; the last one is stored."""
         if (sizes, steps) not in self._last:
             self._last = {(sizes, steps): run_from_start(self.system(sizes), self.with_steps(steps))}
         return self._last[sizes, steps]
 
 
 def _rigid(model: ReducedModel) -> int:
-    """Number of rigid-body modes."""
+    """Number of rigid-body modes of a model."""
     stiffness = np.diagonal(model.K)
     return int(np.count_nonzero(stiffness <= 1e-9 * stiffness[-1]))
