@@ -118,7 +118,10 @@ class _Views:
         yield from (replace(piece, points=self._in_space(moment.frame, piece.points)) for piece in pieces)
 
     def _in_space(self, frame: int, points: Array) -> Array:
-        """Turn points (..., 3) in m from the boom's axes into the ground's at a stored time `frame`, if the boom turns."""
+        """Turn points (..., 3) in m from the boom's axes into the ground's at the stored time `frame`.
+
+        Without a frame that moves both are the same.
+        """
         return points if self.pose is None else self.pose.at(frame, points)
 
     def _close(self, moment: Moment) -> tuple[str, Shot, str]:
@@ -143,7 +146,10 @@ class _Views:
         return "close", shot, f"The neighbourhood of the largest stress, seen from {side}; {tip}. {self._when(moment)}."
 
     def _when(self, moment: Moment) -> str:
-        """Clause with the time of the close picture, and with that of the largest stress if no fields are stored then."""
+        """Clause with the time of the close picture.
+
+        It also names the time of the largest stress, if no fields are stored at this.
+        """
         at, displacements = f"{moment.t:.2f}{SPACE}s", "displacements as above"
         peak = self.result.summary.get("stress_peak", {}).get("reduced", {}).get("t", moment.t)
         if abs(peak - moment.t) <= 0.005:
