@@ -112,7 +112,7 @@ def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
     """Least and largest forces and moments, by their kinds in `FORCES` and the names of what bears them.
 
     Supports that stand for the luffing cylinder are left out.  A cylinder that moves sections by ropes appears once,
-    with the force at its rod.
+    among those that pull ropes.
     """
     response, summary = result.responses["reduced"], result.summary
     by_key = {key: dict[str, Extremes]() for key in FORCES}
