@@ -29,7 +29,7 @@ TIMEOUT, SHARE = 7200.0, 0.85
 
 
 def measure(sizes: Sequence[float]) -> dict[str, Any]:
-    """Records by size and ranks, exponents over the coordinates, and differences between one rank's and two's models."""
+    """Records by size and ranks, exponents over the coordinates, and differences between one and two ranks."""
     memory = SHARE * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     records, agreement = [], []
     for size in sizes:

@@ -49,7 +49,7 @@ PLACES = 5
 
 
 def main(cells: float, file: Path | None = None) -> None:
-    """Reduce the boom meshed with cells of `cells` m around the section; save its modes and tables if `file` is given."""
+    """Reduce the boom meshed with cells of `cells` m around the section; save its modes and tables in any `file`."""
     comm = MPI.COMM_WORLD
     coarse = boom(1.0)
     structure = structure_of(member_at(coarse), comm)

@@ -137,7 +137,7 @@ def exudyn(_: Place) -> Taken:
 
 
 def step(place: Place) -> Taken:
-    """What a step of 1 ms of the FMU of `pmr new boom` takes, called from C with all inputs set and all outputs read."""
+    """What a step of 1 ms of the FMU of `pmr new boom` takes, called from C, with inputs set and outputs read."""
     scene = place.folder / "mine" / "scene.toml"
     (found,) = fmu.measure(REPEATS, cases={"boom": str(scene)})["seconds"].values()
     return Taken(found["min"], found["min"])
