@@ -56,7 +56,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
-    """End all ranks if a test has failed on this one, as they would wait for it; before, let them print what they know."""
+    """End all ranks if a test has failed on this one, as the others would wait for it; first let them print."""
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     if RANKS == 1 or reporter is None:
         return

@@ -59,7 +59,7 @@ class Turret:
         return self.items
 
     def solve(self, tolerance: float = 1e-10) -> None:
-        """Simulate, and store coordinates x of the turret, q of the boom and z of the rod with their rates, (T, n) each.
+        """Simulate; store coordinates x of the turret, q of the boom, z of the rod and their rates, (T, n) each.
 
         Accelerations x_tt are stored of the turret only.
         """

@@ -50,7 +50,7 @@ NAMES = ("0", "1", "2", "3")
 
 @dataclass(frozen=True)
 class Nested:
-    """Parameters of a boom: number of sections, elements of each, and compliance (m/N) and clearance (m) of its pads."""
+    """Parameters of a boom: number of sections, elements of each, compliance (m/N) and clearance (m) of its pads."""
 
     count: int
     elements: int = 60
