@@ -42,7 +42,7 @@ STEEL, PAD, MOVING, SECTION = "#b9c4cd", "#3b4a57", "#d55e00", "#9fb0bd"
 
 @dataclass(frozen=True)
 class Album:
-    """Pictures of a run; if there are none, `absent` may hold a clause that says why."""
+    """Pictures of a run; without pictures, `absent` is a clause that says why, or empty."""
 
     pictures: tuple[Picture, ...] = ()
     absent: str = ""
@@ -51,7 +51,8 @@ class Album:
 def album(result: RunResult, prefix: str) -> Callable[[], Album]:
     """Start another process that renders the pictures, and return a function that waits for them.
 
-    That function returns the album.  Without recovered fields this is empty and gives no reason.
+    That function returns the album.  Without recovered fields this is empty and gives no reason.  `prefix` is put
+    before the identifiers of the pictures.
     """
     if not fields_by_body(result):
         return Album

@@ -43,7 +43,10 @@ class BackgroundReport:
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Drop results that are not drawn yet and end the second process without waiting for it."""
+        """Drop results that are not drawn yet, and terminate the second process without waiting for it.
+
+        All other child processes that multiprocessing has started are terminated too.
+        """
         self._turns.shutdown(wait=False, cancel_futures=True)
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)
@@ -53,7 +56,7 @@ class BackgroundReport:
     def draw(self, result: RunResult) -> None:
         """Queue a result for the second process to draw, and return at once; without that process do nothing.
 
-        The figures must not show ``budget`` of the result's summary, which may change until `write`.
+        No figure shows ``budget`` of the result's summary, so this may still change until `write`.
         """
         if self._pool is not None:
             pool = self._pool
@@ -77,7 +80,10 @@ class BackgroundReport:
 
 
 def has_free_core() -> bool:
-    """Whether a second process would have a core for itself: there are several, and MPI started no other process."""
+    """Whether a second process would have a core for itself: several cores may be used, and by this process alone.
+
+    Processes that MPI started together with this one count as users of the cores.
+    """
     return environment.cores() > 1 and environment.launched() == 1
 
 
@@ -104,7 +110,7 @@ def _load() -> None:
 
 
 def _draw(result: RunResult) -> None:
-    """Draw the figures of a result and append both to `_drawings`, in the second process."""
+    """Draw the figures of a result, and append the result and its figures to `_drawings`, in the second process."""
     from pmr.report.document import draw_figures
 
     _drawings.append((result, draw_figures(result, len(_drawings) + 1)))

@@ -14,9 +14,9 @@ TOLERANCE = 0.05  # relative deviation up to which a value counts as within 5 % 
 
 @dataclass(frozen=True)
 class Mark:
-    """Verdict on a value beside a published one: `kind` names it for style sheets, `symbol` tells it without colour.
+    """Verdict on a value beside a published one: `kind` names its style, `symbol` tells it without colour.
 
-    `text` stands in the table and in counts, `explained` in the legend.
+    `text` is the word for it in the table and in counts, `explained` that in the legend.
     """
 
     kind: str
@@ -110,7 +110,7 @@ def deviating_rows(table: Sequence[Row]) -> list[Row]:
 
 
 def _deviation(value: float, published: float) -> float:
-    """Relative deviation of a value from the published one; infinite if that is 0, unless the value is 0 too."""
+    """Relative deviation (value - published) / published; infinite if `published` is 0, unless the value is 0 too."""
     if published == 0.0:
         return 0.0 if value == 0.0 else float("inf")
     return (value - published) / published

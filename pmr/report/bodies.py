@@ -190,7 +190,10 @@ ALMOST_ALL = 0.98  # share of the cells within the colours: a few peaks must not
 
 @dataclass(frozen=True)
 class Moment:
-    """Stored time: its index `frame`, t in s, the mouth's path s in m, the extension beyond it in m, a peak in Pa."""
+    """Time at which fields are stored, as its index `frame` and as t in s, and the state at this time.
+
+    The mouth has the path s in m, and the body extends `extension` m beyond it; `peak` is the largest stress in Pa.
+    """
 
     frame: int
     t: float
@@ -289,7 +292,7 @@ def _named_frame(result: RunResult) -> int | None:
 
 
 def positions(result: RunResult) -> Array:
-    """Path of the mouth (F,) in m at the times of the fields; of a boom, its largest reach less its reach."""
+    """Path of the mouth (F,) in m at the times of the fields; of a boom, its largest reach minus its reach."""
     s = result.along if result.reach is None else length(result) - result.reach
     return onto(times(result), result.responses["reduced"].t, s)
 
@@ -297,7 +300,8 @@ def positions(result: RunResult) -> Array:
 def places(result: RunResult) -> dict[str, Array]:
     """Shift (F,) in m along x at which each body is drawn at the times of the fields, by body.
 
-    A body alone is shifted by -s, so that the mouth is at 0; sections of a boom by their tails, that of the base at 0.
+    A body alone is shifted by -s, so that the mouth is at 0.  Sections of a boom are shifted by the positions of their
+    tails along the boom, where that of the base is 0.
     """
     if result.reach is None:
         return {name: -positions(result) for name in fields_by_body(result)}
@@ -305,7 +309,7 @@ def places(result: RunResult) -> dict[str, Array]:
 
 
 def stress_of(fields: Fields) -> NDArray[np.float32]:
-    """Von Mises stress of each cell (F, C) in Pa at F times, the larger one of its two faces."""
+    """Von Mises stress of each cell (F, C) in Pa at F times: the largest one of all faces that it is stored for."""
     return np.maximum.reduce(list(fields.von_mises.values()))
 
 

@@ -177,7 +177,7 @@ def tips(result: RunResult) -> Mapping[str, Quantity]:
 
 
 def is_round_off(result: RunResult, what: Quantity) -> bool:
-    """Whether a displacement, which `what` reads from a response, exceeds round-off in no model."""
+    """Whether a displacement, which `what` reads from a response, is at most round-off in every model."""
     return max(float(np.abs(what(response)).max()) for response in result.responses.values()) <= _floor(result)
 
 
@@ -194,7 +194,7 @@ def differ(result: RunResult, what: Quantity) -> float:
 
 
 def unseen(result: RunResult) -> float:
-    """Relative difference of models below which they have no panel of their difference.
+    """Relative difference between models up to which no panel shows it.
 
     It is the error of the time step at the tip or along the beam, the larger one, but at least `NOTHING`.
     """
@@ -308,7 +308,7 @@ def _by_face(ring: PadRing) -> dict[str, list[str]]:
 
 
 def _points(called: str) -> dict[str, list[str]]:
-    """Names of the forces of a point contact on the axis of a planar beam, by the face that it stands for."""
+    """Names of the forces of a point contact on the axis of a planar beam: ``bottom`` has that below, ``top`` above."""
     return {"bottom": [f"{FORCE_OF}{called} below"], "top": [f"{FORCE_OF}{called} above"]}
 
 

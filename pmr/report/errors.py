@@ -67,7 +67,7 @@ def rows(result: RunResult) -> list[Row]:
 def reasons(result: RunResult, table: Sequence[Row]) -> list[str]:
     """Sentences below the error table: published values that agree by rounding, and the notes of the run.
 
-    If more values deviate from published ones and the run has no notes, a sentence says that no reason is recorded.
+    If other values deviate by more than 5 % and the run has no notes, a sentence says that no reason is recorded.
     """
     explanations = [
         f"{row.comparison}, {row.place}: the published {row.published} is a rounded figure; "

@@ -111,8 +111,8 @@ def _forces(result: RunResult) -> Rows:
 def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
     """Least and largest forces and moments, by their kinds in `FORCES` and the names of what bears them.
 
-    Supports that stand for the luffing cylinder are left out.  A cylinder that moves sections by ropes appears once,
-    among those that pull ropes.
+    Supports that model the luffing cylinder are left out.  A cylinder that moves sections by ropes appears once, among
+    those that pull ropes.
     """
     response, summary = result.responses["reduced"], result.summary
     by_key = {key: dict[str, Extremes]() for key in FORCES}
@@ -151,7 +151,7 @@ def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
 
 
 def _luffing_names(result: RunResult) -> set[str]:
-    """Names of the supports that stand for the luffing cylinder, whose force has a row of its own; empty without it."""
+    """Names of the supports that model the luffing cylinder, whose force has a row of its own; empty without it."""
     frame = result.scene.frame
     if frame is None or frame.cylinder is None or result.summary.get("luffing_cylinder") is None:
         return set()
@@ -194,7 +194,7 @@ def _deflection(result: RunResult) -> Rows:
 
 
 def _machine_rows(result: RunResult) -> Rows:
-    """Yield a row with the range of each coordinate of a machine that moves: displacements of the pivot, and angles."""
+    """Yield a row with the range of each free coordinate of a machine that moves: displacements of the pivot, angles."""
     frame = result.scene.frame
     if frame is None or frame.machine is None:
         return

@@ -126,7 +126,7 @@ def _unit(key: str, angles: str) -> str:
 def extent(low: float, high: float, unit: str) -> str:
     """Format the range `low` to `high`, rounded to 0.01, or one value if both are equal then.
 
-    `unit` is appended as it is, so it brings its space along.
+    `unit` is appended without a space, so it has to begin with one where one is needed.
     """
     low, high = (round(float(end), 2) for end in (low, high))
     return f"{plain(low)} to {plain(high)}{unit}" if high > low else f"{plain(low)}{unit}"
@@ -402,7 +402,7 @@ def _load_rows(result: RunResult) -> Rows:
 
 
 def _reduction(reduction: Reduction, released: str) -> Rows:
-    """Yield rows about a body's basis; `released` is a clause that names the sliders or joints free in eigenmodes."""
+    """Yield rows about a body's basis; `released` is a clause on what eigenmodes leave free, as ``joints released``."""
     if reduction.file is not None:
         yield "basis", f"{reduction.coordinates} vectors of {PurePath(reduction.file).name}"
     elif not reduction.uses_pod:

@@ -187,8 +187,9 @@ def body_motion(result: RunResult) -> dict[str, Any]:
     """Data of the animation of bodies with fields, ready for JSON; empty with a single time or too many faces.
 
     Each body has its P points in m, its triangles, its shift along x in m, and its displacement in m as k coefficients
-    (frames, k) and shapes (k, 3 P); likewise k shapes (k, S) of the stress of its S faces, over the stress of the last
-    colour.  Triangles k and S + k are the halves of the quadrilateral k.  In a frame, `pose` moves all of it.
+    (frames, k) and shapes (k, 3 P).  The stress of its S faces, over that of the last colour, is a product of
+    coefficients and shapes (k, S) too.  Triangles j and S + j are the halves of the quadrilateral j.  In a frame,
+    `pose` moves all of it.
     """
     bodies = surfaces(result)
     if (
@@ -284,7 +285,8 @@ def drawing_sentence(data: dict[str, Any]) -> str:
 def compress(frames: NDArray[np.float32], most_values: int) -> tuple[dict[str, Any], float]:
     """Factorise frames (F, n) into coefficients (F, k) and shapes (k, n); return both, encoded, and the error.
 
-    The error is that of the product, relative to the frames (RMS).  `most_values` limits k n.
+    The error is the RMS difference between product and frames, relative to that of the frames.  `most_values` limits k
+    n.
     """
     X = frames.astype(float)
     squares, vectors = np.linalg.eigh(X @ X.T)

@@ -35,7 +35,7 @@ def software(result: RunResult) -> list[str]:
 
 
 def sizes(result: RunResult) -> Rows:
-    """Yield rows with the sizes of models, meshes and fields, the number of pads, and what is special about a step."""
+    """Yield rows with sizes of models, meshes and fields, numbers of pads, and parts of a step for unilateral pads."""
     coordinates = result.summary.get("coordinates", {})
     if "full" in coordinates:
         yield "coordinates of the full model", plain(coordinates["full"])

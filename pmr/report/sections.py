@@ -71,7 +71,7 @@ def errors(result: RunResult, prefix: str) -> Block | None:
 
 
 def accuracy(result: RunResult, prefix: str) -> Block | None:
-    """Build the block on the choices that hold a tolerance, their reasons, and the parts of the error."""
+    """Build the block on the choices that meet a tolerance, their reasons, and the parts of the error."""
     accuracy_part, budgeted = result.summary.get("accuracy"), result.summary.get("budget", {})
     if accuracy_part is None:
         return None

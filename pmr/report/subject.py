@@ -219,9 +219,10 @@ def changing_angles(result: RunResult) -> dict[str, SignalBase]:
 
 
 def drive_of(rope: Mapping[str, Any]) -> str:
-    """Name what carries the force of an entry of ``ropes`` in summary.json: ``rope`` or ``cylinder``.
+    """Return ``rope`` or ``cylinder``: what carries the force of an entry of ``ropes`` in summary.json.
 
-    It is a rope if it follows another one or has a length; a joint that follows none may hang on the rope of a winch.
+    It is a rope if its section follows another one, or if it has a length: a section that follows none may hang on the
+    rope of a winch.
     """
     return "rope" if rope["follows"] or "length" in rope else "cylinder"
 

@@ -84,7 +84,7 @@ SHADES = 60  # colours of which the ramp is drawn
 
 @dataclass(frozen=True)
 class Pen:
-    """Line of one simulator: colour (Okabe and Ito), width and dash in pt; told apart without colour too."""
+    """Line of one simulator: colour (Okabe and Ito), width and dash in pt; legible in grey too."""
 
     label: str
     colour: str

@@ -198,7 +198,10 @@ def drawn_history(
 
 
 def difference_clause(time: Timeline, signals: Mapping[str, Array], shown: str, largest: float = 0.0) -> str:
-    """Clause on the difference to the reference: where it is `shown`, or that it is too small; empty without one."""
+    """Clause on the difference to the reference; empty without a reference.
+
+    If the difference is visible, the clause begins with `shown`, which says where; else it says how small it is.
+    """
     base, limit = time.reference, unseen(time.result)
     if base is None or base not in signals:
         return ""

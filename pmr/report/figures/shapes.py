@@ -112,7 +112,7 @@ def _fixtures(ax: Axes, result: RunResult, s: float) -> None:
 
 
 def _flat(of: Shapes) -> NDArray[np.bool_]:
-    """Say of each basis vector whether it moves the body along its axis only."""
+    """Whether each of the r basis vectors moves the body along its axis only, (r,)."""
     amplitude = np.abs(of.shapes).max(axis=0)
     return np.asarray(amplitude <= FLAT * amplitude.max())
 

@@ -100,7 +100,7 @@ def _least_over_slewing(study: FinishedStudy, parts: Parts) -> Mapping[str, Arra
 
 
 def _cell_text(study: FinishedStudy, table: Mapping[str, Any], chart: Chart, error: Array, number: int) -> str:
-    """Text for a pointer on the cell with this number, by reach, then angle: position, load, and load of each limit.
+    """Text under a pointer on the cell `number`, counted by reach, then angle: position, load, and load of each limit.
 
     `error` (E, A) are error bars in kg.
     """
@@ -170,7 +170,7 @@ def _paragraphs(study: FinishedStudy, parts: Parts) -> list[str]:
 
 
 def _hoisting_sentences(study: FinishedStudy) -> list[str]:
-    """List of a paragraph on how many times its weight a load pulls that is hoisted off the ground; may be empty."""
+    """List of a sentence on how many times its weight a load pulls while it is hoisted off the ground; may be empty."""
     hoist, figures = study.asked.get("hoist"), study.figures
     if not hoist or "hoist.most" not in figures:
         return []

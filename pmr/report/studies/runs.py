@@ -237,7 +237,7 @@ def _grids(runs: Sequence[RunRecord]) -> Iterator[Grid]:
 
 
 def _columns(runs: Sequence[RunRecord]) -> list[str]:
-    """Names of the values of the runs and of the times of their simulations, without what has tables of its own."""
+    """Names of the runs' values and of the times of their simulations, without values that have their own tables."""
     figures = (name for run in runs for name in run.figures if not name.startswith(tables.ROOMS))
     seconds = (name for run in runs for name in run.seconds if name.startswith("simulate.") and _cost_differs(runs))
     return list(dict.fromkeys([*figures, *seconds]))
