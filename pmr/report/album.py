@@ -57,7 +57,7 @@ def album(result: RunResult, prefix: str) -> Callable[[], Album]:
     if not fields_by_body(result):
         return Album
     planned = list(_Views(result).shots())
-    thread = ThreadPoolExecutor(1)  # which waits for the process that makes them
+    thread = ThreadPoolExecutor(1)  # it waits for the process that renders
     developed = thread.submit(develop, [shot for _, shot, _ in planned])
     thread.shutdown(wait=False)
 

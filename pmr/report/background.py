@@ -50,7 +50,7 @@ class BackgroundReport:
         self._turns.shutdown(wait=False, cancel_futures=True)
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)
-            for process in active_children():  # a run that was refused does not wait for what it no longer needs
+            for process in active_children():  # a run that fails does not wait for drawings
                 process.terminate()
 
     def draw(self, result: RunResult) -> None:

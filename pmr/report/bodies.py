@@ -26,7 +26,7 @@ _FACES = {
     "tetra": [(0, 1, 3), (1, 2, 3), (2, 0, 3), (0, 2, 1)],
     "hexahedron": [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)],
 }
-#: A beam whose section is not known is drawn this thick, m.
+#: Thickness in m as which a beam of unknown section is drawn.
 _THIN = 0.05
 
 
@@ -62,7 +62,7 @@ class Surface:
         displaced = np.asarray(displacement[..., self.vertex, :])
         if np.any(self.lever):
             slope = np.gradient(displacement, fields.points[:, 0], axis=-2)[..., self.vertex, 1:]
-            displaced[..., 0] -= np.sum(slope * self.lever, axis=-1)  # sections stay across the axis
+            displaced[..., 0] -= np.sum(slope * self.lever, axis=-1)  # sections stay at right angles to the axis
         return displaced
 
     @property
@@ -93,7 +93,7 @@ def surface(fields: Fields, box: Box | None = None) -> Surface:
     cell = np.repeat(np.arange(len(cells)), len(table))
     if len(table) > 1:
         _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
-        outside = np.sort(first[count == 1])  # what two cells share is inside
+        outside = np.sort(first[count == 1])  # faces that two cells share are inside
         faces, cell = faces[outside], cell[outside]
     vertex, faces = np.unique(faces, return_inverse=True)
     faces = faces.reshape(-1, table.shape[1])

@@ -339,7 +339,7 @@ def body_axes(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale:
     response, frame = result.responses["reduced"], result.scene.frame
     chosen, aside = np.asarray(steps), {line.body: line for line in lines(result, response, "y")}
     turned, positions = turns(result, response.t[chosen]), []
-    sine, cosine = turned[:, 2, 0, None], turned[:, 2, 2, None]  # of luffing
+    sine, cosine = turned[:, 2, 0, None], turned[:, 2, 2, None]  # of the luffing angle
     for line in lines(result, response):
         places_in_boom = np.zeros((len(chosen), len(line.x), 3)) + (0.0 if frame is None else frame.place)
         places_in_boom[:, :, 0] += line.tail[chosen, None] + line.x

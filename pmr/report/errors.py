@@ -125,7 +125,7 @@ def _error_rows(result: RunResult) -> Iterator[Row]:
                 row = _comparison_row(comparison, name, error, other, decimals)
             absolute = result.summary.get("absolute_errors", {}).get(pair, {}).get(kind)
             if kind.startswith(REACTION_OF) and error == absolute == 0.0:
-                continue  # nothing acts along this support
+                continue  # no force acts along this support
             if absolute is not None and not 0.0 < error < TINY:
                 unit = units.get(kind, "N" if "_force" in kind else "m")
                 row = replace(row, absolute=_norm(unit, absolute))

@@ -111,8 +111,8 @@ def _forces(result: RunResult) -> Rows:
 def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
     """Least and largest forces and moments, by their kinds in `FORCES` and the names of what bears them.
 
-    Supports that model the luffing cylinder are left out.  A cylinder that moves sections by ropes appears once, among
-    those that pull ropes.
+    Supports that model the luffing cylinder are left out.  A cylinder that pulls ropes appears once, by
+    the force that it pulls with.
     """
     response, summary = result.responses["reduced"], result.summary
     by_key = {key: dict[str, Extremes]() for key in FORCES}
@@ -194,7 +194,7 @@ def _deflection(result: RunResult) -> Rows:
 
 
 def _machine_rows(result: RunResult) -> Rows:
-    """Yield a row with the range of each free coordinate of a machine that moves: displacements of the pivot, angles."""
+    """Yield a row with the ranges of a moving machine's free coordinates: displacements of the pivot, and angles."""
     frame = result.scene.frame
     if frame is None or frame.machine is None:
         return

@@ -153,7 +153,7 @@ def place_called(result: RunResult) -> str:
 
 def _caption(result: RunResult, kind: str, group: str, unit: str) -> str:
     """Caption of a figure of forces of one kind and group, or of moments if `unit` is ``N m``."""
-    in_parts = result.responses["reduced"].force_peaks is not None  # a step was made in parts, for pads that only push
+    in_parts = result.responses["reduced"].force_peaks is not None  # steps were divided, for pads that only push
     peaks = in_parts and has_pushing_pads(result)
     within = " Of pads that only push, the largest force within each step." if peaks else ""
     if kind == "cylinder":
@@ -207,7 +207,7 @@ def _rigid(result: RunResult, at_pivot: bool, caption: str) -> Iterator[Grid]:
     for base, of_unit in by_unit.items():
         largest = max(extreme.size for extreme in of_unit.values())
         bearing = {name: extreme for name, extreme in of_unit.items() if extreme.size > ROUND_OFF * largest}
-        if bearing:  # nothing acts along a support that only keeps a direction
+        if bearing:  # a support that only keeps a direction bears no force
             yield _grid(bearing, base, largest, caption.format("moments" if base == "N m" else "forces"))
 
 

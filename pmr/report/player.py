@@ -294,7 +294,7 @@ def compress(frames: NDArray[np.float32], most_values: int) -> tuple[dict[str, A
     most = max(1, min(MOST_SHAPES, most_values // X.shape[1]))
     count = max(1, int(np.count_nonzero(squares[:most] > EXACT**2 * squares[0])))
     A = vectors[:, :count]
-    A = A * np.sign(A[np.abs(A).argmax(axis=0), np.arange(count)])  # of two directions the same one everywhere
+    A = A * np.sign(A[np.abs(A).argmax(axis=0), np.arange(count)])  # the sign of an eigenvector is arbitrary
     shapes = A.T @ X
     lost = float(np.sqrt(squares[count:].sum() / squares.sum())) if squares[0] > 0.0 else 0.0
     each = [pack(shape) for shape in shapes]

@@ -24,8 +24,8 @@ Vector = tuple[float, float, float]
 LONGEST = 600.0  # s that all pictures of a run may take
 EDGE = "#1c2733"
 FINER = 2  # pictures are rendered this many times as large and scaled down: smooth edges with any driver
-COLOURS = 128  # of a picture, which keeps files small
-#: Colours are read against a scale, so most of the light comes from everywhere; the rest tells walls apart.
+COLOURS = 128  # colours of a picture: few keep files small
+#: Most of the light is ambient, as colours are compared with a scale; diffuse light tells walls apart.
 AMBIENT, DIFFUSE = 0.68, 0.34
 
 
@@ -123,10 +123,10 @@ def draw(shot: Shot) -> bytes:
     from PIL import Image
 
     plotter = pyvista.Plotter(off_screen=True, window_size=[FINER * pixels for pixels in shot.size], lighting="none")
-    plotter.disable_anti_aliasing()  # what is scaled down is smooth, and this costs a software renderer as much again
+    plotter.disable_anti_aliasing()  # scaled down pictures are smooth; anti-aliasing would double the time in software
     plotter.set_background("white")
     below = float(np.dot(shot.direction, shot.up)) < 0.0
-    side = -0.7 if below else 0.7  # who looks from below has the light below
+    side = -0.7 if below else 0.7  # seen from below, the light is below too
     plotter.add_light(pyvista.Light(light_type="camera light", position=(-0.5, side, 1.0)))
     for piece in shot.pieces:
         _add(plotter, piece, shot.limits)

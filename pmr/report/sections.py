@@ -42,7 +42,7 @@ def figures_of(result: RunResult, anchor: str) -> Figures:
 
     `anchor` is put before every identifier.
     """
-    pictures = album(result, anchor)  # another process makes them while all else is drawn
+    pictures = album(result, anchor)  # another process renders them meanwhile
     sketched = drawing(f"{anchor}-sketch", sketch.sketch, sketch.caption(result), result)
     shown = [show(result, anchor) for show in SECTIONS]
     return Figures(sketched, [*filter(None, (motion(result, anchor, pictures), *shown))])
@@ -176,7 +176,7 @@ def basis(result: RunResult, prefix: str) -> Block | None:
             anchor, caption = f"{prefix}-basis{f'-{number}' if name else ''}", shapes.basis_caption(body.shapes)
             rows.append((drawing(anchor, shapes.basis, named(name, caption), result, body.shapes),))
     row, grids, of = [], tuple(_published_frequency(result)), result.body.shapes
-    if is_alone(result) and of is not None and result.scene.reduction.uses_pod:  # others have singular values of 1, all
+    if is_alone(result) and of is not None and result.scene.reduction.uses_pod:  # other bases have singular values of 1
         caption = "Singular values of the snapshots. κ is the share of the sum of their squares that the basis keeps."
         row.append(drawing(f"{prefix}-singular-values", shapes.singular_values, caption, result, of))
     if "reduced" in result.frequencies.models:

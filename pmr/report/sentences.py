@@ -120,7 +120,7 @@ def _errors(result: RunResult) -> Iterator[KeyNumber]:
         yield KeyNumber(
             percent(errors["pad_force"]), f"RMS error of the {forces_called(result)}", _apart_from_blows(result)
         )
-    if errors.get("cylinder_force", 0.0) >= TINY:  # what is less is round-off: a cylinder may bear what it is told to
+    if errors.get("cylinder_force", 0.0) >= TINY:  # below, it is round-off: the force of a cylinder may be prescribed
         yield KeyNumber(percent(errors["cylinder_force"]), "RMS error of the cylinder forces")
 
 
@@ -251,7 +251,8 @@ def _others(places: Sequence[Sequence[float]]) -> str:
 
 def _place(position: Sequence[float]) -> str:
     """Format a point (x, y, z) given in m, to 0.01 m."""
-    x, y, z = (f"{round(value, 2) + 0.0:.2f}".replace("-", MINUS) for value in position)  # zero has no sign
+    # + 0.0 removes the sign of zero
+    x, y, z = (f"{round(value, 2) + 0.0:.2f}".replace("-", MINUS) for value in position)
     return f"({x}, {y}, {z}){SPACE}m"
 
 

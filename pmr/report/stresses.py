@@ -93,7 +93,7 @@ def _sections(result: RunResult) -> Iterator[Grid]:
 def _regions(result: RunResult) -> Iterator[Grid]:
     """Yield a table with the largest stress in each region of the mesh; nothing for fewer than two regions."""
     peaks = stress_peaks(result)
-    if len(peaks.get("reduced", {})) < 2:  # a single region is the body
+    if len(peaks.get("reduced", {})) < 2:  # a single region is the whole body
         return
     unit = unit_for(max(peak["value"] for peak in peaks["reduced"].values()), "Pa")
     full: Mapping[str, Mapping[str, float]] = peaks.get("full", {})

@@ -33,7 +33,7 @@ MODELS = {
 }
 #: Text between a component of a force and the axis of the whole force.
 GROUND = ", of a force"
-#: Directions across the axis, as they are called.
+#: Words for the directions across the axis.
 _ACROSS = {"y": "lateral, y", "z": "vertical, z"}
 
 
@@ -176,7 +176,7 @@ def loads(result: RunResult) -> list[Acting]:
         for number, (load, name, direction) in enumerate(inputs):
             if (input_name := input_of(body, name)) in names:
                 values = result.loads.values[:, names.index(input_name)]
-            elif body == ALONE and not names:  # of earlier results
+            elif body == ALONE and not names:  # results of earlier versions name no loads
                 values = result.loads.values[:, number]
             else:
                 continue

@@ -31,10 +31,10 @@ from pmr.report.blocks import Drawing
 from pmr.report.numbers import plain, power_of_ten
 
 WIDE = 6.7  # in, the text width of an A4 page
-HALF = 3.25  # in, two beside each other
-BINS_PER_INCH = 80.0  # peaks kept: one interval for about the width of a line
+HALF = 3.25  # in, width of each of two figures beside each other
+BINS_PER_INCH = 80.0  # intervals that keep their peaks, about as wide as a line
 
-MOST_DECADES = 18  # of a logarithmic axis
+MOST_DECADES = 18  # decades of a logarithmic axis, at most
 STEPS = (1, 2, 5, 10)  # between ticks, times a power of ten
 INK, MUTED, SHADE, LIMIT = "#1c2733", "#5b6875", "#e8ecf0", "#b23b00"
 #: Colours of sections from the base out (Okabe and Ito), used again after the last.
@@ -61,7 +61,7 @@ _STYLE: Mapping[str, Any] = {
     "axes.grid": True,
     "axes.axisbelow": True,
     "axes.xmargin": 0.0,
-    "axes.titley": 1.0,  # given, so that nothing is measured for it
+    "axes.titley": 1.0,  # set, so that Matplotlib measures nothing for it
     "axes.unicode_minus": True,
     "grid.color": "#d9dfe5",
     "grid.linewidth": 0.4,
@@ -285,7 +285,7 @@ def ramp(largest: float) -> Figure:
     return figure
 
 
-FONT = "pmr figures"  # family under which the page brings the font along
+FONT = "pmr figures"  # name of the font that the page embeds
 _SVG, _XLINK = "{http://www.w3.org/2000/svg}", "{http://www.w3.org/1999/xlink}"
 _REFERENCE = re.compile(r"#([^)]+)")
 _NUMBER = re.compile(r"-?\d+\.\d+")
@@ -312,7 +312,7 @@ def svg(figure: Figure, name: str, description: str) -> str:
         text.set_parse_math(False)  # a user's $ is a dollar
         text.set_text(visible(text.get_text()))
     with mpl.rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph")  # which DejaVu Sans lacks: the page shows it in another font
+        warnings.filterwarnings("ignore", "Glyph")  # glyphs that DejaVu Sans lacks: the page shows them in another font
         figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Creator", "Date", "Format", "Type")))
     lines = buffer.getvalue().decode().split("\n")
     root = ElementTree.fromstring("\n".join(map(visible, lines)))  # labels of ticks are made when they are drawn

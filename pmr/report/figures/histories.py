@@ -24,7 +24,7 @@ from pmr.results import Response, RunResult
 
 Array = NDArray[np.float64]
 SHORT = 400  # samples below which no part of a history is enlarged
-PAUSE = 2  # samples of standstill that still count as one motion
+PAUSE = 2  # samples of standstill that do not divide a motion
 FLATTEST = 1e-3  # range of an axis over its largest value, at least: labels of ticks are short
 BAND = "#f2d6c2"  # colour of an error band
 
@@ -252,7 +252,8 @@ def curves(
             time.frame(ax, f"{name} in {unit.name}" if ax is row[0] else "", span, last=number == len(panels))
         _widen(row[0], panel, unit.size)
         if window:
-            row[1].xaxis.set_major_locator(MaxNLocator(3, steps=STEPS, prune="lower"))  # beside the first axes' last
+            # no label where the last one of the first axes is
+            row[1].xaxis.set_major_locator(MaxNLocator(3, steps=STEPS, prune="lower"))
             row[0].axvspan(window.start, window.end, facecolor="none", edgecolor=INK, linewidth=0.6, zorder=4.0)
     key(figure, time.legend(list(signals)))
     return figure

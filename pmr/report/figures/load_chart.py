@@ -41,7 +41,7 @@ STEPS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 PALE = 0.55
 #: Width of the strip that shows a single reach or half of a single angle, as a share of the reach.
 STRIP = 0.02
-#: Height over width of the picture, at most.
+#: Largest height of the picture over its width.
 TALLEST = 0.65
 
 
@@ -99,7 +99,7 @@ def _draw(chart: Chart) -> tuple[Figure, Array]:
     colours = {k: pale(SECTIONS[(n + 1) % len(SECTIONS)], 1.0 - PALE) for n, k in enumerate(chart.governing_limits)}
     around = (corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:])
     cells = np.stack([*around, around[0]], axis=2)
-    for number in np.unique(chart.which):  # one outline a colour: cells by themselves take seconds in a PDF
+    for number in np.unique(chart.which):  # one outline for each colour: single cells take seconds in a PDF
         cells_of_limit = cells[chart.which == number]
         codes = [Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY] * len(cells_of_limit)
         outline = Path(cells_of_limit.reshape(-1, 2), codes)
@@ -174,7 +174,7 @@ def _midpoints(values: Array, axis: int) -> Array:
     return np.concatenate([first, middle, last], axis=axis)
 
 
-#: Largest displacement as drawn, over the reach; height of the picture over its width, at most.
+#: Largest displacement as it is drawn, over the reach; largest height of the picture over its width.
 BENT, SIDE_TALLEST = 0.06, 0.42
 
 

@@ -70,7 +70,7 @@ def loads(result: RunResult) -> Figure:
         _plot(ax, time.t, [load.values / unit.size for load in chosen], _COLOURS[len(names) % len(_COLOURS) :])
         quantity = "Force" if base == "N" else "Moment"
         time.frame(ax, f"{quantity} in {unit.name}", last=row == len(units) - 1)
-        ax.axhline(0.0, linewidth=0.0)  # a constant load is seen beside zero
+        ax.axhline(0.0, linewidth=0.0)  # the axis of a constant load includes zero
         ax.margins(y=0.1)
         names += [named(load.body, load.name) for load in chosen]
     key(figure, [*_legend(names), *time.shade()], rows)
@@ -107,7 +107,7 @@ def forces(result: RunResult, group: Sequence[Force]) -> Figure:
     unit, columns = unit_for(largest_of(*signals), group[0].unit), min(len(group), 2)
     rows = -(-len(group) // columns)
     gaps, what = {"hspace": 0.3, "wspace": 0.09}, "Moment" if group[0].unit == "N m" else "Force"
-    tall, margins = 0.85 if columns > 1 else 1.39, {"top": 0.42}  # below the key each panel has its name
+    tall, margins = 0.85 if columns > 1 else 1.39, {"top": 0.42}  # each panel has a title below the legend
     figure, axes = sheet(
         WIDE, 0.66 + tall * rows, rows, columns, margins=margins, sharex=True, sharey=True, gridspec_kw=gaps
     )

@@ -168,7 +168,7 @@ def frequencies(result: RunResult) -> Figure:
     highest frequency of the models.
     """
     lowest = result.frequencies
-    # 0 Hz, of what is past its buckling load, has no place on a logarithmic axis
+    # a boom past its buckling load has 0 Hz, which a logarithmic axis can't show
     curves = {name: np.where(f > 0.0, f, np.nan) for name, f in lowest.models.items() if name in PENS}
     top = np.max([np.nanmax(f, axis=1) for f in curves.values()], axis=0)[:, None]
     closed = lowest.models.get("closed_form", np.empty((len(lowest.along), 0)))
@@ -176,7 +176,7 @@ def frequencies(result: RunResult) -> Figure:
     heads = {"slider": "Slider position s in m", "mouth": "Length beyond the mouth in m"}
     x = length(result) - lowest.along if moving_part(result) == "mouth" else lowest.along
     head = heads.get(moving_part(result), "Reach from the base's tail in m")
-    if lowest.t is not None and len(x) > 1 and not np.ptp(x):  # it stays, and what stresses it changes
+    if lowest.t is not None and len(x) > 1 and not np.ptp(x):  # the boom stays, and forces that stress it change
         x, head = lowest.t, "Time in s"
     single = {"marker": "o"} if len(x) == 1 else {}
     figure, axes = sheet(HALF, 2.15)
@@ -198,7 +198,7 @@ def frequencies(result: RunResult) -> Figure:
 def frequency_map(result: RunResult) -> Figure:
     """Draw lines of equal first natural frequency over the extensions of two joints, and the path of the run."""
     over_joints = result.frequencies.over_joints
-    assert over_joints is not None  # who asks for the figure has looked
+    assert over_joints is not None  # the caller draws no map without it
     figure, axes = sheet(HALF, 2.6)
     ax = axes[0, 0]
     levels = MaxNLocator(LEVELS).tick_values(over_joints.lowest.min(), over_joints.lowest.max())
@@ -216,7 +216,7 @@ def frequency_map(result: RunResult) -> Figure:
     for label in ax.clabel(lines, fmt=lambda value: f"{value:.3g}", inline=False):
         label.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
         share = (np.array(label.get_position()) - low) / (high - low)
-        label.set_visible(bool(share.min() >= EDGE and share.max() <= 1.0 - EDGE))  # at the edge half of it is cut off
+        label.set_visible(bool(share.min() >= EDGE and share.max() <= 1.0 - EDGE))  # others would be cut off
     ax.set_xlabel(f"Extension of {over_joints.joints[0]} in m")
     ax.set_ylabel(f"Extension of {over_joints.joints[1]} in m")
     return figure

@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 #: Moments at which a boom is drawn, evenly along the path of its tip.
 MOMENTS = 4
 WAY = 600  # points of the path of a tip
-TALLEST, FLATTEST = 3.4, 1.0  # in, of axes on which a metre is a metre both ways
+TALLEST, FLATTEST = 3.4, 1.0  # in, height of axes of one scale
 LEFT, RIGHT, TOP, BOTTOM = 0.6, 0.16, 0.28, 0.42  # in
 GROUND = "#9aa5b1"
 RAISING: Mapping[str, Any] = {"color": MUTED, "linewidth": 1.6}  # of a luffing cylinder
@@ -74,7 +74,7 @@ def tip(result: RunResult) -> Figure:
 def buckling(result: RunResult, over: str) -> Figure:
     """Draw the buckling factor during the run, over the ``reach`` or over the ``angle`` of luffing."""
     over_way, frame, times = result.summary["buckling"]["over"], result.scene.frame, result.responses["reduced"].t
-    assert frame is not None  # of who has a factor
+    assert frame is not None  # only a boom in a frame has a factor
     t, factor = np.array(over_way["t"]), np.array([np.nan if value is None else value for value in over_way["factor"]])
     figure, axes = sheet(HALF, 2.0)
     ax: Axes = axes[0, 0]
@@ -123,11 +123,11 @@ def _boom(result: RunResult, view: str, across: str, up: str, ground: bool = Fal
     key(figure, named, rows)
     ax.plot(*way.T, color=MUTED, linewidth=0.6, linestyle=(0, (4.0, 2.5)), zorder=1.5)
     moment = 0 if worst is None else int(np.argmax(steps == worst.step))
-    faint = [1.0 if worst is None or k == moment else FAINT for k in range(len(steps))]  # so the ring is of one
+    faint = [1.0 if worst is None or k == moment else FAINT for k in range(len(steps))]  # the ring is on one boom only
     for k, body in enumerate(bodies):
         width = 1.0 + 1.1 * (len(bodies) - 1 - k)
         for places, share in zip(getattr(body, view), faint, strict=True):
-            over = 2.0 + share / 10.0 - k / 1e3  # a section hides what is in it
+            over = 2.0 + share / 10.0 - k / 1e3  # a section is drawn over the sections in it
             colour = pale(colours[body.body], share)
             ax.plot(*places.T, color=colour, linewidth=width, solid_capstyle="butt", zorder=over)
     for places, share in zip(raising, faint, strict=False):
@@ -317,7 +317,7 @@ def drawings(result: RunResult, prefix: str) -> tuple[tuple[Drawing, ...], ...]:
     """Draw the tip over time, the boom from above if it slews, and the buckling factor if it is known, row by row."""
     caption = "The tip over time: its distance from the pivot in the plane of luffing, and its height over the pivot."
     row = [drawing(f"{prefix}-tip-in-space", tip, caption, result)]
-    if slews(result):  # from the side it stands at the top of the page
+    if slews(result):  # the view from the side is at the top of the page
         row.insert(0, drawing(f"{prefix}-plan", plan, view_caption(result, "from above"), result))
     figures = [tuple(row)]
     if any(result.summary.get("buckling", {}).get("over", {}).get("factor", ())):

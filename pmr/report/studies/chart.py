@@ -46,7 +46,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
     load = np.where(np.isnan(table["load"]), np.inf, table["load"])
     which = governing_limit(table["load"].reshape(-1, len(names))).reshape(load.shape[:2])
     least = np.where(which >= 0, load.min(axis=2), np.nan)
-    if not np.isfinite(least).any():  # the picture would be empty, and so would the tables of all places
+    if not np.isfinite(least).any():  # picture and table of loads would be empty
         limits, cases = Block("Limits", grids=(_limits(study, names),)), Block("Load cases", grids=(_cases(study),))
         return Chapter(anchor=prefix, title=study.title, headline=_headline(study, least), blocks=[limits, cases])
     error = np.where(which >= 0, np.take_along_axis(table["error"], np.maximum(which, 0)[..., None], 2)[..., 0], np.nan)
@@ -290,7 +290,7 @@ def _loads(chart: Chart, error: Array, luffing: Any) -> Grid:
 
 #: Arrays of a study's runs, one after the other.
 Parts = Sequence[Mapping[str, NDArray[Any]]]
-#: Share of the largest below which a force or displacement is round-off.
+#: Share of the largest value below which a force or displacement is round-off.
 ROUND_OFF = 1e-9
 
 

@@ -56,7 +56,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
         headline=_headline(len(runs), done, error),
         key_numbers=list(_key_numbers(done, error)),
         blocks=[
-            *([glance] if glance is not None else ()),  # what the machine bears, before how well that is known
+            *([glance] if glance is not None else ()),  # largest values come before errors
             *_figures(done, error, prefix),
             Block("Runs", grids=tuple(_grids(runs))),
             *tables.blocks(runs),
@@ -139,7 +139,7 @@ def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Itera
         other_parameters = {key_words(key) for key in done[0].parameters if key != over}
         apart = f", a curve for each {' and '.join(sorted(other_parameters))}" if other_parameters else ""
         caption = f"What was found over the {key_words(over)}{apart}."
-        for k in range(0, len(shown), MOST_PANELS):  # more of them would leave a page empty
+        for k in range(0, len(shown), MOST_PANELS):  # more panels would not fit on one page
             name, panels = f"{prefix}-varied{k // MOST_PANELS or ''}", shown[k : k + MOST_PANELS]
             drawn.append((drawing(name, over_parameter, caption, done, over, panels),))
     timed = [run for run in done if run.seconds.get(TIME)]

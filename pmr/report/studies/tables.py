@@ -76,7 +76,7 @@ def unit_of(key: str) -> str:
     section: type[BaseModel] = Part if re.match(r"sections?\b", key) else BodyFile
     *path, last = key.split(".")
     for part in path:
-        inside = section.model_fields.get(part.partition("[")[0])  # what is no key names an entry of a list
+        inside = section.model_fields.get(part.partition("[")[0])  # a name that is no key is that of an entry of a list
         if inside is not None:
             section = next(_sections(inside.annotation), section)
     quantity = quantity_in(section, last) if last in section.model_fields else None
