@@ -34,7 +34,10 @@ class BackgroundReport:
         self._turns = ThreadPoolExecutor(1)
 
     def __enter__(self) -> BackgroundReport:
-        """Start the second process if a core is free, and let it import what it draws with."""
+        """Start the second process if a core is free, and let it import what it draws with.
+
+        If no process can be started, this one draws in `write`.
+        """
         if has_free_core():
             pool = ProcessPoolExecutor(1, get_context("spawn"), _follow_parent)
             with suppress(OSError):  # no process can be started: this one draws

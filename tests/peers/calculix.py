@@ -147,7 +147,7 @@ class Deck:
         return np.array([found[n] for n in self.sets[name]])
 
     def resting(self, acceleration: np.ndarray, forces: Mapping[int, float], folder: Path) -> dict[int, float]:
-        """Displacement in m of some means at rest, under an acceleration (3,) of all walls and forces in N on the means."""
+        """Displacement in m of some means at rest, under an acceleration (3,) of all walls and forces in N on means."""
         g = float(np.linalg.norm(acceleration))
         walls = len(np.unique(np.broadcast_to(self.thickness, len(self.quads))))
         along = ", ".join(f"{c / g:.12e}" for c in acceleration)

@@ -168,6 +168,7 @@ class Instance:
         return found
 
     def saved(self) -> ctypes.c_void_p:
+        """Save the current state of the FMU, and return a pointer to it."""
         state = ctypes.c_void_p()
         self.call("GetFMUstate" if self.library.version == "2" else "GetFMUState", ctypes.byref(state))
         return state
