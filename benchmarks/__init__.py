@@ -1,1 +1,1 @@
-"""Benchmarks: ratios measured side by side in one run, with a report page of their own.  ``make bench`` runs them."""
+"""Benchmarks: times compared side by side in one run, with a report page of their own; ``make bench`` runs them."""

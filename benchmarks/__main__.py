@@ -1,6 +1,7 @@
 """Run the benchmarks: ``python -m benchmarks [--long] [--only NAME ...] [--earlier FOLDER] [--out DIR]``.
 
-Writes benchmarks.json and benchmarks.html; what was not run this time is taken over from the results that are there.
+Writes benchmarks.json and benchmarks.html; sections that are not run this time are kept from an earlier
+benchmarks.json.
 """
 
 from __future__ import annotations
@@ -38,7 +39,10 @@ REPEATS = {False: 5, True: 9}
 
 
 def sections(long: bool, earlier: Path | None = None) -> Mapping[str, Callable[[], Any]]:
-    """What there is to measure, by name; the quick ones first."""
+    """Functions that measure each section, by its name, the quick ones first.
+
+    `long` selects more sizes and repeats; `earlier` is a checkout with which commands are compared.
+    """
     repeats = REPEATS[long]
     return {
         "latency": latency.measure,
@@ -63,7 +67,7 @@ def sections(long: bool, earlier: Path | None = None) -> Mapping[str, Callable[[
 
 
 def main() -> int:
-    """Run the chosen sections, write the page and say which requirements do not hold."""
+    """Run the chosen sections, write the page and print which requirements do not hold; return 0."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__.splitlines()[0])
     parser.add_argument("--long", action="store_true", help="the paper's way over its whole time span, a million dofs")
     parser.add_argument(

@@ -1,4 +1,4 @@
-"""Both cases of the paper in every way there is: how long, how many times faster, and the same trajectory?"""
+"""Measure both cases of the paper by each simulator: times, their ratios, and differences between trajectories."""
 
 from __future__ import annotations
 
@@ -35,14 +35,18 @@ MODIFIED = partial(exudyn.simulate_system, formulation="callbacks-modified-newto
 
 
 def measure(name: str, repeats: int, share: float = SHARE) -> dict[str, Any]:
-    """One case: seconds for the whole time span by size and way, ratios, and largest differences in m."""
+    """Measure one case of the paper with the reduced and the full model.
+
+    Return for each model the seconds for the whole time span by simulator, ratios to `march`, and largest differences
+    in m.  With the full model the paper's simulator runs only the share `share` of the span; its time is extrapolated.
+    """
     sizes = {"reduced": _size(name, beams.reduced(name), beams.reduced(name), 1.0, repeats),
              "full": _size(name, beams.full(name), beams.dense(name), share, repeats)}  # fmt: skip
     return {"coordinates": {"reduced": beams.reduced(name).size, "full": beams.full(name).size}, **sizes}
 
 
 def small(repeats: int) -> dict[str, Any]:
-    """Six coordinates in the evolved case: seconds for its time span with all outputs of all steps, and the tip's."""
+    """Measure six coordinates in the evolved case: seconds for its time span with all outputs, and with the tip's."""
     drive, found = beams.drive("evolved"), {}
     forms = {"POD": modal_form(beams.plain(6)), "residual flexibility": modal_form(beams.flexible(6))}
     ways: dict[str, Callable[[], float]] = {}
@@ -56,9 +60,9 @@ def small(repeats: int) -> dict[str, Any]:
 
 
 def in_exudyn(repeats: int) -> dict[str, Any]:
-    """Evolved case, both in Exudyn: the paper's way with 20 coordinates and residual flexibility with six.
+    """Measure the evolved case in Exudyn: the paper's simulator with 20 coordinates, residual flexibility with six.
 
-    Seconds, ratios to the latter, and e_NRMS of the whole beam against the full one.
+    Return seconds, ratios to residual flexibility, and e_NRMS of the whole beam against the full model.
     """
     drive, paper, flexible = beams.drive("evolved"), beams.reduced("evolved"), beams.flexible(6)
     simulators: dict[str, tuple[SystemSimulator, SlidingBody]] = {
@@ -71,9 +75,11 @@ def in_exudyn(repeats: int) -> dict[str, Any]:
     errors = dict[str, float]()
 
     def by(name: str) -> Callable[[], float]:
+        """Function that runs the simulator called `name`, stores its error, and returns its seconds."""
         simulate, body = simulators[name]
 
         def run() -> float:
+            """Run the simulator, store its error against the full model, and return its seconds."""
             trajectory = simulate(System.of(body), drive)
             errors[name] = nrms(_outputs(body, trajectory), reference)
             return trajectory.seconds
@@ -91,16 +97,21 @@ def in_exudyn(repeats: int) -> dict[str, Any]:
 
 
 def _observe(form: ModalForm, drive: Excitation, chosen: Sequence[int]) -> float:
+    """Seconds of a simulation in modal form that stores only the outputs numbered `chosen`."""
     return systems.observe(SystemForm.alone(form), drive, outputs=chosen).seconds
 
 
 def _size(name: str, body: SlidingBody, as_in_paper: SlidingBody, share: float, repeats: int) -> dict[str, Any]:
+    """Measure one model by each simulator; `as_in_paper` is the same model with dense matrices."""
     drive, form = beams.drive(name), modal_form(body)
     parts = beams.stretches(drive, share)
     found: dict[str, list[Array]] = {}
 
     def by(way: str, simulate: SystemSimulator, body: SlidingBody, drives: Sequence[Excitation]) -> Callable[[], float]:
+        """Function that simulates `body` under each of `drives`, stores the outputs as `way` and returns seconds."""
+
         def run() -> float:
+            """Simulate the body under all excitations, store the outputs, and return the seconds in all."""
             trajectories = [simulate(System.of(body), each) for each in drives]
             found[way] = [_outputs(body, one) for one in trajectories]
             return sum(trajectory.seconds for trajectory in trajectories)
@@ -108,6 +119,7 @@ def _size(name: str, body: SlidingBody, as_in_paper: SlidingBody, share: float, 
         return run
 
     def modal() -> float:
+        """Seconds of a simulation in modal form that stores all modes."""
         return systems.simulate_form(SystemForm.alone(form), drive).seconds
 
     by("march, parts", systems.simulate, body, parts)()  # compiled before the clock runs
@@ -136,17 +148,21 @@ def _size(name: str, body: SlidingBody, as_in_paper: SlidingBody, share: float, 
 
 
 def _middle(run: Callable[[], float]) -> Callable[[], float]:
+    """Function that returns the median of `MARCHES` runs of `run`."""
     return lambda: statistics.median(run() for _ in range(MARCHES))
 
 
 def _outputs(body: SlidingBody, trajectory: SystemTrajectory) -> Array:
+    """Displacements (T, o) in m of a body alone."""
     (found,) = systems.displacements(System.of(body), trajectory).values()
     return found
 
 
 def _ratio(slow: Times, fast: Times) -> dict[str, float]:
+    """Ratios of the least and of the median times, slow over fast."""
     return {"of_min": slow.least / fast.least, "of_median": slow.median / fast.median}
 
 
 def _difference(a: Sequence[Array], b: Sequence[Array]) -> float:
+    """Largest absolute difference between arrays of two lists, pair by pair."""
     return max(float(np.abs(one - other).max()) for one, other in zip(a, b, strict=True))

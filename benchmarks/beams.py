@@ -1,4 +1,4 @@
-"""The paper's beam in all the sizes that the benchmarks ask for."""
+"""Models of the paper's beam in all the sizes that the benchmarks need."""
 
 from __future__ import annotations
 
@@ -27,27 +27,32 @@ CASES = {"simple": "paper_simple.toml", "evolved": "paper_evolved.toml"}
 
 
 class Later(SignalBase):
-    """A signal from some time on: its value at t is that of another one at t + begin."""
+    """Signal that starts in the middle of another one: its value at t is that of `signal` at t + `begin`."""
 
     signal: SignalBase
     begin: float
 
     def value(self, t: ArrayLike) -> Array:
+        """Values at the times t in s."""
         return self.signal.value(np.asarray(t) + self.begin)
 
     def rate(self, t: ArrayLike) -> Array:
+        """Rates at the times t in s."""
         return self.signal.rate(np.asarray(t) + self.begin)
 
 
 def shorter(excitation: Excitation, share: float) -> Excitation:
-    """The beginning of it."""
+    """Shorten an excitation to the share `share` of its steps, from the beginning."""
     stepping = excitation.stepping
     steps = max(1, round(share * stepping.steps))
     return excitation.with_stepping(replace(stepping, end=steps * stepping.step))
 
 
 def stretches(excitation: Excitation, share: float) -> list[Excitation]:
-    """All of it, or eight stretches that make up a share, spread evenly, each from rest."""
+    """Split an excitation into `STRETCHES` short ones, spread evenly, that make up the share `share` of it.
+
+    Each starts from rest.  For a share of 1 the excitation itself is the only one.
+    """
     if share == 1.0:
         return [excitation]
     step, part = excitation.stepping.step, excitation.stepping.end / STRETCHES
@@ -58,22 +63,23 @@ def stretches(excitation: Excitation, share: float) -> list[Excitation]:
 
 
 def _later(signals: Mapping[str, SignalBase], begin: float) -> dict[str, SignalBase]:
+    """Signals that start at `begin` s."""
     return {name: Later(signal=signal, begin=begin) for name, signal in signals.items()}
 
 
 @cache
 def scene(name: str, *settings: str) -> Scene:
-    """A scene of `workflows/`, with settings as ``--set`` takes them."""
+    """Load a scene of `workflows/`, with settings as ``--set`` takes them."""
     return scenes.load(WORKFLOWS / name, list(settings))
 
 
 def drive(name: str) -> Excitation:
-    """What moves the beam in a case of the paper."""
+    """Excitation of a case of the paper."""
     return Excitation.of(scene(CASES[name]))
 
 
 def sliding(steps: int) -> Excitation:
-    """The evolved case's load while the slider moves to and fro in every step, so that none is cheaper than another."""
+    """Load of the evolved case while the slider moves to and fro in every step, so that all steps cost the same."""
     case = drive("evolved")
     end = steps * case.stepping.step
     path = Sine(amplitude=1.25, frequency=1.0 / end, offset=2.5)
@@ -82,7 +88,7 @@ def sliding(steps: int) -> Excitation:
 
 @cache
 def full(name: str = "evolved", elements: int | None = None, *settings: str) -> FullBody:
-    """The full model of a case, 153 coordinates unless `elements` says otherwise."""
+    """Full model of a case; of 50 elements, 153 coordinates, unless `elements` says otherwise."""
     more = () if elements is None else (f"mesh.elements={elements}",)
     body = full_model(scene(CASES[name], *more, *settings)).gather()
     assert body is not None
@@ -91,37 +97,37 @@ def full(name: str = "evolved", elements: int | None = None, *settings: str) -> 
 
 @cache
 def dense(name: str) -> ReducedModel:
-    """The full model with dense matrices, as the paper simulates it."""
+    """Full model of a case with dense matrices, as the paper simulates it."""
     body = full(name)
     return projected(body, np.eye(body.size))
 
 
 @cache
 def reduced(name: str) -> ReducedModel:
-    """The paper's reduced model: 20 coordinates, two of which its pin's rows hold."""
+    """Reduced model of the paper: 20 coordinates, of which the pin's rows hold two."""
     return reduce(scene(CASES[name])).reduced
 
 
 @cache
 def plain(coordinates: int) -> ReducedModel:
-    """The evolved case on that many POD vectors, rows that they satisfy left out."""
+    """Reduced model of the evolved case on POD vectors, without the rows that these satisfy."""
     settings = (f"reduction.coordinates={coordinates}", "reduction.basis=eigenmodes")
     return reduce(scene(CASES["evolved"], *settings)).reduced
 
 
 @cache
 def flexible(coordinates: int) -> ReducedModel:
-    """The evolved case on free modes, with the residual flexibility of the rest."""
+    """Reduced model of the evolved case on free modes, with the residual flexibility of the truncated ones."""
     return reduce(scene("evolved_residual.toml", f"reduction.coordinates={coordinates}")).reduced
 
 
 @cache
 def modal(elements: int = 50, sliders: int = 1) -> ModalForm:
-    """A full beam in modal form, held by several sliders 0.2 m apart."""
+    """Full beam of the evolved case in modal form, held by `sliders` sliders 0.2 m apart."""
     offsets = "[" + ", ".join(f"{0.2 * k:g}" for k in range(sliders)) + "]"
     return modal_form(full("evolved", elements, f"slider.offsets={offsets}", "compare.against=['full']"))
 
 
 def leading(form: ModalForm, modes: int) -> ModalForm:
-    """The lowest modes alone."""
+    """Truncate a modal form to its lowest modes."""
     return ModalForm(form.body.leading(modes), form.X[:, :modes], form.inverse[:modes], form.rows)

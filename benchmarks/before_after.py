@@ -1,8 +1,8 @@
-"""Two checkouts side by side: ``python -m benchmarks.before_after FOLDER [--sizes M ...] [--alone M ...]``.
+"""Compare two checkouts: ``python -m benchmarks.before_after FOLDER [--sizes M ...] [--alone M ...]``.
 
-From the mesh to the reduced model (`benchmarks.scale_run`) with the checkout in FOLDER and with this one, in turn, at
-each size on one rank and on two; sizes that stand `alone` are run with this one only.  A run's line is printed when it
-is done; one is repeated while that can be expected to end in time.
+Both the checkout in FOLDER and this one compute the reduced model from the mesh on (`benchmarks.scale_run`), in turn,
+at each size on one rank and on two; only this one does so at the sizes of ``--alone``.  A line is printed after each
+run.  Runs are repeated once, if they can be expected to end within ``--minutes``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from benchmarks.scale import RANKS, STAGES, difference, own_memory
 
 @dataclass(frozen=True)
 class Case:
-    """A size, m, on some ranks, and which checkout reduces it."""
+    """Size of cells in m and number of ranks, and the checkout that reduces the boom."""
 
     cells: float
     ranks: int
@@ -30,7 +30,10 @@ class Case:
     folder: Path
 
     def run(self, results: Path, seconds: float) -> dict[str, Any]:
-        """Its record, printed; the model's tables are left among the results."""
+        """Run the case, print its times and return its record; empty if it did not finish within `seconds`.
+
+        The modes and tables of the model are left in a file in the folder `results`.
+        """
         file = results / f"{self.cells:g} {self.ranks} {self.checkout}.npz"
         record = record_of(
             "benchmarks.scale_run", [str(self.cells), str(file)], self.ranks, Bounds(seconds), self.folder
@@ -49,7 +52,7 @@ class Case:
 
 
 def main() -> int:
-    """Run all cases, again as long as there is time, and print medians, ratios and how far the models are apart."""
+    """Run all cases, again while there is time, and print medians, ratios and differences between the models."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.before_after", description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="a checkout of before")
     parser.add_argument("--sizes", type=float, nargs="+", default=[0.05, 0.025], metavar="M")
@@ -79,6 +82,7 @@ def main() -> int:
 
 
 def _compare(before: Case, now: Case, totals: dict[Case, list[float]], results: Path) -> None:
+    """Print the times of both checkouts, their ratio, and how far their models are apart."""
     if not totals[before] or not totals[now]:
         return
     was, takes = statistics.median(totals[before]), statistics.median(totals[now])

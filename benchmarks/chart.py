@@ -1,4 +1,4 @@
-"""A load chart as people wait for it: from the scene file, and once more after a limit has been changed."""
+"""Time of a load chart: computed from the scene file, and again after a limit has changed."""
 
 from __future__ import annotations
 
@@ -87,13 +87,13 @@ ASKED = {"from the scene file": 60.0, "with the reduction cached": 10.0}
 
 
 def measure() -> dict[str, dict[str, float]]:
-    """Seconds of wall and of processor time of each, report included, and the wall time asked for."""
+    """Seconds of wall and processor time of both runs, report included, and the wall time that is required."""
     with tempfile.TemporaryDirectory() as folder:
         return of(Path(folder))
 
 
 def of(folder: Path) -> dict[str, dict[str, float]]:
-    """The same in a folder where what was computed stays."""
+    """Measure both runs in a folder, in which the first one leaves its cache for the second."""
     pmr = (sys.executable, "-m", "pmr")
     variables = {"OMP_NUM_THREADS": "1"}
     found = {}

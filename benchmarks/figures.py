@@ -15,7 +15,7 @@ from pmr.report.numbers import power_of_ten
 
 
 def growth(found: Mapping[str, Any]) -> Figure:
-    """Time of a step against modes, and against the full beam's coordinates."""
+    """Draw the time of a step over the number of modes, and over the number of coordinates of the full beam."""
     figure, axes = sheet(WIDE, 2.4, columns=2, gridspec_kw={"wspace": 0.22})
     for ax, name, above, label in (
         (axes[0, 0], "modes", 32, "Modes r (–)"),
@@ -33,7 +33,7 @@ def growth(found: Mapping[str, Any]) -> Figure:
 
 
 def offline(found: Mapping[str, Any]) -> Figure:
-    """Seconds of the stages over the coordinates, one rank and two."""
+    """Draw the seconds of each stage over the number of coordinates, on one rank and on two."""
     figure, axes = sheet(WIDE, 2.8)
     ax, handles = axes[0, 0], []
     for number, stage in enumerate(("assemble", "snapshots", "pod", "project")):
@@ -57,7 +57,7 @@ def offline(found: Mapping[str, Any]) -> Figure:
 
 
 def scale(found: Mapping[str, Any]) -> Figure:
-    """Seconds of the stages and memory over the coordinates, one rank and two."""
+    """Draw the seconds of each stage and the memory over the number of coordinates, on one rank and on two."""
     figure, axes = sheet(WIDE, 2.8, columns=2, gridspec_kw={"wspace": 0.22})
     done, handles = [record for record in found["records"] if record["seconds"]], []
     seconds = {"assembly": "assembly", "modes": "free modes", "flexibility": "flexibility"}
@@ -83,6 +83,7 @@ def scale(found: Mapping[str, Any]) -> Figure:
 
 
 def _both_logarithmic(ax: Axes, x: Any, y: Any) -> None:
+    """Make both axes logarithmic around the values x and y."""
     log_x(ax, float(np.min(x)) / 1.2, float(np.max(x)) * 1.2)
     ax.set_yscale("log")
     octave_axis(ax, float(np.min(y)) / 2.0, float(np.max(y)) * 2.0)

@@ -1,4 +1,4 @@
-"""A communication step of an FMU through its C interface, in a program of C that loads its library."""
+"""Time of a communication step of an FMU, called through its C interface by a program in C."""
 
 from __future__ import annotations
 
@@ -30,7 +30,10 @@ STEPS = 20_000
 
 
 def measure(repeats: int, steps: int = STEPS, cases: dict[str, str] = CASES) -> dict[str, Any]:
-    """Seconds of the processor of one internal step, all inputs set and all displacements read, of scenes by name."""
+    """Processor time in s of an internal step, all inputs set and all displacements read, for each of the `cases`.
+
+    These map names to scene files.
+    """
     with tempfile.TemporaryDirectory() as made:
         ways = {}
         for name, file in cases.items():
@@ -44,7 +47,7 @@ def measure(repeats: int, steps: int = STEPS, cases: dict[str, str] = CASES) -> 
 
 
 class Timed:
-    """The timing program and the library of an FMU of FMI 2.0, unpacked in a folder."""
+    """Timing program, with the library of an FMU of FMI 2.0 that is unpacked in a folder."""
 
     def __init__(self, system: System, file: Path, folder: Path) -> None:
         self._program = folder / "timing"
@@ -68,6 +71,6 @@ class Timed:
         )
 
     def seconds(self, steps: int) -> float:
-        """Seconds of the processor a step."""
+        """Processor time in s of a step, the mean of `steps`."""
         command = [str(self._program), *self._before, str(steps), *self._after]
         return float(subprocess.run(command, capture_output=True, text=True, check=True).stdout)

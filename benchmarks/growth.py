@@ -1,4 +1,4 @@
-"""What a step costs as the model grows: in modes, coordinates, moving rows, outputs; in sections of a boom."""
+"""Time of a step over the numbers of modes, coordinates, moving rows, outputs, and sections of a boom."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ STEPS, PLACES, LOWEST = 1500, 48, 6  # of a boom: steps, places and frequencies
 
 
 def measure(long: bool, repeats: int = 40) -> dict[str, Any]:
-    """Nanoseconds of a step, the least of all repeats, and fitted exponents; sizes are taken in turn."""
+    """Nanoseconds of a step, the least of all repeats, and exponents fitted over the size; sizes are taken in turn."""
     elements = MANY_ELEMENTS if long else ELEMENTS
     whole = beams.modal()
     modes = _series({r: (beams.leading(whole, r), 1) for r in MODES}, repeats)
@@ -60,11 +60,11 @@ def measure(long: bool, repeats: int = 40) -> dict[str, Any]:
 
 
 def booms(repeats: int) -> dict[str, Any]:
-    """Processor time in s of a step, an estimate and frequencies at a place, of booms on pads that hold both ways.
+    """Measure booms on bilateral pads: processor time in s of a step, of an estimate, and of frequencies at a position.
 
-    And the power of the number of joints that each grows with; of a step what a joint takes, and two joints on one
-    section besides: a (n - 1) + b (n - 2) of n sections is linear, but grows from two sections to three by more than
-    the number of joints.
+    Return them with the exponents over the number of joints n - 1 of n sections, and with a and b of a step's time, a
+    (n - 1) + b (n - 2): a joint takes a, and two joints on one section take b more.  That is linear, but grows from two
+    sections to three by more than the number of joints.
     """
     best = {name: dict.fromkeys(SECTIONS, np.inf) for name in _WAYS}
     for name, (way, once) in _WAYS.items():
@@ -92,23 +92,24 @@ def booms(repeats: int) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Boom:
-    """A boom of so many sections, on their modes and as it is simulated."""
+    """Boom of some sections: their reduced models without residual flexibility, and the system that is simulated."""
 
     models: dict[str, ReducedModel]
     system: System
 
     def driven(self, steps: int) -> Excitation:
-        """All of it extends within 1.5 s."""
+        """Excitation under which all sections extend within 1.5 s, in so many steps."""
         paths = {name: SmoothRamp(times=(0.0, 1.5), values=(1.0, 2.5)) for name in self.system.paths}
         loads = {name: Constant(amount=1.0) for name in self.system.input_names}
         return Excitation(paths, loads, TimeStepping(1.5, 1.5 / steps))
 
 
 def step(boom: Boom) -> Callable[[], float]:
-    """As the solver times itself, by the processor's clock."""
+    """Function that returns the processor time in s of a step, as the solver measures it."""
     march = March(SystemForm.of(boom.system), boom.driven(STEPS), {})
 
     def seconds() -> float:
+        """Simulate all steps and return the processor time in s of one."""
         with patch.object(time, "perf_counter", time.process_time):
             return march.again() / STEPS
 
@@ -116,10 +117,12 @@ def step(boom: Boom) -> Callable[[], float]:
 
 
 def _estimate(boom: Boom) -> Callable[[], float]:
+    """Function that returns the processor time in s of an error estimate."""
     return lambda: _processor(lambda: estimate(boom.models, boom.system, boom.driven(STEPS)))
 
 
 def _frequencies(boom: Boom) -> Callable[[], float]:
+    """Function that returns the processor time in s of the frequencies at one position."""
     x = places(boom.system, boom.driven(PLACES))
     return lambda: _processor(lambda: Assembly(boom.system).frequencies(x, LOWEST)) / len(x)
 
@@ -129,13 +132,14 @@ _WAYS = {"step": (step, False), "estimate": (_estimate, True), "frequencies": (_
 
 
 def _processor(work: Callable[[], object]) -> float:
+    """Processor time in s of some work."""
     begun = time.process_time()
     work()
     return time.process_time() - begun
 
 
 def _chain(count: int) -> str:
-    """A scene of so many boxes of 6 m in one another, that all extend at once."""
+    """Scene of `count` boxes of 6 m in one another that all extend at once, as TOML."""
     pads = "at = 0.15, stiffness = 1e8, faces = { bottom = [0.0], top = [0.0] }"
     lines = ['title = "Chain"', "[section]", 'body = { model = "beam2d", box.length = 6.0 }', "mesh.elements = 40"]
     lines += [f"joint = {{ tail = [{{ {pads} }}], mouth = [{{ {pads} }}] }}", "[gravity]", "rise = 0.0"]
@@ -151,6 +155,7 @@ def _chain(count: int) -> str:
 
 @cache
 def boom(count: int) -> Boom:
+    """Reduce a boom of `count` sections."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "chain.toml")
         file.write_text(_chain(count), encoding="utf-8")
@@ -162,6 +167,7 @@ def boom(count: int) -> Boom:
 
 
 def _series(forms: dict[int, tuple[ModalForm, int]], repeats: int) -> dict[str, Any]:
+    """Least nanoseconds of a step by size, from modal forms with their numbers of outputs."""
     drive = beams.sliding(1500)
     best = dict.fromkeys(forms, np.inf)
     for _ in range(repeats):
@@ -173,6 +179,6 @@ def _series(forms: dict[int, tuple[ModalForm, int]], repeats: int) -> dict[str, 
 
 
 def _slope(series: dict[str, Any], above: int) -> float:
-    """Exponent among the larger sizes, where the loops over modes and not the rest of a step take the time."""
+    """Exponent over the sizes from `above` on, where the loops over modes take most of a step."""
     size, ns = np.array(series["size"], float), np.array(series["ns"])
     return exponent(size[size >= above], ns[size >= above])

@@ -1,8 +1,8 @@
-"""The kernel's loop, and all that a step of `simulate` takes: processor time, beside an earlier checkout in turn.
+"""Processor time of the kernel's loop and of a whole `simulate`, each by step, beside an earlier checkout.
 
-``python -m benchmarks.kernel [--earlier FOLDER] [SCENE ...]`` prints a line for each scene.  The loop has samples of
-its drivers and records coordinates, rates, forces and energies.  The whole evaluates signals, and makes a trajectory
-of the bodies' coordinates.
+``python -m benchmarks.kernel [--earlier FOLDER] [SCENE ...]`` prints a line for each scene.  The loop gets samples of
+its drivers and records coordinates, rates, forces and energies.  The whole also evaluates signals and returns a
+trajectory of the bodies' coordinates.
 """
 
 from __future__ import annotations
@@ -52,7 +52,10 @@ def measure(
     earlier: Path | None = None,
     say: Callable[[str], None] | None = None,
 ) -> list[dict[str, Any]]:
-    """Least of some repeats in microseconds a step, and bytes of a state and of the system that states share."""
+    """Least processor times of `repeats` runs in microseconds a step, and bytes of a state and of its system, by scene.
+
+    Each line is passed to `say` when it is known; ``earlier`` is there only with an earlier checkout.
+    """
     rows = list[dict[str, Any]]()
     for name in scenes:
         system = reduce(load_any(WORKFLOWS / f"{name}.toml")).system
@@ -76,7 +79,7 @@ def measure(
 
 
 def _loop(march: March) -> float:
-    """Processor seconds of all steps with samples."""
+    """Processor time in s of the kernel's loop over all steps."""
     state, steps = march.state, len(march.t) - 1
     march.again()  # the caches are warm, and the state is opened
     march.begin()
@@ -91,12 +94,14 @@ def _loop(march: March) -> float:
 
 
 def _whole(form: SystemForm, excitation: Excitation) -> float:
+    """Processor time in s of a simulation."""
     begun = time.process_time()
     systems.simulate_form(form, excitation)
     return time.process_time() - begun
 
 
 def _whole_in(earlier: Path, system: System, excitation: Excitation, repeats: int) -> float:
+    """Processor time in s of the same simulation in an earlier checkout, in a process of its own."""
     with TemporaryDirectory() as folder:
         file = Path(folder, "case.pickle")
         file.write_bytes(pickle.dumps((system, excitation)))

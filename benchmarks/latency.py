@@ -1,7 +1,7 @@
-"""One step of a stepper from Python: how long it takes, and how long at worst.
+"""Time of one step of a stepper called from Python: median and worst cases.
 
-``python -m benchmarks.latency [--earlier FOLDER]`` prints processor time of a step of booms, and of a machine that
-moves by itself below one, in turn with an earlier checkout that has its own .venv.
+``python -m benchmarks.latency [--earlier FOLDER]`` prints the processor time of a step of booms, and of a machine that
+moves below one, in turn with an earlier checkout that has its own .venv.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ QUANTILES = {"median": 0.5, "p99": 0.99, "p99.9": 0.999, "worst": 1.0}
 
 
 def measure(calls: int = CALLS) -> dict[str, Any]:
-    """Nanoseconds of a step, the clock's own taken off, for several models and outputs."""
+    """Quantiles in ns of the time of a step, without that of the clock itself, for several models and outputs."""
     bodies = {"r = 20": beams.plain(20), "r = 20, two rows held": beams.reduced("evolved")}
     bodies |= {"r = 6": beams.plain(6), "r = 6, residual flexibility": beams.flexible(6)}
     times = {}
@@ -43,17 +43,19 @@ def measure(calls: int = CALLS) -> dict[str, Any]:
 
 
 def _start() -> tuple[float, float, Array]:
+    """Step in s, path in m and loads in N at the start."""
     drive = beams.sliding(STEPS)
     return drive.stepping.step, float(drive.s[0, 0]), drive.f[0]
 
 
 def _inputs() -> tuple[Array, Array]:
+    """Paths (T,) in m and loads (T, i) in N of all steps."""
     drive = beams.sliding(STEPS)
     return np.ascontiguousarray(drive.s[1:, 0]), drive.f[1:]
 
 
 def _from_python(stepper: Stepper, calls: int) -> Array:
-    """Each call between two looks at the clock, whose own time, the least there is, is taken off."""
+    """Time (calls,) in ns of each step: between two readings of the clock, less the least time of a reading."""
     s, f = (values.ravel().tolist() for values in _inputs())
     stamps = np.zeros((calls, 3), np.int64)
     for n in range(calls):
@@ -67,6 +69,7 @@ def _from_python(stepper: Stepper, calls: int) -> Array:
 
 
 def _quantiles(ns: Array) -> dict[str, float]:
+    """Quantiles of times in ns, by name."""
     return {name: float(np.quantile(ns, q)) for name, q in QUANTILES.items()}
 
 
@@ -133,7 +136,7 @@ print(json.dumps(times))
 
 
 def booms(earlier: Path | None = None) -> dict[str, list[float]]:
-    """Least processor time of a step in microseconds by what it is of: here, and in an earlier checkout."""
+    """Least processor time of a step in microseconds by case: in this checkout, then in the earlier one if given."""
     with TemporaryDirectory() as folder:
         subprocess.run([sys.executable, "-c", _MODELS, folder], check=True)
         pythons = [sys.executable, *([] if earlier is None else [str(earlier / ".venv" / "bin" / "python")])]

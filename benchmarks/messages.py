@@ -1,4 +1,4 @@
-"""What each of several ranks solves, sends and holds, counted and not timed: so more ranks than cores tell the same.
+"""Count what each of several ranks solves, sends and holds; counts do not depend on the number of cores.
 
 A small library between the program and MPI (messages.c) counts each rank's messages and their bytes.
 """
@@ -27,7 +27,7 @@ FIXED, OF_EACH, SHARED = 100.0, 3650.0, 2200.0
 
 
 def measure(sizes: Sequence[float] = SIZES, ranks: Sequence[int] = RANKS) -> dict[str, Any]:
-    """A record of each size on each number of ranks."""
+    """Records of a run at each size on each number of ranks."""
     memory = 0.85 * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     with TemporaryDirectory() as folder:
         arguments = [str(library(Path(folder)))]
@@ -41,9 +41,9 @@ def measure(sizes: Sequence[float] = SIZES, ranks: Sequence[int] = RANKS) -> dic
 
 
 def library(folder: Path) -> Path:
-    """What counts, compiled for this machine's MPI; Open MPI keeps Fortran's calls in a library of its own.
+    """Compile the counting library for this machine's MPI into a folder, and return its path.
 
-    Raises a `RuntimeError` with what the compiler says.
+    Open MPI keeps Fortran's calls in a library of its own.  Raises a `RuntimeError` with the compiler's message.
     """
     source, target = Path(__file__).with_name("messages.c"), folder / "messages.so"
     command = ["mpicc", "-O1", "-shared", "-fPIC", "-o", str(target), str(source)]
@@ -55,7 +55,7 @@ def library(folder: Path) -> Path:
 
 
 def share(record: Mapping[str, Any]) -> dict[str, dict[str, int]]:
-    """The most of any rank, by stage and kind."""
+    """Largest count of any rank, by stage and by kind of count."""
     return {
         stage: {
             kind: max(one["stages"][stage][k] for one in record["each"]) for k, kind in enumerate((*KINDS, *SOLVED))
@@ -65,7 +65,7 @@ def share(record: Mapping[str, Any]) -> dict[str, dict[str, int]]:
 
 
 def total(record: Mapping[str, Any], kind: str) -> int:
-    """The most of any rank, over all stages."""
+    """Largest count of any rank over all stages, of one kind."""
     k = (*KINDS, *SOLVED).index(kind)
     return max(sum(counts[k] for counts in one["stages"].values()) for one in record["each"])
 
@@ -76,16 +76,19 @@ def sent(record: Mapping[str, Any]) -> int:
 
 
 def seconds(record: Mapping[str, Any], latency: float, speed: float) -> float:
-    """Time of all messages one after the other: a collective call waits log2 of the ranks times, rounded up."""
+    """Time in s of all messages of a rank, one after the other, on a network of this latency (s) and speed (B/s).
+
+    A collective call counts as log2 of the number of ranks messages, rounded up.
+    """
     rounds = total(record, "messages") + total(record, "collectives") * math.ceil(math.log2(record["ranks"]))
     return rounds * latency + sent(record) / speed
 
 
 def memory(record: Mapping[str, Any]) -> list[float]:
-    """Peak of each rank above what the libraries take, MB."""
+    """Peak memory of each rank in MB, without what the libraries take."""
     return [one["peak_MB"] - one["loaded_MB"] for one in record["each"]]
 
 
 def planned_memory(size: int, ranks: int) -> float:
-    """The same by the model, MB."""
+    """Peak memory of a rank in MB by the model, for `size` coordinates on some ranks."""
     return FIXED + size * (OF_EACH + SHARED / ranks) / 2**20

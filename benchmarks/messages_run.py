@@ -1,4 +1,4 @@
-"""One run of `benchmarks.messages`: a reduced model made on some ranks, with all they send; prints a JSON line."""
+"""One run of `benchmarks.messages`: reduce a model on some ranks and count what they send; print a JSON line."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SOLVED = ("solves", "columns")
 
 
 class Counter:
-    """What this rank sent and solved, by stage; what a stage calls that is one of its own does not count for it."""
+    """Counts of what this rank sends and solves, by stage; those of an inner stage are not part of the outer one's."""
 
     def __init__(self, library: str) -> None:
         # Before any library that calls MPI: these find its functions first.
@@ -37,7 +37,7 @@ class Counter:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Count for a stage."""
+        """Count what is sent and solved within a ``with`` for the stage `name`."""
         self._inner.append(np.zeros(len(KINDS) + 2, int))
         before = self.so_far()
         yield
@@ -46,20 +46,25 @@ class Counter:
         self._inner[-1] += spent
 
     def of(self, name: str, called: Callable[..., Any]) -> Callable[..., Any]:
-        """What is called, counted."""
+        """Wrap a function so that it is counted as the stage `name`."""
 
         @functools.wraps(called, updated=())
         def counted(*arguments: Any, **named: Any) -> Any:
+            """Call the function within its stage."""
             with self.stage(name):
                 return called(*arguments, **named)
 
         return counted
 
     def solving(self, called: Callable[..., Any], place: int) -> Callable[..., Any]:
-        """A method of which the argument or the answer at a `place` has as many columns as this rank solves."""
+        """Wrap a solving method so that its right-hand sides are counted.
+
+        They are the columns of the argument, or the result, at `place` among (arguments, result).
+        """
 
         @functools.wraps(called)
         def counted(*arguments: Any) -> Any:
+            """Call the method and count its right-hand sides."""
             answer = called(*arguments)
             self._solved += (1, (*arguments, answer)[place].shape[1])
             return answer
@@ -68,7 +73,7 @@ class Counter:
 
 
 def main(library: str, cells: float) -> None:
-    """Count by stage, and the peak of memory."""
+    """Reduce the boom with cells of `cells` m, and print counts by stage and peak memory of each rank."""
     counter = Counter(library)
     import pmr.pipeline
     from benchmarks.scale_run import STAGES, boom

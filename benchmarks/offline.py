@@ -1,4 +1,4 @@
-"""Everything before a simulation, from a hundred to a million coordinates, on one rank and on two."""
+"""Time of everything before a simulation, from a hundred to a million coordinates, on one rank and on two."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ STAGES = ("assemble", "snapshots", "pod", "project")
 
 
 def measure(long: bool, repeats: int) -> dict[str, Any]:
-    """Records by ranks and size, the quickest of some repeats, and exponents of seconds over coordinates."""
+    """Records by ranks and size, the quickest of `repeats`, and exponents of seconds over coordinates."""
     runs: dict[tuple[int, int], list[dict[str, Any]]] = {}
     for elements in MANY_ELEMENTS if long else ELEMENTS:
         for _ in range(repeats if elements <= 10_000 else 1):
@@ -28,18 +28,20 @@ def measure(long: bool, repeats: int) -> dict[str, Any]:
 
 
 def _run(ranks: int, elements: int) -> dict[str, Any]:
+    """Record of one run in processes of its own."""
     begun = {"elements": elements, "ranks": ranks, "size": 3 * (elements + 1), "seconds": {}}
     return begun | record_of("benchmarks.offline_run", [str(elements)], ranks, Bounds(TIMEOUT))
 
 
 def _quickest(repeated: list[dict[str, Any]]) -> dict[str, Any]:
+    """Record with the least seconds of each stage among repeated runs."""
     stages = {stage for run in repeated for stage in run["seconds"]}
     least = {stage: min(run["seconds"].get(stage, np.inf) for run in repeated) for stage in stages}
     return repeated[0] | {"seconds": least, "repeats": len(repeated)}
 
 
 def _exponents(records: list[dict[str, Any]], ranks: int) -> dict[str, float]:
-    """Fitted from a thousand coordinates on, where work and not the start of it takes the time."""
+    """Exponents of each stage's seconds from 1000 coordinates on, where the work takes longer than its start."""
     chosen = [record for record in records if record["ranks"] == ranks and record["size"] >= 1000]
     fitted = {}
     for stage in STAGES:

@@ -1,6 +1,6 @@
-"""One run of `benchmarks.offline`: everything before a simulation, on a beam of many elements; prints a JSON line.
+"""One run of `benchmarks.offline`: everything before a simulation of a beam; print a JSON line.
 
-Works under mpirun; seconds are those of the slowest rank, memory is counted on each.
+Works under mpirun: seconds are those of the slowest rank, memory is that of the largest.
 """
 
 from __future__ import annotations
@@ -30,13 +30,14 @@ SNAPSHOTS, MODES, COORDINATES = 5, 6, 20
 
 
 def main(elements: int) -> None:
-    """Assembly, snapshots, POD and projection."""
+    """Measure assembly, snapshots, POD and projection of a beam of so many elements, and print the record."""
     comm, seconds = MPI.COMM_WORLD, dict[str, float]()
     warned = io.StringIO()
     logging.basicConfig(stream=warned, level=logging.WARNING, format="%(message)s", force=True)
 
     @contextlib.contextmanager
     def stage(name: str) -> Iterator[None]:
+        """Measure the seconds of a ``with`` as the stage `name`, on the slowest rank; collective."""
         comm.Barrier()
         begin = time.perf_counter()
         yield
@@ -67,7 +68,7 @@ def main(elements: int) -> None:
 
 
 def frequency_error(snapshots: Snapshots) -> float:
-    """Largest relative error of the first frequency over the positions, against the closed form."""
+    """Largest relative error of the first frequency over all positions, against the closed form."""
     scene = beams.scene(beams.CASES["evolved"])
     at = np.unique(snapshots.s)
     exact = closed_form_frequencies(scene, at, 1)[:, 0]
@@ -76,7 +77,7 @@ def frequency_error(snapshots: Snapshots) -> float:
 
 
 def made_up(model: FullModel) -> Snapshots:
-    """A pool of smooth columns of the size of the real one, where double precision gives no eigenmodes any more."""
+    """Smooth columns of the same size as snapshots, for models too large to have eigenmodes in double precision."""
     low, high = model.M.getOwnershipRange()
     x = np.linspace(0.0, 1.0, model.size)[low:high]
     k = np.arange(1, SNAPSHOTS * MODES + 1)

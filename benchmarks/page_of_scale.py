@@ -1,4 +1,4 @@
-"""What the page says of `benchmarks.scale` and `benchmarks.messages`."""
+"""Chapters of the page about `benchmarks.scale` and `benchmarks.messages`."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ COMPARED = {
 
 
 def scale(found: Mapping[str, Any], prefix: str) -> Chapter:
-    """The reference boom as a shell, finer and finer."""
+    """Build the chapter about the reference boom as a shell of more and more coordinates."""
     done = [record for record in found["records"] if record["seconds"]]
     if not done:
         return Chapter(
@@ -74,7 +74,7 @@ def scale(found: Mapping[str, Any], prefix: str) -> Chapter:
 
 
 def shares(found: Mapping[str, Any], prefix: str) -> Chapter:
-    """What each of several ranks solves, sends and holds."""
+    """Build the chapter about what each of several ranks solves, sends and holds."""
     done = [record for record in found["records"] if record["each"]]
     several = [record for record in done if record["ranks"] > 1]
     if not several:
@@ -137,10 +137,12 @@ def shares(found: Mapping[str, Any], prefix: str) -> Chapter:
 
 
 def _sent(amount: int) -> str:
+    """Format a number of bytes."""
     return quantity(float(amount), "B")
 
 
 def _seconds(done: Sequence[Mapping[str, Any]]) -> Grid:
+    """Build the table of each stage's wall time."""
     rows = tuple(
         (
             f"{plain(record['size'])} {_on(record)}",
@@ -154,6 +156,7 @@ def _seconds(done: Sequence[Mapping[str, Any]]) -> Grid:
 
 
 def _peaks(done: Sequence[Mapping[str, Any]]) -> Grid:
+    """Build the table of peak memory after each stage, by rank, and for each coordinate."""
     rows = tuple(
         (
             f"{plain(record['size'])} {_on(record)}",
@@ -173,6 +176,7 @@ def _peaks(done: Sequence[Mapping[str, Any]]) -> Grid:
 
 
 def _exponents(found: Mapping[str, Mapping[str, float]]) -> Grid:
+    """Build the table of exponents over the number of coordinates."""
     heads = {**STAGES, "processor": "processor", "memory": "memory"}
     rows = tuple(
         (f"{ranks} rank{'s' if ranks != '1' else ''}", *(significant(fitted[name], 2) for name in heads))
@@ -183,6 +187,7 @@ def _exponents(found: Mapping[str, Mapping[str, float]]) -> Grid:
 
 
 def _agreement(found: Sequence[Mapping[str, Any]]) -> Grid:
+    """Build the table of differences between the models of one rank and of two."""
     rows = tuple((plain(one["size"]), *(significant(one[name], 2) for name in COMPARED)) for one in found)
     caption = (
         "Largest relative difference between the models of one rank and of two: frequencies; modes; tables of the "
@@ -194,6 +199,7 @@ def _agreement(found: Sequence[Mapping[str, Any]]) -> Grid:
 
 
 def _unfinished(records: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Sentences on the runs that did not finish or have notes."""
     return [
         f"Cells of {plain(1e3 * record['cells'])}{SPACE}mm, {_ranks(record)}: {'; '.join(record['notes'])}."
         for record in records
@@ -202,20 +208,25 @@ def _unfinished(records: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _on(record: Mapping[str, Any]) -> str:
+    """Words for the number of ranks in a row's name."""
     return f"on {record['ranks']}"
 
 
 def _ranks(record: Mapping[str, Any]) -> str:
+    """Words for the number of ranks in a sentence."""
     return "one rank" if record["ranks"] == 1 else f"{record['ranks']} ranks"
 
 
 def _took(seconds: float) -> str:
+    """Format a time given in s, from ten minutes on in min."""
     return quantity(seconds, "s") if seconds < 600.0 else f"{significant(seconds / 60.0)}{SPACE}min"
 
 
 def _memory(megabytes: float) -> str:
+    """Format an amount of memory given in MB, in GiB."""
     return f"{significant(megabytes / 1024.0)}{SPACE}GiB"
 
 
 def _each(record: dict[str, Any]) -> str:
+    """Format the memory for each coordinate, in kB."""
     return f"{significant(own_memory(record) * 1.024**2 * 1e3 / record['size'], 2)}{SPACE}kB"

@@ -1,4 +1,4 @@
-"""What each section of the page says."""
+"""Chapters of the benchmarks' page: a function for each section, which takes its results."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ STAGES = {"assemble": "assembly", "snapshots": "snapshots", "pod": "POD", "proje
 
 
 def approaches(found: Mapping[str, Any], prefix: str) -> Chapter:
-    """Both cases in every way, six coordinates apart."""
+    """Build the chapter about both cases of the paper by each simulator, and about six coordinates."""
     numbers, grids = [], []
     for name, case in found["cases"].items():
         ratio = case["reduced"]["ratio"]["callbacks"]["of_median"]
@@ -60,6 +60,7 @@ def approaches(found: Mapping[str, Any], prefix: str) -> Chapter:
 
 
 def _in_exudyn(found: Mapping[str, Any]) -> Grid:
+    """Build the table of the evolved case in Exudyn."""
     rows = [
         (
             WAYS.get(way, way),
@@ -76,6 +77,7 @@ def _in_exudyn(found: Mapping[str, Any]) -> Grid:
 
 
 def _ways(name: str, size: str, case: Mapping[str, Any]) -> Grid:
+    """Build the table of one case and one model (`size`) by each simulator."""
     found = case[size]
     base, shares = found["seconds"]["march"], found["share_of_span"]
     rows = []
@@ -98,7 +100,7 @@ def _ways(name: str, size: str, case: Mapping[str, Any]) -> Grid:
 
 
 def latency(found: Mapping[str, Any], prefix: str) -> Chapter:
-    """One step."""
+    """Build the chapter about the time of one step from Python."""
     rows = tuple(
         (name, *(quantity(1e-9 * times[q], "s") for q in ("median", "p99", "p99.9", "worst")))
         for name, times in found["ns"].items()
@@ -125,7 +127,7 @@ def latency(found: Mapping[str, Any], prefix: str) -> Chapter:
 
 
 def fmu(found: Mapping[str, Any], prefix: str) -> Chapter:
-    """One communication step of FMUs."""
+    """Build the chapter about the time of one communication step of FMUs."""
     rows = tuple((name, quantity(t["min"], "s"), quantity(t["median"], "s")) for name, t in found["seconds"].items())
     caption = (
         f"Seconds of the processor, {plain(found['steps'])} internal steps in a row: all inputs set, one step done, "
@@ -141,7 +143,7 @@ def fmu(found: Mapping[str, Any], prefix: str) -> Chapter:
 
 
 def growth(found: Mapping[str, Any], prefix: str) -> Chapter:
-    """Cost against size."""
+    """Build the chapter about the time of a step over the size of a model."""
     modes, full = found["modes"], found["full"]
     caption = (
         "Time of a step while the slider moves. Left: the full beam's modes, the lowest r of them; right: full beams "
@@ -195,7 +197,7 @@ def growth(found: Mapping[str, Any], prefix: str) -> Chapter:
 
 
 def peer(found: list[Mapping[str, Any]], prefix: str) -> Chapter:
-    """Beside pyMOR."""
+    """Build the chapter about POD and projection beside pyMOR."""
     known = [one for one in found if one["installed"]]
     if not known:
         return Chapter(anchor=prefix, title="", headline="pyMOR is not installed, so nothing was compared.")
@@ -240,9 +242,10 @@ def peer(found: list[Mapping[str, Any]], prefix: str) -> Chapter:
 
 
 def waited_for(found: Mapping[str, Mapping[str, Any]], prefix: str) -> Chapter:
-    """What people wait for, where an earlier checkout was measured beside how much quicker it is."""
+    """Build the chapter about what users wait for, with the gain over an earlier checkout if that was measured."""
 
     def cells(one: Mapping[str, Any]) -> tuple[str, ...]:
+        """Cells of a row's values."""
         before = one["earlier"]
         figures = [_in_unit(one[key], one["unit"]) for key in ("before", "asked", "here")]
         quicker = [_in_unit(before, one["unit"]), _times(before / one["here"])] if before else ["–", "–"]
@@ -270,11 +273,12 @@ def waited_for(found: Mapping[str, Mapping[str, Any]], prefix: str) -> Chapter:
 
 
 def _in_unit(value: float, unit: str) -> str:
+    """Format a value with its unit."""
     return quantity(value, unit) if unit else _times(value)
 
 
 def chart(found: Mapping[str, Mapping[str, float]], prefix: str) -> Chapter:
-    """Wall time of a load chart, with its report."""
+    """Build the chapter about the wall time of a load chart, report included."""
     columns = ("wall", "processor", "asked")
     rows = tuple((name, *(quantity(one[column], "s") for column in columns)) for name, one in found.items())
     cores = min(one["cores"] for one in found.values())
@@ -289,7 +293,7 @@ def chart(found: Mapping[str, Mapping[str, float]], prefix: str) -> Chapter:
 
 
 def offline(found: Mapping[str, Any], prefix: str) -> Chapter:
-    """Everything before a simulation."""
+    """Build the chapter about everything before a simulation."""
     caption = "Seconds of each stage against the full model's coordinates; filled: one rank, open: two."
     rows = []
     for record in found["records"]:
@@ -342,6 +346,7 @@ def offline(found: Mapping[str, Any], prefix: str) -> Chapter:
 
 
 def _times(ratio: float) -> str:
+    """Format a ratio."""
     return f"{significant(ratio, 3)}{SPACE}×"
 
 

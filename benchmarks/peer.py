@@ -1,4 +1,4 @@
-"""POD and Galerkin projection on the paper's pool of snapshots: pmr, pyMOR and plain LAPACK side by side."""
+"""Compare POD and Galerkin projection by pmr, pyMOR and LAPACK on the paper's snapshots."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ COORDINATES = 20
 
 
 def version() -> dict[str, str]:
-    """Of pyMOR, empty if it is not installed."""
+    """Version of pyMOR; empty if it is not installed."""
     try:
         return {"pymor": metadata.version("pymor")}
     except metadata.PackageNotFoundError:
@@ -29,7 +29,7 @@ def version() -> dict[str, str]:
 
 
 def measure(elements: int, repeats: int) -> dict[str, Any]:
-    """Seconds by step and package, and how far the results lie apart."""
+    """Seconds by step and package, and differences between the results; only ``installed: False`` without pyMOR."""
     if not version():
         return {"installed": False}
     from pymor.algorithms import pod as theirs
@@ -51,9 +51,11 @@ def measure(elements: int, repeats: int) -> dict[str, Any]:
     found: dict[str, Any] = {}
 
     def keep(name: str, value: Any) -> None:
+        """Store the result of a package."""
         found[name] = value
 
     def by_pymor(method: str) -> None:
+        """Compute POD by a method of pyMOR and store it."""
         keep(method, theirs.pod(pool.copy(), modes=COORDINATES, rtol=0.0, method=method)[:2])
 
     ways = {
@@ -104,5 +106,5 @@ def measure(elements: int, repeats: int) -> dict[str, Any]:
 
 
 def _largest_angle(A: Array, B: Array) -> float:
-    """Largest angle in rad between the ranges of two orthonormal bases, exact for small ones too."""
+    """Largest angle in rad between the ranges of two orthonormal bases (n, k), exact for small angles too."""
     return float(np.arcsin(min(1.0, np.linalg.norm(B - A @ (A.T @ B), 2))))

@@ -1,4 +1,4 @@
-"""A module run in a process of its own, on one rank or several, watched while it runs."""
+"""Run a module in processes of its own, on one rank or several, and stop it if it takes too much."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ MPI_SETTINGS = {
 
 @dataclass(frozen=True)
 class Bounds:
-    """What a run may take: wall seconds, and bytes of memory over all its ranks (by default as much as it wants)."""
+    """Limits of a run: wall seconds, and bytes of memory of all ranks together (without limit by default)."""
 
     seconds: float
     memory: float = float("inf")
@@ -42,7 +42,10 @@ class Bounds:
 def record_of(
     module: str, arguments: Sequence[str], ranks: int, bounds: Bounds, checkout: Path = HERE
 ) -> dict[str, Any]:
-    """The last JSON line that ``python -m module arguments`` prints; where there is none, ``{"notes": [why]}``."""
+    """Run ``python -m module arguments`` on some ranks, and return the last JSON line that it prints.
+
+    If it prints none or is stopped, ``{"notes": [reason]}`` is returned.
+    """
     command = [sys.executable, "-m", module, *arguments]
     if ranks > 1:
         command = [_launcher(), "-n", str(ranks), *command]
@@ -63,20 +66,21 @@ def record_of(
 
 
 def _reason(complaints: list[str]) -> str:
-    """What was complained of: the last error, or the last line in words; launchers frame what they say with dashes."""
+    """Last line that names an error, or else the last one with words; launchers frame messages by lines of dashes."""
     in_words = [line for line in complaints if any(letter.isalpha() for letter in line)]
     errors = [line for line in in_words if re.match(r"[\w.]*(Error|Exception)\b", line)]
     return (errors or in_words or [""])[-1]
 
 
 def _launcher() -> str:
+    """Command that launches MPI processes."""
     # The launcher that belongs to this Python's MPI stands beside it, where pip brought MPI along.
     beside = Path(sys.executable).parent / "mpiexec"
     return str(beside) if beside.is_file() else shutil.which("mpirun") or "mpirun"
 
 
 def _watched(run: subprocess.Popen[bytes], bounds: Bounds) -> str | None:
-    """Wait for the end; why it was stopped, if it was."""
+    """Wait for the end of a run; return why it has to be stopped, or None if it ended by itself."""
     begin = time.perf_counter()
     while True:
         try:
@@ -93,7 +97,7 @@ def _watched(run: subprocess.Popen[bytes], bounds: Bounds) -> str | None:
 
 
 def _end(run: subprocess.Popen[bytes]) -> None:
-    """Nothing of the run outlives it: launchers put their ranks into process groups of their own."""
+    """Kill all processes of the run's session that are still there: launchers put ranks into other process groups."""
     if run.poll() is None:
         for process in _session(run.pid):
             try:
@@ -104,6 +108,7 @@ def _end(run: subprocess.Popen[bytes]) -> None:
 
 
 def _session(leader: int) -> list[int]:
+    """Numbers of the processes in the session of the process `leader`."""
     found = []
     for folder in Path("/proc").glob("[0-9]*"):
         try:
@@ -116,13 +121,13 @@ def _session(leader: int) -> list[int]:
 
 
 def _available() -> int:
-    """Bytes of the machine's memory that new work may take."""
+    """Bytes of the machine's memory that are free for new work."""
     (line,) = [line for line in Path("/proc/meminfo").read_text().splitlines() if line.startswith("MemAvailable")]
     return 1024 * int(line.split()[1])
 
 
 def _resident(process: int) -> int:
-    """Bytes of a process in memory."""
+    """Bytes of memory that a process uses; 0 if it has ended."""
     try:
         return int(Path(f"/proc/{process}/statm").read_text().split()[1]) * _PAGE
     except OSError:
@@ -130,5 +135,6 @@ def _resident(process: int) -> int:
 
 
 def _lines(file: IO[str]) -> list[str]:
+    """Lines of a file that are not empty, from its beginning."""
     file.seek(0)
     return [line.strip() for line in file.read().splitlines() if line.strip()]

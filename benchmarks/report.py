@@ -1,4 +1,4 @@
-"""The page of a benchmark run: reads the results, computes nothing but ratios."""
+"""Page of a benchmark run: reads results and computes nothing but ratios."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BUSY = 0.5
 
 
 def write(results: Mapping[str, Any], folder: Path) -> Path:
-    """Write benchmarks.html into `folder`."""
+    """Write benchmarks.html into `folder` and return its path."""
     chapters = [
         replace(content(results["sections"][name], f"bench-{name}"), title=title)
         for name, (title, content) in pages.PAGES.items()
@@ -43,6 +43,7 @@ def write(results: Mapping[str, Any], folder: Path) -> Path:
 
 
 def _circumstances(results: Mapping[str, Any]) -> list[str]:
+    """Paragraphs on how times were measured, and on how busy the machine was."""
     machine, about = results["machine"], results["about"]
     busiest = max(one["load_before"] for one in about.values())
     paragraphs = [
@@ -58,6 +59,7 @@ def _circumstances(results: Mapping[str, Any]) -> list[str]:
 
 
 def _requirements(judged: list[dict[str, Any]]) -> Grid:
+    """Build the table of requirements with their values and bounds."""
     rows = tuple(
         (
             one["text"],
@@ -72,10 +74,12 @@ def _requirements(judged: list[dict[str, Any]]) -> Grid:
 
 
 def _value(value: float, unit: str) -> str:
+    """Format a value with its unit; ``ratio`` is printed with ×."""
     return f"{significant(value, 3)}{SPACE}×" if unit == "ratio" else quantity(value, unit)
 
 
 def _provenance(results: Mapping[str, Any]) -> list[Table]:
+    """Build tables of the machine, and of the time taken and the machine's load by section."""
     about = results["about"]
     took = tuple((pages.PAGES[name][0], quantity(one["seconds"], "s")) for name, one in about.items())
     load = tuple((pages.PAGES[name][0], plain(round(one["load_before"], 2))) for name, one in about.items())

@@ -1,4 +1,4 @@
-"""What the project asks of itself, and whether a run of the benchmarks showed it."""
+"""Requirements on benchmarks, and whether a run of them meets these."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pmr.report.numbers import plain
 
 @dataclass(frozen=True)
 class Requirement:
-    """A bound on a figure, at least or at most; `scale` and `unit` say how it is printed."""
+    """Bound on a value: a least one if `least`, else a largest one; `unit` is used for printing."""
 
     text: str
     value: float
@@ -22,15 +22,17 @@ class Requirement:
 
     @property
     def holds(self) -> bool:
+        """Whether the value meets the bound."""
         return self.value >= self.bound if self.least else self.value <= self.bound
 
 
 def judged(sections: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """All requirements of the sections that were run."""
+    """All requirements on the sections that were run, as mappings with ``holds``."""
     return [asdict(requirement) | {"holds": requirement.holds} for requirement in _all(sections)]
 
 
 def _all(sections: Mapping[str, Any]) -> Iterator[Requirement]:
+    """Yield the requirements on all sections that were run."""
     if "approaches" in sections:
         yield from _approaches(sections["approaches"])
     if "latency" in sections:
@@ -46,6 +48,7 @@ def _all(sections: Mapping[str, Any]) -> Iterator[Requirement]:
 
 
 def _approaches(found: Mapping[str, Any]) -> Iterator[Requirement]:
+    """Yield the requirements on both cases of the paper by each simulator."""
     for name, case in found["cases"].items():
         reduced, full = case["reduced"], case["full"]
         r = case["coordinates"]["reduced"]
@@ -67,6 +70,7 @@ def _approaches(found: Mapping[str, Any]) -> Iterator[Requirement]:
 
 
 def _in_exudyn(found: Mapping[str, Any]) -> Iterator[Requirement]:
+    """Yield the requirements on reduced models in Exudyn."""
     r = found["coordinates"]["residual flexibility"]
     text = f"in Exudyn, evolved case: the paper's way (20) over residual flexibility ({r})"
     yield Requirement(text, min(found["ratio"]["callbacks"].values()), 15.0, True, "ratio")
@@ -75,12 +79,14 @@ def _in_exudyn(found: Mapping[str, Any]) -> Iterator[Requirement]:
 
 
 def _scale(found: Mapping[str, Any]) -> Iterator[Requirement]:
+    """Yield the requirements that models of one rank and of two agree."""
     for one in found["agreement"]:
         worst = max(value for name, value in one.items() if name != "size")
         yield Requirement(f"shell of {plain(one['size'])} coordinates: one rank and two agree", worst, 1e-8, False, "")
 
 
 def _latency(found: Mapping[str, Any]) -> Iterator[Requirement]:
+    """Yield the requirements on the time of a step from Python."""
     for name, times in found.items():
         yield Requirement(f"one step from Python, {name}: median", 1e-9 * times["median"], 0.5e-6, False, "s")
         yield Requirement(f"one step from Python, {name}: 99 of 100", 1e-9 * times["p99"], 5e-6, False, "s")

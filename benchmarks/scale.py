@@ -1,6 +1,6 @@
-"""From the mesh to the reduced model of the reference boom as a shell, 18,000 to 1.1 million coordinates.
+"""Reduce the reference boom as a shell, from its mesh on: 18,000 to 1.1 million coordinates.
 
-Every size in a process of its own, on one rank and on two, whose models are compared.
+Each size runs in processes of its own, on one rank and on two, whose models are compared.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ TIMEOUT, SHARE = 7200.0, 0.85
 
 
 def measure(sizes: Sequence[float]) -> dict[str, Any]:
-    """Records by size and ranks, exponents over the coordinates, and how far models of one rank and two are apart."""
+    """Records by size and ranks, exponents over the coordinates, and differences between one and two ranks."""
     memory = SHARE * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     records, agreement = [], []
     for size in sizes:
@@ -50,7 +50,7 @@ def measure(sizes: Sequence[float]) -> dict[str, Any]:
 
 
 def exponents(records: list[dict[str, Any]], ranks: int) -> dict[str, float]:
-    """Of wall seconds by stage, of processor time and of memory above what the libraries take."""
+    """Exponents over the coordinates of wall time by stage, of processor time, and of memory without libraries."""
     done = [record for record in records if record["ranks"] == ranks and record["seconds"]]
     if len(done) < 2:
         return {}
@@ -62,15 +62,15 @@ def exponents(records: list[dict[str, Any]], ranks: int) -> dict[str, float]:
 
 
 def own_memory(record: dict[str, Any]) -> float:
-    """Peak memory of all ranks without that of a process which has loaded the libraries only, in MB."""
+    """Peak memory of all ranks in MB, without that of processes that have only loaded the libraries."""
     return float(sum(record["peak_MB"]) - sum(record["loaded_MB"]))
 
 
 def difference(one: Path, other: Path) -> dict[str, float]:
-    """Largest relative differences of two runs' models: frequencies, modes, tables.
+    """Largest relative differences between the models in two files: frequencies, modes, and each table.
 
-    Elastic modes vector by vector; rigid-body modes, which may be combined at will, by the space they span.  Tables at
-    many places, over the largest value of the same input, output or kind.
+    Elastic modes are compared vector by vector, rigid-body modes, which may be combined at will, by the space they
+    span.  Differences of tables are relative to the largest value in the same column: of one input, output or kind.
     """
     with np.load(one) as a, np.load(other) as b:
         rigid = a["omega"] == 0.0
@@ -85,5 +85,5 @@ def difference(one: Path, other: Path) -> dict[str, float]:
 
 
 def _apart(a: Array, b: Array) -> Array:
-    """Largest difference in each column over the column's largest entry."""
+    """Largest difference in each column, relative to the column's largest entry in `a`."""
     return np.asarray(np.abs(a - b).max(axis=0) / np.maximum(np.abs(a).max(axis=0), 1e-300))

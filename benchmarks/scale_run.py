@@ -1,7 +1,7 @@
-"""One run of `benchmarks.scale`: the reference boom's reduced model from its mesh on; prints a JSON line.
+"""One run of `benchmarks.scale`: reduce the reference boom from its mesh on; print a JSON line.
 
-Works under mpirun; seconds are those of the slowest rank, memory is counted on each.  Stages are timed where a run of
-pmr goes through them, so that what is measured is what a run does.
+Works under mpirun: seconds are those of the slowest rank, memory is measured on each.  Stages are functions that a run
+of pmr calls, so what is measured is what a run does.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ PLACES = 5
 
 
 def main(cells: float, file: Path | None = None) -> None:
-    """Reduce the boom meshed with `cells` (m) around the section; leave what is compared in a `file`."""
+    """Reduce the boom meshed with cells of `cells` m around the section; save its modes and tables in any `file`."""
     comm = MPI.COMM_WORLD
     coarse = boom(1.0)
     structure = structure_of(member_at(coarse), comm)
@@ -81,14 +81,14 @@ def main(cells: float, file: Path | None = None) -> None:
 
 
 def boom(cells: float) -> scene.Scene:
-    """The reference boom as a shell of triangles, at ten coordinates."""
+    """Scene of the reference boom as a shell of triangles, with ten coordinates."""
     return scene.load(SCENE, [f"mesh.size={cells}", f"mesh.along={2.0 * cells}"])
 
 
 class Timer:
-    """Wall seconds of stages on the slowest rank, processor seconds and, at their ends, peak memory in MB of each.
+    """Wall seconds of stages on the slowest rank, and processor seconds and peak memory in MB on each.
 
-    What a stage calls that is one of its own does not count for it.
+    What an inner stage takes is not counted for the outer one.
     """
 
     def __init__(self, comm: MPI.Comm) -> None:
@@ -98,10 +98,11 @@ class Timer:
         self._peak = 0.0
 
     def of(self, stage: str, called: Callable[..., Any]) -> Callable[..., Any]:
-        """What is called, timed; collective.  Stages called several times add up."""
+        """Wrap a function so that its calls are timed as `stage`, and added up; the wrapped function is collective."""
 
         @functools.wraps(called, updated=())
         def timed(*arguments: Any, **named: Any) -> Any:
+            """Call the function and add up what it takes; collective."""
             self._comm.Barrier()
             self._inner.append(np.zeros(self._comm.size + 1))
             begin, before = time.perf_counter(), time.process_time()
@@ -120,13 +121,16 @@ class Timer:
         return timed
 
     def peak(self) -> list[float]:
-        """Peak memory in MB of each rank; collective.  Linux counts pages in batches: what it tells may fall."""
+        """Peak memory in MB of each rank; collective.
+
+        The largest value read so far is returned, as Linux counts pages in batches and its value may fall.
+        """
         self._peak = max(self._peak, peak_memory())
         return self._comm.allgather(self._peak)
 
 
 def leave(reduction: Reduction, file: Path) -> None:
-    """Modes, frequencies and values of the tables in a file, by rank 0; collective."""
+    """Save modes, frequencies and values of the tables in a file, by rank 0; collective."""
     model, body, flexibility = reduction.built[ALONE].model, reduction.bodies[ALONE], reduction.reduced.flexibility
     shares = model.comm.gather(body.V, root=0)
     if shares is None:
@@ -136,13 +140,13 @@ def leave(reduction: Reduction, file: Path) -> None:
 
 
 def values(flexibility: Flexibility) -> dict[str, Array]:
-    """Values (places, c) of all tables; the columns are what has a unit and a size in common."""
+    """Values (p, c) of all tables at p positions, a column for each input, output or kind."""
     breaks = flexibility.rows.x
     share = (np.arange(PLACES) + 0.5) / PLACES
     s = (breaks[:-1, None] + np.diff(breaks)[:, None] * share).ravel()
 
     def along(table: PPoly, kept: int | None = None) -> Array:
-        """Table (m, c) at all places; one column for each of the axis `kept`, or one for all."""
+        """Values of a table (m, c) at all positions; a column for each index of the axis `kept`, or one for all."""
         found = evaluate(table, s)
         return found.reshape(-1, 1) if kept is None else np.moveaxis(found, kept, -1).reshape(-1, found.shape[kept])
 

@@ -1,4 +1,7 @@
-"""A step of the crane, and of a body alone, with second order and without: ``python -m benchmarks.second_order``."""
+"""Time of a step with second order and without, of the crane and of a body alone.
+
+``python -m benchmarks.second_order`` prints a line for each.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ TIMES = 5
 
 
 def measure(scene: Path, changes: Sequence[str]) -> tuple[float, float]:
-    """Seconds of a step, and how many times faster than real time it is."""
+    """Seconds of a step of a scene with these settings, and its speed as a multiple of real time."""
     asked = scenes.load_any(scene, tuple(changes))
     system = pmr.reduce(asked).system
     excitation = excitation_in(asked, system)
@@ -32,7 +35,7 @@ def measure(scene: Path, changes: Sequence[str]) -> tuple[float, float]:
 
 
 def main() -> None:
-    """Print a line for each, and the ratio of its step to the first one's."""
+    """Print a line for each case, with the ratio of its time to that of the first order."""
     orders = {f"{order} order": f"frame.second_order={on}" for order, on in (("first", "false"), ("second", "true"))}
     more = tuple(f"sections.{k}.reduction.coordinates=10" for k in (1, 2))
     alone = {f"{order} order": LUFFING.format(on) for order, on in (("first", "false"), ("second", "true"))}

@@ -1,4 +1,4 @@
-"""Times of several ways to do the same, taken in turn, so that a busy machine hits all alike; memory of a process."""
+"""Times of several functions, called in turn so that a busy machine slows all alike; and memory of a process."""
 
 from __future__ import annotations
 
@@ -25,23 +25,25 @@ class Times:
 
     @property
     def least(self) -> float:
+        """Least of all repeats in s."""
         return min(self.seconds)
 
     @property
     def median(self) -> float:
+        """Median of all repeats in s."""
         return statistics.median(self.seconds)
 
     def times(self, factor: float) -> Times:
-        """All of them multiplied, where a share of the work was timed."""
+        """Multiply all times by a factor, as where only a share of the work was timed."""
         return Times(tuple(factor * seconds for seconds in self.seconds))
 
     def summary(self) -> dict[str, float | int]:
-        """For the results file."""
+        """Least and median time in s and number of repeats, for the results file."""
         return {"min": self.least, "median": self.median, "repeats": len(self.seconds)}
 
 
 def side_by_side(ways: Mapping[str, Way], repeats: int = 5) -> dict[str, Times]:
-    """Times of all ways, one after the other in each of the repeats."""
+    """Times of all `ways`, called one after the other in each repeat."""
     taken: dict[str, list[float]] = {name: [] for name in ways}
     for _ in range(repeats):
         for name, way in ways.items():
@@ -57,7 +59,10 @@ def exponent(x: Array, y: Array) -> float:
 
 
 def peak_memory() -> float:
-    """Peak memory of this process, MB; getrusage's would be that of the process that started it, if this was larger."""
+    """Peak memory of this process in MB.
+
+    It is not read from getrusage, whose value may be that of the process which started this one.
+    """
     found = re.search(r"VmHWM:\s*(\d+) kB", Path("/proc/self/status").read_text())
     assert found is not None
     return int(found[1]) / 1024.0

@@ -1,6 +1,6 @@
-"""What people wait for, beside what was asked and what it was before: commands, steps, a shell, the manual, the tests.
+"""Times that users wait for, beside required and former ones: commands, steps, a shell, the manual, the tests.
 
-One row more is one entry of `ROWS`: its name, what was asked, what was before, and a function that takes it.
+A further row is a further entry of `ROWS`: name, required value, former value, and a function that measures it.
 """
 
 from __future__ import annotations
@@ -30,45 +30,45 @@ CELLS, BOUNDS = 0.0438, Bounds(3600.0, 20.0 * 2**30)
 
 @dataclass(frozen=True)
 class Taken:
-    """Seconds of the processor, those of wall time, and bytes of memory at most, where these were looked at."""
+    """Processor and wall time in s and, if it was measured, peak memory in B."""
 
     seconds: float
     wall: float
     memory: float = 0.0
 
     def less(self, other: Taken) -> Taken:
-        """What this takes more than another."""
+        """Times of this one minus those of another."""
         return Taken(self.seconds - other.seconds, self.wall - other.wall)
 
     def least(self, other: Taken) -> Taken:
-        """The smaller figures of two."""
+        """Smaller values of both."""
         return Taken(*(min(pair) for pair in zip(astuple(self), astuple(other), strict=True)))
 
 
 @dataclass
 class Place:
-    """A folder with caches of its own, in which commands of a checkout run one after the other."""
+    """Folder with caches of its own, in which commands of one checkout run one after the other."""
 
     folder: Path
     interpreter: str = sys.executable
     taken: dict[str, Taken] = field(default_factory=dict)  # what they took, by the row's name
 
     def pmr(self, *arguments: str) -> Taken:
-        """A command of pmr."""
+        """Run a command of pmr in the folder and return what it takes."""
         variables = {"OMP_NUM_THREADS": "1"}
         variables["ZIG_GLOBAL_CACHE_DIR"] = str(self.folder / "zig")
         variables["PYTHONDONTWRITEBYTECODE"] = ""  # modules stay compiled from one command to the next, as for any user
         return taken_by(self.folder, variables, self.interpreter, "-m", "pmr", *arguments)
 
     def python(self, code: str) -> Any:
-        """What a program of Python prints as JSON, in a process of its own."""
+        """Run a program in Python in the folder, and return the value of the last line that it prints as JSON."""
         done = subprocess.run(
             [self.interpreter, "-c", code], cwd=self.folder, capture_output=True, text=True, check=True
         )
         return json.loads(done.stdout.splitlines()[-1])
 
     def least(self, row: Row) -> Taken:
-        """What a row took here at least until now, this time included."""
+        """Measure a row once more, and return the least that it has taken in this folder."""
         taken = row.take(self)
         self.taken[row.name] = taken.least(self.taken.get(row.name, taken))
         return self.taken[row.name]
@@ -76,7 +76,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Row:
-    """What is waited for: wall time in s, the processor's in s, memory in B, or a ratio."""
+    """Measurement with its required and its former value: wall or processor time in s, memory in B, or a ratio."""
 
     name: str
     asked: float
@@ -89,22 +89,22 @@ class Row:
     command: bool = False  # an earlier checkout takes it too
 
     def figure(self, taken: Taken) -> float:
-        """The figure that is asked for."""
+        """Value that the requirement is about."""
         return {"wall": taken.wall, "memory": taken.memory}.get(self.kind, taken.seconds)
 
 
 def run(*arguments: str) -> Callable[[Place], Taken]:
-    """``pmr`` with these arguments."""
+    """Function that runs ``pmr`` with these arguments in a place."""
     return lambda place: place.pmr(*arguments)
 
 
 def tolerance(place: Place) -> Taken:
-    """What the search itself takes."""
+    """What the search for a tolerance takes: a run with it, less the run without it."""
     return place.pmr("run", "mine", "--tolerance", "1%").less(place.taken[f"{MINE}, later"])
 
 
 def report(place: Place) -> Taken:
-    """The report of a run that is there, in a process in which all modules are loaded."""
+    """What the report of a run takes in a process in which all modules are loaded."""
     found = place.python(REPORT)
     return Taken(found["seconds"], found["wall"])
 
@@ -123,7 +123,7 @@ print(json.dumps({"wall": time.perf_counter() - begun, "seconds": time.process_t
 
 
 def exudyn(_: Place) -> Taken:
-    """Exudyn's own seconds for three sections on pads that push, in the parts of a step that march took."""
+    """What Exudyn takes for three sections on pads that push, with the same parts of steps as march."""
     from pmr import load_scene
     from pmr.pipeline import reduce
     from pmr.simulation import Excitation, contact_step, exudyn
@@ -137,17 +137,17 @@ def exudyn(_: Place) -> Taken:
 
 
 def step(place: Place) -> Taken:
-    """A step of 1 ms of the FMU of `pmr new boom`, called from C, all inputs set and all displacements read."""
+    """What a step of 1 ms of the FMU of `pmr new boom` takes, called from C, with inputs set and outputs read."""
     scene = place.folder / "mine" / "scene.toml"
     (found,) = fmu.measure(REPEATS, cases={"boom": str(scene)})["seconds"].values()
     return Taken(found["min"], found["min"])
 
 
 def seven_sections(_: Place) -> Taken:
-    """Ten seconds of a boom of seven sections, and how many times as long they are as those of three.
+    """Processor time in s of a boom of seven sections for ten seconds (`wall`), and its ratio to three (`seconds`).
 
-    A joint takes a, and the two on one section b besides, which makes (6 a + 5 b) / (2 a + b), 5 at most; 9 if the time
-    grew with the square of the joints.
+    With a for a joint and b for two joints on one section, the ratio is (6 a + 5 b) / (2 a + b), 5 at most; it would be
+    9 if the time grew with the square of the joints.
     """
     ways = [growth.step(growth.boom(count)) for count in (3, 7)]
     times = [[way() for way in ways] for _ in range(REPEATS + 1)][1:]  # compiled or loaded in the first
@@ -156,7 +156,7 @@ def seven_sections(_: Place) -> Taken:
 
 
 def shell(place: Place) -> Taken:
-    """The reduction of the shell boom, with its estimate's modes."""
+    """What the reduction of the shell boom takes, with the modes of its estimate; measured once for each place."""
     if SHELL not in place.taken:
         found = record_of("benchmarks.scale_run", [str(CELLS)], 1, BOUNDS)
         memory = 2.0**20 * (sum(found["peak_MB"]) - sum(found["loaded_MB"]))
@@ -165,7 +165,7 @@ def shell(place: Place) -> Taken:
 
 
 def make(target: str) -> Callable[[Place], Taken]:
-    """A target of the Makefile, with everything set up."""
+    """Function that runs a target of the Makefile."""
     return lambda _: taken_by(ROOT, {}, "make", "-s", target)
 
 
@@ -197,10 +197,10 @@ ROWS = (
 
 
 def measure(long: bool = False, earlier: Path | None = None) -> dict[str, dict[str, Any]]:
-    """What each takes, beside what was asked and what was before; commands in turn with those of an earlier checkout.
+    """Measure all rows, by name, beside their required and former values; long ones only if `long`.
 
-    That checkout has an environment of its own in ``.venv``.  How much quicker this one is than that does not depend on
-    the machine, which may be slower than the one on which the figures before were measured.
+    Commands run in turn with those of the checkout `earlier`, which has an environment of its own in ``.venv``.  The
+    gain over that checkout does not depend on the machine, which may be slower than the one of the former values.
     """
     with tempfile.TemporaryDirectory() as here, tempfile.TemporaryDirectory() as there:
         places, found = [Place(Path(here))], dict[str, dict[str, Any]]()
@@ -221,24 +221,25 @@ def measure(long: bool = False, earlier: Path | None = None) -> dict[str, dict[s
 
 
 def allowed(one: Mapping[str, Any]) -> float:
-    """What was asked, on this machine: times what the earlier checkout takes here over what it took there."""
+    """Required value on this machine: the required one times the earlier checkout's time here over its former time."""
     return float(one["asked"] * (one["earlier"] / one["before"] if one.get("earlier") else 1.0))
 
 
 def timed(work: Callable[[], object]) -> Taken:
-    """Some work of this process."""
+    """Measure some work in this process."""
     begun, before = time.perf_counter(), time.process_time()
     work()
     return Taken(time.process_time() - before, time.perf_counter() - begun)
 
 
 def taken_by(folder: Path, variables: dict[str, str], *command: str) -> Taken:
-    """A command and the processes that it waits for; raises where it fails."""
+    """Run a command in a folder and measure it and the processes it waits for; raise if it fails."""
     begun, before = time.perf_counter(), _of_children()
     subprocess.run(list(command), cwd=folder, env=os.environ | variables, capture_output=True, check=True)
     return Taken(_of_children() - before, time.perf_counter() - begun)
 
 
 def _of_children() -> float:
+    """Processor time in s of all ended child processes."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime

@@ -1,11 +1,11 @@
-"""Beams beside shells of the same boxes: twenty random ones, of one to three sections.
+"""Compare beams with shells of the same boxes: twenty random ones, of one to three sections.
 
-``python -m benchmarks.walls [FIRST [LAST]]`` prints what beams are off by over a whole run, with walls that give way
-and with rigid ones: along the bodies, at the tip, in the forces of pads, in the largest displacement and in the two
-lowest frequencies on the way.  In brackets is what ``budget.model`` of a run says where nothing is asked, over that.
+``python -m benchmarks.walls [FIRST [LAST]]`` prints errors of beams over a whole run, with walls that give way and with
+rigid ones: along the bodies, at the tip, in the forces of pads, in the largest displacement and in the two lowest
+frequencies along the path.  In brackets is the estimate of ``budget.model``, over that error.
 
 ``python -m benchmarks.walls auto [FIRST [LAST]]`` runs the boxes with ``model = "auto"`` and its tolerance of 5 %, and
-prints what each run took, what it states and how far off it is.
+prints which models each run tried, its estimate and its error.
 """
 
 from __future__ import annotations
@@ -45,12 +45,16 @@ BODIES = {GIVES: {"model": "beam3d", "walls": "give"}, "walls rigid": {"model": 
 
 
 def random_box(seed: int, body: dict[str, Any]) -> Scene:
-    """Ten of twenty have one section, six two, four three; pads sit anywhere across the faces, each face by itself."""
+    """Scene of a random box boom: seeds below 10 have one section, below 16 two, others three.
+
+    Pads sit anywhere across the faces, on each face independently; `body` holds the keys of the structural model.
+    """
     rng = np.random.default_rng(DRAWN + seed)
     return _one(rng, body) if seed < 10 else _several(rng, 2 if seed < 16 else 3, body)
 
 
 def _one(rng: np.random.Generator, body: dict[str, Any]) -> Scene:
+    """Scene of one section that slides through two rings of pads."""
     box = _box(rng)
     length = box["length"]
     low, high = float(rng.uniform(0.2, 0.35)) * length, float(rng.uniform(0.5, 0.7)) * length
@@ -73,6 +77,7 @@ def _one(rng: np.random.Generator, body: dict[str, Any]) -> Scene:
 
 
 def _several(rng: np.random.Generator, count: int, body: dict[str, Any]) -> Scene:
+    """Scene of `count` sections that slide in one another."""
     boxes = [_box(rng)]
     for _ in range(1, count):
         before, wall = boxes[-1], _wall(rng)
@@ -98,16 +103,18 @@ def _several(rng: np.random.Generator, count: int, body: dict[str, Any]) -> Scen
 
 
 def _box(rng: np.random.Generator) -> dict[str, float]:
+    """Random dimensions of a box in m."""
     sizes = {"length": rng.uniform(4.0, 8.0), "width": rng.uniform(0.25, 0.5), "height": rng.uniform(0.3, 0.6)}
     return {key: float(value) for key, value in sizes.items()} | {"wall": _wall(rng)}
 
 
 def _wall(rng: np.random.Generator) -> float:
+    """Random thickness of a wall in m."""
     return float(rng.uniform(0.004, 0.012))
 
 
 def _ring(rng: np.random.Generator, boxes: list[dict[str, float]]) -> dict[str, Any]:
-    """One pad or two on each face, anywhere across the face of the smallest of the boxes."""
+    """Keys of a random ring: one pad or two on each face, anywhere across the face of the smallest of the boxes."""
     width, faces = float(rng.uniform(0.05, 0.09)), {}
     for face, side in ALONG.items():
         room = min(box[side] for box in boxes) / 2.0 - width / 2.0
@@ -126,19 +133,23 @@ def _ring(rng: np.random.Generator, boxes: list[dict[str, float]]) -> dict[str, 
 
 
 def _joint_ring(rng: np.random.Generator, boxes: list[dict[str, float]]) -> dict[str, Any]:
+    """Keys of a random ring between two sections; its pads hold both ways."""
     return {"at": 0.2 + float(rng.uniform(0.0, 0.2)), "unilateral": False, **_ring(rng, boxes)}
 
 
 def _there_and_back(low: float, high: float) -> dict[str, Any]:
+    """Keys of a path from `low` to `high` m and back."""
     return {"kind": "smooth_ramp", "times": [0.5, 2.0, 3.5], "values": [low, high, low]}
 
 
 def _body(box: dict[str, float], body: dict[str, Any]) -> dict[str, Any]:
+    """Keys of a body's box and model, and of its mesh if that has cells."""
     uses_cells = body["model"] in ("shell", "auto") or "walls" in body
     return {"body": {"box": box, **body}, "mesh": CELLS if uses_cells else {}}
 
 
 def _carried(rng: np.random.Generator) -> dict[str, Any]:
+    """Keys of a random payload and random loads at the tip."""
     push = {"kind": "chirp", "amplitude": float(rng.uniform(500, 2000)), "times": [0.0, END], "frequencies": [0.5, 3.0]}
     gust = {"kind": "smooth_ramp", "times": [1.0, 1.5, 2.0], "values": [0.0, float(rng.uniform(200, 1000)), 0.0]}
     return {
@@ -151,6 +162,7 @@ def _carried(rng: np.random.Generator) -> dict[str, Any]:
 
 
 def _common() -> dict[str, Any]:
+    """Keys that all scenes share."""
     return {
         "gravity": {},
         "damping": {"ratio": 0.01, "frequencies": [3.0, 60.0]},
@@ -161,12 +173,12 @@ def _common() -> dict[str, Any]:
 
 
 def reduced(scene: Scene) -> System:
-    """The system of its reduced bodies."""
+    """System of the scene's reduced bodies."""
     return pmr.reduce(scene).system
 
 
 def moved(scene: Scene) -> Motion:
-    """Over the whole run, of so many modes that nothing but the model is left to be wrong."""
+    """Motion over the whole run with `MODES` modes of each section, so that only the model's own error is left."""
     parts = []
     for part in comparable_scene(scene).sections:
         reduction = part.reduction.model_copy(update={"coordinates": MODES})
@@ -176,14 +188,14 @@ def moved(scene: Scene) -> Motion:
 
 
 def off(true: Mapping[str, Any], stated: Mapping[str, Any]) -> str:
-    """What is true of each kind of output, and in brackets what is stated over that, where anything is."""
+    """List errors by kind of output, each followed in brackets by its estimate over it, if there is one."""
     known = [kind for kind in STATED if true.get(kind)]
     over = {kind: f" ({stated[kind] / true[kind]:.2f})" for kind in known if kind in stated}
     return ", ".join(f"{kind} {100.0 * true[kind]:.2f} %{over.get(kind, '')}" for kind in known)
 
 
 def auto(first: int = 0, last: int = BOXES) -> None:
-    """Print two lines a box, and of how many a run of what was chosen is within 5 % of the shell."""
+    """Print two lines for each box, and in how many the chosen model is within 5 % of the shell."""
     held = 0
     for seed in range(first, last):
         start, outcome = time.process_time(), run(random_box(seed, {"model": "auto"}))
@@ -200,7 +212,7 @@ def auto(first: int = 0, last: int = BOXES) -> None:
 
 
 def main(first: int = 0, last: int = BOXES) -> None:
-    """Print three lines a box, and how many are within 5 %."""
+    """Print four lines for each box, and in how many beams whose walls give way are within 5 % of the shell."""
     within, held = 0, 0
     for seed in range(first, last):
         start, shell = time.process_time(), moved(random_box(seed, SHELL))

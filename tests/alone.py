@@ -1,4 +1,4 @@
-"""A body alone as what is compared takes it: the system of one, by its name."""
+"""Functions of `pmr.compare` for a body alone, which they take as the system of one body."""
 
 from __future__ import annotations
 
@@ -16,18 +16,21 @@ from pmr.system.system import System
 
 
 def estimate(model: ReducedModel, excitation: Excitation) -> estimates.Estimate:
+    """Estimate the error of a reduced model of a body alone."""
     return estimates.estimate({ALONE: model}, System.of(model), excitation)
 
 
 def step_error(body: SlidingBody, excitation: Excitation) -> steps.StepError:
+    """Measure the error of the time step for a body alone."""
     return steps.step_error(System.of(body), excitation)
 
 
 def outputs(body: SlidingBody, excitation: Excitation, every: int = 1) -> Outputs:
-    """From rest, at each `every`-th step."""
+    """Outputs of a body alone from rest, at each `every`-th step."""
     system = System.of(body)
     return outputs_of_run(system, run_from_start(system, excitation), excitation, every)
 
 
 def trials(model: ReducedModel, excitation: Excitation, kinds: Sequence[str] = ("beam", "tip")) -> Trials:
+    """Trials of coordinates for a body alone, judged by errors of these kinds."""
     return Trials({ALONE: model}, lambda models: System.of(models[ALONE]), excitation, kinds)

@@ -1,6 +1,6 @@
-"""A soft beam clamped to a hub, which is hinged to a cart: as a reduced model, and as ANCF cables of Exudyn in a plane.
+"""Soft beam clamped to a hub that is hinged to a cart, in three models: ANCF cables, a reduced body, and a machine.
 
-The plane is that of X and Z; angles turn X towards Z.
+All move in the plane of X and Z; angles turn X towards Z.
 """
 
 from __future__ import annotations
@@ -55,12 +55,13 @@ KIND = exu.OutputVariableType
 
 
 def _nothing(t: float) -> float:
+    """Zero at all times."""
     return 0.0
 
 
 @dataclass(frozen=True)
 class Hub:
-    """What carries the beam, and drives it."""
+    """Cart and hub that carry the beam, and what drives them."""
 
     young: float  # N/m^2, of the beam
     angle: float  # rad, at rest
@@ -73,7 +74,7 @@ class Hub:
 
 @dataclass(frozen=True)
 class Swing:
-    """Where cart, hub and tip are, each (T,)."""
+    """Motion of cart, hub and tip at T times, each (T,)."""
 
     cart: Array  # m
     angle: Array  # rad, of the hub
@@ -81,7 +82,7 @@ class Swing:
 
 
 def as_cable(hub: Hub, scene: Scene) -> Swing:
-    """Of ANCF elements that stretch as the beam does, with the scene's weight and steps."""
+    """Simulate ANCF cables of Exudyn that stretch as the beam does, with the scene's weight and steps."""
     container = exu.SystemContainer()
     mbs = container.AddSystem()
     beam = Beam(LENGTH, hub.young * AREA, hub.young * SECOND_MOMENT, DENSITY * AREA, 0.0, 0.0)
@@ -116,7 +117,7 @@ def as_cable(hub: Hub, scene: Scene) -> Swing:
 
 
 def as_reduced(hub: Hub, scene: Scene) -> Swing:
-    """Of the scene's beam on rigid bodies of Exudyn's own, in space."""
+    """Simulate the scene's reduced beam on rigid bodies of Exudyn, in space."""
     system, excitation = system_of(scene, {ALONE: pmr.reduce(scene).reduced}), Excitation.of(scene)
     container = exu.SystemContainer()
     mbs = container.AddSystem()
@@ -142,7 +143,7 @@ def as_reduced(hub: Hub, scene: Scene) -> Swing:
 
 
 def as_machine(hub: Hub, scene: Scene) -> Swing:
-    """Of the scene's beam on a machine that moves by itself, which is cart and hub in one."""
+    """Simulate the scene's reduced beam by pmr on a machine that is cart and hub in one."""
     t, axis = scene.time.step * np.arange(scene.time.steps + 1), ["ry"] if hub.cart is None else ["x", "ry"]
     push, torque = (Table(times=t, values=[of(at) for at in t]) for of in (hub.push, lambda at: -hub.torque(at)))
     machine = Machine.model_validate(
@@ -156,12 +157,12 @@ def as_machine(hub: Hub, scene: Scene) -> Swing:
 
 
 def scene_of(hub: Hub, *changes: str) -> Scene:
-    """The file's, with the hub's beam."""
+    """Load the scene with the hub's beam and further settings."""
     return pmr.load_scene(FILE, [f"sections.beam.body.material.young={hub.young}", *changes])
 
 
 def _solved(mbs: exu.MainSystem, chosen: exu.SimulationSettings, scene: Scene, sensors: list) -> list[Array]:
-    """What the sensors stored, (T, k) each."""
+    """Assemble and solve; return what each sensor stored, (T, k)."""
     mbs.Assemble()
     chosen.solution.file.write = False
     chosen.solution.sensors.writePeriod = scene.time.step

@@ -1,4 +1,4 @@
-"""The OpenBLAS libraries of this process, and the kernel by which each of them computes."""
+"""OpenBLAS libraries that this process has loaded, and the kernels by which they compute."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ NAMES = ("openblas_get_corename", "scipy_openblas_get_corename", "scipy_openblas
 
 @dataclass(frozen=True)
 class OpenBlas:
-    """One library."""
+    """Name of a library's file and of its kernel, such as ``Haswell``."""
 
     name: str
     kernel: str
 
 
 def loaded() -> list[OpenBlas]:
-    """Those that have been loaded so far; none where BLAS is another one."""
+    """OpenBLAS libraries that are loaded so far; empty if BLAS is another library."""
     maps = Path("/proc/self/maps")
     mapped = {line.split()[-1] for line in maps.read_text().splitlines()} if maps.exists() else set()
     files = (Path(file) for file in sorted(mapped) if re.search(r"/lib[^/]*(openblas|lapack|blas)[^/]*\.so", file))
@@ -29,6 +29,7 @@ def loaded() -> list[OpenBlas]:
 
 
 def _kernel(library: ctypes.CDLL) -> str:
+    """Name of a library's kernel; empty if it is no OpenBLAS."""
     for name in NAMES:
         if hasattr(library, name):
             function = getattr(library, name)

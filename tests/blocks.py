@@ -12,7 +12,11 @@ KUHN = [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0
 
 
 def block(kind: str, n: tuple[int, int, int], size: tuple[float, float, float]) -> NamedMesh:
-    """Cells of a block from the origin; faces ``tail``, ``tip`` across x, ``bottom``, ``top`` across z."""
+    """Mesh of a block from the origin, with `n` cells and `size` m along x, y, z, of one of the kinds in `BLOCKS`.
+
+    Its named faces are ``tail`` and ``tip`` at the ends of x, ``bottom`` and ``top`` at those of z; ``all`` are its
+    cells.
+    """
     axes = [np.linspace(0.0, length, count + 1) for length, count in zip(size, n, strict=True)]
     points = np.stack([g.ravel() for g in np.meshgrid(*axes, indexing="ij")], axis=1)
     number = np.arange(len(points)).reshape([count + 1 for count in n])

@@ -1,4 +1,4 @@
-"""Results in space made from formulas on a coarse box: every number in a report is known beforehand."""
+"""Results in space that formulas give on a coarse box, so every number of a report is known beforehand."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ SCENE: dict[str, Any] = {
 
 @pytest.fixture(scope="session")
 def make_space() -> MakeSpace:
-    """A result with chosen responses, summary, fields and keys of the scene."""
+    """Function that builds a result with chosen responses, summary, fields and keys of the scene."""
 
     def make(
         responses: Sequence[str] = ("full", "reduced"),
@@ -64,6 +64,7 @@ def make_space() -> MakeSpace:
         stress: Sequence[str] = ("full", "reduced"),
         **sections: Any,
     ) -> RunResult:
+        """Build a result; `sections` are further keys of the scene."""
         scene = Scene.model_validate(SCENE | sections)
         t = np.arange(STEPS + 1) * 1e-3
         s = np.linspace(1.5, 4.0, 7)
@@ -90,6 +91,7 @@ def make_space() -> MakeSpace:
 
 
 def _response(name: str, t: np.ndarray, directions: int, forces: int) -> Response:
+    """Response of a model at the times t (T,), in one or two directions, with so many forces."""
     size = {"full": 1.0, "reduced": 1.001}[name]
     x = np.linspace(0.2, 5.8, STATIONS)
     along = np.stack([0.003 * np.sin(12.0 * t), 0.008 * np.cos(9.0 * t)][-directions:], axis=1) * size
@@ -110,7 +112,7 @@ def _response(name: str, t: np.ndarray, directions: int, forces: int) -> Respons
 
 @pytest.fixture(scope="session")
 def boom(make_space: MakeSpace) -> RunResult:
-    """A boom as a shell, without fields."""
+    """Result of a boom as a shell, without fields."""
     return make_space()
 
 
@@ -120,9 +122,13 @@ SECTIONS, TIMES = 7, 21
 
 @pytest.fixture(scope="session")
 def make_fields() -> Callable[[str], Fields]:
-    """A tube of 6 m x 0.3 m x 0.4 m bent downwards over a second; a cell's stress rises towards x = 0."""
+    """Function that builds fields of a tube of 6 m x 0.3 m x 0.4 m that is bent downwards within a second.
+
+    The stress of a cell rises towards x = 0.
+    """
 
     def make(kind: str) -> Fields:
+        """Build fields on cells of this kind."""
         x, t = np.linspace(0.0, 6.0, SECTIONS), np.linspace(0.0, 1.0, TIMES)
         section, k = np.arange(SECTIONS - 1), np.arange(4)
         if kind == "line":

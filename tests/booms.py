@@ -1,4 +1,4 @@
-"""The reference boom of workflows/boom.toml on any model."""
+"""Reference boom of workflows/boom_beam.toml with any structural model."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ WORKFLOWS = Path(__file__).parents[1] / "workflows"
 
 @dataclass(frozen=True)
 class Boom:
-    """The reference boom on any model, and what moves it."""
+    """Structure of the reference boom, and the excitation that moves it."""
 
     structure: Structure
     excitation: Excitation
 
 
 def boom(model: StructuralModel, span: float = 10.0, overrides: Sequence[str] = ()) -> Boom:
+    """Build the reference boom with a structural model, over `span` s, with further settings of its scene."""
     scene = scenes.load(WORKFLOWS / "boom_beam.toml", [f"time.end={span}", *overrides])
     return Boom(replace(structure_of(member_at(scene)), model=model), Excitation.of(scene))

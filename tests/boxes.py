@@ -1,4 +1,4 @@
-"""Small box booms as triangles, with the groups that a boom has: four walls, tail and tip."""
+"""Meshes of small box booms as shells and solids, with the groups that a boom has: walls, tail and tip."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ WALLS = ("bottom", "left", "top", "right")
 
 
 def box(length: float = 2.0, along: int = 8, around: int = 2, skew: float = 0.0) -> NamedMesh:
-    """Rectangles cut by one diagonal, `around` of them a wall; `skew` shifts inner nodes along x by that share."""
+    """Mesh of a box as rectangles that one diagonal cuts, `along` of them along it and `around` on each wall.
+
+    `skew` shifts inner nodes along x by up to this share of a cell.
+    """
     y, z = WIDTH / 2.0, HEIGHT / 2.0
     corners = np.array([(-y, -z), (y, -z), (y, z), (-y, z), (-y, -z)])
     share = np.arange(around)[:, None] / around
@@ -35,7 +38,7 @@ def box(length: float = 2.0, along: int = 8, around: int = 2, skew: float = 0.0)
 
 
 def block(length: float = 2.0, along: int = 8) -> NamedMesh:
-    """A solid beam of the same outer dimensions as hexahedra, two by two over its section; the same groups."""
+    """Mesh of a solid beam with the same outer dimensions and groups, as hexahedra, two by two over its section."""
     n = (along, 2, 2)
     points = np.stack(
         np.meshgrid(

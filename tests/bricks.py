@@ -1,4 +1,4 @@
-"""A bar of trilinear bricks as another program would hand it over: matrices on nodes, assembled by NumPy alone."""
+"""Bar of trilinear bricks as another program would hand it over: matrices on nodes, assembled by NumPy alone."""
 
 from __future__ import annotations
 
@@ -56,7 +56,10 @@ _CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 
 def bricks(counts: tuple[int, int, int], size: tuple[float, float, float]) -> GivenMatrices:
-    """So many cells along x, y and z of a bar of this size in m, whose axis is x from 0 on; three dofs a node."""
+    """Assemble a bar of `counts` cells and `size` m along x, y, z, with three coordinates a node.
+
+    Its axis is x, from 0 on.
+    """
     grids = np.indices([n + 1 for n in counts]).reshape(3, -1).T
     points = grids / counts * size - [0.0, size[1] / 2.0, size[2] / 2.0]
     number = np.arange(len(points)).reshape([n + 1 for n in counts])
@@ -77,14 +80,14 @@ def bricks(counts: tuple[int, int, int], size: tuple[float, float, float]) -> Gi
 
 
 def on_pads(folder: Path) -> Path:
-    """A scene of a bar of 20 x 3 x 3 bricks that slides through pads."""
+    """Write a scene of a bar of 20 x 3 x 3 bricks that slides through pads into a folder, and return its path."""
     bricks((20, 3, 3), (2.0, 0.2, 0.3)).save(folder / "bar.npz")
     (folder / "bar.toml").write_text(_SCENE)
     return folder / "bar.toml"
 
 
 def _element(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mass and stiffness (24, 24) of one brick, by 2 x 2 x 2 points of Gauss."""
+    """Mass and stiffness (24, 24) of a brick with these edges in m, by 2 x 2 x 2 points of Gauss."""
     lame, shear = YOUNG * POISSON / (1.0 + POISSON) / (1.0 - 2.0 * POISSON), YOUNG / 2.0 / (1.0 + POISSON)
     elasticity = np.diag([2.0 * shear] * 3 + [shear] * 3)
     elasticity[:3, :3] += lame
@@ -105,7 +108,7 @@ def _element(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def lumped(given: GivenMatrices) -> GivenMatrices:
-    """The same body with a diagonal mass, in proportion to its diagonal (Hinton, Rock, Zienkiewicz, 1976)."""
+    """Make the mass matrix of a body diagonal, in proportion to its diagonal (Hinton, Rock, Zienkiewicz, 1976)."""
     diagonal = given.M.diagonal()
     for axis in range(3):
         along = given.direction == axis

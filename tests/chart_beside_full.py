@@ -1,4 +1,4 @@
-"""Loads that limits allow at random places by a reduced boom with its error bars, and by the boom of full order."""
+"""Allowed loads at random positions, by a reduced boom with error bars and by the boom of full order."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ CRANE = [
 
 @dataclass(frozen=True)
 class Beside:
-    """Loads and the reduction's part of error bars (P, l) kg, and loads of full order; the names of all limits."""
+    """Allowed loads (P, l) in kg at P positions for l limits, by both models, with the reduction's error bars."""
 
     load: Array
     error: Array
@@ -43,17 +43,17 @@ class Beside:
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """Where both models meet the limit under a load."""
+        """Where (P, l) both models reach the limit under a load."""
         return np.isfinite(self.load) & np.isfinite(self.exact)
 
     @property
     def inside(self) -> NDArray[np.bool_]:
-        """Where full order lies within the bar."""
+        """Where (P, l) the load of full order is within the error bar."""
         return np.abs(self.exact - self.load) <= self.error + 1e-6 * self.load
 
     @property
     def agreed(self) -> NDArray[np.bool_]:
-        """The same of the load that all limits allow (P,)."""
+        """Where (P,) the load of full order that all limits allow is within the error bar of the reduced model's."""
         at = np.arange(len(self.load)), np.nanargmin(self.load, axis=1)
         return np.asarray(
             np.abs(np.nanmin(self.exact, axis=1) - self.load[at]) <= self.error[at] + 1e-6 * self.load[at]
@@ -61,7 +61,7 @@ class Beside:
 
 
 def beside(scene: Scene, places: Array, limits: Sequence[Limit], up_to: float) -> Beside:
-    """At places (P, sections): extensions in m, and the luffing angle in rad."""
+    """Compute the allowed loads of both models at positions (P, k): extensions in m, then a luffing angle in rad."""
     scene = with_hook(scene)
     extensions, (count, _) = dict(zip(scene.names[1:], places.T[:-1].tolist(), strict=True)), places.shape
     at = {"extensions": extensions, "luffing": places[:, -1].tolist(), "slewing": [0.0] * count}
@@ -82,7 +82,7 @@ def beside(scene: Scene, places: Array, limits: Sequence[Limit], up_to: float) -
 
 
 def at_rest(scene: Scene, luffing: list[float], extensions: dict[str, list[float]] | None = None) -> Postures:
-    """Where it stands, by the reduced model."""
+    """Equilibria of the reduced model at luffing angles in rad and extensions in m, by section."""
     found = arrays_at_rest(scene, luffing, extensions)
     return npz.record(Postures, {n.removeprefix("reduced."): a for n, a in found.items() if n.startswith("reduced.")})
 
@@ -90,7 +90,7 @@ def at_rest(scene: Scene, luffing: list[float], extensions: dict[str, list[float
 def arrays_at_rest(
     scene: Scene, luffing: list[float], extensions: dict[str, list[float]] | None = None
 ) -> Mapping[str, NDArray[Any]]:
-    """The same with what turns it, as the task leaves them."""
+    """Arrays of the equilibria as the study's task returns them, with those of turning."""
     at = {
         "extensions": extensions or {"slider": [3.0] * len(luffing)},
         "luffing": luffing,
@@ -103,11 +103,11 @@ def arrays_at_rest(
 
 
 def random_places(seed: int, count: int = 20, least: float = 0.7, most: float = 4.5, raised: float = 1.3) -> Array:
-    """Of a boom of three sections, independent in all three."""
+    """Random positions (count, 3) of a boom of three sections: two extensions in m and a luffing angle in rad."""
     rng = np.random.default_rng(seed)
     return np.column_stack([rng.uniform(least, most, (count, 2)), rng.uniform(0.0, raised, count)])
 
 
 def crane(*more: str) -> Scene:
-    """That of the workflows, for a chart."""
+    """Scene of the crane as a load chart takes it, with further settings."""
     return load_any("crane", [*CRANE, *more])

@@ -1,4 +1,4 @@
-"""A machine at a place of its load chart, and the same machine as a run at rest with the load as a mass at its tip."""
+"""Compare a machine at a point of its load chart with a run at rest that has the load as a mass at its tip."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ HEIGHT = 1.5
 
 @dataclass(frozen=True)
 class Chart:
-    """Limits at one place, the loads that they allow, and their bars in kg and as shares of the limits."""
+    """Limits at one point, the loads that they allow, and error bars, in kg and (`bar`) as shares of the limits."""
 
     limits: Sequence[Limit]
     load: Array
@@ -51,6 +51,7 @@ class Chart:
 
 
 def scene_of(plain: Mapping[str, Any]) -> Scene:
+    """Validate and check a scene."""
     scene = Scene.model_validate(plain)
     check(scene)
     return scene
@@ -59,7 +60,10 @@ def scene_of(plain: Mapping[str, Any]) -> Scene:
 def chart(
     plain: Mapping[str, Any], extensions: Mapping[str, float], angle: float, wind: float, at_load: float
 ) -> Chart:
-    """Of all kinds of limits, each of which is reached at about a load in kg."""
+    """Load chart at one point with limits of all kinds, each chosen so that about `at_load` kg reaches it.
+
+    `angle` is the luffing angle in degrees, `wind` a force at the tip in N.
+    """
     scene = scene_of(plain)
     hooked = with_hook(scene)
     at = {"extensions": {name: [x] for name, x in extensions.items()}, "luffing": [np.deg2rad(angle)], "slewing": [0.0]}
@@ -110,7 +114,7 @@ def chart(
 
 @dataclass(frozen=True)
 class Run:
-    """A run at rest."""
+    """Run at rest, with `mass` kg at the tip."""
 
     scene: Scene
     system: Any
@@ -118,7 +122,7 @@ class Run:
     mass: float
 
     def value(self, limit: Limit) -> float:
-        """What a run says of the quantity that a limit is of, at its start; overturning by moments of its figures."""
+        """Value at the start of the run of the quantity that a limit is about."""
         response, first = self.response, 0
         if limit.of == "stress":
             return self._stress()
@@ -146,7 +150,7 @@ class Run:
         raise NotImplementedError(limit.of)
 
     def _stress(self) -> float:
-        """Bending, axial force and torsion at probes of beams: (s^2 + 3 t^2)^(1/2)."""
+        """Largest stress of all probes, from bending, axial force and torsion: (sum of s^2 + 3 t^2)^(1/2)."""
         probes = dict[str, list[float]]()
         for name in self.response.other_names:
             if " stress " in name:
@@ -156,20 +160,20 @@ class Run:
 
     @property
     def lifts(self) -> bool:
-        """Whether a pad that only pushes is open: frequencies and buckling of a run are those with every pad closed."""
+        """Whether a unilateral pad is open; frequencies and buckling factors of a run assume closed pads."""
         pushing = ~np.isnan(self.system.clearance)
         names = [f"force of {name}" for name, one in zip(self.system.contact_names, pushing, strict=True) if one]
         return any(not self.response.force(name, 0)[0] > 0.0 for name in names)
 
     def _support(self) -> float:
-        """Largest resultant force of a support: springs along z, a pin or a clamp along all axes."""
+        """Largest resultant force of a support: of springs along z, of a pin or a clamp along all axes."""
         springs = [abs(one) for one in self.response.of("support")[0]]
         units = dict(zip(self.response.other_names, self.response.other_units, strict=True))
         rigid = [name for name, unit in units.items() if unit == "N" and name.startswith("reaction of s0: ")]
         return float(max([*springs, np.linalg.norm([self.response.other(name)[0] for name in rigid])]))
 
     def tipping(self, limit: Limit) -> float:
-        """Share of a limit of overturning, by sums of moments of what a run says, about each edge."""
+        """Use of a limit of overturning, from the moments of the run's forces about each edge."""
         angle = np.deg2rad(float(self.scene.frame.luffing.value(0.0)))
         base = {
             key: np.deg2rad(float(one.value(0.0)))
@@ -207,22 +211,25 @@ class Run:
 
 
 def _area(polygon: Sequence[tuple[float, float]]) -> float:
+    """Twice the signed area of a polygon."""
     x, y = np.array(polygon).T
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
 def _about_y(angle: float) -> Array:
+    """Rotation matrix about y."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
 def _about_x(angle: float) -> Array:
+    """Rotation matrix about x."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
 def run(plain: Mapping[str, Any], wind: float, mass: float) -> Run:
-    """The machine with the load as a mass at its tip, where its run begins: at rest."""
+    """Simulate the machine at rest with `mass` kg at its tip and a force of the wind in N."""
     changed = copy.deepcopy(dict(plain))
     last = changed["sections"][-1]
     last["masses"] = [*last.get("masses", ()), {"name": "payload", "on": "tip", "mass": mass}]
@@ -236,7 +243,11 @@ def run(plain: Mapping[str, Any], wind: float, mass: float) -> Run:
 
 
 def beside(seed: int) -> list[tuple[str, float, float, float]]:
-    """By limit its kind, the load, how far the run's share of it is off 1, and the bar of that."""
+    """Compare a random machine's load chart with runs: a row (kind, load in kg, use - 1, bar) for each limit.
+
+    The use of a limit is that of the run under the load that the chart allows; the bar is the error bar as a share of
+    the limit.
+    """
     plain, extensions, angle = random_machine(seed)
     rng = np.random.default_rng([seed, 47])
     wind = float(rng.choice([0.0, rng.uniform(-300.0, 300.0)]))

@@ -1,4 +1,4 @@
-"""Contacts of a system that only push, at rest, by a way of the tests' own."""
+"""Forces of unilateral contacts of a system at rest, by a method that the package does not use."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from pmr.system.system import System
 
 
 def by_least_squares(system: System, x: np.ndarray, f: np.ndarray) -> np.ndarray:
-    """Forces of pads that only push, from their own quadratic problem.
+    """Forces (m,) in N of unilateral contacts with their sides at x under the loads f, from a quadratic problem.
 
-    min lambda^T A lambda / 2 - b^T lambda over lambda >= 0 and Z^T C^T lambda = Z^T B f, with A = C K^+ C^T + F and
-    the rigid motions Z; as non-negative least squares, the equilibrium of rigid motions weighing a million times more.
+    min lambda^T A lambda / 2 - b^T lambda over lambda >= 0 and Z^T C^T lambda = Z^T B f, with A = C K^+ C^T + F, b = C
+    K^+ B f - clearance and the rigid motions Z.  It is solved as non-negative least squares, where the equilibrium of
+    rigid motions weighs a million times more.
     """
     a = Assembly(system)
     rows, K = a.at(x), a.K.toarray()

@@ -1,3 +1,5 @@
+"""Fixtures that all tests share, and which tests run on several ranks, kernels of BLAS and stacks."""
+
 from __future__ import annotations
 
 import gc
@@ -48,13 +50,13 @@ FOR_RANKS, FOR_KERNELS = "pytest.mark.mpi", "pytest.mark.numerical"
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Which kernels decided the round-off."""
+    """Print which kernels of BLAS computed, as these decide the round-off."""
     found = sorted(f"{library.name} {library.kernel}" for library in blas.loaded())
     terminalreporter.write_line(f"BLAS: {', '.join(found) or 'no OpenBLAS was loaded'}")
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
-    """A rank on which a test failed ends the others, which would wait for it, after a while to say what they know."""
+    """End all ranks if a test has failed on this one, as the others would wait for it; first let them print."""
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     if RANKS == 1 or reporter is None:
         return
@@ -67,17 +69,18 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 
 def pytest_sessionstart() -> None:
-    """Nothing is garbage until all tests are read: to look for it in all that is imported takes as long as reading."""
+    """Collect no garbage until all tests are read: searching all that is imported takes as long as reading."""
     gc.disable()
 
 
 def pytest_collection_finish() -> None:
+    """Collect garbage again, but leave out what was imported so far."""
     gc.freeze()
     gc.enable()
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """What runs a part of the tests would read and import all files for the sake of a few."""
+    """Skip files without tests of the chosen mark, so that they need not be imported."""
     if not (collection_path.name.startswith("test_") and collection_path.suffix == ".py"):
         return None
     if RANKS > 1:
@@ -88,11 +91,12 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def is_numerical(file: Path) -> bool:
-    """Whether BLAS and LAPACK have a hand in what is compared there."""
+    """Whether the results of a file's tests depend on BLAS and LAPACK."""
     return file.is_relative_to(TESTS) and file.relative_to(TESTS).as_posix().startswith(NUMERICAL)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark numerical tests and those of one stack; refuse a mark that the file does not spell out."""
     for item in items:
         for mark in (FOR_RANKS, FOR_KERNELS):
             if item.get_closest_marker(mark.rpartition(".")[2]) and mark not in item.path.read_text():
@@ -107,16 +111,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(autouse=True, scope="module")
 def _what_is_loaded_stays() -> None:
-    """`free_dropped` collects garbage often, and needn't look through what earlier files have left each time."""
+    """Leave what earlier files have loaded out of garbage collection, which `free_dropped` starts often."""
     gc.collect()
     gc.freeze()
 
 
 @pytest.fixture
 def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Drawings and pictures stay empty, which take most of a page's time."""
+    """Replace drawings and pictures by empty ones; they take most of a page's time."""
 
     def empty(name: str, draw: object, caption: str, *arguments: object) -> Drawing:
+        """Build an empty drawing."""
         return Drawing(name, "<svg></svg>", caption)
 
     monkeypatch.setattr(drawing, "__code__", empty.__code__)  # many modules have the function itself
@@ -126,13 +131,13 @@ def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def undrawn(without_figures: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    """PDFs too: for tests of what stands beside them."""
+    """Replace PDFs by empty files too."""
     monkeypatch.setattr(document, "print_page", lambda text, file: file.touch())
 
 
 @pytest.fixture
 def unmeasured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[bool], None]:
-    """Called with True, `pmr run` measures neither mesh nor model beside a shell, as where there can be no cache."""
+    """Function that, called with True, keeps `pmr run` from measuring mesh and model: its cache can't be written."""
     nowhere, found = tmp_path / "no folder", os.environ["PMR_CACHE"]
     nowhere.touch()
     return lambda really: monkeypatch.setenv("PMR_CACHE", str(nowhere / "in it" if really else found))
@@ -140,9 +145,10 @@ def unmeasured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[boo
 
 @pytest.fixture(scope="session")
 def load_scene() -> Callable[..., Scene]:
-    """A scene of ``workflows/`` with overrides."""
+    """Function that loads a scene of ``workflows/`` with overrides."""
 
     def load(name: str = "paper_simple", overrides: Sequence[str] = ()) -> Scene:
+        """Load a scene of ``workflows/``."""
         return scene.load(WORKFLOWS / f"{name}.toml", overrides)
 
     return load
@@ -150,23 +156,23 @@ def load_scene() -> Callable[..., Scene]:
 
 @pytest.fixture(params=CASES)
 def case(request: pytest.FixtureRequest) -> Case:
-    """The paper's test cases."""
+    """Test case of the paper; each test runs with all of them."""
     return CASES[request.param]
 
 
 @pytest.fixture(scope="session")
 def full() -> FullBody:
-    """The paper's full model: 50 elements, 153 coordinates."""
+    """Full model of the paper: 50 elements, 153 coordinates."""
     return full_body(elements=50)
 
 
 @pytest.fixture(scope="session")
 def reduced(full: FullBody) -> ReducedModel:
-    """The paper's reduced model: (5, 6) snapshots, 20 coordinates."""
+    """Reduced model of the paper: (5, 6) snapshots, 20 coordinates."""
     return project(full, paper_basis(full, snapshots=5, modes=6, coordinates=20))
 
 
 @pytest.fixture(scope="session")
 def rich() -> FullBody:
-    """Damping, two sliders and two inputs, sparse."""
+    """Sparse full model with damping, two sliders and two inputs."""
     return rich_body()

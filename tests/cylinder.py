@@ -1,4 +1,4 @@
-"""A pinched cylinder on rigid diaphragms by double Fourier series, in NumPy alone.
+"""Pinched cylinder on rigid diaphragms by double Fourier series, in NumPy alone.
 
 First-order shear deformation, Sanders' strains: Reddy, Mechanics of Laminated Composite Plates and Shells, 2nd ed.,
 2004, sections 8.2 and 8.3.
@@ -10,9 +10,10 @@ import numpy as np
 
 
 def pinched(kappa: float, patch: tuple[float, float], harmonics: int, E=3e6, nu=0.3, t=3.0, R=300.0, L=600.0) -> float:
-    """Mean radial displacement under two opposite unit loads, spread over patches (along x, around) in m; 0: points.
+    """Mean radial displacement in m under two opposite unit loads, spread over patches (along x, around) in m.
 
-    Under a point load a shear-flexible shell's series grows with the logarithm of `harmonics`.
+    A patch of 0 is a point, under which a shear-flexible shell's series grows with the logarithm of `harmonics`.
+    `kappa` is the shear correction factor, t the thickness, R the radius and L the length in m.
     """
     A, D, G = E * t / (1 - nu**2), E * t**3 / 12 / (1 - nu**2), E / 2 / (1 + nu)
     C = np.zeros((8, 8))

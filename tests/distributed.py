@@ -1,4 +1,4 @@
-"""Bodies of the tests' own as distributed models, the same on every rank."""
+"""Bodies of the tests as distributed models, equal on every rank."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from pmr.system.body import FullBody
 
 
 def distributed(body: FullBody, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
-    """The same model, its rows in consecutive shares."""
+    """Distribute the matrices of a body over the ranks, in consecutive shares of rows; collective."""
     first, last = share(body.size, comm)
     local = int(last - first)
 
     def matrix(A: sp.spmatrix, columns: int | None = None) -> PETSc.Mat:
+        """Distribute a matrix by rows."""
         mine = sp.csr_matrix(A)[first:last]
         result = PETSc.Mat().createAIJ(
             ((local, body.size), (PETSc.DECIDE if columns is None else columns, A.shape[1])),

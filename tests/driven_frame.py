@@ -1,4 +1,4 @@
-"""Amplitudes of a frame that moves, from its drivers: an oracle that adds up the products one by one."""
+"""Amplitudes of a frame that moves, from its drivers: an oracle that adds up all products one by one."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ Array = NDArray[np.float64]
 
 
 def find(frame: MovingFrame, drivers: Array) -> tuple[Array, Array]:
-    """Amplitudes of the inputs (i,) and of the terms (K,), from the drivers (3, n): values, rates, second rates."""
+    """Amplitudes of the inputs (i,) and of the terms (K,) from the drivers (3, n): values, rates and second rates."""
     products = frame.factors * _quantities(frame, drivers)[frame.numbers].prod(axis=1)
     values = np.add.reduceat(products, frame.first[:-1])
     return values[: len(frame.inputs)], values[len(frame.inputs) :]
 
 
 def _quantities(frame: MovingFrame, drivers: Array) -> Array:
-    """Quantities (q,) in the order of the frame's."""
+    """Values (q,) of the frame's quantities, in its order, from the drivers (3, n)."""
     at, none = dict(zip(frame.drivers, drivers.T, strict=True)), np.zeros(3)
     angles = [tuple(at.get(name, none)[:, None]) for name in ANGLES]
     turning = Turning.by(angles[0], angles[1], angles[2:] if OF_BASE[0] in frame.angles else ())

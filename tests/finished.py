@@ -1,4 +1,4 @@
-"""Studies computed in this process: the same tasks, store and tables as `pmr study`, without its workers."""
+"""Compute studies in this process, with the tasks, store and tables of `pmr study` but without its workers."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ compare.ancf_elements = 8
 
 
 def short_scene(folder: Path, base: str = "paper_evolved") -> Path:
-    """A scene file in `folder` that extends one of the paper's."""
+    """Write a scene file into `folder` that shortens and coarsens one of the paper's, and return its path."""
     file = folder / "short.toml"
     file.write_text(SHORT.format(base=WORKFLOWS / f"{base}.toml"))
     return file
 
 
 def finished(folder: Path, text: str, **changes: Any) -> StudyResults:
-    """Write a study file and compute all of it into `folder`."""
+    """Write a study file into `folder`, compute all of it there, and return its results."""
     file = folder / "study.toml"
     file.write_text(text)
     return compute(folder, files.load(file))
 
 
 def compute(folder: Path, project: Project) -> StudyResults:
-    """The tasks of a project's only study, one after the other, and its tables."""
+    """Compute the tasks of a project's only study one after the other, write its tables, and return its results."""
     (part,) = project.parts
     store, digest, results = Store(folder / "tasks"), digests(part.plan, "test"), {}
     store.prepare()

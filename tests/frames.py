@@ -1,4 +1,4 @@
-"""A straight beam in space from the textbook, in NumPy alone: element matrices, added up.
+"""Straight beam in space from the textbook, in NumPy alone: element matrices, added up.
 
 Stiffness after Przemieniecki: Theory of Matrix Structural Analysis, 1968, section 5.6; mass from the shape functions of
 the same element by Gauss quadrature, section 11.3.
@@ -12,7 +12,7 @@ GAUSS = np.polynomial.legendre.leggauss(5)
 
 
 def bending(EI: float, kGA: float | None, rhoA: float, rhoI: float, h: float) -> tuple[np.ndarray, np.ndarray]:
-    """Mass and stiffness (4, 4) of w_1, theta_1, w_2, theta_2."""
+    """Mass and stiffness (4, 4) of an element of length h for w_1, theta_1, w_2, theta_2; kGA is None without shear."""
     Phi = 0.0 if kGA is None else 12 * EI / (kGA * h**2)
     K = EI / (h**3 * (1 + Phi)) * np.array(
         [
@@ -42,7 +42,10 @@ def bending(EI: float, kGA: float | None, rhoA: float, rhoI: float, h: float) ->
 
 
 def frame_matrices(stations, section, material, shear: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Mass and stiffness (6 N, 6 N) of a chain of elements; coordinates node by node, along and about x, y, z."""
+    """Mass and stiffness (6 N, 6 N) of a chain of elements between N stations in m.
+
+    Coordinates are ordered node by node: displacements along, then rotations about x, y, z.
+    """
     E, rho, G = material.young, material.density, material.young / (2 * (1 + material.poisson))
     n = 6 * len(stations)
     M, K = np.zeros((n, n)), np.zeros((n, n))

@@ -13,7 +13,7 @@ AREA, INERTIA = 4e-4, 3e-8  # m^2, m^4 of a tube
 
 
 def stations(count: int, length: float, width: float, height: float) -> np.ndarray:
-    """Corners (4 count, 3) of a box, four at each of so many equally spaced places along x."""
+    """Corners (4 count, 3) in m of a box, four at each of `count` equally spaced stations along x."""
     x, y, z = np.meshgrid(
         np.linspace(0.0, length, count), [-width / 2, width / 2], [-height / 2, height / 2], indexing="ij"
     )
@@ -21,14 +21,14 @@ def stations(count: int, length: float, width: float, height: float) -> np.ndarr
 
 
 def groups(points: np.ndarray) -> dict[str, np.ndarray]:
-    """The ends and sides of a box."""
+    """Indices of the points at the ends and on the sides of a box, by name."""
     x, y, z = points.T
     sides = {"bottom": z == z.min(), "top": z == z.max(), "right": y == y.min(), "left": y == y.max()}
     return {"tail": x == x.min(), "tip": x == x.max(), **sides}
 
 
 def lattice(count: int = 7, length: float = 6.0, width: float = 0.5, height: float = 0.6) -> GivenMatrices:
-    """Bars between all nodes of neighbouring stations, half the mass of each at either end."""
+    """Assemble bars between all nodes of neighbouring stations, with half the mass of each bar at either end."""
     points = stations(count, length, width, height)
     K, M = np.zeros((2, 3 * len(points), 3 * len(points)))
     for i, j in pairs(count):
@@ -41,7 +41,7 @@ def lattice(count: int = 7, length: float = 6.0, width: float = 0.5, height: flo
 
 
 def frame(count: int = 7, length: float = 6.0, width: float = 0.5, height: float = 0.6) -> GivenMatrices:
-    """Beams in place of the bars, welded together: six coordinates a node."""
+    """Assemble welded beams between all nodes of neighbouring stations; six coordinates a node."""
     points = stations(count, length, width, height)
     K, M = np.zeros((2, 6 * len(points), 6 * len(points)))
     for i, j in pairs(count):
@@ -58,13 +58,13 @@ def frame(count: int = 7, length: float = 6.0, width: float = 0.5, height: float
 
 
 def pairs(count: int) -> list[tuple[int, int]]:
-    """Nodes of a station with each other and with those of the next one."""
+    """Pairs of nodes that an element joins: those of a station, and those of neighbouring stations."""
     nodes = range(4 * count)
     return [(i, j) for i, j in combinations(nodes, 2) if j // 4 - i // 4 <= 1]
 
 
 def beam(span: float) -> np.ndarray:
-    """Stiffness (12, 12) of Euler's beam along its own x axis (Przemieniecki 1968, section 5.6)."""
+    """Stiffness (12, 12) of Euler's beam of length `span` m along its own x axis (Przemieniecki 1968, section 5.6)."""
     EI = YOUNG * INERTIA
     K = np.zeros((12, 12))
     for k, stiffness in ((0, YOUNG * AREA / span), (3, SHEAR * 2.0 * INERTIA / span)):

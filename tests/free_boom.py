@@ -1,4 +1,4 @@
-"""A small boom of two sections for bases that move freely."""
+"""Small boom of two sections on a base that moves freely."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ FILE = Path(__file__).parent / "simulation" / "exudyn" / "free_boom.toml"
 
 @cache
 def scene(*changes: str) -> Scene:
-    """With keys changed."""
+    """Load the scene of the boom with changed keys."""
     return pmr.load_scene(FILE, list(changes))
 
 
 @cache
 def system(*changes: str) -> System:
-    """Its sections, reduced, with second order; all modes have inertia."""
+    """Reduce the sections, with second order and with the inertia of all modes."""
     reduced = pmr.reduce(scene(*changes)).reduced
     return with_all_inertia(system_of(scene(*changes), reduced))
 

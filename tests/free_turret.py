@@ -1,4 +1,4 @@
-"""The small boom on a rigid body in Exudyn, and what is measured of both."""
+"""Small boom on a rigid body in Exudyn, with momentum and energy of both."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ KINDS = {"EP": exu.NodeType.RotationEulerParameters, "xyz": exu.NodeType.Rotatio
 
 
 class Turret:
-    """A boom on a rigid body, and what is measured of both."""
+    """Boom on a rigid body in Exudyn, whose motion, momentum and energy can be read after `solve`."""
 
     def __init__(self, scene: Scene, kind: str = "EP", changes: tuple[str, ...] = (), **body: Any) -> None:
         self._container, self.scene, self.system = exu.SystemContainer(), scene, free_boom.system(*changes)
@@ -39,12 +39,12 @@ class Turret:
         self.rod, self.spring, self.rods = 0.0, 0.0, list[Any]()
 
     def hold(self) -> None:
-        """To the ground."""
+        """Fix the body to the ground."""
         ground = self.mbs.CreateGround()
         self.mbs.CreateGenericJoint(itemNumbers=[ground, self.body], position=[0.0, 0.0, 0.0])
 
     def draw(self, rod: float, s: float, rate: float, spring: float = 0.0) -> None:
-        """Have a rod of so many kg draw the fly out, at s m and rate m/s, on a spring in N/m relaxed at 0.55 m."""
+        """Let a rod of `rod` kg draw the fly out, from s m and `rate` m/s, on a spring in N/m relaxed at 0.55 m."""
         start = {"referenceCoordinates": [0.55], "initialCoordinates": [s - 0.55], "initialCoordinates_t": [rate]}
         node = self.mbs.AddNode(NodeGenericODE2(numberOfODE2Coordinates=1, **start))
         moved = {"massMatrix": np.array([[rod]]), "stiffnessMatrix": np.array([[spring]])}
@@ -53,12 +53,16 @@ class Turret:
         self.excitation = replace(self.excitation, paths={"fly": NodeCoordinate(node)})
 
     def add(self, start: Mapping[str, InitialState] | None = None) -> Any:
+        """Add the boom to the system, from initial states by body, and return its items."""
         loads = {name: load for name, load in self.excitation.loads.items() if INERTIA not in name}
         self.items = add_system(self.mbs, self.system, self.excitation.paths, loads, start, on=self.on)
         return self.items
 
     def solve(self, tolerance: float = 1e-10) -> None:
-        """Coordinates x of the turret and q of the boom with their rates, (T, n), and the turret's accelerations."""
+        """Simulate; store coordinates x of the turret, q of the boom, z of the rod and their rates, (T, n) each.
+
+        Accelerations x_tt are stored of the turret only.
+        """
         own, nodes = self.mbs.GetObject(self.body)["nodeNumber"], list(self.items.nBodies.values())
         of = exu.OutputVariableType
         kinds = [of.Coordinates, of.Coordinates_t, of.Coordinates_tt]
@@ -88,10 +92,11 @@ class Turret:
         self.z, self.z_t = found[3 + 2 * n :] if self.rods else (none, none)
 
     def base(self) -> Base:
+        """Equations of the boom on its base, as Exudyn's items evaluate them."""
         return Base(self.mbs, self.items.equations, self.items.inputs, self.excitation.paths, self.on)
 
     def momenta(self) -> Array:
-        """Of turret and boom about the ground's origin, (T, 6), along its axes."""
+        """Linear and angular momentum (T, 6) of turret and boom about the origin of the ground, along its axes."""
         base, found = self.base(), []
         for k, t in enumerate(self.t):
             turned, _, motion, R = base.kinematics(self.x[k], self.x_t[k])
@@ -108,7 +113,7 @@ class Turret:
         return np.array(found)
 
     def energies(self) -> Array:
-        """Kinetic and strain energy of turret and boom, and of what draws it out, (T,) J."""
+        """Kinetic and strain energy (T,) in J of turret, boom, rod and its spring."""
         base, found, equations = self.base(), [], self.items.equations
         contacts = Contacts(equations, self.items.inputs)
         for k, t in enumerate(self.t):

@@ -1,4 +1,4 @@
-"""What forces that are known at every part of every step change of a momentum, as generalized-alpha weighs them.
+"""Impulses that generalized-alpha gives forces which are known at every part of every step.
 
 Momentum changes by h ((1 - gamma) a_n + gamma a_{n+1}) with (1 - alpha_m) a_{n+1} + alpha_m a_n = (1 - alpha_f) F_{n+1}
 + alpha_f F_n, and a = F where a step begins in other parts than the one before (Arnold, Bruels: Convergence of the
@@ -17,7 +17,10 @@ Array = NDArray[np.float64]
 
 
 def impulses(stepping: TimeStepping, parts: NDArray[np.int64], fine: Array) -> Array:
-    """(T, k) N s within each step, the first one zero, of forces (., k) N at the finest parts; `parts` are (T,)."""
+    """Impulses (T, k) in N s of k forces within each step; those of the first row are zero.
+
+    `fine` are the forces (P, k) in N at the P finest parts of steps, `parts` (T,) the number of parts of each step.
+    """
     finest, a, last = int(parts.max()), fine[0], int(parts[min(1, len(parts) - 1)])
     found = np.zeros((len(parts), fine.shape[1]))
     for step, count in enumerate(parts.tolist()[1:], 1):

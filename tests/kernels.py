@@ -1,4 +1,4 @@
-"""Kernels of small systems, and what their modes are in the bodies' coordinates."""
+"""Kernels of small systems, and what their modes are in coordinates of the bodies."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ Array = NDArray[np.float64]
 
 
 def kernel_of(system: System) -> tuple[Kernel, Mapping[str, ModalForm]]:
-    """The kernel of a system, and its bodies' modal forms."""
+    """Kernel of a system, and modal forms of its bodies."""
     forms = {name: modal_form(body) for name, body in system.bodies.items()}
     return Kernel.of(system, forms), forms
 
 
 def motions_of(system: System, forms: Mapping[str, ModalForm], kernel: Kernel) -> Array:
-    """Coordinates of the assembled bodies of unit modes, (n, modes)."""
+    """Motions (n, modes) of the assembled bodies' n coordinates for a unit of each mode of the kernel."""
     assembly = Assembly(system)
     motions, first = np.zeros((assembly.size, kernel.modes)), 0
     for name, form in forms.items():
@@ -41,7 +41,7 @@ def motions_of(system: System, forms: Mapping[str, ModalForm], kernel: Kernel) -
 
 
 def coupled(system: System) -> System:
-    """With a damping that couples the modes."""
+    """Give each body of a system a damping that couples its modes."""
     bodies = {
         name: replace(body, D=body.D + 20.0 * np.ones((body.size, body.size)), rayleigh=None)
         for name, body in system.bodies.items()
@@ -50,7 +50,7 @@ def coupled(system: System) -> System:
 
 
 def varying(system: System) -> System:
-    """With a stiffness on each of two bodies and dashpots that vary in time."""
+    """Give a system terms that vary in time: a stiffness on each of two bodies, and dashpots on all."""
     dashpots = [
         Term(f"dashpot {name}", (name,), damping=np.diag(np.arange(1.0, body.size + 1.0)))
         for name, body in system.bodies.items()
@@ -59,14 +59,17 @@ def varying(system: System) -> System:
 
 
 def rubbing(system: System, stiffness: float, at_rest: float = 0.0) -> System:
-    """With pads that rub, off the axis, at rest by another coefficient; paths move by about `stribeck_speed`."""
+    """Give the contacts of a system friction at pads off the axis, with another coefficient at rest.
+
+    Paths move at about the Stribeck speed.
+    """
     how = {"friction": 0.3, "arm": 0.18, "shear_stiffness": stiffness, "static_friction": at_rest}
     rough = [replace(one, **how, stribeck_speed=0.3) for one in system.contacts]
     return replace(system, contacts=tuple(rough))
 
 
 def frame_signals(frame: MovingFrame) -> Signals:
-    """Signals of the motions of a scene's frame, in their order."""
+    """Signals of the drivers of a scene's frame, in their order."""
     scene = frame.scene
     assert scene.frame is not None
     angles = dict(zip((*OF_FRAME, *OF_BASE), (*scene.frame.angles, *scene.frame.rocking), strict=False))

@@ -1,4 +1,4 @@
-"""Text in Modelica read back."""
+"""Read arrays back from text in Modelica."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 def declared_array(text: str, name: str) -> NDArray[np.float64]:
-    """What the text declares with as many entries as it says."""
+    """Array that the text declares under a name, checked against its declared sizes."""
     sizes, values = re.findall(rf" {name}\[([\d, ]+)\](?:\([^()]*\))? =\s+([^;\"]+)", text)[0]
     shape = tuple(map(int, sizes.split(",")))
     if values.startswith("zeros("):

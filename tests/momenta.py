@@ -1,4 +1,4 @@
-"""Momentum and energy of a boom on a free base: integrals over its mass, from its moments at one moment."""
+"""Momentum and energy of a boom on a free base: integrals over its mass, from its moments at one time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 def momentum(
     of: FreeBase, motion: Motion, v: Array, extended: Extended, q: Array, rate: Array, moments: Moments | None = None
 ) -> Array:
-    """Linear and angular momentum about O (6,), with O at v (3,) m/s in the boom's axes."""
+    """Linear and angular momentum (6,) about O in the boom's axes, with O moving at v (3,) m/s."""
     at = State(of.boom, motion, extended, q, rate, moments)
     linear = of.boom.mass * v + np.cross(motion.omega, at.s) + at.s_rate
     return np.append(linear, np.cross(at.s, v) + at.inertia @ motion.omega + at.h)
@@ -23,7 +23,7 @@ def momentum(
 def kinetic(
     of: FreeBase, motion: Motion, v: Array, extended: Extended, q: Array, rate: Array, moments: Moments | None = None
 ) -> float:
-    """Kinetic energy in J but for q'^T M q' / 2."""
+    """Kinetic energy in J, without q'^T M q' / 2 of the motion relative to the boom's axes."""
     at, omega = State(of.boom, motion, extended, q, rate, moments), motion.omega
     along = sum(
         section.mass * X**2 / 2.0 + X * rates[0, 0]

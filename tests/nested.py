@@ -1,7 +1,7 @@
 """Planar booms of two to four steel boxes that slide in each other, of the project's own beams.
 
-Sections of 6 m, the first one clamped, each held in the next outer one by a pad at its own tail and one at the other's
-mouth, 0.15 m from the ends; 250 kg at the tip.
+Sections are 6 m long.  The first one is clamped; each other one is held in the next outer one by a pad at its own tail
+and a pad at the outer one's mouth, both 0.15 m from the end.  The tip carries 250 kg.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ NAMES = ("0", "1", "2", "3")
 
 @dataclass(frozen=True)
 class Nested:
-    """How a boom is built: sections, elements of each, and its pads in m/N and m."""
+    """Parameters of a boom: number of sections, elements of each, compliance (m/N) and clearance (m) of its pads."""
 
     count: int
     elements: int = 60
@@ -59,22 +59,22 @@ class Nested:
 
     @property
     def boxes(self) -> list[Box]:
-        """The sections from the base out."""
+        """Sections from the base out."""
         return [box(k, k == self.count - 1, self.elements) for k in range(self.count)]
 
 
 def full(boom: Nested) -> System:
-    """All sections in full order."""
+    """System of all sections in full order."""
     return joined(boom, [full_section(one) for one in boom.boxes])
 
 
 def reduced(boom: Nested, elastic: int) -> System:
-    """Each on so many elastic modes, and all rigid-body modes, with residual flexibility."""
+    """System of sections on `elastic` elastic modes each and all rigid-body modes, with residual flexibility."""
     return joined(boom, [reduced_section(one, elastic) for one in boom.boxes])
 
 
 def plain(boom: Nested, elastic: int) -> System:
-    """The same without residual flexibility."""
+    """System as by `reduced`, but without residual flexibility."""
     system = reduced(boom, elastic)
     bodies = [replace(body, flexibility=None, carriers=replace(body.carriers, flexibility=None))
               for body in system.bodies.values()]  # fmt: skip
@@ -82,9 +82,10 @@ def plain(boom: Nested, elastic: int) -> System:
 
 
 def with_round_off(noise: float) -> System:
-    """Two sections whose first contact gives way by round-off alone: of so many m/N, what it has in common more.
+    """System of two sections whose first contact gives way by round-off alone, of the size `noise` in m/N.
 
-    The second one gives way by 1e-9 m/N.  Without noise the first one is rigid.
+    Coefficients that it shares with other contacts are larger than its own.  The second contact gives way by 1e-9 m/N.
+    Without noise the first one is rigid.
     """
     system = reduced(Nested(2, elements=8, compliance=0.0), 3)
     bodies, random = dict[str, SlidingBody](), np.random.default_rng(3)
@@ -102,16 +103,17 @@ def with_round_off(noise: float) -> System:
 
 
 def joined(boom: Nested, bodies: Sequence[SlidingBody]) -> System:
-    """Sections that extend by the paths "1" to "3"."""
+    """Join sections that extend by the paths "1" to "3"."""
     contacts = [contact for one in joints(boom) for contact in one.contacts]
     return System(dict(zip(NAMES, bodies, strict=False)), tuple(contacts))
 
 
 def joints(boom: Nested) -> list[Joint]:
-    """One for each section but the first."""
+    """Joints of all sections but the first."""
     ways = {"": 1.0} if boom.clearance is None else {" top": 1.0, " bottom": -1.0}
 
     def pads(name: str) -> tuple[JointPad, ...]:
+        """Pads at one end: one, or with a clearance one above and one below."""
         return tuple(
             JointPad(name + way, "w", FROM_END, direction, boom.compliance, boom.clearance)
             for way, direction in ways.items()
@@ -125,7 +127,7 @@ def joints(boom: Nested) -> list[Joint]:
 
 @dataclass(frozen=True)
 class Box:
-    """A section: length, outer width and height, wall in m; material; its elements, and what stands at its ends."""
+    """Section of a boom: dimensions in m, material, elements, and what holds or loads its ends."""
 
     length: float
     width: float
@@ -139,23 +141,25 @@ class Box:
 
     @property
     def bending_stiffness(self) -> float:
+        """Bending stiffness in N m^2."""
         inner = self.width - 2.0 * self.wall, self.height - 2.0 * self.wall
         return self.E * (self.width * self.height**3 - inner[0] * inner[1] ** 3) / 12.0
 
     @property
     def mass_per_length(self) -> float:
+        """Mass per length in kg/m."""
         return self.rho * 2.0 * self.wall * (self.width + self.height - 2.0 * self.wall)
 
 
 def box(number: int, last: bool, elements: int) -> Box:
-    """A section of the steel booms."""
+    """Section number `number` of a steel boom; the last one carries the mass at the tip."""
     width, height, wall = BOXES[number]
     return Box(LENGTH, width + wall, height + wall, wall, E, RHO, elements, number == 0, TIP_MASS if last else 0.0)
 
 
 @cache
 def section(box: Box) -> FullModel:
-    """In PETSc, with the row "w", its deflection at x."""
+    """Assemble a section in PETSc, with the row "w", its deflection at x."""
     body = Profile(
         length=box.length,
         bending_stiffness=box.bending_stiffness,
@@ -190,7 +194,7 @@ def section(box: Box) -> FullModel:
 
 @cache
 def full_section(box: Box) -> FullBody:
-    """In full order."""
+    """Section in full order, with modal damping."""
     body = section(box).gather()
     assert body is not None
     form = modal_form(body)
@@ -200,7 +204,7 @@ def full_section(box: Box) -> FullBody:
 
 @cache
 def reduced_section(box: Box, elastic: int) -> ReducedModel:
-    """On its lowest modes."""
+    """Section on its lowest modes, `elastic` of them elastic, with modal damping."""
     model, count = section(box), elastic + (0 if box.clamped else 2)
     found = section_model(FreeBody(model), modal_basis(free_modes(model, count)), {}, count)
     return replace(found, D=2.0 * DAMPING * np.diag(np.sqrt(np.maximum(np.diagonal(found.K), 0.0))))

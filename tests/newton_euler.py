@@ -1,6 +1,6 @@
-"""Rigid sections of a boom that luffs, slews and slides out, as points: positions in space, differentiated in time.
+"""Rigid sections of a boom that luffs, slews and extends, as points: positions in space, differentiated in time.
 
-Shares no formula with `pmr.simulation.frame`: the axes of the boom are R = exp(psi Z) exp(-phi Y), and
+Shares no formula with `pmr.simulation.frame`.  The axes of the boom are R = exp(psi Z) exp(-phi Y), and
 
     R' = psi' Z R - phi' R Y,    R'' = psi'' Z R + psi'^2 Z Z R - 2 psi' phi' Z R Y - phi'' R Y + phi'^2 R Y Y
 """
@@ -25,14 +25,14 @@ Z = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
 
 @dataclass(frozen=True)
 class Needed:
-    """What has to act on a section at the times t: force (T, 3) and moment about the pivot (T, 3), along its axes."""
+    """Force (T, 3) in N and moment about the pivot (T, 3) in N m that have to act on a section, in the boom's axes."""
 
     force: Array
     moment: Array
 
 
 def needed(scene: Scene, number: int, t: Array) -> Needed:
-    """Of the section with that number, its attached masses included."""
+    """Force and moment that section number `number` needs at the times t (T,), its attached masses included."""
     assert scene.frame is not None and scene.gravity is not None
     luffing, slewing = scene.frame.angles
     psi, psi1, psi2 = (of(t)[:, None, None] for of in (slewing.value, slewing.rate, slewing.second_rate))
@@ -58,13 +58,13 @@ def needed(scene: Scene, number: int, t: Array) -> Needed:
 
 
 def of_masses(scene: Scene, number: int) -> tuple[float, float]:
-    """Mass in kg of a section and what it carries, and its first moment about the section's tail in kg m."""
+    """Mass in kg of a section with its attached masses, and first moment in kg m about the section's tail."""
     points = list(_points(scene, number))
     return sum(mass for _, mass in points), sum(float(mass * point[0]) for point, mass in points)
 
 
 def _points(scene: Scene, number: int) -> Iterator[tuple[Array, float]]:
-    """Places in m from the section's tail, and masses in kg, with the section's inertia about each axis."""
+    """Yield points in m from the section's tail with masses in kg that have the section's inertia about each axis."""
     part = scene.sections[number]
     assert part.body.box is not None
     section, material, length = section_of(part.body.box, 0.3), part.body.material, part.length

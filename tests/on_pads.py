@@ -1,4 +1,4 @@
-"""A planar beam between pads that only push: two under it and two above, in NumPy alone."""
+"""Planar beam between pads that only push: two below it and two above, in NumPy alone."""
 
 from __future__ import annotations
 
@@ -25,7 +25,11 @@ NAMES = ("tail bottom", "tail top", "mouth bottom", "mouth top")
 
 
 def beam_on_pads(clearance: float | None, stiffness: float = 1e6, elements: int = 10) -> FullBody:
-    """Free but for the axis; gravity in m/s^2, positive downwards, and a force at the tip; None for bilateral pads."""
+    """Full model of the beam, with its axial coordinate held; a clearance of None makes the pads bilateral.
+
+    Its inputs are gravity in m/s^2, positive downwards, and a force in N at the tip; `stiffness` in N/m is that of a
+    pad.
+    """
     plain = full_body(elements)
     mouth, nodes = slider_row(plain.output_positions), plain.output_positions
     tail = fixed_row("tail", mouth.at(TAIL), (nodes[0], nodes[-1]))
@@ -45,16 +49,17 @@ def beam_on_pads(clearance: float | None, stiffness: float = 1e6, elements: int 
 
 
 def modes_on_pads(body: FullBody, count: int) -> ReducedModel:
-    """On the lowest modes without the pads, two rigid ones among them, and without residual flexibility."""
+    """Reduce the beam to its lowest modes without pads, two rigid ones among them, without residual flexibility."""
     return replace(
         project(body, free_modes(body, count)[0]), pads=body.row_compliance[1:], clearance=body.row_clearance[1:]
     )
 
 
 def flexible_on_pads(body: FullBody, count: int) -> ReducedModel:
-    """The same with residual flexibility."""
+    """Reduce the beam to its lowest modes, with residual flexibility."""
     return replace(flexible(body, count), clearance=body.row_clearance[1:])
 
 
 def _pad(row: Row, sign: float, name: str, clearance: float | None, compliance: float) -> Row:
+    """Row of a pad: a displacement row with another sign, name, clearance and compliance."""
     return replace(row, name=name, coefficients=sign * row.coefficients, compliance=compliance, clearance=clearance)

@@ -1,4 +1,4 @@
-"""A body alone, simulated and evaluated as the system of one, with its path coordinate and all of its rows."""
+"""Simulate and evaluate a body alone, as the system of one, with its path coordinate and all of its rows."""
 
 from __future__ import annotations
 
@@ -29,12 +29,16 @@ Simulate = Callable[..., "Motion"]
 
 @dataclass(frozen=True)
 class Motion(Trajectory):
-    """With the path coordinate (T,) and multipliers of all rows, those of held coordinates among them."""
+    """Trajectory of a body alone at T times, with the path s (T,) and the multipliers of all rows.
+
+    Rows of held coordinates are among them.  `peaks` and `parts` are None unless a contact is unilateral.
+    """
 
     peaks: Array | None = None
     parts: NDArray[np.int64] | None = None
 
     def at(self, steps: Any) -> Motion:
+        """Select time steps."""
         arrays = {name: value[steps] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
         return replace(self, **arrays)
 
@@ -47,6 +51,7 @@ def simulate(
     by: Callable[..., SystemTrajectory] = systems.simulate,
     **more: Any,
 ) -> Motion:
+    """Simulate a body alone by a simulator of systems, from an initial state or from rest."""
     system, excitation = System.of(body), excitation.on_slider
     start = systems.start_of(system, excitation, None if initial is None else {ALONE: initial})
     return motion(body, by(system, excitation, start, progress, **more), excitation)
@@ -59,13 +64,14 @@ def in_exudyn(
     progress: Progress | None = None,
     formulation: str = "springs",
 ) -> Motion:
+    """Simulate a body alone in Exudyn."""
     return simulate(body, excitation, initial, progress, exudyn.simulate_system, formulation=formulation)
 
 
 def simulate_modal(
     form: ModalForm, excitation: Excitation, initial: InitialState | None = None, progress: Progress | None = None
 ) -> Motion:
-    """In modal coordinates."""
+    """Simulate a body alone in modal form."""
     alone, excitation = SystemForm.alone(form), excitation.on_slider
     start = systems.start_of(alone.system, excitation, None if initial is None else {ALONE: initial})
     return motion(form.body, systems.simulate_form(alone, excitation, start, progress), excitation)
@@ -74,11 +80,13 @@ def simulate_modal(
 def observe(
     form: ModalForm, excitation: Excitation, outputs: Sequence[int] | None = None, every: int = 1
 ) -> Observation:
+    """Simulate a body alone in modal form, and store only these outputs at each `every`-th step."""
     form.body.ensure_whole("model")
     return systems.observe(SystemForm.alone(form), excitation.on_slider, outputs, every)
 
 
 def motion(body: SlidingBody, found: SystemTrajectory, excitation: Excitation) -> Motion:
+    """Motion of a body alone from the trajectory of the system of one; forces of held rows are computed."""
     alone, contacts = found.bodies[ALONE], _contacts(body)
     multipliers, s = np.zeros((len(found.t), len(body.row_names))), excitation.along(body.domain)
     multipliers[:, contacts] = found.forces
@@ -96,6 +104,7 @@ def motion(body: SlidingBody, found: SystemTrajectory, excitation: Excitation) -
 
 
 def respond(body: SlidingBody, found: Trajectory, path_rate: Array, loads: Array) -> Response:
+    """Response of a body alone from its trajectory, the rates (T,) of its path in m/s and the loads (T, i)."""
     system, contacts = System.of(body), _contacts(body)
     forces, peaks = found.multipliers[:, contacts], getattr(found, "peaks", None)
     places = [found.s if one.inner.path else np.full_like(found.s, one.inner.at) for one in system.contacts]
@@ -117,7 +126,10 @@ def respond(body: SlidingBody, found: Trajectory, path_rate: Array, loads: Array
 
 
 def displacement(body: SlidingBody, q: Array, s: Array, multipliers: Array, loads: Array) -> Array:
-    """Outputs O q + W f - X(s) lambda, (T, o)."""
+    """Outputs O q + W f - X(s) lambda, (T, o), from q (T, n), s (T,), multipliers (T, m) and loads (T, i).
+
+    W and X(s) are the residual flexibility's; without it only O q is returned.
+    """
     result = np.asarray((body.outputs @ q.T).T)
     return (
         result if body.flexibility is None else result + springs.displacement(body.flexibility, s, multipliers, loads)
@@ -125,14 +137,15 @@ def displacement(body: SlidingBody, q: Array, s: Array, multipliers: Array, load
 
 
 def energy(body: SlidingBody, found: Trajectory, loads: Array) -> Energy:
+    """Kinetic, strain and potential energy (T,) in J of a body alone."""
     kinetic, (stored, _) = balance.half_form(body.M, found.v), energy_and_work(body, found, loads)
     return Energy(kinetic, stored - kinetic, balance.potential(body, found, loads))
 
 
 def energy_and_work(body: SlidingBody, found: Trajectory, loads: Array) -> tuple[Array, Array]:
-    """Kinetic and strain energy (T,) J, that of pads and residual part in it, and work (T,) J since t = 0.
+    """Kinetic and strain energy (T,) in J, with that of pads and residual flexibility, and work (T,) in J since t = 0.
 
-    Work of loads and of rows that move, by the means of each step, as the module of `balance` has it.
+    The work is that of loads and of rows that move, from the means over each step, as `pmr.simulation.balance` says.
     """
     q, s, forces, flexibility = found.q, found.s, found.multipliers, body.flexibility
     v, points = found.v.copy(), np.asarray(q @ body.B)
@@ -153,10 +166,11 @@ def energy_and_work(body: SlidingBody, found: Trajectory, loads: Array) -> tuple
 
 
 def states(body: SlidingBody, found: Trajectory, loads: Array) -> BodyStates:
-    """All rows are at the same place of the path."""
+    """States of a body for the recovery of stresses; all its rows are at the slider's path."""
     s = np.repeat(found.s[:, None], len(body.row_names), axis=1)
     return BodyStates(found.t, s, found.q, found.v, found.multipliers, loads, body.row_names)
 
 
 def _contacts(body: SlidingBody) -> list[int]:
+    """Numbers of the rows that do not hold a coordinate."""
     return [number for number in range(len(body.row_names)) if number not in body.held]

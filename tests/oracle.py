@@ -1,4 +1,4 @@
-"""The paper's beam, snapshots, basis and error measure in NumPy alone, and an integrator of its own."""
+"""Beam, snapshots, basis and error measure of the paper, and an integrator, in NumPy alone."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ TIP_LOAD = "F"
 
 @dataclass(frozen=True)
 class Case:
-    """A test case of the paper: slider path in m and tip load in N over 15 s."""
+    """Test case of the paper: slider path in m and tip load in N over 15 s."""
 
     path: SignalBase
     load: SignalBase
@@ -51,7 +51,7 @@ CASES = {
 
 
 def slider_row(nodes: Array, offset: float = 0.0) -> Row:
-    """w(s + offset) = 0 as the cubic Hermite interpolation between nodes of equal distance."""
+    """Row w(s + offset) = 0, with w the cubic Hermite interpolation between nodes of equal distance."""
     h = nodes[1] - nodes[0]
     shapes = np.array(  # N2, N3, N5, N6 in powers x^3 ... x^0 of the local coordinate
         [
@@ -68,7 +68,7 @@ def slider_row(nodes: Array, offset: float = 0.0) -> Row:
 
 
 def full_body(elements: int) -> FullBody:
-    """The pinned beam with one slider, a load at the tip, and the nodes' transverse displacements."""
+    """Full model of the paper's beam: pinned, with one slider, a load at the tip, and w of all nodes as outputs."""
     nodes = np.linspace(0.0, LENGTH, elements + 1)
     M, K = beam_matrices(nodes)
     n, domain = len(M), (0.0, LENGTH)
@@ -91,7 +91,7 @@ def full_body(elements: int) -> FullBody:
 
 
 def with_curvature(full: FullBody, element: int) -> FullBody:
-    """One output more, in 1/m: what a strain gauge at the end of an element measures, over its distance."""
+    """Add the curvature in 1/m at the end of an element to the outputs, as a strain gauge there would measure it."""
     h, first = full.output_positions[1], 3 * element
     row = np.zeros((1, full.size))
     row[0, [first + 1, first + 2, first + 4, first + 5]] = [6.0 / h**2, 2.0 / h, -6.0 / h**2, 4.0 / h]
@@ -106,7 +106,7 @@ def with_curvature(full: FullBody, element: int) -> FullBody:
 
 
 def rich_body() -> FullBody:
-    """Everything at once in 21 coordinates: damping, two sliders 0.8 m apart, a tip force and a moment."""
+    """Full model with damping, two sliders 0.8 m apart, a tip force and a moment, in 21 coordinates."""
     plain = full_body(elements=6)
     B = np.zeros((plain.size, 2))
     B[-2, 0] = B[11, 1] = 1.0  # force at the tip, moment in the middle
@@ -122,7 +122,7 @@ def rich_body() -> FullBody:
 
 
 def paper_basis(full: FullBody, snapshots: int, modes: int, coordinates: int) -> Array:
-    """POD (SVD) of mass-normalised eigenmodes with the slider at nodes spread over the beam, (n, r).
+    """POD basis (n, r) by SVD of mass-normalised eigenmodes with the slider at nodes spread over the beam.
 
     The pinned coordinates are left out of the SVD, which would else give them entries of 1e-10 (see
     `test_paper_figures_need_noise`).
@@ -143,7 +143,7 @@ def paper_basis(full: FullBody, snapshots: int, modes: int, coordinates: int) ->
 
 
 def project(full: FullBody, V: Array, tolerance: float = 1e-12) -> ReducedModel:
-    """Galerkin projection on the columns of V (n, r), without the rows that V satisfies to `tolerance`."""
+    """Project a model on the columns of V (n, r) by Galerkin, without the rows that V satisfies to `tolerance`."""
     rows = stack_tables([row.project(V) for row in full.rows.rows], full.domain)
     left_out = satisfied_rows(rows, tolerance)
     kept = [i for i in range(len(full.row_names)) if i not in left_out]
@@ -165,7 +165,7 @@ def project(full: FullBody, V: Array, tolerance: float = 1e-12) -> ReducedModel:
 
 
 def free_modes(full: FullBody, count: int) -> tuple[Array, Array]:
-    """The `count` lowest modes (n, count) on the supports, sliders released, and R (n, n) of all the others."""
+    """Lowest modes (n, count) with sliders released, and R (n, n), the flexibility of all other modes."""
     M, K = full.M.toarray(), full.K.toarray()
     free = np.setdiff1d(np.arange(full.size), list(full.held.values()))
     omega2, shapes = scipy.linalg.eigh(K[np.ix_(free, free)], M[np.ix_(free, free)])
@@ -176,7 +176,7 @@ def free_modes(full: FullBody, count: int) -> tuple[Array, Array]:
 
 
 def polynomial(values: Callable[[float], Array], breaks: Array, degree: int) -> PPoly:
-    """What is a polynomial of this degree between any two breaks, fitted through points inside."""
+    """Fit a function that is a polynomial of this degree between any two breaks, through points inside."""
     x = (1.0 - np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))) / 2.0
     c = []
     for low, size in zip(breaks[:-1], np.diff(breaks), strict=True):
@@ -187,13 +187,13 @@ def polynomial(values: Callable[[float], Array], breaks: Array, degree: int) -> 
 
 
 def rows_of(full: FullBody, model: ReducedModel) -> PPoly:
-    """C(s) (m, n) of the rows that a model has, on all coordinates."""
+    """Rows C(s) (m, n) of a reduced model, on all n coordinates of the full one."""
     rows = stack_tables([row.project(np.eye(full.size)) for row in full.rows.rows], full.domain)
     return PPoly(rows.c[:, :, [full.row_names.index(name) for name in model.row_names]], rows.x)
 
 
 def flexible(full: FullBody, count: int) -> ReducedModel:
-    """`count` free modes with the residual flexibility of the others."""
+    """Reduce a model to `count` free modes, with the residual flexibility of the others."""
     V, R = free_modes(full, count)
     plain = project(full, V)
     C = rows_of(full, plain)
@@ -212,7 +212,7 @@ def flexible(full: FullBody, count: int) -> ReducedModel:
 
 
 def enriched(full: FullBody, count: int, enrichment: int = 0) -> ReducedModel:
-    """The same with the next modes as enrichment modes, and with carriers that know the inertia of what is left out."""
+    """Reduce a model as `flexible` does, with the next modes as enrichment and the inertia of what is truncated."""
     model = flexible(full, count)
     kept = [full.row_names.index(name) for name in model.row_names]
     more = free_modes(full, count + enrichment)[0][:, count:]
@@ -229,12 +229,13 @@ def enriched(full: FullBody, count: int, enrichment: int = 0) -> ReducedModel:
 
 
 def carried_rows(full: FullBody, count: int) -> CarriedRows:
-    """The rows that are no supports on their carriers, with what `count` free modes leave out there."""
+    """Rows that hold no coordinate on their carriers, with flexibility and inertia that `count` modes leave out."""
     V, R = free_modes(full, count)
     shared = _shared(full)
     U, O, B = shared.carriers.toarray(), full.outputs, full.B
 
     def between(A: Array) -> CarrierFlexibility:
+        """Values of a matrix A (n, n) between carriers, inputs and outputs."""
         return CarrierFlexibility(U @ A @ U.T, U @ A @ B, O @ A @ U.T, O @ A @ B, B.T @ A @ B)
 
     carried = CarriedRows.of(shared.rows, U @ V, between(R))
@@ -242,15 +243,17 @@ def carried_rows(full: FullBody, count: int) -> CarriedRows:
 
 
 def _shared(full: FullBody) -> SharedCarriers:
+    """Carriers that the rows which hold no coordinate share."""
     return Rows(tuple(row for row in full.rows.rows if row.held is None), full.size).shared
 
 
 def generalized_alpha(
     body: SlidingBody, s: Array, f: Array, stepping: TimeStepping, start: InitialState
 ) -> tuple[Array, Array, Array]:
-    """q, v (T, n) and lambda (T, m) after Arnold, Bruels 2007, with s (T,) and f (T, i); dense and slow.
+    """Coordinates q and rates v (T, n) and multipliers lambda (T, m) after Arnold, Bruels 2007; dense and slow.
 
-    The initial acceleration leaves out the rows' own motion, as Exudyn does.
+    The path is s (T,) in m, the loads are f (T, i).  The initial acceleration leaves out the rows' own motion, as
+    Exudyn does.
     """
     M, D, K = (A.toarray() if sp.issparse(A) else A for A in (body.M, body.D, body.K))
     h, rho = stepping.step, stepping.rho_inf
@@ -260,13 +263,14 @@ def generalized_alpha(
     to_v, to_q = gamma * h * (1.0 - a_f) / (1.0 - a_m), beta * h**2 * (1.0 - a_f) / (1.0 - a_m)
 
     def rows(s_k: float, f_k: Array) -> tuple[Array, Array, Array]:
-        """C, F = G + 1/k and H f."""
+        """C (m, n), F = G + 1/k (m, m) and H f (m,) at a path coordinate and loads."""
         C, F = body.C(s_k).toarray() if sp.issparse(body.K) else body.C(s_k), np.diag(body.row_compliance)
         if body.flexibility is None:
             return C, F, np.zeros(len(C))
         return C, F + body.flexibility.rows(s_k), body.flexibility.inputs(s_k) @ f_k
 
     def solve(A: Array, C: Array, F: Array, right: Array, g: Array) -> tuple[Array, Array]:
+        """Solve A x + C^T y = right and C x - F y = g for x and y."""
         x = np.linalg.solve(np.block([[A, C.T], [C, -F]]), np.concatenate([right, g]))
         return x[: len(A)], x[len(A) :]
 
@@ -296,7 +300,10 @@ def generalized_alpha(
 
 
 def nrms_error(signal: Array, reference: Array) -> float:
-    """The paper's e_NRMS of (T, M) signals: RMS error over RMS of the reference, mean over M, at most 1."""
+    """Error e_NRMS of the paper for signals (T, M): RMS error over RMS of the reference, mean over M, at most 1.
+
+    Signals whose reference is zero are left out of the mean.
+    """
     rms = np.sqrt(np.mean(reference**2, axis=0))
     counted = rms > 1e-10
     error = np.sqrt(np.mean((signal - reference) ** 2, axis=0))
@@ -304,7 +311,7 @@ def nrms_error(signal: Array, reference: Array) -> float:
 
 
 def started(body: SlidingBody, s: float, s_rate: float, initial: InitialState | None) -> InitialState:
-    """The consistent start of a body alone with its slider at s m, which moves by s_rate m/s."""
+    """Consistent start of a body alone with its slider at s m, which moves by s_rate m/s."""
     system = System.of(body)
     x = system.coordinates({SLIDER: s})
     x_rate = np.array([s_rate if side.place.path else 0.0 for side in system.sides])

@@ -1,4 +1,4 @@
-"""Plugin of pytest (``-p other_kernel``): the kernel is the one in the folder PMR_KERNEL, not the package's."""
+"""Plugin of pytest (``-p other_kernel``) that loads the kernel from the folder PMR_KERNEL, not the package's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A full model alone, as the system of one that it is, with its rows in place of contacts."""
+"""Simulate a full model alone in PETSc, as the system of one body, with its rows in place of contacts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Alone:
-    """What was found, (T, ...), of its outputs, rows and path."""
+    """Results of a model alone at T times: path s (T,), outputs y (T, o), forces of its rows (T, m), and states."""
 
     t: Array
     s: Array
@@ -41,7 +41,7 @@ def observe(
     *more: Any,
     **named: Any,
 ) -> Alone:
-    """As `pmr.simulation.petsc.observe`."""
+    """Simulate as `pmr.simulation.petsc.observe` does."""
     system = FullSystem.of(model)
     found = petsc.observe(system, excitation, recording, {} if initial is None else {"": initial}, *more, **named)
     names = [contact.name for contact in system.with_supports().contacts]

@@ -1,7 +1,7 @@
-"""The kernel's laws in NumPy, slow and plain: its oracle, on the bodies' own coordinates q and with dense matrices.
+"""Laws of the kernel in NumPy, slow and plain: its oracle, on coordinates q of the bodies and with dense matrices.
 
-It shares with the kernel no more than what a system says of itself (`pmr.system.assembly`), knows neither modes nor
-tables, and finds which contacts are closed by trying all sets.
+It shares with the kernel only what a system says of itself (`pmr.system.assembly`), uses neither modes nor tables, and
+finds the closed contacts by trying all sets.
 """
 
 from __future__ import annotations
@@ -22,7 +22,11 @@ Array = NDArray[np.float64]
 
 
 def complementary(A: Array, b: Array, pushes: NDArray[np.bool_]) -> tuple[Array, NDArray[np.bool_]]:
-    """The only lambda of A lambda = b + w with lambda, w >= 0 and lambda w = 0 where contacts push, w = 0 elsewhere."""
+    """Solve A lambda = b + w, with lambda, w >= 0 and lambda w = 0 at contacts that push and w = 0 at others.
+
+    Return lambda (m,) and whether each contact is closed (m,), for A (m, m) and b (m,); raise AssertionError if no set
+    of closed contacts solves it.
+    """
     free = np.flatnonzero(pushes)
     for states in product([True, False], repeat=len(free)):
         closed = np.ones(len(b), np.bool_)
@@ -39,7 +43,10 @@ def complementary(A: Array, b: Array, pushes: NDArray[np.bool_]) -> tuple[Array,
 
 @dataclass
 class Plain:
-    """Generalized-alpha of constant step, contacts at position level, with friction and terms that vary in time."""
+    """Generalized-alpha of constant step, with contacts at position level, friction, and terms that vary in time.
+
+    The system has n coordinates, m contacts, J joints, i inputs and o outputs.
+    """
 
     system: System
     step: float
@@ -47,6 +54,7 @@ class Plain:
     pushed_once: float = 0.0  # J: work of terms and friction
 
     def __post_init__(self) -> None:
+        """Assemble dense matrices, and set the parameters of generalized-alpha."""
         self.assembly = a = Assembly(self.system)
         self.M, self.D, self.K, self.B = (A.toarray() for A in (a.M, a.D, a.K, a.B))
         rho = self.rho_inf
@@ -60,7 +68,10 @@ class Plain:
         self.energy = np.zeros(2)
 
     def begin(self, x: Array, f: Array, q: Array, v: Array, a: Array, forces: Array, s: Array | None = None) -> None:
-        """Start with accelerations a (n,) and forces (m,) of the contacts, their sides at x; joints at s (J,)."""
+        """Start at coordinates q, rates v, accelerations a (n,) and contact forces (m,), with joints at s (J,) in m.
+
+        The contacts have their sides at x in m, and the loads are f (i,).
+        """
         self.x, self.f, self.q, self.v, self.a, self.alike = x, f, q, v, a, a.copy()
         self.forces, self.shares = forces.copy(), [forces.copy(), forces.copy()]  # and what they leave: force, share
         self.travelled, self.rows = s, self.assembly.at(x)
@@ -71,7 +82,7 @@ class Plain:
         self.energy = np.array([self.stored(), 0.0])
 
     def stored(self) -> float:
-        """Energy in J."""
+        """Stored energy in J: kinetic energy, and strain energy of bodies, contacts and residual flexibility."""
         rows, q, v, f, forces = self.rows, self.q, self.v, self.f, self.forces
         return float(
             0.5 * (v @ self.M @ v + q @ self.K @ q + forces @ rows.F @ forces + f @ self.assembly.energy @ f)
@@ -79,7 +90,10 @@ class Plain:
         )
 
     def left_by(self, force: Array, share: Array) -> tuple[Array, Array, Array]:
-        """What forces of the step before add to prediction, its rate and acceleration, over -M^-1 C^T."""
+        """Multiples (m,) of -M^-1 C^T by which the last step's contacts change a prediction of q, v and a.
+
+        `force` (m,) are their forces and `share` (m,) those in the weighted acceleration.
+        """
         h, am, af, beta, gamma = self.step, self.alpha_m, self.alpha_f, self.beta, self.gamma
         a = af / (1.0 - am) * force - am / (1.0 - am) * share
         v = h * (1.0 - gamma) * share + h * gamma * a
@@ -87,14 +101,14 @@ class Plain:
         return q, v, a
 
     def predict(self) -> tuple[Array, Array, Array]:
-        """What the step leads to without its own acceleration."""
+        """Prediction of q, v and a (n,) at the end of the step, without the step's own acceleration."""
         h, am, af = self.step, self.alpha_m, self.alpha_f
         a = (af * self.a - am * self.alike) / (1.0 - am)
         q = self.q + h * self.v + h**2 * ((0.5 - self.beta) * self.alike + self.beta * a)
         return q, self.v + h * ((1.0 - self.gamma) * self.alike + self.gamma * a), a
 
     def take(self, x: Array, f: Array, c: Sequence[float] = (), s: Array | None = None) -> None:
-        """One step to sides at x, loads f, amplitudes c of terms and joints at s at its end."""
+        """Take one step, to sides at x, loads f (i,), amplitudes c of the terms and joints at s (J,) at its end."""
         h, gain = self.step, (1.0 - self.alpha_f) / (1.0 - self.alpha_m)
         dq, dv = self.beta * h**2 * gain, self.gamma * h * gain
         old, rows = self.rows, self.assembly.at(x)
@@ -142,13 +156,14 @@ class Plain:
             self.drives = driven + self.friction.totals(rubbed) * (self.friction.cylinders >= 0)
 
     def stored_at(self, rows: ContactRows, f: Array) -> float:
+        """Set rows and loads, and return the stored energy in J."""
         self.rows, self.f = rows, f
         return self.stored()
 
     def account(
         self, old: ContactRows, rows: ContactRows, q: Array, f: Array, forces: Array, w: Array, gap: Array
     ) -> None:
-        """Add the step's work: of loads, of rows that moved, of terms and of friction's gaps."""
+        """Add the work of the step in J: that of loads, of rows that moved, of terms, and of friction's gaps."""
         f_mean, mean, moved = (f + self.f) / 2.0, (forces + self.forces) / 2.0, q - self.q
         energy = self.assembly.energy
         work = (self.B @ f_mean) @ moved + 0.5 * (f @ energy @ f - self.f @ energy @ self.f)
@@ -162,7 +177,11 @@ class Plain:
     def rub(
         self, rows: ContactRows, A: Array, forces: Array, rubbed: Array, x: Array, s: Array
     ) -> tuple[Array, Array, Array]:
-        """Forces and gaps by the friction that follows from these forces, and that friction."""
+        """Friction that follows from contact forces (m,): its forces (n,), its gaps (m,), and its values by pad.
+
+        `rubbed` are its values in the iteration before; at joints that give way they change by a fifth of the
+        difference only.
+        """
         known = self.friction
         assert known is not None and self.travelled is not None
         new = rubbed.copy()
@@ -181,7 +200,7 @@ class Plain:
         return self.assembly.slopes(x).T @ moments, gap, new
 
     def outputs(self) -> Array:
-        """Outputs (o,)."""
+        """Outputs y (o,) in the current state."""
         y = self.assembly.outputs @ self.q + self.assembly.direct @ self.f - self.rows.X @ self.forces
         if self.friction is not None:
             y = y + self.assembly.turned(self.x) @ self.friction.moments(self.rubbed, self.forces)

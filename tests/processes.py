@@ -1,4 +1,4 @@
-"""Processes of their own, on one rank or several."""
+"""Run commands in this process or in processes of their own, on one rank or several."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ UNDRAWN = _NO_FIGURES + _NO_PDF + COMMAND
 
 @dataclass(frozen=True)
 class Called:
-    """What a command left, named as a finished process has it."""
+    """Exit code and output of a command, named as those of a finished process."""
 
     returncode: int
     stdout: str
@@ -42,7 +42,7 @@ class Called:
 
 
 def called(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str) -> Called:
-    """The command in this process, which has loaded everything already."""
+    """Run the command `pmr` in this process, which has loaded everything; return its exit code and output."""
     monkeypatch.setattr(sys, "argv", ["pmr", *arguments])
     with pytest.raises(SystemExit) as left:
         main()
@@ -52,11 +52,10 @@ def called(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], 
 
 
 def python(*arguments: str, ranks: int = 1, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """This Python with the given arguments, under the mpirun of its own stack for more than one rank.
+    """Run this Python with arguments, by the mpirun beside it if there are several ranks; blocks until it ends.
 
-    Open MPI sets variables behind Python's back once MPI has started here; a nested mpirun must not see them, which is
-    why the environment is handed on as Python knows it.  Its session folder is not that of other tests, which remove
-    theirs.
+    Open MPI sets variables behind Python's back once MPI has started here.  A nested mpirun must not see them, so the
+    environment is passed as Python knows it.  The session folder is its own, as other tests remove theirs.
     """
     own = Path(sys.executable).with_name("mpirun")
     launcher = [str(own if own.exists() else "mpirun"), "-n", str(ranks)] if ranks > 1 else []
@@ -73,15 +72,15 @@ def python(*arguments: str, ranks: int = 1, cwd: Path | None = None) -> subproce
 
 
 def undrawn(*arguments: str, ranks: int = 1, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """The command `pmr` in a process of its own, with a report whose figures are empty."""
+    """Run the command `pmr` in a process of its own, with a report whose figures and PDF are empty."""
     return python("-c", UNDRAWN, *arguments, ranks=ranks, cwd=cwd)
 
 
 def resident() -> float:
-    """Memory that this process has now, MiB; a peak would hide what grows below that of an earlier test."""
+    """Memory in MiB that this process uses now; its peak would hide growth below the peak of an earlier test."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
 def without(packages: Sequence[str], *arguments: str, code: str = COMMAND) -> subprocess.CompletedProcess[str]:
-    """The command `pmr` with the given arguments, or other code, where none of the packages can be imported."""
+    """Run the command `pmr`, or other code, in a process that can import none of these packages."""
     return python("-c", f"import sys; sys.modules |= dict.fromkeys({list(packages)})\n{code}", *arguments)

@@ -1,4 +1,4 @@
-"""Random booms that luff, slew and telescope with second order: one to four sections, held-out scenes of their own."""
+"""Random scenes of booms that luff, slew and extend with second order, of one to four sections."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ IN_SPACE = {"bottom": [-0.05, 0.05], "top": [-0.05, 0.05], "left": [0.0], "right
 
 
 def random_crane(seed: int) -> Scene:
-    """Half are planar; some are soft, carry much, are clamped, rattle on pads that push, or are damped by rho 0.6."""
+    """Scene of a random boom with 1 + `seed` % 4 sections.
+
+    Half of them are planar; some are soft, carry much, are clamped, have pads that only push, or are damped by rho 0.6.
+    """
     rng = np.random.default_rng([seed, 2_300])
     planar, count = bool(rng.random() < 0.5), 1 + seed % 4
     length, soft = float(rng.uniform(4.0, 7.0)), float(10.0 ** rng.uniform(-2.0, 0.0))
@@ -64,7 +67,7 @@ def random_crane(seed: int) -> Scene:
 
 
 def _alone(rng: np.random.Generator, section: dict[str, Any], ring: dict[str, Any]) -> dict[str, Any]:
-    """One section that a cylinder pushes through two rings of pads on the frame."""
+    """Keys of a section that a cylinder pushes through two rings of pads on the frame."""
     length = section["body"]["box"]["length"]
     low, high = rng.uniform(0.25 * length, 0.75 * length, 2).tolist()
     path = {"kind": "smooth_ramp", "times": [0.1, 1.7], "values": [low, high]}
@@ -79,7 +82,7 @@ def _alone(rng: np.random.Generator, section: dict[str, Any], ring: dict[str, An
 
 
 def _held(rng: np.random.Generator, planar: bool, length: float) -> list[dict[str, Any]]:
-    """A clamp, or a pin and a luffing cylinder across the boom."""
+    """Keys of a clamp, or of a pin and a luffing cylinder across the boom."""
     if rng.random() < 0.4:
         return [{"name": "clamp", "kind": "clamped"}]
     across = ["x", "z"] if planar else ["x", "y", "z", "rx", "rz"]
@@ -91,7 +94,7 @@ def _held(rng: np.random.Generator, planar: bool, length: float) -> list[dict[st
 
 
 def _frame(rng: np.random.Generator, planar: bool) -> dict[str, Any]:
-    """Raised or lowered by up to 70 degrees and, in space, slewed by up to a quarter turn, all in 2 s: fast."""
+    """Keys of a frame that luffs by up to 80 degrees and, in space, slews by up to 90 degrees, within 2 s."""
     first, last = rng.uniform(-5.0, 75.0, 2).tolist()
     begin = float(rng.uniform(0.1, 0.5))
     frame: dict[str, Any] = {

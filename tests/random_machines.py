@@ -1,4 +1,4 @@
-"""Random machines for load charts: booms of two to four sections at one place, with all that a run takes."""
+"""Random machines for load charts: booms of two to four sections at one point, with all keys that a run takes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ GIVING, SHELLS = 9, 5
 
 
 def random_machine(seed: int) -> tuple[dict[str, Any], dict[str, float], float]:
-    """A scene with a frame, extensions in m by section, and a luffing angle in degrees."""
+    """Keys of a scene with a frame, extensions in m by section, and a luffing angle in degrees."""
     rng = np.random.default_rng([seed, 46])
     planar, count = bool(rng.random() < 0.3), int(rng.integers(2, 5))
     shell, giving = seed % SHELLS == SHELLS - 1, seed % GIVING == GIVING - 1
@@ -77,11 +77,12 @@ def random_machine(seed: int) -> tuple[dict[str, Any], dict[str, float], float]:
 
 
 def _still(amount: float) -> dict[str, Any]:
+    """Keys of a constant signal."""
     return {"kind": "constant", "amount": amount}
 
 
 def _supports(rng: np.random.Generator, planar: bool, length: float) -> list[dict[str, Any]]:
-    """A clamp, or a pin and a cylinder that raises the boom."""
+    """Keys of a clamp, or of a pin and a cylinder that raises the boom."""
     if rng.random() < 0.25:
         return [{"name": "clamp", "kind": "clamped"}]
     pin = {"name": "pin", "on": "tail", "directions": ["x", "z"] if planar else ["x", "y", "z", "rx", "rz"]}

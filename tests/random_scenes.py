@@ -1,4 +1,4 @@
-"""Random scenes: planar beams on one slider or two, and booms in space on twelve pads; damped and not."""
+"""Random scenes, with damping or without: planar beams on one slider or two, booms in space, and driven booms."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ END = 2.0
 
 
 def random_scene(seed: int) -> Scene:
-    """Seven of ten are planar; loads go up to 44 Hz, some set in at once, and a third of the paths has kinks."""
+    """Scene of a random planar beam, in seven of ten cases, or of a random boom in space.
+
+    Loads go up to 44 Hz, some set in at once, and a third of the paths has kinks.
+    """
     rng = np.random.default_rng(seed)
     if rng.random() >= 0.7:
         return scenes.load(WORKFLOWS / "boom_beam.toml", _boom(rng))
@@ -25,7 +28,7 @@ def random_scene(seed: int) -> Scene:
 
 
 def sliding_scene(seed: int) -> Scene:
-    """As `random_scene`, but that each fourth one is a beam on three sliders."""
+    """Random scene; each fourth one is a beam on three sliders, all others are those of `random_scene`."""
     if seed % 4:
         return random_scene(seed)
     rng = np.random.default_rng(seed)
@@ -36,7 +39,7 @@ def sliding_scene(seed: int) -> Scene:
 
 
 def pushing_scene(seed: int) -> Scene:
-    """A boom on twelve pads that only push, those at the sides of some with play."""
+    """Scene of a random boom on twelve pads that only push; those at the sides of some have play."""
     rng = np.random.default_rng(seed)
     changes = _boom(rng)
     for ring in ("tail", "mouth"):
@@ -47,7 +50,7 @@ def pushing_scene(seed: int) -> Scene:
 
 
 def random_signal(rng: np.random.Generator, amplitude: float, highest: float) -> dict:
-    """Of a load, in N, up to some frequency in Hz."""
+    """Keys of a random signal of a load, with an amplitude in N and frequencies up to `highest` Hz."""
     match rng.integers(5):
         case 0:
             frequencies = [0.5, float(rng.uniform(5.0, highest))]
@@ -65,6 +68,7 @@ def random_signal(rng: np.random.Generator, amplitude: float, highest: float) ->
 
 
 def _beam(rng: np.random.Generator, offsets: list[float] | None = None) -> dict:
+    """Keys of a random planar beam on sliders with these offsets, or on one or two."""
     length, stiffness = float(rng.uniform(3.0, 8.0)), float(10.0 ** rng.uniform(4.3, 6.0))
     mass = float(rng.uniform(40.0, 120.0))
     if offsets is None:
@@ -97,6 +101,7 @@ def _beam(rng: np.random.Generator, offsets: list[float] | None = None) -> dict:
 
 
 def _boom(rng: np.random.Generator) -> list[str]:
+    """Settings by which the reference boom becomes a random one."""
     kind = "ramp" if rng.random() < 0.3 else "smooth_ramp"
     times, values = [0.2, round(rng.uniform(0.8, 1.8), 3)], [1.5, round(rng.uniform(2.0, 4.0), 3)]
     signal = ", ".join(f"{name} = {value!r}" for name, value in random_signal(rng, 1500.0, 40.0).items())
@@ -158,7 +163,10 @@ def random_boom(seed: int) -> Scene:
 
 
 def driven_boom(seed: int) -> Scene:
-    """Two to five sections that their cylinders push out fast or with kinks, stiffly or rigidly; most are planar."""
+    """Scene of a random boom of two to five sections that cylinders push out fast or with kinks; most are planar.
+
+    The cylinders are rigid or elastic.
+    """
     rng = np.random.default_rng([seed, 21])
     planar, count, length = rng.random() < 0.75, int(rng.integers(2, 6)), float(rng.uniform(4.0, 7.0))
     sides = {"bottom": [0.0], "top": [0.0]} if planar else {"bottom": [-0.05, 0.05], "top": [0.0], "left": [0.0]}
@@ -203,7 +211,7 @@ def driven_boom(seed: int) -> Scene:
 
 
 def _extension(rng: np.random.Generator, length: float) -> dict:
-    """In half a second to one, with kinks or without, some of them there and back."""
+    """Keys of a random extension that takes half a second to one, with kinks or without, sometimes there and back."""
     values = rng.uniform(0.1 * length, 0.7 * length, int(rng.integers(2, 4))).tolist()
     times = (0.1 + np.cumsum([0.0, *rng.uniform(0.4, 0.7, len(values) - 1)])).tolist()
     return {"kind": str(rng.choice(["ramp", "smooth_ramp"])), "times": times, "values": values}

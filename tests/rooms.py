@@ -1,4 +1,4 @@
-"""The rooms of pmr, which of them each imports, and circles: ``make graph`` prints it, `test_rooms` sets the limits.
+"""Imports between the rooms of pmr, and circles among them; ``make graph`` prints them, `test_rooms` limits them.
 
 A room is a folder or a module of `pmr`.  Imports within functions and for type checking count as any other.
 """
@@ -13,12 +13,12 @@ import grimp
 
 
 def graph() -> grimp.ImportGraph:
-    """All modules of pmr and what each imports."""
+    """Build the graph of imports between all modules of pmr."""
     return grimp.build_graph("pmr", cache_dir=None)
 
 
 def arrows(imports: grimp.ImportGraph, package: str = "pmr") -> Mapping[tuple[str, str], int]:
-    """Imports between the children of a package, by importer and imported."""
+    """Number of imports between children of a package, by (importer, imported)."""
     within = f"{package}."
     found = Counter[tuple[str, str]]()
     for module in imports.find_descendants(package):
@@ -30,7 +30,7 @@ def arrows(imports: grimp.ImportGraph, package: str = "pmr") -> Mapping[tuple[st
 
 
 def circles(imports: grimp.ImportGraph) -> Iterator[str]:
-    """One circle of each package whose children import each other in circles."""
+    """Yield a circle of each package whose children import each other in circles, as text."""
     for package in sorted(module for module in imports.modules if imports.find_children(module)):
         needs: dict[str, set[str]] = {}
         for importer, imported in arrows(imports, package):
@@ -42,6 +42,7 @@ def circles(imports: grimp.ImportGraph) -> Iterator[str]:
 
 
 def main() -> None:
+    """Print the imports of each room, their numbers, and circles."""
     imports = graph()
     found, rooms = arrows(imports), sorted(imports.find_children("pmr"))
     for room in rooms:

@@ -1,8 +1,8 @@
-"""A soft beam that telescopes through a pad while it is raised, and a cantilever, as ANCF cables of Exudyn in space.
+"""Soft beam that extends through a pad while it is raised, and a cantilever, as ANCF cables of Exudyn.
 
-Positions are those in space, displacements of any size: no frame, no geometric stiffness, nothing of pmr.  Gerstmayr,
-Irschik: On the correct representation of bending and axial deformation in the absolute nodal coordinate formulation
-with an elastic line approach, Journal of Sound and Vibration 318, 2008.
+Positions are those in the plane of the ground, and displacements may have any size: no frame, no geometric stiffness,
+nothing of pmr.  Gerstmayr, Irschik: On the correct representation of bending and axial deformation in the absolute
+nodal coordinate formulation with an elastic line approach, Journal of Sound and Vibration 318, 2008.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ OfTime = Callable[[float], float]
 
 @dataclass(frozen=True)
 class Beam:
-    """A uniform beam that weighs, with a mass at its tip."""
+    """Uniform beam with weight, and with a mass at its tip."""
 
     length: float  # m
     EA: float  # N
@@ -49,7 +49,7 @@ class Beam:
     elements: int = 20
 
     def add(self, mbs: exu.MainSystem, tail: Array, along: Array) -> tuple[list, list]:
-        """Nodes and elements, straight from its tail (2,) m along a unit vector (2,)."""
+        """Add the beam, straight from its tail (2,) in m along a unit vector (2,); return its nodes and elements."""
         h = self.length / self.elements
         nodes = [
             mbs.AddNode(NodePoint2DSlope1(referenceCoordinates=[*(tail + k * h * along), *along]))
@@ -82,7 +82,7 @@ class Beam:
 
 
 class Held:
-    """Coordinates of a node that constraints hold on curves over time."""
+    """Constraints that move the coordinates of a node along curves over time."""
 
     def __init__(self, mbs: exu.MainSystem, ground: int, node: int, place: Callable[[float], Array]) -> None:
         self._place, self._constraints = place, []
@@ -91,24 +91,26 @@ class Held:
             self._constraints.append(mbs.AddObject(ObjectConnectorCoordinate(markerNumbers=[ground, marker])))
 
     def set(self, mbs: exu.MainSystem, t: float) -> None:
-        """To its places at t s."""
+        """Move the constraints to their positions at t s."""
         for constraint, offset in zip(self._constraints, self._place(t) - self._place(0.0), strict=True):
             mbs.SetObjectParameter(constraint, "offset", float(offset))
 
 
 def _ground(mbs: exu.MainSystem) -> int:
+    """Add a ground and return its marker."""
     return mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=mbs.AddNode(NodePointGround()), coordinate=0))
 
 
 def _of(angle: float) -> Array:
+    """Unit vector (2,) at an angle in rad."""
     return np.array([np.cos(angle), np.sin(angle)])
 
 
 def slides_out(beam: Beam, pad: float, out: OfTime, raised: OfTime, end: float, steps: int, rho_inf: float) -> Array:
-    """How far the tip is off the axis, (T,) m, of a beam whose tail is pinned to the axis, `out` m from the pivot.
+    """Deflection (T,) in m of the tip from the axis; the beam's tail is pinned to the axis, `out` m from the pivot.
 
-    The axis turns about the pivot by `raised` rad; a pad on it, `pad` m from the pivot, lets the beam slide.  From
-    rest, in equilibrium.
+    The axis turns about the pivot by `raised` rad; a pad on it, `pad` m from the pivot, lets the beam slide.  The
+    motion starts at rest, in equilibrium, and takes `end` s in so many steps.
     """
     container = exu.SystemContainer()
     mbs = container.AddSystem()
@@ -132,6 +134,7 @@ def slides_out(beam: Beam, pad: float, out: OfTime, raised: OfTime, end: float, 
     )
 
     def update(mbs: exu.MainSystem, t: float) -> bool:
+        """Move all held nodes to their positions at t s, before each step."""
         for one in held:
             one.set(mbs, t)
         return True
@@ -155,7 +158,7 @@ def slides_out(beam: Beam, pad: float, out: OfTime, raised: OfTime, end: float, 
 
 
 def hangs(beam: Beam, raised: float, force: float = 0.0) -> float:
-    """How far the tip of a clamped beam is off its axis in equilibrium, m; the force acts downwards at the tip, N."""
+    """Deflection in m of a clamped beam's tip from its axis in equilibrium, under a force in N downwards at the tip."""
     container = exu.SystemContainer()
     mbs = container.AddSystem()
     nodes, _ = beam.add(mbs, np.zeros(2), _of(raised))
@@ -171,12 +174,13 @@ def hangs(beam: Beam, raised: float, force: float = 0.0) -> float:
 
 
 def _position(mbs: exu.MainSystem, node: int) -> int:
+    """Add a sensor of a node's position."""
     kind = exu.OutputVariableType.Position
     return mbs.AddSensor(SensorNode(nodeNumber=node, outputVariableType=kind, storeInternal=True))
 
 
 def settings(beam: Beam) -> exu.SimulationSettings:
-    """Without files, with a tolerance above the round-off of axial forces."""
+    """Settings without files, with a tolerance above the round-off of axial forces."""
     chosen = exu.SimulationSettings()
     chosen.solution.file.write = False
     chosen.staticSolver.verboseMode = chosen.timeIntegration.verboseMode = 0

@@ -1,4 +1,4 @@
-"""Rows that give way as springs that travel with the slider: an oracle from the tables of a body."""
+"""Compliant rows as springs that travel with the slider: an oracle from the tables of a body."""
 
 from __future__ import annotations
 
@@ -14,14 +14,18 @@ Array = NDArray[np.float64]
 
 
 class CompliantRows:
-    """The rows of a body that give way, eliminated: lambda = F^-1 (C q + H f) with F = G + 1/k."""
+    """Compliant rows of a body, eliminated by lambda = F^-1 (C q + H f) with F = G + 1/k.
+
+    The body has n coordinates, i inputs and m' compliant rows, whose numbers are `numbers`; T is a number of positions
+    s (T,) in m.  G and H are the tables of the residual flexibility, or 0, and k the stiffness of each row.
+    """
 
     def __init__(self, body: SlidingBody) -> None:
         self._body, self._rows = body, contact_rows.CompliantRows(body)
         self.numbers = self._rows.numbers
 
     def flexibility(self, s: Array) -> Array:
-        """F(s), (T, m', m') in m/N, refused by the package where it is singular."""
+        """Flexibility F(s) (T, m', m') in m/N; raises the package's error if it is singular."""
         self._rows.check(s)
         F = np.tile(np.diag(self._body.row_compliance), (len(s), 1, 1))
         if self._body.flexibility is not None:
@@ -29,23 +33,26 @@ class CompliantRows:
         return F[:, self.numbers][:, :, self.numbers]
 
     def inputs(self, s: Array) -> Array:
-        """H(s), (T, m', i) in m/N."""
+        """Table H(s) (T, m', i) in m/N."""
         if self._body.flexibility is None:
             return np.zeros((len(s), len(self.numbers), len(self._body.input_names)))
         return evaluate(self._body.flexibility.inputs, s)[:, self.numbers]
 
     def system(self, s: Array) -> Array:
-        """K + C^T F^-1 C and B - C^T F^-1 H side by side, (T, n, n + i), of a dense body."""
+        """Matrices K + C^T F^-1 C and B - C^T F^-1 H beside each other, (T, n, n + i), of a dense body."""
         C = self._body.dense_rows(s)[:, self.numbers]
         answers = np.linalg.solve(self.flexibility(s), np.concatenate([C, -self.inputs(s)], axis=2))
         return np.hstack([self._body.K, self._body.B]) + C.transpose(0, 2, 1) @ answers
 
     def multipliers(self, s: Array, q: Array, loads: Array) -> Array:
-        """F^-1 (C q + H f), (T, m') in N, along a trajectory: s (T,) m, q (T, n), loads (T, i)."""
+        """Multipliers F^-1 (C q + H f) (T, m') in N, from s (T,) in m, q (T, n) and loads f (T, i)."""
         motion = self._body.apply_rows(s, q)[:, self.numbers] + np.einsum("tmi,ti->tm", self.inputs(s), loads)
         return np.asarray(np.linalg.solve(self.flexibility(s), motion[:, :, None])[:, :, 0])
 
 
 def displacement(flexibility: Flexibility, s: Array, multipliers: Array, loads: Array) -> Array:
-    """W f - X(s) lambda, (T, o) in m: what the residual part adds to the outputs."""
+    """Displacement W f - X(s) lambda (T, o) in m that residual flexibility adds to the outputs.
+
+    W (o, i) and X(s) (o, m) are its tables, f (T, i) the loads and lambda (T, m) the multipliers.
+    """
     return np.asarray(loads @ flexibility.direct.T - apply_table(flexibility.outputs, s, multipliers))

@@ -1,4 +1,4 @@
-"""Runs started side by side, to see that none disturbs another one's start of MPI.
+"""Start runs side by side, to see that none disturbs the start of MPI in another one.
 
 python tests/starts.py [RUNS [AT_A_TIME [RANKS]]]      300 runs, six at a time, on one rank by default
 """
@@ -22,7 +22,7 @@ pmr.run(pmr.load_scene("paper_simple", [*keys, "simulation.simulators=['march']"
 
 
 def failures(runs: int, at_a_time: int, ranks: int = 1) -> list[subprocess.CompletedProcess[str]]:
-    """Processes that did not end with exit code 0."""
+    """Start `runs` runs, `at_a_time` at once, and return the processes that did not end with exit code 0."""
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(at_a_time) as pool:
         done = pool.map(lambda _: python("-c", RUN, ranks=ranks, cwd=Path(folder)), range(runs))
         return [process for process in done if process.returncode != 0]

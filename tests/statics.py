@@ -1,4 +1,4 @@
-"""Static answers of a full model without rows."""
+"""Static response of a full model without rows."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pmr.fullmodel.model import FullModel
 
 
 def static_outputs(model: FullModel) -> np.ndarray:
-    """Outputs (o, i) under each of the inputs at one, by MUMPS; the same on every rank."""
+    """Outputs (o, i) under a unit of each input, by MUMPS, equal on every rank; collective."""
     solver = PETSc.KSP().create(model.comm)
     solver.setOperators(model.K)
     solver.setType("preonly")

@@ -1,4 +1,4 @@
-"""Small tasks for studies, real functions in processes of their own; also a study of them as a program::
+"""Small tasks for studies, as functions in processes of their own; also a study of them as a program::
 
 python study_tasks.py FOLDER JOBS          (under mpiexec: the ranks are the workers)
 """
@@ -29,10 +29,10 @@ SLEPT = 0.02  # s that a square takes at least
 
 
 def square(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
-    """x^2, and a line in the log of calls.
+    """Square x, and write a line to the log of calls if there is one.
 
-    While there is a folder ``hold`` beside the log, only the first `FREE` calls come to an end; the others leave the
-    number of their process there.
+    While a folder ``hold`` is beside the log, only the first `FREE` calls end; the others write the numbers of their
+    processes into it and wait.
     """
     if "log" in arguments:
         with open(arguments["log"], "a") as log:
@@ -44,6 +44,7 @@ def square(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
 
 
 def _wait_while_held(log: Path) -> None:
+    """Wait while a folder ``hold`` is beside the log, unless this is one of the first `FREE` calls."""
     hold = log.with_name("hold")
     if hold.exists() and len(log.read_text().split()) > FREE:
         (hold / str(os.getpid())).touch()
@@ -52,27 +53,30 @@ def _wait_while_held(log: Path) -> None:
 
 
 def add(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
-    """Sum of the squares that it needs."""
+    """Add the squares that the task needs."""
     total = sum(float(need.arrays["powers"][2]) for need in needs.values())
     return TaskResult({"total": total})
 
 
 def edit(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
-    """Edit a file, as someone does while a study runs."""
+    """Append to a file, as a user may do while a study runs."""
     with open(arguments["file"], "a") as file:
         file.write("\n")
     return TaskResult()
 
 
 def fail(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
+    """Raise a SimulationError."""
     raise SimulationError("step 17:\n the bearing broke")
 
 
 def not_finite(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
+    """Return a value that is NaN."""
     return TaskResult({"fine": 1.0, "error": np.float64("nan")})
 
 
 def die(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
+    """End the process, by exit code 3 or by a signal."""
     print("last words", flush=True)
     if arguments["how"] == "exit":
         os._exit(3)
@@ -81,14 +85,17 @@ def die(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
 
 
 def sleep(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
-    """Leave the number of its process, then take long."""
+    """Write the number of the process into a file, then sleep for hours."""
     Path(arguments["file"]).write_text(str(os.getpid()))
     time.sleep(10_000.0)
     return TaskResult()
 
 
 def interval(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
-    """When it began and ended, in s of one clock for all processes; with a folder to `meet` in, not before two are."""
+    """Return when the task began and ended, in s of one clock for all processes.
+
+    With a folder to `meet` in, it does not end before two tasks have come there.
+    """
     begin = time.monotonic()
     time.sleep(0.05)
     if "meet" in arguments:
@@ -99,7 +106,7 @@ def interval(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
 
 
 def surroundings(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
-    """What the task's process looks like."""
+    """Return threads, ranks and standard input of the task's process."""
     from mpi4py import MPI
 
     threads = {os.environ.get(name) for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
@@ -108,7 +115,7 @@ def surroundings(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
 
 
 class Squares(StudyBase):
-    """Numbers, each squared once, sums of neighbours that need them, and what a process looks like."""
+    """Study of numbers, each squared once, of sums of neighbours that need these squares, and of a task's process."""
 
     kind: Literal["squares"] = "squares"
     title: str = "Squares"
@@ -116,6 +123,7 @@ class Squares(StudyBase):
     seconds: float = 0.0
 
     def plan(self) -> Plan:
+        """Tasks of the study."""
         common = {"log": str(self.log), "seconds": self.seconds}
         squares = [Task(f"x={x}", square, {"x": x} | common, parameters={"x": x}) for x in range(COUNT)]
         sums = [
@@ -125,14 +133,14 @@ class Squares(StudyBase):
 
 
 def project(*studies: StudyBase) -> Project:
-    """Studies as one call; a single one stands alone."""
+    """Studies as the parts of one call; a single study has no name."""
     names = [""] if len(studies) == 1 else [f"part{i}" for i in range(len(studies))]
     parts = [Part(name, study, study.plan()) for name, study in zip(names, studies, strict=True)]
     return Project("Test", "test", tuple(parts))
 
 
 def run(folder: Path, *studies: StudyBase, jobs: int = 2) -> Outcome:
-    """Compute studies on this machine and write their tables."""
+    """Compute studies on this machine, write their tables, and return the outcome."""
     asked = project(*studies)
     with workers.local_pool(jobs) as pool:
         outcome = compute(asked, folder, pool, lambda progress: None)
@@ -141,6 +149,7 @@ def run(folder: Path, *studies: StudyBase, jobs: int = 2) -> Outcome:
 
 
 def main(folder: Path, jobs: int) -> None:
+    """Compute the study of squares in a folder, by the ranks of MPI or by `jobs` processes."""
     ranks = workers.launched_ranks()
     with workers.rank_pool() if ranks > 1 else workers.local_pool(jobs) as pool:
         if pool is not None:

@@ -1,4 +1,4 @@
-"""Structured surfaces for benchmarks: a rectangle of triangles mapped into space, its four sides and corners named."""
+"""Structured surfaces for benchmarks: a rectangle of triangles mapped into space, with named sides and corners."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from pmr.mesh.named import NamedMesh, named_mesh
 def mapped(
     n: tuple[int, int], place: Callable[[np.ndarray, np.ndarray], np.ndarray], crossed: bool = True
 ) -> NamedMesh:
-    """Rectangles of the unit square, cut by both diagonals or by one, with vertices at ``place(u, v)`` (N, 3).
+    """Mesh of the unit square, in n[0] x n[1] rectangles cut by one diagonal or both, mapped into space by `place`.
 
-    Sides ``u0``, ``u1``, ``v0``, ``v1``, corners ``00``, ``10``, ``01``, ``11``.
+    ``place(u, v)`` returns the vertices (N, 3) for coordinates (N,).  Sides are ``u0``, ``u1``, ``v0``, ``v1``; corners
+    ``00``, ``10``, ``01``, ``11``.
     """
     nu, nv = n
     u, v = (g.ravel() for g in np.meshgrid(np.linspace(0, 1, nu + 1), np.linspace(0, 1, nv + 1), indexing="ij"))

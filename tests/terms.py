@@ -1,4 +1,4 @@
-"""Small systems with terms that vary in time, and what they are beside: matrices in one, closed forms, SciPy."""
+"""Small systems with terms that vary in time, and references for them: merged matrices, closed forms."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 def axial(system: System, share: float = 0.3) -> tuple[Term, ...]:
-    """A matrix like K on each body, and one like K between the first two: what a force in a cylinder would make."""
+    """Terms like those of an axial force: a share of K on each body, and a matrix between the first two."""
     rng, names = np.random.default_rng(5), list(system.bodies)
     found = []
     for name in (*((one,) for one in names), tuple(names[:2])):
@@ -40,7 +40,7 @@ def axial(system: System, share: float = 0.3) -> tuple[Term, ...]:
 
 
 def merged(system: System, c: Mapping[str, float]) -> System:
-    """Terms on one body at constant amplitudes as part of K and D."""
+    """Add terms that are on one body each, at constant amplitudes c, to K and D of their bodies."""
     bodies = dict(system.bodies)
     for term in system.terms:
         (name,) = term.bodies
@@ -51,7 +51,7 @@ def merged(system: System, c: Mapping[str, float]) -> System:
 
 
 def excitation(system: System, stepping: TimeStepping, terms: Mapping[str, SignalBase]) -> Excitation:
-    """Sections of two joints that extend smoothly under constant loads."""
+    """Excitation by paths that extend smoothly, constant loads, and amplitudes of terms."""
     paths = {
         name: SmoothRamp(times=(0.1, 0.6), values=(high - 0.3 * (high - low), high - 0.5 * (high - low)))
         for name, (low, high) in system.ranges.items()
@@ -61,7 +61,10 @@ def excitation(system: System, stepping: TimeStepping, terms: Mapping[str, Signa
 
 
 def geometric_stiffness(x: Array, force: Array) -> Array:
-    """Of a planar beam with nodes at x (n,) m, deflection and slope of each, under tensions (n - 1,) N of elements."""
+    """Geometric stiffness of a planar beam with nodes at x (n,) in m, under tensions (n - 1,) in N of its elements.
+
+    Coordinates are deflection and slope of each node, so the matrix is (2 n, 2 n).
+    """
     found = np.zeros((2 * len(x),) * 2)
     for k, (L, N) in enumerate(zip(np.diff(x), force, strict=True)):
         element = np.array(
@@ -77,7 +80,7 @@ def geometric_stiffness(x: Array, force: Array) -> Array:
 
 
 def masses(M: Array, K: Array) -> ReducedModel:
-    """Masses on springs, with a force on the first coordinate."""
+    """Reduced model of masses M (n, n) on springs K (n, n), with a force on the first coordinate."""
     n, eye = len(M), np.eye(len(M))
     rows, zero = PPoly(np.zeros((1, 1, 0, n)), [0.0, 1.0]), np.zeros((n, n))
     return ReducedModel(M, zero, K, eye[:, :1], eye, rows, ("F",), (), np.zeros(n))
@@ -88,7 +91,10 @@ TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
 
 
 def turning(m: float, k: tuple[float, float]) -> System:
-    """A mass on two springs in a frame that turns: M q'' + 2 W M J q' + (K - W^2 M) q, with terms of W and W^2."""
+    """Mass m in kg on two springs k in N/m in a frame that turns at W rad/s: M q'' + 2 W M J q' + (K - W^2 M) q = 0.
+
+    Its terms have the amplitudes W and W^2.
+    """
     M = m * np.eye(2)
     body = masses(M, np.diag(k))
     terms = (Term("turning", ("mass",), damping=2.0 * m * TURN), Term("spin", ("mass",), stiffness=-M))
@@ -96,6 +102,9 @@ def turning(m: float, k: tuple[float, float]) -> System:
 
 
 def turning_frequencies(m: float, k: tuple[float, float], W: float) -> Array:
-    """Of it in Hz, ascending: s^4 + (a + b + 4 W^2) s^2 + a b = 0 with a, b = k / m - W^2."""
+    """Frequencies (2,) in Hz, ascending, of the mass that `turning` describes.
+
+    They solve s^4 + (a + b + 4 W^2) s^2 + a b = 0 with a, b = k / m - W^2.
+    """
     a, b = (one / m - W**2 for one in k)
     return np.sqrt(np.sort(-np.roots([1.0, a + b + 4.0 * W**2, a * b]).real)) / (2.0 * np.pi)

@@ -1,4 +1,4 @@
-"""The paper's beam from the textbook, in NumPy alone: an oracle that shares no code with the package.
+"""Beam of the paper from the textbook, in NumPy alone: an oracle that shares no code with the package.
 
 Element matrices after Cook, Malkus, Plesha: Concepts and Applications of Finite Element Analysis, 3rd ed., 1989,
 sections 4.2 and 13.3.
@@ -26,7 +26,7 @@ TIP_DEFLECTION = {1.25: -0.0234375, 2.5: -0.0104166666666667, 3.75: -0.002604166
 
 
 def beam_matrices(nodes: Array, EI: float = EI, EA: float = EA, rho_A: float = RHO_A) -> tuple[Array, Array]:
-    """Consistent mass and stiffness (3 N, 3 N); coordinates node by node: u, w, theta."""
+    """Consistent mass and stiffness (3 N, 3 N) of a beam with N nodes; coordinates node by node: u, w, theta."""
     n = 3 * len(nodes)
     M, K = np.zeros((n, n)), np.zeros((n, n))
     for e, h in enumerate(np.diff(nodes)):
@@ -48,15 +48,18 @@ def beam_matrices(nodes: Array, EI: float = EI, EA: float = EA, rho_A: float = R
 
 
 def relative(found: Array, expected: Array) -> float:
-    """Largest difference over the largest entry."""
+    """Largest difference between two arrays, relative to the largest entry of the expected one."""
     return float(np.abs(np.asarray(found) - expected).max() / np.abs(expected).max())
 
 
 def subspace_distance(A: Array, B: Array, M: Array) -> float:
-    """Sine of the largest angle between the ranges of A and B, both M-orthonormal (n, k)."""
+    """Sine of the largest angle between the ranges of A and B (n, k), both orthonormal in M."""
     return float(np.linalg.norm(B - A @ (A.T @ M @ B), 2) / np.linalg.norm(B, 2))
 
 
 def static_tip_deflection(force: float, s: float, length: float, bending_stiffness: float) -> float:
-    """F (L - s)^2 L / (3 EI) in m: an overhang that rests on a simply supported span (Timoshenko 1955, section 37)."""
+    """Tip deflection F (L - s)^2 L / (3 EI) in m of a beam pinned at 0 and supported at s, under a tip force F in N.
+
+    It is an overhang that rests on a simply supported span (Timoshenko 1955, section 37).
+    """
     return force * (length - s) ** 2 * length / (3.0 * bending_stiffness)

@@ -1,8 +1,8 @@
-"""Forty scenes on which a tolerance is tried: beams on sliders, booms on pads that rattle, and telescopic booms.
+"""Forty scenes on which tolerances are tried: beams on sliders, booms on pads that only push, telescopic booms.
 
 Beams are clamped, pinned, or pinned with a roller, on one to three sliders, on uniform and graded meshes, with and
-without a mass at the tip.  Paths have kinks, stops or none; loads are forces and moments, at once or smooth, tones and
-chirps far above the first modes; rho_inf is 0.6 to 1.  Booms stand on a slope and carry loads beside their axis.
+without a mass at the tip.  Paths have kinks, stops or none; loads are forces and moments, sudden or smooth, tones and
+chirps far above the first modes; rho_inf is 0.6 to 1.  Booms are inclined and carry loads beside their axis.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ SEEDS = range(len(KINDS))
 
 
 def tolerance_scene(seed: int) -> Scene:
-    """One of the forty scenes, without a tolerance."""
+    """Scene number `seed` of the forty, without a tolerance."""
     rng = np.random.default_rng([seed, 46])
     scene = {"beam": _beam, "rattling": _rattling, "telescopic": _telescopic}[KINDS[seed]](rng)
     scene = scene.model_copy(update={"title": f"{KINDS[seed]} {seed}"})
@@ -33,12 +33,13 @@ def tolerance_scene(seed: int) -> Scene:
 
 
 def with_tolerance(scene: Scene, tolerance: float, mesh: bool = False) -> Scene:
-    """The scene with an allowed error, a fraction, along the body and at the tip."""
+    """Scene with an allowed relative error along the body and at the tip, of the mesh too if `mesh`."""
     allowed = Accuracy(tolerance=tolerance, mesh=mesh)
     return scene.model_copy(update={"accuracy": allowed})
 
 
 def _beam(rng: np.random.Generator) -> Scene:
+    """Scene of a random beam on sliders."""
     length, mass = float(rng.uniform(1.0, 15.0)), float(10.0 ** rng.uniform(-0.5, 1.3))
     first = float(rng.uniform(0.6, 12.0))  # Hz, of the beam on two pins
     stiffness = mass * (2.0 * np.pi * first * (length / np.pi) ** 2) ** 2
@@ -87,6 +88,7 @@ def _beam(rng: np.random.Generator) -> Scene:
 
 
 def _path(rng: np.random.Generator, low: float, high: float, end: float) -> dict[str, Any]:
+    """Keys of a random path between `low` and `high` m within `end` s."""
     match rng.choice(["ramp", "ramp", "stops", "table", "sines"]):
         case "sines":
             middle, reach = 0.5 * (low + high), 0.5 * (high - low)
@@ -114,6 +116,7 @@ def _path(rng: np.random.Generator, low: float, high: float, end: float) -> dict
 
 
 def _load(rng: np.random.Generator, name: str, length: float, force: float, first: float, end: float) -> dict[str, Any]:
+    """Keys of a random load; `first` is the beam's first frequency in Hz, `force` bends it by 1/1000 of its length."""
     turns = rng.random() < 0.25
     size = float(rng.uniform(0.3, 1.0)) * force * (0.2 * length if turns else 1.0)
     match rng.choice(["step", "steps", "sines", "chirp", "chirp", "pulses", "constant"]):
@@ -146,7 +149,7 @@ def _load(rng: np.random.Generator, name: str, length: float, force: float, firs
 
 
 def _rattling(rng: np.random.Generator) -> Scene:
-    """A boom in space on twelve pads that only push, some with play, on a slope, with loads beside its axis."""
+    """Scene of a random boom on twelve pads that only push, some with play, inclined, with loads beside its axis."""
     kind = "ramp" if rng.random() < 0.3 else "smooth_ramp"
     times, values = [0.2, round(rng.uniform(0.7, 1.3), 3)], [1.5, round(rng.uniform(2.0, 4.0), 3)]
     sizes, tones = rng.uniform(600.0, 2500.0, 2), rng.uniform(1.0, 12.0, 2)
@@ -177,7 +180,7 @@ def _rattling(rng: np.random.Generator) -> Scene:
 
 
 def _telescopic(rng: np.random.Generator) -> Scene:
-    """Two or three sections on pads that hold both ways, or only push, inclined, with a payload and a chirp."""
+    """Scene of two or three sections on bilateral or unilateral pads, inclined, with a payload and a chirp."""
     count, length = int(rng.integers(2, 4)), float(rng.uniform(4.0, 7.0))
     pushes = rng.random() < 0.4
     ring = {"at": 0.15, "stiffness": float(10.0 ** rng.uniform(7.0, 8.7)), "unilateral": pushes}

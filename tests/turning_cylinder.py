@@ -1,4 +1,4 @@
-"""Booms on a pin and a luffing cylinder that gives way along itself, and statics of a rigid boom by hand."""
+"""Booms on a pin and an elastic luffing cylinder, and statics of a rigid boom by hand."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TAILS = (0.0, EXTENSION)
 
 
 def boom(angle: Any, model: str, stiffness: float, young: float = 2.1e15, **changed: Any) -> Scene:
-    """Two sections with a load at the tip, raised by an angle in degrees or by a signal of it."""
+    """Scene of two sections with a load at the tip, raised by an angle in degrees or a signal's keys."""
     planar = model == "beam2d"
     pads: dict[str, Any] = {"at": 0.2, "stiffness": 1e12, "unilateral": False}
     pads |= {} if planar else {"length": 0.2, "faces": {"bottom": [-0.06, 0.06], "left": [0.0]}}
@@ -44,42 +44,44 @@ def boom(angle: Any, model: str, stiffness: float, young: float = 2.1e15, **chan
 
 @dataclass(frozen=True)
 class Rigid:
-    """A rigid boom raised by an angle in rad: forces by moments about the pin, and what the cylinder gives way by."""
+    """Statics of a rigid boom raised by an angle in rad: forces by moments about the pin; the cylinder is elastic."""
 
     angle: float
 
     @property
     def _cylinder(self) -> complex:
+        """Vector x + i z in m from the cylinder's foot to its lug."""
         return LUG * np.exp(1j * self.angle) - FOOT
 
     @property
     def arm(self) -> float:
-        """Height of the triangle of pin, foot and lug over the cylinder, m."""
+        """Lever arm in m of the cylinder about the pin."""
         return float((FOOT.conjugate() * LUG * np.exp(1j * self.angle)).imag / abs(self._cylinder))
 
     @property
     def _weights(self) -> list[float]:
+        """Weights of the sections in N."""
         return [DENSITY * 2.0 * wall * (width + height) * LENGTH * G for width, height, wall in BOXES]
 
     @property
     def force(self) -> float:
-        """Force of the cylinder, N."""
+        """Force of the cylinder in N."""
         centres = [tail + LENGTH / 2.0 for tail in TAILS]
         about = PULL * (EXTENSION + LENGTH) + sum(w * x for w, x in zip(self._weights, centres, strict=True))
         return float(about * np.cos(self.angle) / self.arm)
 
     @property
     def pin(self) -> complex:
-        """Force on the pin along the axes of the boom, x + i z, N."""
+        """Force x + i z in N on the pin, in the boom's axes."""
         pressed = self.force * self._cylinder / abs(self._cylinder) - 1j * (PULL + sum(self._weights))
         return complex(pressed * np.exp(-1j * self.angle))
 
     def sag(self, stiffness: float) -> float:
-        """How far the tip goes down across the boom, m."""
+        """Deflection in m of the tip across the boom, downwards, by a cylinder of this stiffness in N/m."""
         return self.force / (stiffness * self.arm**2) * (EXTENSION + LENGTH) * self.arm
 
     def frequency(self, stiffness: float) -> float:
-        """Frequency at which the boom turns about the pin, Hz; boxes are slender rods."""
+        """Frequency in Hz at which the boom turns about the pin on the cylinder; boxes are slender rods."""
         inertia = sum(
             weight / G / LENGTH * ((tail + LENGTH) ** 3 - tail**3) / 3.0
             for weight, tail in zip(self._weights, TAILS, strict=True)

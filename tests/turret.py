@@ -1,4 +1,4 @@
-"""A turret in Exudyn whose slewing ring and luffing hinge are prescribed: its kinematics are all Exudyn's."""
+"""Turret in Exudyn with prescribed slewing and luffing angles: its kinematics are Exudyn's."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ MEASURED = ("RotationMatrix", "AngularVelocity", "AngularAcceleration")
 
 
 class Turret:
-    """Link 0 turns about the vertical, link 1, which carries the boom along its x, about the boom's -y.
+    """Kinematics of a boom: link 0 turns about the vertical, link 1 about the boom's -y and carries the boom.
 
-    At the times (T,): `rotation` (T, 3, 3) from the boom's axes to space, and in the boom's axes the angular `velocity`
-    (T, 3) in rad/s and `acceleration` (T, 3) in rad/s^2.
+    The boom lies along the x axis of link 1.  At the times t (T,) in s: `rotation` (T, 3, 3) from the boom's axes to
+    space, and in the boom's axes the angular `velocity` (T, 3) in rad/s and `acceleration` (T, 3) in rad/s^2.
     """
 
     def __init__(self, luffing: SignalBase, slewing: SignalBase, t: Array) -> None:

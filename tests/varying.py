@@ -1,4 +1,4 @@
-"""Boxes whose section varies along them as beams and as shells, and their answers to loads at the tip."""
+"""Boxes with a varying section, as beams and as shells, and their static response to loads at the tip."""
 
 from __future__ import annotations
 
@@ -22,11 +22,12 @@ E, G, RHO = Material().young, Material().shear_modulus, Material().density
 
 
 def beam(of_box: Box, shear: bool = False, elements: int = 4) -> Beam3D:
+    """Beam of a box, with shear flexibility or without."""
     return beam_of(Beam3DBody(length=of_box.length, profile=of_box, shear=shear, elements=elements), of_box)
 
 
 def answers(model) -> np.ndarray:
-    """Displacement and rotation of the tip (6, 6) under unit forces and moments on it."""
+    """Displacement and rotation (6, 6) of the tip under unit forces and moments there, of a clamped model."""
     loads, seen = (tuple(Action(f"{kind} {d}", "tip", d) for d in DIRECTIONS) for kind in ("load", "motion"))
     cap = () if model.node_stations is not None else (PointMass(name="c", on="tip", mass=1e-6, coupling="rigid"),)
     return static_outputs(
@@ -35,10 +36,12 @@ def answers(model) -> np.ndarray:
 
 
 def shell(of_box: Box, folder: Path, size: float, along: float) -> Shell:
+    """Shell of a box, meshed in a folder with cells of `size` m around and `along` m along it."""
     write_shell(draw_box(of_box, size, along), folder / "m.msh")
     return of(Body(box=of_box), read_mesh(folder / "m.msh", ("triangle",)))
 
 
 def areas(mesh) -> np.ndarray:
+    """Areas in m^2 of a mesh's triangles."""
     a, b, c = (mesh.points[mesh.cells[:, i]] for i in range(3))
     return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0

@@ -1,4 +1,4 @@
-"""Waiting for what other processes do, however slow the machine is."""
+"""Wait for other processes, however slow the machine is."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ PATIENCE = 1200.0  # s: only what hangs takes so long
 
 
 def wait_until(condition: Callable[[], object], process: subprocess.Popen | None = None) -> None:
-    """Return when the condition holds; a process that is given has to live until then."""
+    """Wait until the condition holds; fail after `PATIENCE` s, or if the process, if there is one, ends before."""
     deadline = time.monotonic() + PATIENCE
     while not condition():
         assert process is None or process.poll() is None, f"it ended with {process.returncode}"
@@ -20,7 +20,7 @@ def wait_until(condition: Callable[[], object], process: subprocess.Popen | None
 
 
 def is_alive(pid: int) -> bool:
-    """Whether the process runs; one that is dead but not yet collected by its parent does not."""
+    """Whether a process runs; one that has ended but is not collected by its parent does not."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
     except OSError:

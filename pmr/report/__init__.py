@@ -1,1 +1,1 @@
-"""The report: one HTML page and one PDF of results, to which it adds nothing but form (`pmr.report.document`)."""
+"""Reports of results: one HTML page and one PDF of runs or studies; nothing is computed for them but their form."""

@@ -1,4 +1,4 @@
-"""Pictures of bodies: at a few extensions, close to the largest stress, and their meshes."""
+"""Pictures of bodies: at up to three extensions, close to the largest stress, and of the mesh."""
 
 from __future__ import annotations
 
@@ -35,32 +35,34 @@ from pmr.results import RunResult
 Array = NDArray[np.float64]
 
 WIDTH = 1500  # px
-SIDE = (0.34, -0.88, 0.30)  # from where the body is seen
-NEAR = 1.0  # m that a close picture shows from bottom to top
+SIDE = (0.34, -0.88, 0.30)  # direction from the body to the camera
+NEAR = 1.0  # height of the close picture in m of the body
 STEEL, PAD, MOVING, SECTION = "#b9c4cd", "#3b4a57", "#d55e00", "#9fb0bd"
 
 
 @dataclass(frozen=True)
 class Album:
-    """The pictures of a case, or in a clause why there are none."""
+    """Pictures of a run; without pictures, `absent` is a clause that says why, or empty."""
 
     pictures: tuple[Picture, ...] = ()
     absent: str = ""
 
 
 def album(result: RunResult, prefix: str) -> Callable[[], Album]:
-    """Begin with the pictures; what is given back waits for them.
+    """Start another process that renders the pictures, and return a function that waits for them.
 
-    Without fields there are none, and nothing is said.
+    That function returns the album.  Without recovered fields this is empty and gives no reason.  `prefix` is put
+    before the identifiers of the pictures.
     """
     if not fields_by_body(result):
         return Album
     planned = list(_Views(result).shots())
-    thread = ThreadPoolExecutor(1)  # which waits for the process that makes them
+    thread = ThreadPoolExecutor(1)  # it waits for the process that renders
     developed = thread.submit(develop, [shot for _, shot, _ in planned])
     thread.shutdown(wait=False)
 
     def make_album() -> Album:
+        """Wait for the pictures and return them, or an album without pictures that says why."""
         try:
             pictures = developed.result()
         except NoPictureError as error:
@@ -76,7 +78,7 @@ def album(result: RunResult, prefix: str) -> Callable[[], Album]:
 
 
 class _Views:
-    """Surfaces of bodies, surroundings, colours and scale that the pictures of a case share."""
+    """What all pictures of a run share: surfaces of bodies, surroundings, colour limits, scale of displacements."""
 
     def __init__(self, result: RunResult) -> None:
         self.result, self.fields, self.places = result, fields_by_body(result), places(result)
@@ -87,7 +89,7 @@ class _Views:
         self.limits = (0.0, top(result) / 1e6 if self.stressed else 1.0)
 
     def shots(self) -> Iterator[tuple[str, Shot, str]]:
-        """Names, pictures and captions."""
+        """Yield (name, shot, caption) of each picture, in the order of the page."""
         chosen = instants(self.result)
         views = [Shot((*self._bodies(m), *self._surroundings(m)), SIDE, self.limits) for m in chosen]
         for number, (moment, shot) in enumerate(zip(chosen, frame_shots(views, WIDTH), strict=True), start=1):
@@ -97,7 +99,10 @@ class _Views:
         yield self._mesh()
 
     def _bodies(self, moment: Moment, edges: float = 0.6) -> Iterator[Piece]:
-        """Bodies at a moment, displaced by `scale` times as much, in colours of their stress in MPa."""
+        """Yield the bodies at a moment, displacements enlarged by `scale`.
+
+        Colours show the von Mises stress in MPa if there is one; `edges` is the width of mesh lines in px.
+        """
         for name, surface in self.surfaces.items():
             fields = self.fields[name]
             displaced = surface.moved(fields, fields.displacement[moment.frame])
@@ -106,6 +111,7 @@ class _Views:
             yield Piece(self._in_space(moment.frame, points), surface.faces, values, STEEL, edges=edges)
 
     def _surroundings(self, moment: Moment, opacity: float = 0.22) -> Iterator[Piece]:
+        """Yield the pads and the next outer section at a moment; only the section has this opacity."""
         back = np.array([moment.s, 0.0, 0.0])
         pieces = [_piece(block, PAD) for block in self.stage.near]
         pieces += [_piece(block, PAD, back) for block in self.stage.tail]
@@ -113,11 +119,14 @@ class _Views:
         yield from (replace(piece, points=self._in_space(moment.frame, piece.points)) for piece in pieces)
 
     def _in_space(self, frame: int, points: Array) -> Array:
-        """Points where they are drawn: turned with a frame that moves."""
+        """Turn points (..., 3) in m from the boom's axes into the ground's at the stored time `frame`.
+
+        Without a frame that moves both are the same.
+        """
         return points if self.pose is None else self.pose.at(frame, points)
 
     def _close(self, moment: Moment) -> tuple[str, Shot, str]:
-        """The neighbourhood of the largest stress, from the side that it is on, with the body's axis level."""
+        """Build (name, shot, caption) of the largest stress, seen from the side it is on, the body's axis level."""
         name, place = place_of_the_peak(self.result, moment)
         points = self.surfaces[name].points
         low, high = points.min(axis=0), points.max(axis=0)
@@ -138,7 +147,10 @@ class _Views:
         return "close", shot, f"The neighbourhood of the largest stress, seen from {side}; {tip}. {self._when(moment)}."
 
     def _when(self, moment: Moment) -> str:
-        """The time of the picture of the largest stress, and when that is, where no fields were kept then."""
+        """Clause with the time of the close picture.
+
+        It also names the time of the largest stress, if no fields are stored at this.
+        """
         at, displacements = f"{moment.t:.2f}{SPACE}s", "displacements as above"
         peak = self.result.summary.get("stress_peak", {}).get("reduced", {}).get("t", moment.t)
         if abs(peak - moment.t) <= 0.005:
@@ -146,6 +158,7 @@ class _Views:
         return f"At {at}, of the times whose fields are kept the nearest to {peak:.2f}{SPACE}s; {displacements}"
 
     def _mesh(self) -> tuple[str, Shot, str]:
+        """Build (name, shot, caption) of the meshes, with bodies and pads where they are at the first stored time."""
         bodies = [
             Piece(surface.points + (self.places[name][0], 0.0, 0.0), surface.faces, None, "#eef2f5", edges=0.9)
             for name, surface in self.surfaces.items()
@@ -162,6 +175,7 @@ class _Views:
         return "mesh", shot, f"The mesh: {plain(cells)} cells, {plain(vertices)} vertices{pads}."
 
     def _caption(self, moment: Moment) -> str:
+        """Caption of a view: extension beyond the mouth or reach, time, largest stress, scale of displacements."""
         deformed = f"displacements {plain(self.scale)} times their size"
         stress = f", largest von Mises stress {quantity(moment.peak, 'Pa')}" if self.stressed else ""
         length = f"{moment.extension:.2f}{SPACE}m"
@@ -170,4 +184,5 @@ class _Views:
 
 
 def _piece(block: Block, colour: str, back: Array | None = None) -> Piece:
+    """Turn a block into a piece of one colour, moved by minus `back` (3,) in m."""
     return Piece(block.corners - (0.0 if back is None else back), block.sides, None, colour)

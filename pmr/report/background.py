@@ -1,4 +1,4 @@
-"""A report that another process draws while its run goes on."""
+"""Report of a run that a second process draws while the run goes on."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from pmr.errors import environment
 from pmr.report.blocks import Figures, ReportFiles
 from pmr.results import RunResult
 
-#: In the process that draws: results with their figures.
+#: Results and their figures, in the order in which the second process drew them; empty in the first process.
 _drawings = list[tuple[RunResult, Figures]]()
 
 
 class BackgroundReport:
-    """The report of a run: drawn by another process where there is a core for it, else by this one in the end.
+    """Report of a run, drawn by a second process if there is a free core for it, else by this one in `write`.
 
-    Results are handed over in turn, each when the process is idle and reads it at once: Python before 3.11.5 waits for
-    ever where a process ends in front of a result that is larger than a pipe holds.
+    Results are sent to the second process one at a time, each when it is idle and reads at once: Python before 3.11.5
+    waits for ever if that process ends before it has read a result that is larger than a pipe's buffer.
     """
 
     def __init__(self) -> None:
@@ -34,6 +34,10 @@ class BackgroundReport:
         self._turns = ThreadPoolExecutor(1)
 
     def __enter__(self) -> BackgroundReport:
+        """Start the second process if a core is free, and let it import what it draws with.
+
+        If no process can be started, this one draws in `write`.
+        """
         if has_free_core():
             pool = ProcessPoolExecutor(1, get_context("spawn"), _follow_parent)
             with suppress(OSError):  # no process can be started: this one draws
@@ -42,20 +46,31 @@ class BackgroundReport:
         return self
 
     def __exit__(self, *error: object) -> None:
+        """Drop results that are not drawn yet, and terminate the second process without waiting for it.
+
+        All other child processes that multiprocessing has started are terminated too.
+        """
         self._turns.shutdown(wait=False, cancel_futures=True)
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)
-            for process in active_children():  # a run that was refused does not wait for what it no longer needs
+            for process in active_children():  # a run that fails does not wait for drawings
                 process.terminate()
 
     def draw(self, result: RunResult) -> None:
-        """Let the figures of a result be drawn, which do not show ``budget`` of its summary."""
+        """Queue a result for the second process to draw, and return at once; without that process do nothing.
+
+        No figure shows ``budget`` of the result's summary, so this may still change until `write`.
+        """
         if self._pool is not None:
             pool = self._pool
             self._drawn.append(self._turns.submit(lambda: pool.submit(_draw, result).result()))
 
     def write(self, results: Sequence[RunResult], folder: Path) -> ReportFiles:
-        """Write the report of all results, in the order of `draw`: see `pmr.report.document.write_report`."""
+        """Write the report of all `results` into `folder` and return its files; blocks until they are written.
+
+        The results come in the order in which `draw` got them, with their final summaries.  If there is no second
+        process or it was killed, this one draws them: see `pmr.report.document.write_report`.
+        """
         with suppress(BrokenExecutor):  # the process was killed
             if self._pool is not None:
                 for drawn in self._drawn:
@@ -68,24 +83,28 @@ class BackgroundReport:
 
 
 def has_free_core() -> bool:
-    """Whether a process beside this one would have a core for itself."""
+    """Whether a second process would have a core for itself: several cores may be used, and by this process alone.
+
+    Processes that MPI started together with this one count as users of the cores.
+    """
     return environment.cores() > 1 and environment.launched() == 1
 
 
 def _follow_parent() -> None:
-    """Leave interrupts to the process that this one works for, and end with it, however that ends."""
+    """Ignore interrupts (SIGINT) in this process, and end it as soon as its parent has ended, for whatever reason."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
 def _end_with_parent() -> None:
+    """Wait until the parent process ends, then exit this process with status 1; blocks, so a thread runs it."""
     if (parent := parent_process()) is not None:
         parent.join()
         os._exit(1)
 
 
 def _load() -> None:
-    """Import what draws while the run imports what computes."""
+    """Import the modules that draw and compile the templates; the second process runs it while the run computes."""
     import pmr.report.document
 
     pmr.report.document.weasyprint()
@@ -94,12 +113,14 @@ def _load() -> None:
 
 
 def _draw(result: RunResult) -> None:
+    """Draw the figures of a result, and append the result and its figures to `_drawings`, in the second process."""
     from pmr.report.document import draw_figures
 
     _drawings.append((result, draw_figures(result, len(_drawings) + 1)))
 
 
 def _write(folder: Path, summaries: Sequence[dict[str, Any]]) -> None:
+    """Write the report of the drawn results with their final summaries into `folder`, in the second process."""
     from pmr.report.document import write_report
 
     results = [replace(result, summary=summary) for (result, _), summary in zip(_drawings, summaries, strict=True)]

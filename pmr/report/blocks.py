@@ -1,4 +1,4 @@
-"""What a page consists of: everything in it is text, markup or plain data, ready for the templates."""
+"""Building blocks of a page: text, markup and plain data, ready for the templates."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ from typing import Any
 
 from pmr.report.numbers import MINUS, SPACE, significant
 
-TOLERANCE = 0.05  # relative deviation up to which two figures count as the same
+TOLERANCE = 0.05  # relative deviation up to which a value counts as within 5 % of the published one
 
 
 @dataclass(frozen=True)
 class Mark:
-    """A verdict on a figure: `kind` names it for style sheets, `symbol` tells it without colour."""
+    """Verdict on a value beside a published one: `kind` names its style, `symbol` tells it without colour.
+
+    `text` is the word for it in the table and in counts, `explained` that in the legend.
+    """
 
     kind: str
     symbol: str
@@ -32,7 +35,11 @@ RANKED = (BETTER, SAME, WITHIN, DIFFERENT, WORSE)  # from the best to the worst
 
 @dataclass(frozen=True)
 class Row:
-    """A line of the error table, as text; `mark` and `published` are absent where nothing was published."""
+    """Row of the error table, as text: an error or another value, beside the published one.
+
+    `comparison` says which models are compared, `place` names the quantity, `here` is the value of this run, `absolute`
+    the norm of the difference with its unit.  A column that does not apply to a row is None.
+    """
 
     comparison: str
     place: str
@@ -45,7 +52,7 @@ class Row:
 
 @dataclass(frozen=True)
 class ErrorTable:
-    """Lines, what they are of, and what has to be said about them; columns that all of them leave empty don't show."""
+    """Error table: rows, the caption above them and the sentences below; columns empty in all rows are not shown."""
 
     caption: str
     rows: Sequence[Row]
@@ -53,35 +60,35 @@ class ErrorTable:
 
     @property
     def published(self) -> bool:
-        """Whether any figure is published."""
+        """Whether any row has a published value."""
         return any(row.published for row in self.rows)
 
     @property
     def deviations(self) -> bool:
-        """Whether any figure is so many per cent from a published one."""
+        """Whether any row has a deviation from a published value."""
         return any(row.deviation for row in self.rows)
 
     @property
     def norms(self) -> bool:
-        """Whether any line has the norm of its difference."""
+        """Whether any row has the norm of a difference."""
         return any(row.absolute for row in self.rows)
 
     @property
     def marks(self) -> list[Mark]:
-        """Marks that occur, the best first."""
+        """Verdicts that occur in the table, the best first."""
         return [mark for mark in RANKED if any(row.mark is mark for row in self.rows)]
 
     @property
     def apart(self) -> bool:
-        """Whether any figure differs from the published one by more than 5 %."""
+        """Whether any value differs from the published one by more than 5 %."""
         return bool(deviating_rows(self.rows))
 
 
 def mark_for(value: float, published: float, is_error: bool = True) -> Mark:
-    """The verdict on a figure beside the published one.
+    """Verdict on a value beside the published one.
 
-    Both ends of the 5 % count as within.  An error is better when it is smaller; a displacement is neither better
-    nor worse.
+    A deviation of 5 % still counts as within 5 %.  An error is better if it is smaller; any other value, such as a
+    displacement, is neither better nor worse.
     """
     deviation = _deviation(value, published)
     if abs(deviation) <= TOLERANCE * (1.0 + 1e-9):
@@ -92,54 +99,54 @@ def mark_for(value: float, published: float, is_error: bool = True) -> Mark:
 
 
 def verdicts(table: Sequence[Row]) -> dict[str, int]:
-    """How many rows carry which mark, the best first, without those that none was published for."""
+    """Count the rows with each verdict, by its text, the best first; rows without a verdict are not counted."""
     marks = [row.mark for row in table if row.mark]
     return {mark.text: marks.count(mark) for mark in RANKED if mark in marks}
 
 
 def deviating_rows(table: Sequence[Row]) -> list[Row]:
-    """Rows that differ from the published figure by more than 5 %."""
+    """Rows whose value differs from the published one by more than 5 %."""
     return [row for row in table if row.mark not in (None, WITHIN)]
 
 
 def _deviation(value: float, published: float) -> float:
-    """Relative deviation; any figure is infinitely far from a published zero, but for zero itself."""
+    """Relative deviation (value - published) / published; infinite if `published` is 0, unless the value is 0 too."""
     if published == 0.0:
         return 0.0 if value == 0.0 else float("inf")
     return (value - published) / published
 
 
 def signed_deviation(value: float, published: float) -> str:
-    """Relative deviation from the published figure, with its sign, in per cent."""
+    """Format the relative deviation from the published value in per cent with its sign; a dash if it is infinite."""
     deviation = _deviation(value, published)
     if abs(deviation) == float("inf"):
         return "–"
     return f"{MINUS if deviation < 0.0 else '+'}{significant(100.0 * abs(deviation), 2)}{SPACE}%"
 
 
-#: Around what a drawing shows at a pointer: paper has none, and goes without.
+#: Comments around what a drawing shows only under a pointer; it is cut out for the PDF.
 SCREEN, END_OF_SCREEN = "<!--screen-->", "<!--end of screen-->"
 
-#: Names of all that a report consists of.
+#: Names of the files of a report.
 REPORT_FILES = ("report.html", "report.pdf")
 
 
 @dataclass(frozen=True)
 class ReportFiles:
-    """The two files of a report."""
+    """Paths of the two files of a report."""
 
     html: Path
     pdf: Path
 
     @classmethod
     def within(cls, folder: Path) -> ReportFiles:
-        """Files of a report in a folder."""
+        """Paths of the files of a report in a folder."""
         return cls(*(folder / name for name in REPORT_FILES))
 
 
 @dataclass(frozen=True)
 class KeyNumber:
-    """A key number, what it is, and what it is to be seen beside."""
+    """A number that sums up a run, as text, with a label and a note such as a value to compare it with."""
 
     value: str
     label: str
@@ -148,7 +155,7 @@ class KeyNumber:
 
 @dataclass(frozen=True)
 class Point:
-    """Sentence or two about a topic."""
+    """One or two sentences about a topic."""
 
     topic: str
     text: str
@@ -156,7 +163,10 @@ class Point:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of two columns with a title; some rows have a bar, which takes a share of as many `marks`."""
+    """Table of rows (name, text) with a title.
+
+    `bars` maps names of rows to the lengths of their bars, as shares of the full length, which has `marks` equal parts.
+    """
 
     title: str
     rows: tuple[tuple[str, str], ...]
@@ -167,7 +177,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Grid:
-    """A table with a head; its first column says what a row is about."""
+    """Table with column headings; the first column says what a row is about."""
 
     caption: str
     head: tuple[str, ...]
@@ -176,17 +186,17 @@ class Grid:
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure as it stands in the page: its identifier, an ``<svg>`` element and the sentence below it."""
+    """Vector figure of a page: its identifier, its ``<svg>`` element and the caption below it."""
 
     name: str
     svg: str
     caption: str
-    half: bool = False  # of the width of a page
+    half: bool = False  # whether it is half as wide as a page
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture as it stands in the page: identifier, size in px, PNG in base64 and the sentence below it."""
+    """Raster picture of a page: its identifier, its size in px, the PNG in base64 and the caption below it."""
 
     name: str
     width: int
@@ -197,7 +207,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Player:
-    """A motion to be played: its `kind` names the script, `data` is what that needs, ready for JSON."""
+    """Animation of a page: `kind` names its script, `data` is what the script reads, ready for JSON."""
 
     kind: str
     data: dict[str, Any]
@@ -206,9 +216,10 @@ class Player:
 
 @dataclass(frozen=True)
 class Block:
-    """Content below a heading: text, errors, a player, pictures, drawings, tables, in this order.
+    """Content below one heading: text, errors, animation, drawings, pictures, grids and tables, in this order.
 
-    Each of `rows` holds one drawing or two; `without_scripts` are those of pages on which nothing can be played.
+    Each of `rows` holds one drawing or two beside each other.  The drawings `without_scripts` stand in for `player` on
+    pages where no script runs; `software` lists names with versions.
     """
 
     heading: str
@@ -221,17 +232,17 @@ class Block:
     pictures: tuple[Picture, ...] = ()
     tables: Sequence[Table] = ()  # side by side
     software: Sequence[str] = ()
-    page: bool = False  # whether it begins one on paper
+    page: bool = False  # whether the block begins a new page on paper
 
     @property
     def drawings(self) -> tuple[Drawing, ...]:
-        """Every drawing."""
+        """All drawings of the block."""
         return (*self.without_scripts, *(drawing for row in self.rows for drawing in row))
 
 
 @dataclass(frozen=True)
 class Figures:
-    """Drawings of a run: the sketch of its first page, and the blocks behind the text about its errors."""
+    """All figures of a run: the sketch of its first page, and the blocks that follow those about errors."""
 
     sketch: Drawing
     blocks: Sequence[Block]
@@ -239,20 +250,20 @@ class Figures:
 
 @dataclass(frozen=True, kw_only=True)
 class Chapter:
-    """A run or a study.
+    """A run or a study as a chapter of a page.
 
     Attributes
     ----------
     headline : str
-        One sentence, for the index and above the rest.
+        One sentence, for the table of contents and below the key numbers.
     opening : str
-        What it is about, above the key numbers; `sketch` shows it, and `first` says in short tables what counts.
+        What the chapter is about, at its top; `sketch` shows it, and the short tables `first` hold the main results.
     points : sequence of Point
-        What there is to say, topic by topic.
+        Sentences by topic.
     warnings : sequence of str
-        What whoever sizes a machine by these results has to know.
+        What has to be known before a machine is sized by these results.
     unfinished : sequence of str
-        Runs without a result.
+        Names of runs without a result.
     """
 
     anchor: str

@@ -1,4 +1,4 @@
-"""The surface of a body as triangles, from the cells of its fields."""
+"""Surfaces of bodies as polygons, from the cells of their fields, with what is drawn around them and when."""
 
 from __future__ import annotations
 
@@ -20,32 +20,32 @@ from pmr.scene.built import PadRing
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Faces of the cells in VTK's order of vertices.
+#: Faces of each kind of cell, as indices of the cell's vertices in VTK's order.
 _FACES = {
     "triangle": [(0, 1, 2)],
     "tetra": [(0, 1, 3), (1, 2, 3), (2, 0, 3), (0, 2, 1)],
     "hexahedron": [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)],
 }
-#: A beam whose section is not known is drawn this thick, m.
+#: Thickness in m as which a beam of unknown section is drawn.
 _THIN = 0.05
 
 
 @dataclass(frozen=True)
 class Surface:
-    """Visible surface of a body.
+    """Visible surface of a body, with P points and S faces.
 
     Attributes
     ----------
     points : (P, 3) array, m
-        At rest.
+        Undeformed, in the body's axes.
     faces : (S, 3 or 4) integer array
-        Triangles or quadrilaterals.
+        Triangles or quadrilaterals, as indices of points.
     cell : (S,) integer array
-        The cell that each face belongs to.
+        Index of the field's cell that each face belongs to.
     vertex : (P,) integer array
-        The vertex of the fields that each point moves with.
+        Index of the field's vertex that each point moves with.
     lever : (P, 2) array, m
-        How far a point is from that vertex along y and z: sections of beams turn with their axis.
+        Distance of each point from its vertex along y and z; not 0 for beams, whose sections turn with their axis.
     """
 
     points: Array
@@ -55,30 +55,36 @@ class Surface:
     lever: Array
 
     def moved(self, fields: Fields, displacement: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Displacements (..., P, 3) in m of the points, from those (..., N, 3) of the vertices."""
+        """Displacements (..., P, 3) in m of the points, from `displacement` (..., N, 3) in m of the fields' N vertices.
+
+        Sections of a beam stay at right angles to its axis: their points move along x by -(v' y + w' z).
+        """
         displaced = np.asarray(displacement[..., self.vertex, :])
         if np.any(self.lever):
             slope = np.gradient(displacement, fields.points[:, 0], axis=-2)[..., self.vertex, 1:]
-            displaced[..., 0] -= np.sum(slope * self.lever, axis=-1)  # sections stay across the axis
+            displaced[..., 0] -= np.sum(slope * self.lever, axis=-1)  # sections stay at right angles to the axis
         return displaced
 
     @property
     def triangles(self) -> Indices:
-        """(T, 3): each quadrilateral as two."""
+        """Triangles (T, 3) as indices of points; of quadrilaterals the first halves of all, then the second halves."""
         if self.faces.shape[1] == 3:
             return self.faces
         return np.concatenate([self.faces[:, [0, 1, 2]], self.faces[:, [0, 2, 3]]])
 
     @property
     def edges(self) -> Indices:
-        """(E, 2): edges of the faces, each once."""
+        """Edges of the faces, each once, as pairs (E, 2) of indices of points."""
         ends = np.concatenate([self.faces, self.faces[:, :1]], axis=1)
         pairs = np.sort(np.stack([ends[:, :-1].ravel(), ends[:, 1:].ravel()], axis=1), axis=1)
         return np.unique(pairs, axis=0)
 
 
 def surface(fields: Fields, box: Box | None = None) -> Surface:
-    """The surface of shells and solids; for beams, whose vertices go along x, the tube that `box` describes."""
+    """Surface of a shell or a solid; of a beam, whose vertices are sorted along x, the tube of its `box`.
+
+    A beam without a box is drawn as a thin square tube.
+    """
     if fields.kind == "line":
         return _tube(fields, box)
     cells = fields.cells[:, : {"triangle": 3, "tetra": 4, "hexahedron": 8}[fields.kind]]
@@ -87,7 +93,7 @@ def surface(fields: Fields, box: Box | None = None) -> Surface:
     cell = np.repeat(np.arange(len(cells)), len(table))
     if len(table) > 1:
         _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
-        outside = np.sort(first[count == 1])  # what two cells share is inside
+        outside = np.sort(first[count == 1])  # faces that two cells share are inside
         faces, cell = faces[outside], cell[outside]
     vertex, faces = np.unique(faces, return_inverse=True)
     faces = faces.reshape(-1, table.shape[1])
@@ -95,7 +101,7 @@ def surface(fields: Fields, box: Box | None = None) -> Surface:
 
 
 def surfaces(result: RunResult) -> dict[str, Surface]:
-    """Surfaces of all bodies that have fields."""
+    """Surfaces of all bodies that have fields, by body."""
     bodies = result.scene.bodies
     return {
         name: surface(body.fields, bodies[name].body.box)
@@ -105,7 +111,7 @@ def surfaces(result: RunResult) -> dict[str, Surface]:
 
 
 def _tube(fields: Fields, box: Box | None) -> Surface:
-    """Walls along a beam's axis."""
+    """Build the surface of a beam: its walls along the axis, without end faces."""
     thin = np.array([(-_THIN, -_THIN), (_THIN, -_THIN), (_THIN, _THIN), (-_THIN, _THIN)]) / 2.0
     count = len(fields.points)
     corners = np.tile([side.start for side in box.sides] if box else thin, (count, 1, 1))
@@ -127,7 +133,7 @@ _SIDES = np.array([(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2
 
 @dataclass(frozen=True)
 class Block:
-    """A box as drawn: its corners (8, 3) in m, and its sides (k, 4) as quadrilaterals."""
+    """Cuboid as it is drawn: corners (8, 3) in m, and sides (k, 4) as indices of corners."""
 
     corners: Array
     sides: NDArray[np.int64]
@@ -135,9 +141,10 @@ class Block:
 
 @dataclass(frozen=True)
 class Stage:
-    """The next section, pads at its mouth (`near`), which stay in the picture, and those that move with the body.
+    """Surroundings of a body that slides out of a mouth; all empty for a boom, whose sections hold each other.
 
-    Nothing around a boom, whose sections hold each other.
+    `section` is the next outer section, `near` are the pads at its mouth, which stay in the picture, and `tail` those
+    that move with the body.
     """
 
     section: tuple[Block, ...]
@@ -146,7 +153,7 @@ class Stage:
 
 
 def stage(result: RunResult, body: Surface) -> Stage:
-    """The surroundings of a body, at s = 0."""
+    """Build the surroundings of a body where the path coordinate s is 0; empty for a boom."""
     if not is_alone(result):
         return Stage((), (), ())
     low, high, box = body.points.min(axis=0), body.points.max(axis=0), result.scene.body.box
@@ -164,24 +171,29 @@ def stage(result: RunResult, body: Surface) -> Stage:
 
 
 def _pads(ring: PadRing, low: Array, high: Array, box: Box | None) -> list[Block]:
+    """Build a block for each pad of a ring; `low` and `high` (3,) in m are opposite corners of the body."""
     body = np.array([low, high])
     return [Block(pad_corners(ring, place, body, box, _CUBE + 0.5), _SIDES) for place in ring.places]
 
 
 def _block(start: Array, end: Array, sides: NDArray[np.int64]) -> Block:
+    """Build a block from its opposite corners `start` and `end` (3,) in m."""
     return Block((start + end) / 2.0 + _CUBE * (end - start), sides)
 
 
 DISPLACED = 0.08  # largest displacement as drawn, over the length of the body
-EXTENSIONS = 3
-#: Relative difference of two stresses that are one: they are kept in single precision.
+EXTENSIONS = 3  # parts of the mouth's range, each with a picture
+#: Relative difference up to which two stresses count as equal: they are stored in single precision.
 SINGLE = 1e-5
-ALMOST_ALL = 0.98  # of the cells: a few peaks must not leave the rest in one colour
+ALMOST_ALL = 0.98  # share of the cells within the colours: a few peaks must not leave all others in one colour
 
 
 @dataclass(frozen=True)
 class Moment:
-    """A time (s) of the fields, the mouth's position and the length beyond it (m), the largest stress (Pa)."""
+    """Time at which fields are stored, as its index `frame` and as t in s, and the state at this time.
+
+    The mouth has the path s in m, and the body extends `extension` m beyond it; `peak` is the largest stress in Pa.
+    """
 
     frame: int
     t: float
@@ -191,24 +203,25 @@ class Moment:
 
 
 def fields_by_body(result: RunResult) -> dict[str, Fields]:
-    """Fields of all bodies that have some; all at the same times."""
+    """Fields of all bodies that have some, by body; all are stored at the same F times."""
     return {name: body.fields for name, body in result.bodies.items() if body.fields is not None}
 
 
 def times(result: RunResult) -> Array:
-    """Times of the fields, (F,) s."""
+    """Times (F,) in s at which the fields are stored."""
     return next(iter(fields_by_body(result).values())).t
 
 
 def has_stresses(result: RunResult) -> bool:
-    """Whether there are stresses."""
+    """Whether any body has von Mises stresses in its fields."""
     return any(fields.von_mises for fields in fields_by_body(result).values())
 
 
 def instants(result: RunResult) -> list[Moment]:
-    """In each third of the stretch that the mouth visits the time of the largest stress, in order of time.
+    """Moments that are drawn, in order of time: at most one for each third of the mouth's range.
 
-    Without stresses that of the largest displacement; one moment alone where the mouth rests.
+    It is the stored time of the largest stress with the mouth in this third; without stresses that of the largest
+    displacement.  A mouth that does not move has one moment.
     """
     s, t = positions(result), times(result)
     weight = _peaks(result) if has_stresses(result) else _size(result)
@@ -223,9 +236,10 @@ def instants(result: RunResult) -> list[Moment]:
 
 
 def of_the_peak(result: RunResult) -> Moment:
-    """The stored moment nearest to the time of the largest stress that the summary names, or the one with the largest.
+    """Stored moment nearest to the time of the largest stress in the summary, else the one with the largest value.
 
-    Fields may be kept at fewer times than stresses.
+    The summary's time may not be stored, as fields may be kept at fewer times than stresses.  Without stresses in the
+    fields the values are displacements, and `peak` is the largest one in m.
     """
     t, s, named = times(result), positions(result), _named_peak(result).get("t")
     largest = _peaks(result) if has_stresses(result) else _size(result)
@@ -234,9 +248,9 @@ def of_the_peak(result: RunResult) -> Moment:
 
 
 def place_of_the_peak(result: RunResult, moment: Moment) -> tuple[str, Array]:
-    """The body with the largest stress, and where along its own axes (3,) m: as the summary has it.
+    """Body with the largest stress, and the point (3,) in m in this body's axes, from the summary if it has them.
 
-    Where it has none: the middle of the cell with the largest stress at a moment.
+    Else the point is the middle of the cell that has the largest stress of all bodies at `moment`.
     """
     fields, peak = fields_by_body(result), _named_peak(result)
     if "position" in peak and (body := peak.get("section", next(iter(fields)))) in fields:
@@ -252,7 +266,10 @@ def place_of_the_peak(result: RunResult, moment: Moment) -> tuple[str, Array]:
 
 
 def _largest(values: Array, among: NDArray[np.int64], preferred: int | None) -> int:
-    """Number of the largest of the values `among` some; the preferred one if it is as large, as far as is kept."""
+    """Index of the largest of `values` among the indices `among`, or `preferred` if that value is as large.
+
+    Values are equal here if they differ by less than single precision.
+    """
     largest = int(among[np.argmax(values[among])])
     if preferred is not None and preferred in among and values[preferred] >= (1.0 - SINGLE) * values[largest]:
         return int(preferred)
@@ -260,12 +277,13 @@ def _largest(values: Array, among: NDArray[np.int64], preferred: int | None) -> 
 
 
 def _named_peak(result: RunResult) -> Mapping[str, Any]:
+    """Largest stress of the reduced model as the summary has it; empty if it has none."""
     peak: Mapping[str, Any] = result.summary.get("stress_peak", {}).get("reduced") or {}
     return peak
 
 
 def _named_frame(result: RunResult) -> int | None:
-    """The frame at the time of the largest stress that the summary names, if it was kept."""
+    """Index of the stored time at which the summary's largest stress occurs; None if this time is not stored."""
     t, field_times = _named_peak(result).get("t"), times(result)
     if t is None:
         return None
@@ -274,30 +292,34 @@ def _named_frame(result: RunResult) -> int | None:
 
 
 def positions(result: RunResult) -> Array:
-    """Path of the mouth at the times of the fields, (F,) m; of a boom, how much shorter it is than at its longest."""
+    """Path of the mouth (F,) in m at the times of the fields; of a boom, its largest reach minus its reach."""
     s = result.along if result.reach is None else length(result) - result.reach
     return onto(times(result), result.responses["reduced"].t, s)
 
 
 def places(result: RunResult) -> dict[str, Array]:
-    """How far along x each body is drawn at the times of the fields, (F,) m: the mouth, or a base's tail, is at 0."""
+    """Shift (F,) in m along x at which each body is drawn at the times of the fields, by body.
+
+    A body alone is shifted by -s, so that the mouth is at 0.  Sections of a boom are shifted by the positions of their
+    tails along the boom, where that of the base is 0.
+    """
     if result.reach is None:
         return {name: -positions(result) for name in fields_by_body(result)}
     return {name: along for name, (_, along) in result.travelling.items()}
 
 
 def stress_of(fields: Fields) -> NDArray[np.float32]:
-    """The larger of the stresses on a cell's faces, (F, C) Pa."""
+    """Von Mises stress of each cell (F, C) in Pa at F times: the largest one of all faces that it is stored for."""
     return np.maximum.reduce(list(fields.von_mises.values()))
 
 
 def scale(result: RunResult) -> float:
-    """How many times its size a displacement is drawn: a round number."""
+    """Factor by which displacements are enlarged in pictures, a round number."""
     return enlargement(float(_size(result).max()), DISPLACED * length(result))
 
 
 def top(result: RunResult) -> float:
-    """The stress in Pa that the last colour stands for, whose quarters are short numbers; few cells ever exceed it."""
+    """Stress in Pa of the last colour, a round number whose quarters are short; few cells exceed it at any time."""
     cells = [stress_of(fields).max(axis=0) for fields in fields_by_body(result).values() if fields.von_mises]
     most = float(np.quantile(np.concatenate(cells), ALMOST_ALL))
     if most <= 0.0:
@@ -308,12 +330,12 @@ def top(result: RunResult) -> float:
 
 
 def _peaks(result: RunResult) -> Array:
-    """The largest stress of all bodies at each time, (F,) Pa."""
+    """Largest stress of all bodies (F,) in Pa at each stored time."""
     each = [stress_of(fields).max(axis=1) for fields in fields_by_body(result).values() if fields.von_mises]
     return np.asarray(np.max(each, axis=0))
 
 
 def _size(result: RunResult) -> Array:
-    """The largest displacement of all bodies at each time, (F,) m."""
+    """Length of the largest displacement of all bodies (F,) in m at each stored time."""
     each = [np.linalg.norm(fields.displacement, axis=2).max(axis=1) for fields in fields_by_body(result).values()]
     return np.asarray(np.max(each, axis=0))

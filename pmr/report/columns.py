@@ -1,4 +1,4 @@
-"""Which columns of a response are what: histories of tips, lines and forces, by the kinds of their outputs."""
+"""Histories from the columns of a response, chosen by the kinds of its outputs: tips, axes of bodies and forces."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ from pmr.scene.frame import rotation
 from pmr.scene.keys import named
 from pmr.scene.members import as_pads
 
-PLAYING = 30.0  # s that the whole motion plays at the speed set first
+PLAYING = 30.0  # s in which the whole motion plays at the first speed
 _FULL_SCALE = 32767
 
 
 def extremes(values: ArrayLike, bins: int) -> NDArray[np.intp]:
-    """Indices of samples that keep every peak.
+    """Indices of samples that keep every peak of a signal.
 
-    Plain thinning would alias whatever oscillates faster than the new step.  Here the signal is cut into
-    `bins` equal intervals, and of each the smallest and the largest sample stay, in their order in time.
+    Plain thinning would alias whatever oscillates faster than the new step.  Here the signal is cut into `bins` equal
+    intervals, and the smallest and the largest sample of each interval are kept.
 
     Parameters
     ----------
     values : (T,) array
     bins : int
-        Intervals; about one for each point of line width in the picture.
+        Number of intervals; about one for each line width in the picture.
 
     Returns
     -------
     (n,) array of int
-        Increasing, with the first and the last sample; n <= 2 bins + 2, and all T where that is no more.
+        Increasing, with the first and the last sample; n <= 2 bins + 2, and all T samples if T <= 2 bins + 2.
     """
     values = np.asarray(values, dtype=float)
     count = len(values)
@@ -52,7 +52,7 @@ def extremes(values: ArrayLike, bins: int) -> NDArray[np.intp]:
 
 
 def upper_envelope(values: ArrayLike, bins: int) -> NDArray[np.intp]:
-    """Indices of the largest sample in each of `bins` intervals: the upper envelope of a noisy signal."""
+    """Indices of the largest sample in each of `bins` equal intervals; all indices if there are no more than `bins`."""
     values = np.asarray(values, dtype=float)
     count = len(values)
     if count <= bins:
@@ -61,12 +61,15 @@ def upper_envelope(values: ArrayLike, bins: int) -> NDArray[np.intp]:
 
 
 def spread(count: int, most: int) -> NDArray[np.intp]:
-    """At most `most` indices, evenly spread over ``range(count)``, with both ends."""
+    """Return at most `most` indices, evenly spread over ``range(count)``, the first and the last one included."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
 
 
 def onto(t: Array, times: Array, values: Array) -> Array:
-    """Columns of `values`, known at `times`, at the times `t`; the same array where these are the same."""
+    """Interpolate `values` (T,) or (T, n), known at `times` (T,), to the times `t` (S,); linear in time.
+
+    If both times are the same, `values` itself is returned.
+    """
     if len(t) == len(times) and np.allclose(t, times, rtol=0.0, atol=1e-9 * abs(t[-1])):
         return values
     if values.ndim == 1:
@@ -75,20 +78,23 @@ def onto(t: Array, times: Array, values: Array) -> Array:
 
 
 def _pieces(count: int, bins: int) -> list[tuple[int, int]]:
-    """`bins` intervals that make up ``range(count)``."""
+    """Split ``range(count)`` into `bins` intervals (start, stop)."""
     edges = np.linspace(0, count, bins + 1).astype(int).tolist()
     return list(zip(edges[:-1], edges[1:], strict=True))
 
 
 def pack(values: NDArray[np.float64]) -> dict[str, Any]:
-    """Little-endian 16-bit integers in base64, and the value of one count."""
+    """Encode an array as little-endian 16-bit integers in base64 (``data``), and the value of one count (``count``)."""
     largest = float(np.abs(values).max(initial=0.0)) or 1.0
     counts = np.round(values / largest * _FULL_SCALE).astype("<i2")
     return {"count": largest / _FULL_SCALE, "data": base64.b64encode(counts.tobytes()).decode()}
 
 
 def speeds(duration: float) -> dict[str, Any]:
-    """Playback speeds as multiples of real time; the one set first is round and plays for about `PLAYING`."""
+    """Playback speeds as multiples of real time, of a motion of `duration` s.
+
+    ``first`` is round and plays the motion in about `PLAYING` s, ``choices`` are this one and four others about it.
+    """
     first = round_number(max(duration / PLAYING, 1e-6))
     choices = [first / 5.0, first / 2.0, first, 2.0 * first, 4.0 * first]
     return {"first": first, "choices": [float(f"{choice:.3g}") for choice in choices]}
@@ -97,15 +103,15 @@ def speeds(duration: float) -> dict[str, Any]:
 Array = NDArray[np.float64]
 Quantity = Callable[[Response], Array]
 
-#: Share of the largest displacement of a model below which one is round-off, where a response does not say.
+#: Share of the largest displacement below which a displacement is round-off, if a response has no bound of its own.
 ROUND_OFF = 1e-12
 
 
 @dataclass(frozen=True)
 class Force:
-    """A force on a body: what a response calls it, and what it is called within its group.
+    """A force or moment on a body: `called` names it in a response, `name` within its group in the report.
 
-    `column` is where it stands in a response without names.
+    `column` is its column among the slider forces of a response that has no names for them.
     """
 
     column: int
@@ -114,27 +120,30 @@ class Force:
     unit: str = "N"
 
     def of(self, response: Response) -> Array:
-        """The force, or moment, over time, (T,) in its unit."""
+        """Read the force or moment (T,) in its `unit` from a response."""
         return response.force(self.called, self.column)
 
 
 @dataclass(frozen=True)
 class Line:
-    """Places along a body's axis, and the columns of a response that hold their displacement along a direction."""
+    """Points along a body's axis, with the columns of a response that hold their displacement in one direction."""
 
     body: str
     x: Array  # (o,) m
     columns: NDArray[np.int64]
-    tail: Array  # (T,) m, where the body's tail is along the boom
+    tail: Array  # (T,) m, position of the body's tail along the boom
 
     def moved(self, response: Response) -> Array:
-        """That displacement, (T, o) m."""
+        """Displacements (T, o) in m of the o points at T times, from a response."""
         return response.displacement[:, self.columns]
 
 
 @dataclass(frozen=True)
 class Ring:
-    """Pads above or below a body: where they are along the boom (T,) m, and what they press with, in all (T,) N."""
+    """Pads of a ring on one face of a body: position along the boom (T,) in m, and sum of their forces (T,) in N.
+
+    `above` says whether they are on the upper face.
+    """
 
     body: str
     at: Array
@@ -143,11 +152,17 @@ class Ring:
 
 
 def tips(result: RunResult) -> Mapping[str, Quantity]:
-    """The displacement of the tip, or that of the last section, (T,) m, along each direction across the axis."""
+    """Functions that read the tip's displacement (T,) in m from a response, by direction across the axis (y or z).
+
+    The tip is that of the last section.
+    """
     last = list(result.scene.bodies)[-1]
 
     def of_axis(direction: str) -> Quantity:
+        """Function that reads the displacement of the tip in one direction."""
+
         def displacement(response: Response) -> Array:
+            """Displacement (T,) in m of the tip in `direction`."""
             outputs = outputs_of(result.scene, response)
             of = ("tip", last, direction)
             column = next(k for k, output in enumerate(outputs) if (output.kind, output.body, output.direction) == of)
@@ -162,12 +177,15 @@ def tips(result: RunResult) -> Mapping[str, Quantity]:
 
 
 def is_round_off(result: RunResult, what: Quantity) -> bool:
-    """Whether a displacement exceeds in no model what round-off may make of it."""
+    """Whether a displacement, which `what` reads from a response, is at most round-off in every model."""
     return max(float(np.abs(what(response)).max()) for response in result.responses.values()) <= _floor(result)
 
 
 def differ(result: RunResult, what: Quantity) -> float:
-    """How far a displacement (T,) of any other model is from that of the reduced one at most, m; 0 without others."""
+    """Largest difference in m of a displacement between the reduced model and any other; 0 without other models.
+
+    `what` reads the displacement (T,) in m from a response.
+    """
     reduced = result.responses["reduced"]
     displacements = [
         onto(reduced.t, response.t, what(response)) for name, response in result.responses.items() if name != "reduced"
@@ -176,15 +194,19 @@ def differ(result: RunResult, what: Quantity) -> float:
 
 
 def unseen(result: RunResult) -> float:
-    """Share of a quantity's largest value up to which models that differ have no panel for it: the step's error is as
-    large, or it is nothing to look at.
+    """Relative difference between models up to which no panel shows it.
+
+    It is the error of the time step at the tip or along the beam, the larger one, but at least `NOTHING`.
     """
     step = result.summary.get("step") or {}
     return max(NOTHING, *(step.get(place) or 0.0 for place in ("tip", "beam")))
 
 
 def _floor(result: RunResult) -> float:
-    """Displacement that may be round-off, m; where that is not known, a share of the largest displacement."""
+    """Displacement in m that may be round-off: the largest bound of all responses.
+
+    The bound of a response that has none is the share `ROUND_OFF` of its largest displacement.
+    """
     return max(
         response.round_off or ROUND_OFF * float(np.abs(response.displacement).max(initial=0.0))
         for response in result.responses.values()
@@ -192,14 +214,17 @@ def _floor(result: RunResult) -> float:
 
 
 def not_drawn(directions: Sequence[str]) -> str:
-    """Why the tip's displacement along these directions has no figure; empty without any."""
+    """Sentence that says why the tip's displacement in these directions has no figure; empty without directions."""
     if not directions:
         return ""
     return f"The tip moves along {' and '.join(directions)} by no more than round-off."
 
 
 def lines(result: RunResult, response: Response, direction: str = "z") -> list[Line]:
-    """Columns of a response with the displacement of each body along a direction across its axis, from the base out."""
+    """Lines of the bodies from the base out, with the columns of their outputs in `direction` (y or z).
+
+    Points are sorted by x; a body without such outputs has no line.
+    """
     outputs, bodies = outputs_of(result.scene, response), []
     for body, tail in zip(result.scene.bodies, _tails(result, len(response.t)).T, strict=True):
         columns = [k for k, output in enumerate(outputs) if output.body == body and output.direction == direction]
@@ -210,7 +235,10 @@ def lines(result: RunResult, response: Response, direction: str = "z") -> list[L
 
 
 def _tails(result: RunResult, steps: int) -> Array:
-    """Place of each body's tail along the boom, (T, bodies) m; of a body alone 0."""
+    """Position (T, bodies) in m of each body's tail along the boom, at the T = `steps` times of a response.
+
+    It is 0 for a body alone.
+    """
     if is_alone(result):
         return np.zeros((steps, 1))
     extensions = result.paths.values
@@ -223,9 +251,10 @@ def _tails(result: RunResult, steps: int) -> Array:
 
 
 def forces(result: RunResult, kind: str = "pad") -> dict[str, list[Force]]:
-    """Forces of a kind of output by what they come from, that which stays first: all that the reduced model knows.
+    """Forces of outputs of one kind, by group; all that the reduced model has.
 
-    Pads of a body alone are grouped by their rings; all others are one group without a name.
+    Pads of a body alone are grouped by ring, rings that stay on the body first; all other forces are one group with an
+    empty name.
     """
     response = result.responses["reduced"]
     first, count = response.displacement.shape[1], response.slider_force.shape[1]
@@ -254,7 +283,7 @@ def forces(result: RunResult, kind: str = "pad") -> dict[str, list[Force]]:
 
 
 def rings(result: RunResult) -> Iterator[Ring]:
-    """Pads above and below the bodies, all of a ring on one face together."""
+    """Yield the pads of each ring below and above the bodies, with the sum of their forces in the reduced model."""
     response = result.responses["reduced"]
     bodies, tails = list(result.scene.bodies.items()), _tails(result, len(response.t))
     for number, (body, of) in enumerate(bodies):
@@ -274,26 +303,26 @@ def rings(result: RunResult) -> Iterator[Ring]:
 
 
 def _by_face(ring: PadRing) -> dict[str, list[str]]:
-    """Names of the forces of a ring's pads below and above a body, by face."""
+    """Names of the forces of a ring's pads on the faces ``bottom`` and ``top``, by face."""
     return {side: [FORCE_OF + name for name, face, _ in ring.places if face == side] for side in ("bottom", "top")}
 
 
 def _points(called: str) -> dict[str, list[str]]:
-    """Names of the forces of points on the axis of a planar beam, by face."""
+    """Names of the forces of a point contact on the axis of a planar beam: ``bottom`` has that below, ``top`` above."""
     return {"bottom": [f"{FORCE_OF}{called} below"], "top": [f"{FORCE_OF}{called} above"]}
 
 
 def _ring_places(result: RunResult, ring: PadRing, tail: Array) -> Array:
-    """Place of a ring on the ground along the axis, (T,) m."""
+    """Position (T,) in m of a ring along the axis: `ring.at`, or s + `ring.at` if it moves along the body."""
     return ring.at + (result.along if ring.moving else np.zeros_like(tail))
 
 
 @dataclass(frozen=True)
 class Axis:
-    """The axis of a body at S times, (S, n, 2) m from the pivot.
+    """Axis of a body at S times, as n points from the pivot in m.
 
-    `side` has the distance in the plane of luffing and the height, `plan` the places as seen from above, of places `x`
-    (n,) m along it.
+    `x` (n,) is their distance from the body's tail along it, `side` (S, n, 2) their distance from the pivot in the
+    plane of luffing and their height, `plan` (S, n, 2) their coordinates seen from above.
     """
 
     body: str
@@ -303,11 +332,14 @@ class Axis:
 
 
 def body_axes(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale: float = 1.0) -> list[Axis]:
-    """Axes of all bodies from the base out, by the reduced model; deflections are `scale` times as large."""
+    """Axes of all bodies from the base out, by the reduced model at the time indices `steps` (S,).
+
+    Deflections are enlarged by the factor `scale`.
+    """
     response, frame = result.responses["reduced"], result.scene.frame
     chosen, aside = np.asarray(steps), {line.body: line for line in lines(result, response, "y")}
     turned, positions = turns(result, response.t[chosen]), []
-    sine, cosine = turned[:, 2, 0, None], turned[:, 2, 2, None]  # of luffing
+    sine, cosine = turned[:, 2, 0, None], turned[:, 2, 2, None]  # of the luffing angle
     for line in lines(result, response):
         places_in_boom = np.zeros((len(chosen), len(line.x), 3)) + (0.0 if frame is None else frame.place)
         places_in_boom[:, :, 0] += line.tail[chosen, None] + line.x
@@ -321,7 +353,10 @@ def body_axes(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale:
 
 
 def turns(result: RunResult, t: Array) -> Array:
-    """From the boom's axes into those of the ground, (T, 3, 3): by its frame, or as far as its weight has it raised."""
+    """Rotation matrices (T, 3, 3) from the boom's axes into the ground's at the times `t` (T,) in s.
+
+    They follow the boom's frame; without a frame the boom stands at the constant angle that gravity is turned by.
+    """
     if result.scene.frame is not None:
         return result.scene.frame.rotation(t)
     gravity = result.scene.gravity

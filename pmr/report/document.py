@@ -1,4 +1,4 @@
-"""The report: one self-contained HTML page and the same as PDF."""
+"""Write the report of runs: one self-contained HTML page and the same as PDF."""
 
 from __future__ import annotations
 
@@ -28,10 +28,11 @@ _log = logging.getLogger(__name__)
 
 
 def write_report(results: Sequence[RunResult], folder: Path, figures: Sequence[Figures] = ()) -> ReportFiles:
-    """Write report.html and report.pdf for one or several runs into `folder`, which is made if need be.
+    """Write report.html and report.pdf of one or several runs into `folder` and return their paths.
 
-    The page holds its figures, fonts, styles and scripts; it asks for nothing from outside.  The same results
-    give the same page, byte by byte.  What `draw_figures` made of each of them needn't be drawn again.
+    The folder is made if need be.  The page holds its figures, fonts, styles and scripts, and loads nothing from
+    outside.  Equal results give equal pages, byte by byte.  `figures` are those that `draw_figures` returned for each
+    result; without them they are drawn now.
 
     Raises
     ------
@@ -52,16 +53,20 @@ def write_report(results: Sequence[RunResult], folder: Path, figures: Sequence[F
 
 
 def draw_figures(result: RunResult, number: int) -> Figures:
-    """Draw the figures of the result with a number in its report, from 1 on: they take longest."""
+    """Draw the figures of a result, which takes most of a report's time.
+
+    `number`, from 1 on, is that of the result in its report; identifiers in the page begin with ``case-`` and it.
+    """
     return figures_of(result, _anchor(number))
 
 
 def _anchor(number: int) -> str:
+    """Identifier of the chapter about a result, by its number in the report."""
     return f"case-{number}"
 
 
 def write(text: str, folder: Path) -> ReportFiles:
-    """Write a page as both files."""
+    """Write a page of HTML into a folder as report.html and report.pdf; return their paths."""
     with fresh(folder, REPORT_FILES) as new:
         (new / "report.html").write_text(text, encoding="utf-8")
         print_page(text, new / "report.pdf")
@@ -70,20 +75,20 @@ def write(text: str, folder: Path) -> ReportFiles:
 
 
 def with_date(kind: str, summaries: Sequence[Mapping[str, Any]]) -> str:
-    """A kind of report with the dates of what it is about, from the first to the last."""
+    """Append the dates of the summaries, from the first to the last, to the name of a kind of report."""
     dates = sorted({str(summary["date"]) for summary in summaries if summary.get("date")})
     return f"{kind} · {' to '.join(dict.fromkeys([dates[0], dates[-1]]))}" if dates else kind
 
 
 def page(chapters: Sequence[Chapter], kind: str = KIND) -> str:
-    """The report of runs as HTML."""
+    """Render the report of runs as HTML."""
     title = chapters[0].title if len(chapters) == 1 else "Reduced sliding structures"
     headings = list(dict.fromkeys(number.label for chapter in chapters for number in chapter.key_numbers))
     return render("report.html", title, chapters, kind=kind, headings=headings)
 
 
 def render(template: str, title: str, chapters: Sequence[Chapter], **more: Any) -> str:
-    """A page as HTML from one of the templates, which get what else is named."""
+    """Render one of the templates as HTML; it gets title, chapters, font, players and the variables `more`."""
     blocks = [block for chapter in chapters for block in chapter.blocks]
     drawn = [drawing for block in blocks for drawing in block.drawings] + [
         chapter.sketch for chapter in chapters if chapter.sketch
@@ -104,7 +109,7 @@ def render(template: str, title: str, chapters: Sequence[Chapter], **more: Any) 
 
 @cache
 def templates() -> jinja2.Environment:
-    """All templates, each of which is compiled when it is first asked for."""
+    """Environment of all templates; each template is compiled when it is first loaded."""
     return jinja2.Environment(
         loader=jinja2.PackageLoader("pmr.report"),
         autoescape=True,
@@ -116,24 +121,27 @@ def templates() -> jinja2.Environment:
 
 
 def readable(value: Any) -> Any:
-    """Text that is no markup of our own, with characters that would steer the page spelled out."""
+    """Spell out characters that would steer the page, in plain text; markup and other values are returned unchanged."""
     return visible(value) if type(value) is str else value
 
 
 def print_page(text: str, file: Path) -> None:
-    """Write a page of HTML as PDF."""
+    """Write a page of HTML as a PDF file."""
     weasyprint().HTML(string=_without_screen(text)).write_pdf(file)
 
 
 def weasyprint() -> Any:
-    """The package, which loads Pango and other libraries.
+    """Import and return the package weasyprint, which loads Pango and other libraries.
 
-    It asks for each by several names.  Under those of other systems the compiler, the linker and the list of libraries
-    would be asked too, in some fifty processes.  So they are asked only where no name is that of a file.
+    It looks each library up under several names; for names of other systems `find_library` starts the compiler, the
+    linker and others, some fifty processes.  So the import is tried first with a `find_library` that finds nothing,
+    when only names of files are used, and if that fails again with the real one.  Raises InputError if weasyprint can't
+    be imported.
     """
     name, find = "weasyprint", ctypes.util.find_library
 
     def nowhere(name: str) -> str | None:
+        """Find no library of this name."""
         return None
 
     ctypes.util.find_library = nowhere
@@ -147,13 +155,13 @@ def weasyprint() -> Any:
 
 
 def _without_screen(text: str) -> str:
-    """The page without what only a screen shows or a script reads, and with figures as images that stand in it whole.
+    """Remove from a page what only a screen shows or a script reads, and embed each figure as one image.
 
-    As parts of the page each of their lines would be read, and given styles, by what was made for pages: half the time
-    that a PDF takes.
+    As parts of the page all elements of a figure would be matched with its styles, which takes half the time of a PDF.
     """
 
     def embed_figure(match: re.Match[str]) -> str:
+        """Turn an ``<svg>`` element into an embedded image, and in a ``<style>`` name ``embed`` instead of ``svg``."""
         style, drawn = match.groups()
         if style is not None:
             return re.sub(r"\bsvg(?= \{)", "embed", style)

@@ -1,4 +1,4 @@
-"""How far off a run is: its error table, and errors of model, mesh, step and reduction as bars and in words."""
+"""Errors of a run: its error table, and the errors of model, mesh, step and reduction as bars and in sentences."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ from pmr.scene.choice import model_of
 from pmr.scene.members import members
 
 NAMES = {"full": "full", "ancf": "ANCF", "reduced": "reduced"}
-#: Order of pairs of models and of kinds of errors in the table.
+#: Order of pairs of models in the error table, and of the kinds of errors of each pair.
 ORDER = ("reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf")
 PLACES = ("tip", "beam", "pad_force", "cylinder_force", "support_force")
-#: Order of the kinds of errors that parts of the budget state.
+#: Order of the kinds of errors of model, mesh, step and reduction.
 KINDS = (*PLACES, "reaction", "frequency")
 #: Names of the models with which others are compared.
 MODELS = {"beam3d": "a beam in space", "shell": "a shell", "coarse shell": "a coarse shell"}
-#: Bars begin at this error.
+#: Relative error at which the scale of the bars begins.
 LEAST = 1e-5
-#: What is not known of stresses of beams, whatever else is.
+#: What no error of the stresses of beams covers.
 WALLS = "in stresses the bending of a beam's walls under pads, which a shell has"
 
 
 def error_table(result: RunResult) -> ErrorTable:
-    """The error table of a run, with notes on it."""
+    """Build the error table of a run with its caption and notes."""
     error_rows, published = rows(result), result.scene.published
     caption = "Over all times and places."
     if is_compared(result):
@@ -54,18 +54,21 @@ def error_table(result: RunResult) -> ErrorTable:
 
 
 def is_compared(result: RunResult) -> bool:
-    """Whether there is anything that the run was, or should have been, compared with."""
+    """Whether the summary holds errors to another model, or names a reference that could not be computed."""
     return bool(result.summary.get("errors") or result.summary.get("no_reference"))
 
 
 def rows(result: RunResult) -> list[Row]:
-    """Lines of the error table: normalised errors and their estimates, then the largest displacement and stress."""
+    """Rows of the error table: errors to other models, estimates, then largest displacement, difference and stress."""
     errors = (*_error_rows(result), *_missing_rows(result), *_section_rows(result), *_estimate_rows(result))
     return [*errors, *_lengths(result), *_stresses(result)]
 
 
 def reasons(result: RunResult, table: Sequence[Row]) -> list[str]:
-    """Why figures differ from the published ones by more than 5 %, and other notes of the run."""
+    """Sentences below the error table: published values that agree by rounding, and the notes of the run.
+
+    If other values deviate by more than 5 % and the run has no notes, a sentence says that no reason is recorded.
+    """
     explanations = [
         f"{row.comparison}, {row.place}: the published {row.published} is a rounded figure; "
         f"{row.here} rounds to it, so the two agree as far as is known."
@@ -79,7 +82,7 @@ def reasons(result: RunResult, table: Sequence[Row]) -> list[str]:
 
 
 def error_name(result: RunResult, kind: str) -> str:
-    """Name of what an error is of, as the summary of the run calls the error."""
+    """Name of the quantity that an error of the summary measures, such as ``all sections`` for the kind ``beam``."""
     names = {"tip": "tip", "beam": "beam" if is_alone(result) else "all sections", "pad_force": forces_called(result)}
     return names.get(kind) or label_of_error(kind)
 
@@ -87,7 +90,8 @@ def error_name(result: RunResult, kind: str) -> str:
 def list_errors(result: RunResult, errors: Mapping[str, Any], kinds: Sequence[str] = KINDS) -> str:
     """List errors in words, such as ``1 % at the tip, 2 % along the beam and 3 % in the pad forces``.
 
-    Errors that are round-off are left out, but those of displacements.
+    `errors` maps kinds of errors to relative errors, or None.  Those below `TINY`, which are round-off, are left out
+    unless they are of displacements (``tip`` and ``beam``); the text is empty if none is left.
     """
     places = {"tip": "at the tip", "beam": scope(result), "pad_force": f"in the {forces_called(result)}"}
     stated = {kind: errors[kind] for kind in kinds if errors.get(kind) is not None}
@@ -100,7 +104,7 @@ def list_errors(result: RunResult, errors: Mapping[str, Any], kinds: Sequence[st
 
 
 def _error_rows(result: RunResult) -> Iterator[Row]:
-    """Rows of the errors between two models, beside published ones, with the norms of the differences."""
+    """Yield a row for each error between two models, with the published error and the norm of the difference."""
     published = result.scene.published
     printed: Mapping[str, Any] = published.model_dump().get("errors", {}) if published else {}
     decimals = _decimals(printed)
@@ -121,7 +125,7 @@ def _error_rows(result: RunResult) -> Iterator[Row]:
                 row = _comparison_row(comparison, name, error, other, decimals)
             absolute = result.summary.get("absolute_errors", {}).get(pair, {}).get(kind)
             if kind.startswith(REACTION_OF) and error == absolute == 0.0:
-                continue  # nothing acts along this support
+                continue  # no force acts along this support
             if absolute is not None and not 0.0 < error < TINY:
                 unit = units.get(kind, "N" if "_force" in kind else "m")
                 row = replace(row, absolute=_norm(unit, absolute))
@@ -129,7 +133,7 @@ def _error_rows(result: RunResult) -> Iterator[Row]:
 
 
 def _missing_rows(result: RunResult) -> Iterator[Row]:
-    """References that were to be compared with and can't be trusted; why, the run's warnings say."""
+    """Yield a row for each reference that could not be used for comparison; the run's warnings say why."""
     for kind in result.summary.get("not_judged", {}):
         yield Row("reduced against full", error_name(result, kind), "not judged")
     for name in result.summary.get("no_reference", {}):
@@ -137,14 +141,14 @@ def _missing_rows(result: RunResult) -> Iterator[Row]:
 
 
 def _section_rows(result: RunResult) -> Iterator[Row]:
-    """Errors along each section of a boom."""
+    """Yield a row with the error along each section of a boom against the full model."""
     for section in result.summary.get("sections", ()):
         if "errors" in section:
             yield Row("reduced against full", section["name"], _percent(section["errors"]["reduced_vs_full"]["beam"]))
 
 
 def _estimate_rows(result: RunResult) -> Iterator[Row]:
-    """Estimated errors, and the allowed one."""
+    """Yield rows with the errors that were estimated without the full model, and with the error that is allowed."""
     estimates = result.summary.get("estimate", {})
     for kind in PLACES:
         if estimates.get(kind) is not None:
@@ -156,12 +160,12 @@ def _estimate_rows(result: RunResult) -> Iterator[Row]:
 
 
 def _percent(error: float) -> str:
-    """An error in per cent; of one below `TINY` what it is."""
+    """Format a relative error in per cent, or as ``round-off`` if it is below `TINY` but not 0."""
     return "round-off" if 0.0 < error < TINY else percent(error)
 
 
 def _norm(unit: str, value: float) -> str:
-    """The norm of a difference with its unit."""
+    """Format the norm of a difference with its unit; ``1`` is the unit of a pure number."""
     if unit == "m":
         return length(value, 3)
     return (
@@ -170,6 +174,7 @@ def _norm(unit: str, value: float) -> str:
 
 
 def _stresses(result: RunResult) -> Iterator[Row]:
+    """Yield rows with the largest von Mises stress of the reduced and the full model, and how far they are apart."""
     largest: Mapping[str, float] = result.summary.get("max_von_mises", {})
     for name in ("reduced", "full"):
         if name in largest:
@@ -180,7 +185,10 @@ def _stresses(result: RunResult) -> Iterator[Row]:
 
 
 def _comparison_row(comparison: str, place: str, error: float, other: float, decimals: int) -> Row:
-    """An error beside the published one, which is printed in per cent with so many decimals."""
+    """Build a row with an error beside the published one; both are fractions, the latter printed in per cent.
+
+    `place` names the quantity, `other` is the published error, and `decimals` are those of its value in per cent.
+    """
     printed, deviation = f"{100.0 * other:.{decimals}f}{SPACE}%", signed_deviation(error, other)
     rounded = abs(error - other) <= 0.5 * 10.0 ** -(decimals + 2) * (1.0 + 1e-9)
     mark = mark_for(error, other)
@@ -190,6 +198,7 @@ def _comparison_row(comparison: str, place: str, error: float, other: float, dec
 
 
 def _lengths(result: RunResult) -> Iterator[Row]:
+    """Yield rows with the largest displacement and the largest difference in m, beside published values."""
     published = result.scene.published
     for name, comparison, is_error in (
         ("max_displacement", "largest transverse displacement", False),
@@ -213,13 +222,15 @@ def _decimals(printed: Mapping[str, Mapping[str, float]]) -> int:
 
 
 def _digits(value: float) -> int:
+    """Number of significant digits of a value as Python prints it."""
     return len(Decimal(repr(value)).normalize().as_tuple().digits)
 
 
 def trust_table(result: RunResult) -> Table:
-    """A row for model, mesh, time step and reduction, with a bar where the error is known, and what they lack.
+    """Build the table of errors of model, mesh, time step and reduction, followed by what these errors leave out.
 
-    All bars are on one scale of powers of ten.
+    Each row has a bar if its error is known: the largest of the error's kinds on a logarithmic scale from `LEAST`,
+    which all bars share.
     """
     summary = result.summary
     budget, step, estimate = (summary.get(name) or {} for name in ("budget", "step", "estimate"))
@@ -261,26 +272,35 @@ def trust_table(result: RunResult) -> Table:
 
 
 def _unknown(model: Mapping[str, Any]) -> str:
-    """Why the model's own error is not known."""
+    """Clause that says why the model's own error is not known, or which key has it measured."""
     reason = model.get("reason") or "compare.richer measures it"
     return str(reason) if reason.startswith("not ") else f"not known: {reason}"
 
 
 def _by_label(part: Mapping[str, Any]) -> dict[str, float]:
-    """Errors that a part of the budget states, by the names of quantities, the largest first."""
+    """Relative errors of one source, by the labels of the quantities they are measured in, the largest first.
+
+    `part` is a mapping of the summary whose keys are kinds of errors; others, and values that are None, are left out.
+    """
     kinds = ("beam", "largest", *KINDS[2:])
     errors = {QUANTITIES[kind].label: float(part[kind]) for kind in kinds if part.get(kind) is not None}
     return dict(sorted(errors.items(), key=lambda item: -item[1]))
 
 
 def _without_round_off(errors: Mapping[str, float]) -> str:
-    """List errors that are worth a bar in words; empty where none is known."""
+    """List the errors that are at least `LEAST`.
+
+    If all errors are smaller the text says so; without errors it is empty.
+    """
     parts = [f"{name} {percent(error)}" for name, error in errors.items() if error >= LEAST]
     return ", ".join(parts) or (f"less than {percent(LEAST, 1)}" if errors else "")
 
 
 def estimate(result: RunResult) -> str:
-    """The error estimate in a sentence, beside the true error where that is known; else empty."""
+    """Sentence on the estimated error, and on its ratio to the true error if that is known; empty without an estimate.
+
+    If the error could not be estimated, the sentence says why, unless the true error is known.
+    """
     estimates = result.summary.get("estimate")
     true = result.summary.get("errors", {}).get("reduced_vs_full", {}).get("beam")
     if estimates is None or (estimates["beam"] is None and true is not None):
@@ -298,7 +318,7 @@ def estimate(result: RunResult) -> str:
 
 
 def step(result: RunResult) -> str:
-    """The error of the time step in a sentence; empty where there is no figure."""
+    """Sentence on the error of the time step; empty if it was not measured."""
     step_error = result.summary.get("step", {})
     if step_error.get("beam") is None:
         return ""
@@ -309,7 +329,7 @@ def step(result: RunResult) -> str:
 
 
 def mesh(result: RunResult) -> str:
-    """Sentence about the mesh's error, and what of the run has no figure for it; empty without figures."""
+    """Sentence on the error of the mesh and on what this error does not cover; empty if it was not measured."""
     budget = result.summary.get("budget", {})
     if not isinstance(mesh_part := budget.get("mesh"), Mapping) or mesh_part.get("beam") is None:
         return ""
@@ -317,11 +337,12 @@ def mesh(result: RunResult) -> str:
 
 
 def _not_covered(clauses: Sequence[str] | None) -> str:
+    """Sentence, with a space before it, that joins clauses on what an error does not cover; empty without clauses."""
     return f" It does not cover {'; nor '.join(clauses)}." if clauses else ""
 
 
 def model(result: RunResult) -> str:
-    """The model's own error in two or three sentences; that it is not known in one, with the key that tells it."""
+    """Sentences on the error of the structural model against a richer one, or on why it is not known."""
     part, chosen = result.summary.get("budget", {}).get("model"), result.summary.get("chosen_model")
     why = ""
     if chosen is not None and not is_alone(result):
@@ -341,7 +362,7 @@ def model(result: RunResult) -> str:
 
 
 def model_number(result: RunResult) -> Iterator[KeyNumber]:
-    """The model's part of the budget, for the first page; nothing where it is not known."""
+    """Yield the model's own error as a key number; nothing if it is not known."""
     part = result.summary.get("budget", {}).get("model")
     if part is None or part["beside"] is None or part.get("beam") is None:
         return

@@ -1,4 +1,4 @@
-"""The first page for the one who decides: what was asked, what it carries, how far it may be trusted."""
+"""Tables of the first page: what was asked, what the structure carries, how far the results may be trusted."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ FORCES = (
     *("pad_force", "cylinder_force", "rope_force", "support", "support_moment"),
     *("machine_force", "machine_moment", "ground_force", "ground_moment"),
 )
-#: What names of reactions about the pivot begin with, and those of a machine that moves by itself.
+#: Beginnings of the names of reactions at the pivot, and of those of a machine that moves.
 PIVOT, MACHINE = "pivot ", "machine "
 #: End of the name of a cylinder that moves sections by ropes.
 ROPES = "which pulls the ropes"
-#: Share of the highest natural frequency below which one is zero.
+#: Share of the highest natural frequency below which a frequency is printed as 0.
 ROUND_OFF = 1e-9
 
 
 def tables(result: RunResult) -> tuple[Table, ...]:
-    """The three tables; each row has its figure, and where and when."""
+    """Build the tables of the first page; those without rows are left out."""
     all_tables = (
         Table("What was asked", tuple(machine.rows(result))),
         Table("What it carries", tuple(capacity_rows(result))),
@@ -47,7 +47,7 @@ def tables(result: RunResult) -> tuple[Table, ...]:
 
 
 def capacity_rows(result: RunResult) -> Rows:
-    """Rows of what the structure carries: whether it holds, how far it gives, how it vibrates, forces of each kind."""
+    """Yield rows (name, text) on stress, fatigue, buckling, deflection, frequency, forces and the machine's motion."""
     summary = result.summary
     yield from _stress(result)
     if damages := summary.get("fatigue"):
@@ -65,7 +65,10 @@ def capacity_rows(result: RunResult) -> Rows:
 
 
 def _stress(result: RunResult) -> Rows:
-    """The largest stress with its share of the yield stress; in two rows where they are not of the same place."""
+    """Yield the largest von Mises stress with its share of the yield stress.
+
+    If the largest share occurs at another point than the largest stress, it has a row of its own.
+    """
     summary = result.summary
     largest = summary.get("max_von_mises", {}).get("reduced")
     if largest is None:
@@ -82,13 +85,13 @@ def _stress(result: RunResult) -> Rows:
 
 
 def _stressed_at(result: RunResult, peak: Mapping[str, Any]) -> str:
-    """Place and time of a largest stress."""
+    """Clause with the point and the time of a largest stress, and with the boom's angles at this time."""
     where = [sentences.part_of(peak), f"{_round(peak['position'][0])}{SPACE}m from the tail"]
     return f"{', '.join(filter(None, where))}, at {_round(peak['t'])}{SPACE}s{_raised_text(result, peak['t'])}"
 
 
 def _forces(result: RunResult) -> Rows:
-    """The largest of each kind, pads, cylinders and supports apart, and the largest moment of a support."""
+    """Yield a row with the largest force or moment of each kind in `FORCES`, what bears it, and when it occurs."""
     for key, forces in _extremes_of_forces(result).items():
         row, unit = QUANTITIES[key].reported, QUANTITIES[key].unit
         if key == "support" and _luffing_names(result):
@@ -106,7 +109,11 @@ def _forces(result: RunResult) -> Rows:
 
 
 def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
-    """Least and largest forces and moments by their keys in `QUANTITIES` and the names of what bears them."""
+    """Least and largest forces and moments, by their kinds in `FORCES` and the names of what bears them.
+
+    Supports that model the luffing cylinder are left out.  A cylinder that pulls ropes appears once, by
+    the force that it pulls with.
+    """
     response, summary = result.responses["reduced"], result.summary
     by_key = {key: dict[str, Extremes]() for key in FORCES}
     frame = result.scene.frame
@@ -144,7 +151,7 @@ def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
 
 
 def _luffing_names(result: RunResult) -> set[str]:
-    """Names of supports that stand for the cylinder which raises the boom, whose force along itself has a row."""
+    """Names of the supports that model the luffing cylinder, whose force has a row of its own; empty without it."""
     frame = result.scene.frame
     if frame is None or frame.cylinder is None or result.summary.get("luffing_cylinder") is None:
         return set()
@@ -153,7 +160,7 @@ def _luffing_names(result: RunResult) -> set[str]:
 
 
 def _full_name(result: RunResult, name: str) -> str:
-    """The name of a support's force, with its direction where the name has none."""
+    """Name of a support's force, with its direction appended if the support holds only this one."""
     for body, part in result.scene.bodies.items():
         for support in part.supports:
             if len(support.held) == 1 and name == named(body, support.name):
@@ -162,7 +169,7 @@ def _full_name(result: RunResult, name: str) -> str:
 
 
 def _luffing_rows(result: RunResult) -> Rows:
-    """Largest force of the luffing cylinder along itself, and its stroke."""
+    """Yield a row with the largest force of the luffing cylinder along its axis, and the range of its length."""
     if (cylinder := result.summary.get("luffing_cylinder")) is not None:
         largest, stroke = Extremes.from_summary(cylinder["force"]).largest, cylinder["length"]
         long = extent(stroke["min"], stroke["max"], f"{SPACE}m long")
@@ -171,11 +178,12 @@ def _luffing_rows(result: RunResult) -> Rows:
 
 
 def _way(force: Extreme) -> str:
-    """Verb for the sign of a cylinder's force."""
+    """Verb for the sign of a cylinder's force: ``pushes`` if positive, else ``pulls``."""
     return "pushes" if force.value > 0.0 else "pulls"
 
 
 def _deflection(result: RunResult) -> Rows:
+    """Yield a row with the largest tip displacement in each direction in which it exceeds round-off."""
     response = result.responses["reduced"]
     sizes = {direction: what(response) for direction, what in tips(result).items() if not is_round_off(result, what)}
     for direction, values in sizes.items():
@@ -186,7 +194,7 @@ def _deflection(result: RunResult) -> Rows:
 
 
 def _machine_rows(result: RunResult) -> Rows:
-    """How far a machine that moves by itself does: displacements of the pivot, and angles."""
+    """Yield a row with the ranges of a moving machine's free coordinates: displacements of the pivot, and angles."""
     frame = result.scene.frame
     if frame is None or frame.machine is None:
         return
@@ -207,6 +215,10 @@ def _machine_rows(result: RunResult) -> Rows:
 
 
 def _lowest(result: RunResult) -> Rows:
+    """Yield a row with the lowest natural frequency over the path and where it occurs; nothing if none is known.
+
+    It is printed as 0 below the share `ROUND_OFF` of the highest frequency.
+    """
     frequencies = result.frequencies.models.get("reduced")
     if frequencies is None or not frequencies.size or not np.isfinite(frequencies[:, 0]).any():
         return
@@ -220,12 +232,12 @@ def _lowest(result: RunResult) -> Rows:
 
 
 def _moment(result: RunResult, extreme: Extreme) -> str:
-    """When an extreme value is, how far the boom reaches then, and how it stands."""
+    """Clause with the time of an extreme value, and with the reach, or path coordinate, and the angles at this time."""
     return f"at {_round(extreme.t)}{SPACE}s, {_position_text(result, extreme.s)}{_raised_text(result, extreme.t)}"
 
 
 def _raised_text(result: RunResult, t: float) -> str:
-    """How far a boom in a frame is raised then, and turned where it is at all."""
+    """Clause with luffing and slewing angle of a boom in a frame at the time `t` in s; empty without a frame."""
     frame = result.scene.frame
     if frame is None:
         return ""
@@ -236,7 +248,7 @@ def _raised_text(result: RunResult, t: float) -> str:
 
 
 def _position_text(result: RunResult, along: float) -> str:
-    """How far a boom reaches, or a section is out of its mouth; of a beam where its sliders are."""
+    """Describe a position `along` in m: reach of a boom, length of a section beyond its mouth, or s of the sliders."""
     if not is_alone(result):
         return f"reach {_round(along)}{SPACE}m"
     if moving_part(result) == "mouth":
@@ -245,4 +257,5 @@ def _position_text(result: RunResult, along: float) -> str:
 
 
 def _round(value: float) -> str:
+    """Format a number rounded to two decimals."""
     return plain(round(value, 2))

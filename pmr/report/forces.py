@@ -1,4 +1,4 @@
-"""What bodies bear, as figures and tables: forces of pads, cylinders and supports."""
+"""Forces of pads, cylinders, ropes, supports and the pivot, as figures and tables."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ from pmr.results import RunResult
 from pmr.results.response import Extremes
 from pmr.results.tables import FORCE_OF, REACTION_OF, reaction_extremes
 
-#: Of the largest force: what is below is round-off, which a support has even where nothing acts along it.
+#: Share of the largest force below which a force is round-off: no support has exactly 0 where nothing acts along it.
 ROUND_OFF = 1e-9
-#: What the sign of a force says, where that of another table may seem to be against it.
+#: Sentences on the sign of forces by kind of output, for those that seem to contradict another table.
 SIGNS = {
     "support": " Positive along the axes: a support that is pressed down has a negative force, and so has one in place "
     "of a luffing cylinder while the cylinder pushes.",
 }
-#: What names begin with of what acts at the pivot.
+#: Beginning of the names of supports for reactions at the pivot.
 PIVOT = "pivot "
 AT_PIVOT = f"{REACTION_OF}{PIVOT}"
 
 
 def contact(result: RunResult, prefix: str) -> Block | None:
-    """Forces of pads or sliders, group by group."""
+    """Build the block about the forces of pads or sliders; None without any."""
     return _block(result, prefix, "pad", "pad forces" if not is_alone(result) else forces_called(result))
 
 
 def cylinders(result: RunResult, prefix: str) -> Block | None:
-    """Forces of cylinders that push sections out, and of those that pull ropes."""
+    """Build the block about forces of cylinders that push sections out, and of ropes; None without such cylinders."""
     block, ropes = _block(result, prefix, "cylinder", "cylinder forces"), tuple(_ropes(result))
     return replace(block, grids=(*block.grids, *ropes)) if block else None
 
 
 def _ropes(result: RunResult) -> Iterator[Grid]:
-    """Forces of ropes and chains, and of the cylinders that pull them."""
+    """Yield a table with the extremes of the forces of ropes, chains, and the cylinders that pull them."""
     extremes_of_ropes = {
         f"{drive_of(rope)} of {rope['name']}": Extremes.from_summary(rope["force"])
         for rope in result.summary.get("ropes", ())
@@ -63,7 +63,10 @@ def _ropes(result: RunResult) -> Iterator[Grid]:
 
 
 def supports(result: RunResult, prefix: str) -> Block | None:
-    """Forces on the ground: of supports that give way over time, and the extremes of these and of rigid ones."""
+    """Build the block about supports: forces of elastic ones over time, and extremes of elastic and rigid ones.
+
+    It is None if there are neither.
+    """
     block, rigid = _block(result, prefix, "support", "supports"), tuple(reactions(result))
     if block is None:
         return Block(heading="Supports", grids=rigid) if rigid else None
@@ -71,7 +74,10 @@ def supports(result: RunResult, prefix: str) -> Block | None:
 
 
 def pivot(result: RunResult, prefix: str) -> Block | None:
-    """Forces and moments of a boom in a frame that moves on its machine, about the pivot over time."""
+    """Build the block about the forces and moments of a boom on its machine, about the pivot.
+
+    It is None if the boom is in no frame that moves.
+    """
     response, row = result.responses["reduced"], list[Drawing]()
     acting = [
         reaction for reaction in response.outputs if reaction.kind == "reaction" and reaction.name.startswith(AT_PIVOT)
@@ -91,7 +97,7 @@ def pivot(result: RunResult, prefix: str) -> Block | None:
 
 
 def _luffing_grids(result: RunResult) -> Iterator[Grid]:
-    """Force, length, speed and power of the cylinder that raises the boom."""
+    """Yield a table with the extremes of force, length, speed and power of the luffing cylinder, if there is one."""
     if (cylinder := result.summary.get("luffing_cylinder")) is None:
         return
     rows = list[tuple[str, ...]]()
@@ -105,7 +111,11 @@ def _luffing_grids(result: RunResult) -> Iterator[Grid]:
 
 
 def _block(result: RunResult, prefix: str, kind: str, called: str) -> Block | None:
-    """Figures of a kind's forces and moments, so many panels in each, and tables of the extremes."""
+    """Build a block about outputs of one kind: figures of their forces, figures of their moments, tables of extremes.
+
+    A figure has at most `MOST_FORCES` panels.  Forces that are round-off at all times are named in a sentence instead.
+    None is returned without outputs of this kind.
+    """
     groups, drawn, grids = forces(result, kind), list[tuple[Drawing, ...]](), list[Grid]()
     if not groups:
         return None
@@ -126,22 +136,24 @@ def _block(result: RunResult, prefix: str, kind: str, called: str) -> Block | No
 
 
 def bears(result: RunResult, force: Force) -> bool:
-    """Whether a force is in any model more than round-off beside the largest of all."""
+    """Whether a force exceeds round-off in any model at any time."""
     responses = result.responses.values()
     return any(float(np.abs(force.of(of)).max(initial=0.0)) > of.force_floor for of in responses)
 
 
 def _force_name(force: Force) -> str:
+    """Name of a force in a table: that of its output, or its name in the group if the output has none."""
     return force.called.removeprefix(FORCE_OF) or force.name
 
 
 def place_called(result: RunResult) -> str:
-    """Word for the place of extremes in tables."""
+    """Words for the coordinate at which extremes occur: the path coordinate s of a body alone, else the reach."""
     return "the path coordinate s" if is_alone(result) else "the reach"
 
 
 def _caption(result: RunResult, kind: str, group: str, unit: str) -> str:
-    in_parts = result.responses["reduced"].force_peaks is not None  # a step was made in parts, for pads that only push
+    """Caption of a figure of forces of one kind and group, or of moments if `unit` is ``N m``."""
+    in_parts = result.responses["reduced"].force_peaks is not None  # steps were divided, for pads that only push
     peaks = in_parts and has_pushing_pads(result)
     within = " Of pads that only push, the largest force within each step." if peaks else ""
     if kind == "cylinder":
@@ -157,7 +169,10 @@ def _caption(result: RunResult, kind: str, group: str, unit: str) -> str:
 
 
 def extremes(result: RunResult, kind: str, chosen: Sequence[Force]) -> Grid:
-    """Smallest and largest of a kind's forces, or moments, in one unit; the largest friction where it is known."""
+    """Build the table of extremes of forces, or moments, of one kind, with the largest friction where it is known.
+
+    All of `chosen` have the same unit.
+    """
     response, t = result.responses["reduced"], result.responses["reduced"].t
     path, unit = result.along_at(t), chosen[0].unit
     by_name = {_force_name(force): Extremes.of(force.of(response), t, path) for force in chosen}
@@ -174,13 +189,17 @@ def extremes(result: RunResult, kind: str, chosen: Sequence[Force]) -> Grid:
 
 
 def reactions(result: RunResult) -> Iterator[Grid]:
-    """Smallest and largest forces and moments on rigid supports."""
+    """Yield tables of the extremes of forces and of moments on rigid supports."""
     caption = "Least and largest {} on rigid supports, positive along the axes, when they occur, and "
     return _rigid(result, at_pivot=False, caption=f"{caption}{place_called(result)} then.")
 
 
 def _rigid(result: RunResult, at_pivot: bool, caption: str) -> Iterator[Grid]:
-    """Extremes at the pivot of a boom in a frame, which are sums over all supports, or of each support."""
+    """Yield a table of extremes for forces and one for moments on rigid supports.
+
+    If `at_pivot`, they are those at the pivot of a boom in a frame, which are sums over all supports, else all others.
+    `caption` has a ``{}`` for the words forces or moments.
+    """
     response, by_unit = result.responses["reduced"], dict[str, dict[str, Extremes]]()
     for of, extreme in reaction_extremes(response, result.along_at(response.t)).items():
         if (result.scene.frame is not None and of.support.startswith(PIVOT)) == at_pivot:
@@ -188,14 +207,15 @@ def _rigid(result: RunResult, at_pivot: bool, caption: str) -> Iterator[Grid]:
     for base, of_unit in by_unit.items():
         largest = max(extreme.size for extreme in of_unit.values())
         bearing = {name: extreme for name, extreme in of_unit.items() if extreme.size > ROUND_OFF * largest}
-        if bearing:  # nothing acts along a support that only keeps a direction
+        if bearing:  # a support that only keeps a direction bears no force
             yield _grid(bearing, base, largest, caption.format("moments" if base == "N m" else "forces"))
 
 
 def _grid(extremes_by_name: Mapping[str, Extremes], base: str, largest: float, caption: str) -> Grid:
-    """A row for each, in a unit that fits the largest of them; what is nothing beside that is 0.
+    """Build a table with a row of extremes for each name, in a unit that fits the largest of them.
 
-    So is what is round-off beside `largest`, the largest of all kinds.
+    `base` is the unit without prefix.  Values below the share `NOTHING` of the largest in the table, or the share
+    `ROUND_OFF` of `largest`, are printed as 0.
     """
     most = max((extreme.size for extreme in extremes_by_name.values()), default=0.0)
     unit, nothing = unit_for(most, base), max(NOTHING * most, ROUND_OFF * largest)
@@ -204,7 +224,10 @@ def _grid(extremes_by_name: Mapping[str, Extremes], base: str, largest: float, c
 
 
 def cells(extreme: Extremes, unit: Unit, nothing: float = 0.0) -> Iterator[str]:
-    """Both, each with when and where; 0 alone up to `nothing`."""
+    """Yield the least and the largest value in `unit`, each with its time and position.
+
+    A value of at most `nothing`, in the unit without prefix, is ``0`` alone.
+    """
     for value, t, s in (
         (extreme.least, extreme.t_least, extreme.s_least),
         (extreme.most, extreme.t_most, extreme.s_most),

@@ -1,4 +1,4 @@
-"""What was asked for as tables: the machine with its motion and loads, each body, time stepping and reduction."""
+"""Tables that repeat a run's input: machine, motion and loads, each body, time stepping and reduction."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from pmr.scene.signals import SignalBase
 from pmr.scene.structures import PointMass, Profile
 
 Array = NDArray[np.float64]
-PLACES = 400  # at which the way of a tip is looked at
+PLACES = 400  # times at which the position of the tip is looked at
 _SIGNAL_UNITS = {"time": "s", "times": "s", "frequency": "Hz", "frequencies": "Hz", "phase": "rad", "degree": ""}
-_MOST_KNOTS = 6  # of a signal that are listed
+_MOST_KNOTS = 6  # values of a sequence that are listed one by one
 Rows = Iterator[tuple[str, str]]
 
 
 def rows(result: RunResult) -> Rows:
-    """Rows about the machine, its motion and its loads."""
+    """Yield rows (name, text) about bodies, point masses, pads, loads, weight, angles, reach, tip and time."""
     yield from _bodies(result)
     yield from _masses(result)
     yield from _pad_rows(result)
@@ -59,7 +59,7 @@ def rows(result: RunResult) -> Rows:
 
 
 def _tip(result: RunResult) -> Rows:
-    """Range of the tip of a boom that is raised, from the pivot."""
+    """Yield a row with the range of the tip's position from the pivot in m, if frame or weight raises the boom."""
     response = result.responses["reduced"]
     if lines(result, response) and (result.scene.frame is not None or is_raised(result)):
         out, up = body_axes(result, spread(len(response.t), PLACES))[-1].side[:, -1].T
@@ -68,7 +68,10 @@ def _tip(result: RunResult) -> Rows:
 
 
 def _load_text(load: Acting) -> str:
-    """How large a load is at most, where, and along which axis, against which where it acts against it alone."""
+    """Describe a load by its values, where it acts and its axis.
+
+    A load that is never positive is described as a positive one along minus this axis.
+    """
     where, _, axis = load.where.rpartition(" along ")
     if load.values.min(initial=0.0) < 0.0 and load.values.max(initial=0.0) <= 0.0:
         return f"{_range(-load.values, load.unit)} {where} along {MINUS}{axis}"
@@ -76,7 +79,10 @@ def _load_text(load: Acting) -> str:
 
 
 def _range(values: Array, unit: str) -> str:
-    """The largest of a load, or both ends where it acts both ways."""
+    """Format a load as ``up to`` its value farthest from zero, or as its least to its largest if it changes sign.
+
+    `unit` is that of `values`, without a prefix.
+    """
     low, high = float(values.min(initial=0.0)), float(values.max(initial=0.0))
     if low < 0.0 < high:
         return f"{quantity(low, unit)} to {quantity(high, unit)}"
@@ -84,7 +90,10 @@ def _range(values: Array, unit: str) -> str:
 
 
 def _below(frame: Frame, end: float) -> Rows:
-    """The machine below the pivot: what it is, what it stands on, what acts on it, and how the ground moves."""
+    """Yield rows about the machine below the pivot: mass, springs, loads and initial state, and the ground's motion.
+
+    `end` is the end of the simulated time in s.
+    """
     if (machine := frame.machine) is not None:
         place = ", ".join(map(plain, machine.center))
         free = f"free along {', '.join(machine.free)}" if machine.free else "held"
@@ -108,19 +117,23 @@ def _below(frame: Frame, end: float) -> Rows:
 
 
 def _unit(key: str, angles: str) -> str:
+    """Unit of a coordinate, a space before it: m, or ° or rad (by `angles`) if its key begins with r, for rotations."""
     if not key.startswith("r"):
         return f"{SPACE}m"
     return "°" if angles == "degrees" else f"{SPACE}rad"
 
 
 def extent(low: float, high: float, unit: str) -> str:
-    """From a value to another one; one value where they don't differ as printed."""
+    """Format the range `low` to `high`, rounded to 0.01, or one value if both are equal then.
+
+    `unit` is appended without a space, so it has to begin with one where one is needed.
+    """
     low, high = (round(float(end), 2) for end in (low, high))
     return f"{plain(low)} to {plain(high)}{unit}" if high > low else f"{plain(low)}{unit}"
 
 
 def _bodies(result: RunResult) -> Rows:
-    """Size and weight of each section; what all of them are modelled as, and their yield stress."""
+    """Yield rows with dimensions and mass of each body, with all structural models, and with all yield stresses."""
     masses = {mass["name"]: mass["mass"] for mass in result.summary.get("masses", ())}
     models, limits = dict[str, None](), dict[str, None]()
     for member, (name, part) in zip(members(result.scene), result.scene.bodies.items(), strict=True):
@@ -138,12 +151,13 @@ def _bodies(result: RunResult) -> Rows:
 
 
 def _size(box: Box) -> str:
+    """Describe a box: length in m, width and height in mm, then its walls and all that is on them."""
     parts = ", ".join(f"{name} {text}" for name, text in _box_parts(box))
     return f"box of {plain(box.length)}{SPACE}m, {plain(1e3 * box.width)} × {plain(1e3 * box.height)}{SPACE}mm, {parts}"
 
 
 def _box_parts(box: Box) -> Rows:
-    """Wall, cut corners, doublers, frames and tapers of a box."""
+    """Yield (name, text) of a box's walls, cut corners, doublers, frames and tapers."""
     yield "wall", f"{by_face(box.wall)}{SPACE}mm"
     for cut, cut_length in (("radius", box.radius), ("chamfer", box.chamfer)):
         if cut_length:
@@ -164,6 +178,7 @@ def _box_parts(box: Box) -> Rows:
 
 
 def _masses(result: RunResult) -> Rows:
+    """Yield a row for each point mass, and a row with the total mass of the bodies and of what is attached to them."""
     for name, part in result.scene.bodies.items():
         for mass in part.masses:
             yield named(name, mass.name), _mass(mass)
@@ -174,7 +189,7 @@ def _masses(result: RunResult) -> Rows:
 
 
 def _pad_rows(result: RunResult) -> Rows:
-    """Pads between sections, those that are alike in one row, and what holds the base."""
+    """Yield a row for all bodies whose pads are alike, with their names, and a row for each body's supports."""
     alike = dict[tuple[int, str], list[str]]()
     for name, part in result.scene.bodies.items():
         if rings := rings_of(part):
@@ -191,7 +206,7 @@ def _pad_rows(result: RunResult) -> Rows:
 
 
 def _support(support: Support) -> str:
-    """Directions, place and stiffness of a support."""
+    """Describe a support: its kind or the directions it holds, its position and its stiffness."""
     where = f"on its {support.on}" if isinstance(support.on, str) else f"at {plain(support.on)}{SPACE}m"
     along = support.kind if support.directions is None else f"along {', '.join(support.directions)}"
     turns = all(direction.startswith("r") for direction in support.held)
@@ -199,20 +214,26 @@ def _support(support: Support) -> str:
 
 
 def _weight(result: RunResult) -> str:
+    """Say whether weight acts, with the gravitational acceleration in m/s²."""
     gravity = result.scene.gravity
     return "left out" if gravity is None else f"included, {significant(gravity.acceleration)}{SPACE}m/s²"
 
 
 def _mass(mass: PointMass) -> str:
+    """Describe a point mass by its mass in kg and the part of the body it is on."""
     return f"{plain(mass.mass)}{SPACE}kg on {mass.on}"
 
 
 def _kg(mass: float) -> str:
+    """Format a mass in kg, rounded to 0.1 kg."""
     return f"{plain(round(mass, 1))}{SPACE}kg"
 
 
 def bodies(result: RunResult) -> list[Table]:
-    """Tables of the bodies, their supports and damping; of a boom of each section."""
+    """Build a table for each body with its model, dimensions, mesh, masses and supports, and one for the damping.
+
+    Of a single body that is no boom, both are one table.
+    """
     scene, damping = result.scene, tuple(_damping(result.scene))
     tables_of_bodies = {
         name: tuple(_structure(of, choose(member_at(scene, number)).model))
@@ -224,7 +245,7 @@ def bodies(result: RunResult) -> list[Table]:
 
 
 def motion(result: RunResult) -> Table:
-    """Table of paths and loads."""
+    """Build the table of joints (of a single body: its slider or pads) and loads."""
     what, moving = "Joints", _joints(result)
     if is_alone(result):
         what, moving = "Pads" if result.scene.pads else "Slider", _slider(result)
@@ -232,7 +253,7 @@ def motion(result: RunResult) -> Table:
 
 
 def method(result: RunResult) -> Table:
-    """Time stepping and reduction."""
+    """Build the table of simulated time, time stepping and reduction."""
     time = result.scene.time
     rows = [
         ("simulated time", f"{plain(time.end)}{SPACE}s"),
@@ -248,7 +269,7 @@ def method(result: RunResult) -> Table:
 
 
 def describe_signal(signal: SignalBase, unit: str) -> str:
-    """A signal in words: its kind and its parameters with units."""
+    """Describe a signal in words: its kind and its parameters other than 0; `unit` is that of its values."""
     data = signal.model_dump(exclude={"kind"})
     kind = str(getattr(signal, "kind", "signal")).replace("_", " ")
     if kind == "constant":
@@ -264,6 +285,7 @@ def describe_signal(signal: SignalBase, unit: str) -> str:
 
 
 def _structure(of: OneBody, chosen: str) -> Rows:
+    """Yield rows about a body: model, dimensions, mesh, point masses, supports; `chosen` names its structural model."""
     body, mesh = of.body, of.mesh
     yield "model", f"{spoken(chosen).split(' ', 1)[1]}{' (chosen)' if body.model == 'auto' else ''}"
     if body.profile is not None:
@@ -284,6 +306,7 @@ def _structure(of: OneBody, chosen: str) -> Rows:
 
 
 def _profile(profile: Profile) -> Rows:
+    """Yield rows with length, stiffness and mass of a beam that is described by a profile."""
     yield "length", f"{plain(profile.length)}{SPACE}m"
     yield "stiffness EI", f"{plain(profile.bending_stiffness)}{SPACE}N{SPACE}m²"
     if profile.axial_stiffness is not None:
@@ -293,6 +316,7 @@ def _profile(profile: Profile) -> Rows:
 
 
 def _section(body: Body) -> Rows:
+    """Yield rows with the box or the thickness of a body, and its material."""
     box, material = body.box, body.material
     if box is not None:
         yield "box", f"{plain(box.length)} × {plain(box.width)} × {plain(box.height)}{SPACE}m"
@@ -305,19 +329,21 @@ def _section(body: Body) -> Rows:
 
 
 def by_face(lengths: Any) -> str:
-    """A length in mm, or several by face or direction."""
+    """Format a length given in m as mm; of a dictionary (by face or direction) or a tuple each of its lengths."""
     if isinstance(lengths, dict):
         return ", ".join(f"{name} {by_face(length)}" for name, length in lengths.items())
     return " × ".join(plain(1e3 * length) for length in lengths) if isinstance(lengths, tuple) else plain(1e3 * lengths)
 
 
 def _damping(scene: Scene) -> Rows:
+    """Yield a row with Rayleigh's factors of mass (1/s) and stiffness (s), unless both are 0."""
     mass, stiffness = (float(f"{share:.4g}") for share in (scene.damping.mass, scene.damping.stiffness))
     if mass or stiffness:  # computed from a damping ratio
         yield "Rayleigh damping", f"{plain(mass)}{SPACE}1/s · M + {plain(stiffness)}{SPACE}s · K"
 
 
 def _slider(result: RunResult) -> Rows:
+    """Yield rows with the path s of the slider or mouth of a single body, and with its sliders' offsets from s."""
     scene = result.scene
     yield f"{moving_part(result)} path s", describe_signal(scene.slider.path, "m")
     if any(scene.points):
@@ -325,7 +351,7 @@ def _slider(result: RunResult) -> Rows:
 
 
 def _joints(result: RunResult) -> Rows:
-    """How each section slides in the next outer one."""
+    """Yield rows with the extension or overlap of each section, and with its pads in the next outer section."""
     for name, of in result.scene.bodies.items():
         if (joint := of.joint) is None:
             continue
@@ -348,12 +374,13 @@ def _joints(result: RunResult) -> Rows:
 
 
 def stiff(stiffness: str | float, turns: bool = False) -> str:
-    """A stiffness in kN/mm, or in MN m/rad of what `turns`; ``rigid`` as it is."""
+    """Format a stiffness: N/m as kN/mm, or if `turns` N m/rad as MN m/rad; text such as ``rigid`` stays as it is."""
     unit = f"MN{SPACE}m/rad" if turns else "kN/mm"
     return stiffness if isinstance(stiffness, str) else f"{plain(1e-6 * stiffness)}{SPACE}{unit}"
 
 
 def _pads(result: RunResult) -> Rows:
+    """Yield a row for each ring of pads on the ground: position, pads on each face, their size and stiffness."""
     for body, of in result.scene.bodies.items():
         for ring in of.pads:
             where = (f"s {with_sign(ring.at)}" if ring.at else "s") if ring.moving else plain(ring.at)
@@ -364,6 +391,7 @@ def _pads(result: RunResult) -> Rows:
 
 
 def _load_rows(result: RunResult) -> Rows:
+    """Yield a row for each load with its signal and where it acts, and a row for gravity."""
     for load in loads_as_asked(result):
         unit = load.unit.replace(" ", SPACE)
         yield named(load.body, f"load {load.name}"), f"{describe_signal(load.signal, unit)}; {load.where}"
@@ -374,6 +402,7 @@ def _load_rows(result: RunResult) -> Rows:
 
 
 def _reduction(reduction: Reduction, released: str) -> Rows:
+    """Yield rows about a body's basis; `released` is a clause on what eigenmodes leave free, as ``joints released``."""
     if reduction.file is not None:
         yield "basis", f"{reduction.coordinates} vectors of {PurePath(reduction.file).name}"
     elif not reduction.uses_pod:
@@ -392,6 +421,7 @@ def _reduction(reduction: Reduction, released: str) -> Rows:
 
 
 def _with_unit(value: Any, unit: str) -> str:
+    """Format a number or a sequence with its unit; a sequence of more than `_MOST_KNOTS` by its count and its range."""
     if isinstance(value, (tuple, list)):
         if len(value) > _MOST_KNOTS:
             return f"({len(value)} values, {plain(min(value))} to {plain(max(value))}){SPACE}{unit}"

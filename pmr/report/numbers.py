@@ -1,4 +1,4 @@
-"""Numbers as they are printed: significant digits, SI prefixes, per cent."""
+"""Format numbers: significant digits, SI prefixes, per cent."""
 
 from __future__ import annotations
 
@@ -11,24 +11,25 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PREFIXES = {1e9: "G", 1e6: "M", 1e3: "k", 1.0: "", 1e-3: "m", 1e-6: "µ", 1e-9: "n", 1e-12: "p"}
 
 
-#: A fraction below which figures are no measure of anything.
+#: Relative error below which a value is mere round-off.
 TINY = 1e-8
-#: Of the largest of its kind: what is less is nothing to look at, and printed as 0.
+#: Share of the largest value of a table or figure below which a value is printed as 0.
 NOTHING = 1e-4
 
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit with its prefix: values in the base unit are divided by `size`."""
+    """Unit with a prefix: a value in the unit without prefix is divided by `size` and printed with `name`."""
 
     size: float
     name: str
 
 
 def unit_for(largest: float, base: str) -> Unit:
-    """The prefix with which the value `largest`, given in the unit `base`, reads as 1 to 1000.
+    """Unit with the prefix that lets the value `largest`, given in `base`, read as 1 to 1000.
 
-    Lengths stay below km, and units that hold a quotient, or a product other than a moment's, are left as they are.
+    Lengths in m and times in s get no prefix above 1.  Quotients such as N/m, products other than N m, and 0 or values
+    that are not finite get none at all.
     """
     if largest == 0.0 or not isfinite(largest) or not (base.isalpha() or base == "N m"):
         return Unit(1.0, base)
@@ -38,12 +39,15 @@ def unit_for(largest: float, base: str) -> Unit:
 
 
 def power_of_ten(exponent: int) -> str:
-    """10 with a superscript, for scales and numbers that are very large or small."""
+    """Format 10 with a superscript exponent."""
     return "10" + str(exponent).translate(_SUPERSCRIPTS)
 
 
 def significant(value: float, digits: int = 3) -> str:
-    """`value` with `digits` significant digits, as a decimal number or times a power of ten."""
+    """Format a value with `digits` significant digits, from 1e-4 to 1e6 as a decimal number, else with a power of ten.
+
+    NaN and infinity are printed as ``not finite``.
+    """
     if value == 0.0:
         return "0"
     if not isfinite(value):
@@ -57,7 +61,7 @@ def significant(value: float, digits: int = 3) -> str:
 
 
 def plain(value: float) -> str:
-    """`value` as an input was written: no digits added, none taken away."""
+    """Format a value with as many digits as it was written with, at most ten; whole ones from 10 000 on in groups."""
     text = f"{value:.10g}"
     if 1e4 <= abs(value) < 1e9 and "." not in text and "e" not in text:
         return f"{int(value):,}".replace(",", "\u202f").replace("-", MINUS)
@@ -69,32 +73,35 @@ def plain(value: float) -> str:
 
 
 def with_sign(value: float) -> str:
-    """`value` with its sign before it, apart."""
+    """Format a value as its sign, a space and its amount."""
     return f"{MINUS if value < 0.0 else '+'} {plain(abs(value))}"
 
 
 def percent(fraction: float, digits: int = 3) -> str:
-    """A fraction in per cent; below `TINY` only that it is less, for its digits are those of round-off."""
+    """Format a fraction in per cent; below `TINY` say only that it is less, as its digits are round-off."""
     if 0.0 < abs(fraction) < TINY:
         return f"less than {power_of_ten(round(log10(100.0 * TINY)))}{SPACE}%"
     return f"{significant(100.0 * fraction, digits)}{SPACE}%"
 
 
 def quantity(value: float, base: str, digits: int = 3) -> str:
-    """A value with the prefix that suits it, such as ``47.9 mm``."""
+    """Format a value given in the unit `base` with the prefix that suits it, such as ``47.9 mm``."""
     unit = unit_for(value, base)
     return f"{significant(value / unit.size, digits)}{SPACE}{unit.name}"
 
 
 def length(value: float, digits: int = 3) -> str:
-    """A length: in mm from 0.01 mm to 1 m, so that small and large ones read side by side."""
+    """Format a length given in m: in mm from 0.01 mm to 1 m, so that small and large ones are easily compared."""
     if 1e-5 <= abs(value) < 1.0:
         return f"{significant(1e3 * value, digits)}{SPACE}mm"
     return quantity(value, "m", digits)
 
 
 def in_unit(value: float, unit: str) -> str:
-    """A value with its unit in a table: shares (``%``) in per cent, Hz and kg without prefix, numbers (``–``) bare."""
+    """Format a value with its unit for a table.
+
+    Fractions (unit ``%``) are printed in per cent, Hz and kg without prefix, plain numbers (unit ``–``) without unit.
+    """
     if unit == "%":
         return percent(value)
     if unit == "m":
@@ -105,18 +112,21 @@ def in_unit(value: float, unit: str) -> str:
 
 
 def round_number(largest: float) -> float:
-    """The largest of ... 0.1, 0.2, 0.5, 1, 2, 5, 10 ... that is not above `largest`."""
+    """Largest of the numbers ..., 0.1, 0.2, 0.5, 1, 2, 5, 10, ... that does not exceed `largest`, which is positive."""
     decade = 10.0 ** floor(log10(largest))
     return next(step * decade for step in (5.0, 2.0, 1.0) if step * decade <= largest * (1.0 + 1e-12))
 
 
 def enlargement(largest: float, wanted: float) -> float:
-    """How many times its size a displacement is drawn whose `largest` value takes `wanted` at most: a round number."""
+    """Round factor by which displacements are drawn, so that the largest one takes at most the length `wanted`.
+
+    Both lengths have the same unit; the factor is 1 if `largest` is 0.
+    """
     return round_number(wanted / largest) if largest > 0.0 else 1.0
 
 
 def share_captured(kappa: float, count: int) -> str:
-    """Share that `count` vectors hold; close to 1 the missing part says more than a row of nines."""
+    """Format the share kappa that `count` vectors capture; very close to 1, the missing share 1 - kappa instead."""
     missing = 1.0 - kappa
     if missing < 1e-15:
         return f"1 {MINUS} κ({count}) < {power_of_ten(-15)}"
@@ -126,5 +136,5 @@ def share_captured(kappa: float, count: int) -> str:
 
 
 def times_the_true_error(estimate: float, true: float | None) -> str:
-    """How an estimate of the motion stands to its known error; empty below 1e-6, where round-off is part of both."""
+    """Say how many times the true error an estimate is; empty if that is unknown or at most 1e-6, mostly round-off."""
     return f"{significant(estimate / true, 3)} times the true error" if true and true > 1e-6 else ""

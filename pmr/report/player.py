@@ -1,9 +1,9 @@
-r"""The motion of bodies as data for the page.
+r"""Motion of bodies as data for the animations of a page.
 
 .. math:: X \approx A\,(A^T X)
 
-X holds a frame a row, A the leading eigenvectors of X X^T: the page adds a few shapes A^T X up as often as it draws,
-which takes a fraction of the room of all frames.
+X (frames, n) has the n values of a frame in each row, and A (frames, k) the leading eigenvectors of X X^T as columns.
+The page gets A and the few shapes A^T X (k, n), a fraction of the size of X, and adds the shapes up for each picture.
 """
 
 from __future__ import annotations
@@ -39,22 +39,26 @@ from pmr.report.subject import fixtures, is_alone, length, loads, offsets
 from pmr.results import RunResult
 from pmr.scene.signals import SignalBase
 
-FRAMES = 1500
-POINTS = 26
+FRAMES = 1500  # of an animation, at most
+POINTS = 26  # along the axis of a body, at most
 REACH = 0.1  # largest deflection as drawn, over the length of the beam
 
 
 def axis_motion(result: RunResult) -> dict[str, Any]:
-    """Data of the player of bodies' axes, ready for JSON.
+    """Data of the animation of the bodies' axes, ready for JSON.
 
-    Series are little-endian 16-bit integers in base64, with the value of one count beside them.  Each of `lanes` is
-    what a model says of all bodies: of each its places in m, displacements (frames, points) and, of a boom's section,
-    its tail (frames,); `pads` above or below a body are where they are along x, with their force over the largest of
-    all; `loads` are forces (frames, 3) or moments (frames,) over the largest of each.
+    Series over the frames are encoded by `pmr.report.columns.pack`.  In all cases the data have
 
-    Without a frame all models are there, with the slider's position (frames,), supports, and the least and largest
-    displacement.  In a frame that moves it is the reduced model, with displacements aside, angles in rad, the pivot,
-    and what is reached from the side and from above, least and largest across, then up, in m.
+    - `lanes`, one for each model: of each body the points x in m, their displacements (frames, points) in m and, for a
+      section of a boom, the position of its tail (frames,) in m;
+    - `pads`, one for all pads of a ring on one face: position along x in m and force (frames,) over the largest of all;
+    - `loads`: forces (frames, 3) or moments (frames,), each over its largest value;
+    - `largest`, the largest displacement in m, and `scale`, the factor by which displacements are drawn.
+
+    Without a frame all models have a lane, and the data have the slider's positions `s` (frames,) in m, the `offsets`
+    in m of what slides from s, the `supports`, and in `reach` the least and the largest displacement.  In a frame only
+    the reduced model has a lane, with lateral displacements too; then the data have the `pivot`, luffing and slewing
+    `angles` in rad, and the extent of the motion in m from the `side` and in `plan` (None unless the boom slews).
     """
     response, frame = result.responses["reduced"], result.scene.frame
     t, axis, aside = response.t, lines(result, response), dict[str, NDArray[np.float64]]()
@@ -93,7 +97,7 @@ def axis_motion(result: RunResult) -> dict[str, Any]:
 
 
 def _loads(result: RunResult, axis: list[Line], frames: NDArray[np.int64]) -> list[dict[str, Any]]:
-    """Loads by the bodies that they act on; the parts of a force along an axis of the ground together."""
+    """Data of the loads on the bodies: components of a force along axes of the boom are one vector (frames, 3)."""
     by_load, sections = dict[tuple[str, str], dict[str, Any]](), [of.body for of in axis]
     forces = dict[tuple[str, str], NDArray[np.float64]]()
     for load in loads(result):
@@ -111,7 +115,7 @@ def _loads(result: RunResult, axis: list[Line], frames: NDArray[np.int64]) -> li
 
 
 def _extent(views: list[NDArray[np.float64]]) -> list[float]:
-    """Least and largest places (S, n, 2) across and up, those of the pivot included."""
+    """Least and largest coordinate across, then up, in m, of points (S, n, 2) of all views and of the pivot."""
     every = np.concatenate([np.zeros((1, 2)), *(view.reshape(-1, 2) for view in views)])
     return [float(end) for k in (0, 1) for end in (every[:, k].min(), every[:, k].max())]
 
@@ -119,7 +123,11 @@ def _extent(views: list[NDArray[np.float64]]) -> list[float]:
 def _lane(
     result: RunResult, name: str, frames: NDArray[np.int64], aside: Mapping[str, NDArray[np.float64]]
 ) -> dict[str, Any]:
-    """Lane of one model with all bodies: in its own pen, a boom's sections in their colours, outer ones thicker."""
+    """Data of one model's lane: the axis of each body with its colour and width, and its displacements.
+
+    Sections of a boom have their own colours, and outer ones are thicker; a body alone is drawn as its model.  `aside`
+    has lateral displacements (frames, points) in m by body.
+    """
     response, t, pen = result.responses[name], result.responses["reduced"].t, PENS[name]
     lines_of_model = lines(result, response)
     beams, colours = [], of_sections(of.body for of in lines_of_model)
@@ -142,7 +150,7 @@ def _lane(
 
 
 def _pads(result: RunResult, axis: list[Line], frames: NDArray[np.int64]) -> list[dict[str, Any]]:
-    """Rings above and below, one for all pads of a ring on one face; `section` is the body that they sit on."""
+    """Data of the pads of each ring on one face; `section` is the number of the body that they sit on."""
     rings_of_run, names = list(rings(result)), [of.body for of in axis]
     largest = max((float(np.abs(ring.force).max()) for ring in rings_of_run), default=0.0) or 1.0
     return [
@@ -158,7 +166,7 @@ def _pads(result: RunResult, axis: list[Line], frames: NDArray[np.int64]) -> lis
 
 
 def scale_words(data: dict[str, Any]) -> str:
-    """The exaggeration in words."""
+    """Sentence on how far deflections are enlarged and how large they are."""
     if data["largest"] == 0.0:
         return "Nothing moves across the axis."
     factor = data["scale"]
@@ -169,18 +177,19 @@ def scale_words(data: dict[str, Any]) -> str:
 
 Array = NDArray[np.float64]
 
-EXACT = 1e-4  # of the largest shape, which is left out
+EXACT = 1e-4  # size over that of the largest shape, below which a shape is left out
 MOST_SHAPES = 32
-MOST_FACES = 60_000  # of a page that stays below 5 MB; larger ones have pictures alone
-MOST_VALUES = 400_000  # of all shapes of a quantity: two bytes each, and a third more in base64
+MOST_FACES = 60_000  # a page stays below 5 MB; bodies with more faces have pictures alone
+MOST_VALUES = 400_000  # in all shapes of a quantity: two bytes each, and a third more in base64
 
 
 def body_motion(result: RunResult) -> dict[str, Any]:
-    """Data of the page's player, ready for JSON; empty without fields of two times or with too many faces.
+    """Data of the animation of bodies with fields, ready for JSON; empty with a single time or too many faces.
 
-    Of each body points in m, where it is along x, coefficients (frames, k) with shapes (k, 3 P) of the displacement in
-    m and (k, S) of the faces' stress over that of the last colour; the first face of each pair of triangles has the
-    same number as the second.  In a frame that moves all of it is turned as `pose` says.
+    Each body has its P points in m, its triangles, its shift along x in m, and its displacement in m as k coefficients
+    (frames, k) and shapes (k, 3 P).  The stress of its S faces, over that of the last colour, is a product of
+    coefficients and shapes (k, S) too.  Triangles j and S + j are the halves of the quadrilateral j.  In a frame,
+    `pose` moves all of it.
     """
     bodies = surfaces(result)
     if (
@@ -212,7 +221,10 @@ def body_motion(result: RunResult) -> dict[str, Any]:
 
 
 def _pose(result: RunResult) -> dict[str, Any] | None:
-    """Motion of a frame: rotations (frames, 9), origins (frames, 3) m, and the middle and size of the picture."""
+    """Motion of a frame: rotations (frames, 9), origins (frames, 3) in m, angles, centre and size of the picture.
+
+    It is None without a frame.
+    """
     if (pose := result.pose(times(result))) is None:
         return None
     bodies, alongs = surfaces(result), places(result)
@@ -232,15 +244,20 @@ def _pose(result: RunResult) -> dict[str, Any] | None:
 
 
 def _axial(along: Array) -> Array:
-    """Places (F, 1, 3) m along x."""
+    """Turn shifts (F,) in m along x into vectors (F, 1, 3)."""
     return np.asarray(along[:, None, None] * np.array([1.0, 0.0, 0.0]))
 
 
 def _angles(result: RunResult) -> tuple[SignalBase, ...]:
+    """Signals of luffing and slewing of a boom in a frame; empty without a frame."""
     return () if result.scene.frame is None else result.scene.frame.angles
 
 
 def _body(result: RunResult, name: str, surface: Surface, along: Array, most: int) -> dict[str, Any]:
+    """Data of one body: surface, position `along` (frames,), shapes of motion and stress, share of motion left out.
+
+    `most` limits the number of values in all shapes of a quantity.
+    """
     fields = fields_by_body(result)[name]
     motion, lost = compress(surface.moved(fields, fields.displacement).reshape(len(fields.t), -1), most)
     stress = stress_of(fields)[:, surface.cell] / top(result) if fields.von_mises else None
@@ -257,7 +274,7 @@ def _body(result: RunResult, name: str, surface: Surface, along: Array, most: in
 
 
 def drawing_sentence(data: dict[str, Any]) -> str:
-    """How the motion is drawn, in a sentence; empty without a player."""
+    """Sentence on how the motion of bodies is drawn; empty if `data` is, as there is no animation then."""
     if not data:
         return ""
     count, lost = sum(body["motion"]["count"] for body in data["bodies"]), percent(data["lost"], 1)
@@ -266,14 +283,18 @@ def drawing_sentence(data: dict[str, Any]) -> str:
 
 
 def compress(frames: NDArray[np.float32], most_values: int) -> tuple[dict[str, Any], float]:
-    """Coefficients and shapes of frames (F, n), and the share of them (RMS) that is left out."""
+    """Factorise frames (F, n) into coefficients (F, k) and shapes (k, n); return both, encoded, and the error.
+
+    The error is the RMS difference between product and frames, relative to that of the frames.  `most_values` limits k
+    n.
+    """
     X = frames.astype(float)
     squares, vectors = np.linalg.eigh(X @ X.T)
     squares, vectors = np.maximum(squares[::-1], 0.0), vectors[:, ::-1]
     most = max(1, min(MOST_SHAPES, most_values // X.shape[1]))
     count = max(1, int(np.count_nonzero(squares[:most] > EXACT**2 * squares[0])))
     A = vectors[:, :count]
-    A = A * np.sign(A[np.abs(A).argmax(axis=0), np.arange(count)])  # of two directions the same one everywhere
+    A = A * np.sign(A[np.abs(A).argmax(axis=0), np.arange(count)])  # the sign of an eigenvector is arbitrary
     shapes = A.T @ X
     lost = float(np.sqrt(squares[count:].sum() / squares.sum())) if squares[0] > 0.0 else 0.0
     each = [pack(shape) for shape in shapes]
@@ -281,9 +302,10 @@ def compress(frames: NDArray[np.float32], most_values: int) -> tuple[dict[str, A
 
 
 def _indices(values: NDArray[np.int64]) -> str:
-    """Little-endian 32-bit integers in base64."""
+    """Encode indices as little-endian 32-bit integers in base64."""
     return base64.b64encode(np.ascontiguousarray(values, "<u4").tobytes()).decode()
 
 
 def _block(block: Block) -> dict[str, Any]:
+    """Data of a cuboid: corners in m and sides."""
     return {"corners": block.corners.round(4).ravel().tolist(), "sides": block.sides.tolist()}

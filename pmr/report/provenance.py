@@ -1,4 +1,4 @@
-"""Where a result comes from: sizes, times that each part took, software, machine."""
+"""Origin of a result: sizes of models, wall times, software and machine."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ _STEPS = {
 
 
 def software(result: RunResult) -> list[str]:
-    """Names and versions."""
+    """Names and versions of the software that computed a result."""
     return [f"{name}{SPACE}{version}" for name, version in _flat(result.summary.get("versions", {}))]
 
 
 def sizes(result: RunResult) -> Rows:
-    """How large everything is."""
+    """Yield rows with sizes of models, meshes and fields, numbers of pads, and parts of a step for unilateral pads."""
     coordinates = result.summary.get("coordinates", {})
     if "full" in coordinates:
         yield "coordinates of the full model", plain(coordinates["full"])
@@ -63,7 +63,7 @@ def sizes(result: RunResult) -> Rows:
 
 
 def times(seconds: Mapping[str, Any]) -> Rows:
-    """Wall time of each part of the run."""
+    """Yield a row with the wall time of each part of the run; nested mappings are flattened."""
     for name, value in seconds.items():
         if isinstance(value, Mapping):
             yield from times(value)
@@ -72,7 +72,7 @@ def times(seconds: Mapping[str, Any]) -> Rows:
 
 
 def run(result: RunResult) -> Rows:
-    """Rows about the run: scene, commit, date, machine."""
+    """Yield rows about the run: hash of the scene, commit, date and machine."""
     summary = result.summary
     yield "scene", str(summary.get("scene_hash") or result.scene.hash)
     if summary.get("commit"):
@@ -83,6 +83,7 @@ def run(result: RunResult) -> Rows:
 
 
 def _flat(values: Mapping[str, Any]) -> Rows:
+    """Yield (name, text) of all entries of nested mappings that are not None; names of nested entries are joined."""
     for name, value in values.items():
         if isinstance(value, Mapping):
             yield from ((f"{name} {key}", text) for key, text in _flat(value))

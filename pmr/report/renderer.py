@@ -1,7 +1,7 @@
-"""Pictures by pyvista, off-screen, in a process of their own.
+"""Render pictures with pyvista, off-screen, in a process of their own.
 
-A graphics driver that is missing or broken may end the process that calls it.  A run is worth more than its pictures:
-whatever happens there, here it is a sentence.  Nothing of VTK is imported by those who only ask.
+A graphics driver that is missing or broken may end the process that calls it.  A run must survive that, so whatever
+happens in that process becomes a sentence here, and VTK is imported in that process only.
 """
 
 from __future__ import annotations
@@ -21,24 +21,25 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 
-LONGEST = 600.0  # s that pictures may take, on however slow a machine
+LONGEST = 600.0  # s that all pictures of a run may take
 EDGE = "#1c2733"
-FINER = 2  # drawn so many times as large and scaled down, edges are smooth with any driver
-COLOURS = 128  # of a picture, which keeps files small
-#: Colours are read against a scale, so most of the light comes from everywhere; the rest tells walls apart.
+FINER = 2  # pictures are rendered this many times as large and scaled down: smooth edges with any driver
+COLOURS = 128  # colours of a picture: few keep files small
+#: Most of the light is ambient, as colours are compared with a scale; diffuse light tells walls apart.
 AMBIENT, DIFFUSE = 0.68, 0.34
 
 
 @dataclass(frozen=True)
 class Piece:
-    """A surface in a picture.
+    """Surface in a picture, with P points and S faces.
 
     Attributes
     ----------
     points : (P, 3) array, m
     faces : (S, 3 or 4) integer array
+        Indices of points.
     values : (S,) array or None
-        Coloured by these, else in one `colour`.
+        Values that colour the faces; None if all have the same `colour`.
     """
 
     points: Array
@@ -51,10 +52,10 @@ class Piece:
 
 @dataclass(frozen=True)
 class Shot:
-    """A picture: what is in it, from where it is seen, in which size (px), and the values that `RAMP` spans.
+    """Picture to be rendered: pieces, camera, size in px, and the range of values (`limits`) that `RAMP` spans.
 
-    The camera looks from `direction` at `centre` and sees `height` m from bottom to top, without perspective; `up` is
-    upwards in the picture.
+    The camera stands in `direction` from `centre`, looks at `centre` and sees `height` m from bottom to top, without
+    perspective.  `up` is upwards in the picture.
     """
 
     pieces: tuple[Piece, ...]
@@ -67,9 +68,10 @@ class Shot:
 
 
 def frame_shots(shots: Sequence[Shot], width: int, margin: float = 0.12) -> list[Shot]:
-    """The shots from the same side on the same scale, so wide that each sees `margin` m around everything in any.
+    """Set centre, height and size of shots that are seen from the side of the first one, all on one scale.
 
-    From bottom to top each sees what is in itself.
+    Each is `width` px wide and shows the width that all shots need, but only the height that it needs itself, both with
+    `margin` m around.
     """
     towards = np.array(shots[0].direction) / np.linalg.norm(shots[0].direction)
     right = np.cross((0.0, 0.0, 1.0), towards)
@@ -90,16 +92,16 @@ def frame_shots(shots: Sequence[Shot], width: int, margin: float = 0.12) -> list
 
 
 class NoPictureError(Exception):
-    """Pictures can't be had; says why in a clause."""
+    """Pictures can't be rendered; the message says why in a clause."""
 
 
 def develop(shots: Sequence[Shot]) -> list[bytes]:
-    """Each picture as PNG.
+    """Render shots in another process and return each as PNG; blocks until all are there.
 
     Raises
     ------
     NoPictureError
-        If pyvista is not there or can't render.
+        If pyvista is not installed, can't render, or takes longer than `LONGEST`.
     """
     if find_spec("pyvista") is None:
         raise NoPictureError("pyvista is not installed: pip install pyvista pillow installs it")
@@ -116,15 +118,15 @@ def develop(shots: Sequence[Shot]) -> list[bytes]:
 
 
 def draw(shot: Shot) -> bytes:
-    """Draw a picture as PNG by VTK, which only a process of its own should load."""
+    """Render a shot as PNG; imports VTK, so only a process of its own should call it."""
     import pyvista
     from PIL import Image
 
     plotter = pyvista.Plotter(off_screen=True, window_size=[FINER * pixels for pixels in shot.size], lighting="none")
-    plotter.disable_anti_aliasing()  # what is scaled down is smooth, and this costs a software renderer as much again
+    plotter.disable_anti_aliasing()  # scaled down pictures are smooth; anti-aliasing would double the time in software
     plotter.set_background("white")
     below = float(np.dot(shot.direction, shot.up)) < 0.0
-    side = -0.7 if below else 0.7  # who looks from below has the light below
+    side = -0.7 if below else 0.7  # seen from below, the light is below too
     plotter.add_light(pyvista.Light(light_type="camera light", position=(-0.5, side, 1.0)))
     for piece in shot.pieces:
         _add(plotter, piece, shot.limits)
@@ -142,6 +144,7 @@ def draw(shot: Shot) -> bytes:
 
 
 def _add(plotter: Any, piece: Piece, limits: tuple[float, float]) -> None:
+    """Add a piece to a plotter; `limits` is the range of its values that the colours span."""
     import pyvista
 
     from pmr.report.figures.canvas import stress_colours

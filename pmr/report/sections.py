@@ -1,4 +1,7 @@
-"""What a report says of a run, block by block: each shows itself if the result holds what it needs."""
+"""Blocks of a run's chapter: a function for each, which returns None if the result lacks what the block needs.
+
+Each takes the result and the `prefix` of all identifiers in its block.
+"""
 
 from __future__ import annotations
 
@@ -35,15 +38,18 @@ Show = Callable[[RunResult, str], Block | None]
 
 
 def figures_of(result: RunResult, anchor: str) -> Figures:
-    """Draw the figures, without ``budget`` of the summary, known last; `anchor` is put before every identifier."""
-    pictures = album(result, anchor)  # another process makes them while all else is drawn
+    """Draw all figures but those of errors, which need ``budget`` of the summary, known last.
+
+    `anchor` is put before every identifier.
+    """
+    pictures = album(result, anchor)  # another process renders them meanwhile
     sketched = drawing(f"{anchor}-sketch", sketch.sketch, sketch.caption(result), result)
     shown = [show(result, anchor) for show in SECTIONS]
     return Figures(sketched, [*filter(None, (motion(result, anchor, pictures), *shown))])
 
 
 def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> Chapter:
-    """Everything that the report says of one run, with the figures that were drawn of it already."""
+    """Build the chapter about a run; without `figures`, those of `figures_of` are drawn now."""
     figures, rows = figures or figures_of(result, anchor), error_rows(result)
     return Chapter(
         anchor=anchor,
@@ -59,13 +65,13 @@ def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> C
 
 
 def errors(result: RunResult, prefix: str) -> Block | None:
-    """Errors against what the run was compared with, beside published ones, or the largest values alone."""
+    """Build the block with errors against other models, beside published ones, or with the largest values alone."""
     table = error_table(result)
     return Block(heading="Errors" if is_compared(result) else "Largest values", errors=table) if table.rows else None
 
 
 def accuracy(result: RunResult, prefix: str) -> Block | None:
-    """Choices that hold a tolerance, their reasons, and the shares of the error."""
+    """Build the block on the choices that meet a tolerance, their reasons, and the parts of the error."""
     accuracy_part, budgeted = result.summary.get("accuracy"), result.summary.get("budget", {})
     if accuracy_part is None:
         return None
@@ -79,7 +85,7 @@ def accuracy(result: RunResult, prefix: str) -> Block | None:
 
 
 def inputs_over_time(result: RunResult, prefix: str) -> Block:
-    """Paths along the body, or extensions of sections, and loads, over time."""
+    """Build the block with figures of paths or extensions, loads, and angles of the boom over time."""
     caption = f"{moving_part(result).capitalize()} position along the body over time."
     if not is_alone(result):
         caption = "Extension of each section over time."
@@ -97,7 +103,10 @@ def inputs_over_time(result: RunResult, prefix: str) -> Block:
 
 
 def motion(result: RunResult, prefix: str, pictures: Callable[[], Album]) -> Block | None:
-    """The motion: that of the fields with `pictures`, where these were recovered, else that of the axis."""
+    """Build the block with the animation of the motion; None without fields and without outputs along an axis.
+
+    With fields it shows whole bodies, and the album that `pictures` waits for; else the axes of the bodies.
+    """
     fields = [body.fields for body in result.bodies.values() if body.fields is not None]
     if not fields:
         if not lines(result, result.responses["reduced"]):
@@ -119,7 +128,7 @@ def motion(result: RunResult, prefix: str, pictures: Callable[[], Album]) -> Blo
 
 
 def tip(result: RunResult, prefix: str) -> Block:
-    """Displacement of the tip along every direction across the axis in which it moves."""
+    """Build the block with the displacement of the tip in each direction across the axis, and its estimated error."""
     rows, still, quantities = [], [], tips(result)
     largest = max((float(np.abs(what(result.responses["reduced"])).max()) for what in quantities.values()), default=0.0)
     for number, (direction, what) in enumerate(quantities.items()):
@@ -140,7 +149,7 @@ def tip(result: RunResult, prefix: str) -> Block:
 
 
 def energy(result: RunResult, prefix: str) -> Block:
-    """Total energy and its parts."""
+    """Build the block with the total energy and its parts."""
     total, caption = attrgetter("energy.total"), "Total energy: kinetic and strain energy less the work of the loads"
     first = histories.drawn_history(f"{prefix}-energy", result, total, caption, "Total energy", "J")
     parts = histories.energy_parts(f"{prefix}-energy-parts", result)
@@ -148,7 +157,10 @@ def energy(result: RunResult, prefix: str) -> Block:
 
 
 def constraint(result: RunResult, prefix: str) -> Block | None:
-    """How well the rows that move hold at both levels; where velocities are free, positions do to round-off."""
+    """Build the block on how well moving constraints hold, as positions and as velocities.
+
+    It is None if a formulation leaves velocities free; then positions hold to round-off.
+    """
     if not np.isfinite(result.responses["reduced"].residual_velocity).all():
         return None
     levels = {"position": "m", "velocity": "m/s"}.items()
@@ -157,14 +169,14 @@ def constraint(result: RunResult, prefix: str) -> Block | None:
 
 
 def basis(result: RunResult, prefix: str) -> Block | None:
-    """Shapes of a basis, singular values of what it was made from, frequencies beside published ones."""
+    """Build the block with basis vectors, singular values of the snapshots, and natural frequencies."""
     rows: list[tuple[Drawing, ...]] = []
     for number, (name, body) in enumerate(result.bodies.items()):
         if body.shapes is not None and set(tips(result)) == {"z"}:
             anchor, caption = f"{prefix}-basis{f'-{number}' if name else ''}", shapes.basis_caption(body.shapes)
             rows.append((drawing(anchor, shapes.basis, named(name, caption), result, body.shapes),))
     row, grids, of = [], tuple(_published_frequency(result)), result.body.shapes
-    if is_alone(result) and of is not None and result.scene.reduction.uses_pod:  # others have singular values of 1, all
+    if is_alone(result) and of is not None and result.scene.reduction.uses_pod:  # other bases have singular values of 1
         caption = "Singular values of the snapshots. κ is the share of the sum of their squares that the basis keeps."
         row.append(drawing(f"{prefix}-singular-values", shapes.singular_values, caption, result, of))
     if "reduced" in result.frequencies.models:
@@ -181,7 +193,7 @@ def basis(result: RunResult, prefix: str) -> Block | None:
 
 
 def _published_frequency(result: RunResult) -> Iterator[Grid]:
-    """The first natural frequency where it is published, beside that of each model."""
+    """Yield a table with the first natural frequency of each model beside the published one, if there is one."""
     rows, models = [], list[str]()
     for first in result.summary.get("published_frequencies", ()):
         models = [name for name in ("full", "reduced") if name in first]
@@ -194,7 +206,7 @@ def _published_frequency(result: RunResult) -> Iterator[Grid]:
 
 
 def response(result: RunResult, prefix: str) -> Block | None:
-    """Gain of the tip by frequency, where the scene has it computed."""
+    """Build the block with the frequency response of the tip; None unless the scene asks for it."""
     response = result.frequency_response
     if response is None:
         return None
@@ -218,7 +230,7 @@ def response(result: RunResult, prefix: str) -> Block | None:
 
 
 def origin(result: RunResult, prefix: str) -> Block:
-    """Tables of the scene, of sizes, of times and of the machine that computed."""
+    """Build the block with tables of the scene, sizes and times of the run, and the machine that computed it."""
     all_tables = (
         *machine.bodies(result),
         machine.motion(result),
@@ -231,9 +243,9 @@ def origin(result: RunResult, prefix: str) -> Block:
     return Block(heading="Provenance", tables=shown, software=provenance.software(result))
 
 
-#: In the order in which they stand in the page; how far a run is off is known at its very end.
+#: Blocks about errors, which are known at the very end of a run; in the order of the page.
 OF_ERRORS: tuple[Show, ...] = (errors, accuracy)
-#: What follows the motion.
+#: Blocks that follow the one about the motion, in the order of the page.
 SECTIONS: tuple[Show, ...] = (
     space.in_space, inputs_over_time, tip, stresses.stress,
     stresses.along_beams, stresses.probes, forces.contact,
@@ -242,6 +254,7 @@ SECTIONS: tuple[Show, ...] = (
 
 
 def _weight(result: RunResult) -> str:
+    """Sentence, with a space before it, that the weight acts and how; empty without weight."""
     gravity = result.scene.gravity
     if gravity is None:
         return ""

@@ -1,4 +1,4 @@
-"""The summary of a case for those who decide: key numbers, and a paragraph."""
+"""Key numbers and sentences of a run's chapter."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pmr.report.subject import forces_called, moving_part, offsets, reduced_size
 from pmr.report.subject import length as reach
 from pmr.results import RunResult
 
-#: Places beside the first one that are named, if they share the largest stress; more are counted.
+#: Further points with the largest stress that are named, at most; if there are more, only their number is.
 MOST_PLACES = 2
 SIMULATORS = {"march": "compiled", "petsc": "by PETSc"} | dict.fromkeys(
     ("exudyn", "exudyn-multiplier", "exudyn-callback"), "by Exudyn"
@@ -22,7 +22,10 @@ SIMULATORS = {"march": "compiled", "petsc": "by PETSc"} | dict.fromkeys(
 
 
 def points(result: RunResult, table: Sequence[Row] = ()) -> list[Point]:
-    """Sentences about a run: how small, how accurate, what it carries, how far the step is off, how fast."""
+    """Sentences about a run by topic, from its size to the published values; topics without a sentence are left out.
+
+    `table` are the rows of the error table.
+    """
     texts_by_topic = {
         "Size": [size(result)],
         "Frame": [frame(result)],
@@ -39,7 +42,7 @@ def points(result: RunResult, table: Sequence[Row] = ()) -> list[Point]:
 
 
 def opening_sentences(result: RunResult) -> str:
-    """Describe the structure in a sentence or two."""
+    """Describe the structure and how far it reaches, in one or two sentences."""
     if result.reach is not None:
         names = list(result.scene.bodies)
         low, high = float(result.reach.min()), float(result.reach.max())
@@ -68,7 +71,7 @@ def opening_sentences(result: RunResult) -> str:
 
 
 def speed_ratio(result: RunResult) -> float | None:
-    """How many times as fast the reduced model is simulated as the full one."""
+    """Simulation time of the full model over that of the reduced one; None unless both are known."""
     full, reduced = (result.responses.get(name) for name in ("full", "reduced"))
     if full is None or reduced is None or reduced.seconds <= 0.0 or full.seconds <= 0.0:
         return None
@@ -76,7 +79,7 @@ def speed_ratio(result: RunResult) -> float | None:
 
 
 def simulators(result: RunResult) -> str:
-    """Clause about the simulators of the reduced and the full model; empty where they are not known."""
+    """Clause that names the simulators of the reduced and the full model; empty unless both are known."""
     names = result.summary.get("simulators", {})
     reduced, full = (SIMULATORS.get(names.get(name, ""), names.get(name, "")) for name in ("reduced", "full"))
     if not (reduced and full):
@@ -85,7 +88,7 @@ def simulators(result: RunResult) -> str:
 
 
 def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
-    """The numbers that stand above everything else; what a run does not hold is left out."""
+    """Yield the key numbers of a run: coordinates, errors, largest stress and speed, as far as the result has them."""
     summary, coordinates = result.summary, result.summary.get("coordinates", {})
     reduced = reduced_size(result)
     arrow = f"{plain(coordinates['full'])}{SPACE}→{SPACE}{reduced}" if "full" in coordinates else f"{reduced}"
@@ -104,7 +107,7 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
 
 
 def _errors(result: RunResult) -> Iterator[KeyNumber]:
-    """Along the beam, with that at the tip and the estimate beside it; of forces."""
+    """Yield the errors along the beam (or their estimate), of the pad forces and of the cylinder forces."""
     errors = result.summary.get("errors", {}).get("reduced_vs_full", {})
     estimated = result.summary.get("estimate", {}).get("beam")
     without = "" if estimated is None else f"estimated without the full model {percent(estimated)}"
@@ -117,12 +120,15 @@ def _errors(result: RunResult) -> Iterator[KeyNumber]:
         yield KeyNumber(
             percent(errors["pad_force"]), f"RMS error of the {forces_called(result)}", _apart_from_blows(result)
         )
-    if errors.get("cylinder_force", 0.0) >= TINY:  # what is less is round-off: a cylinder may bear what it is told to
+    if errors.get("cylinder_force", 0.0) >= TINY:  # below, it is round-off: the force of a cylinder may be prescribed
         yield KeyNumber(percent(errors["cylinder_force"]), "RMS error of the cylinder forces")
 
 
 def _speed_ratio(result: RunResult) -> Iterator[KeyNumber]:
-    """How much faster than the full model by the same simulator; by another one the times, which are no ratio."""
+    """Yield how many times as fast the reduced model is as the full one, if one simulator computed both.
+
+    Otherwise yield the time of the reduced model's simulation, with that of the full one as a note.
+    """
     simulators_by_model, reduced = result.summary.get("simulators", {}), result.responses["reduced"].seconds
     ratio, full = speed_ratio(result), result.responses.get("full")
     if ratio is not None and simulators_by_model.get("reduced") == simulators_by_model.get("full"):
@@ -135,14 +141,14 @@ def _speed_ratio(result: RunResult) -> Iterator[KeyNumber]:
 
 
 def comparison_sentence(table: Sequence[Row]) -> str:
-    """How many figures are better, the same or worse than published ones; empty where none are published."""
+    """Sentence that counts the values that are better, the same or worse than published ones; empty without these."""
     counts = verdicts(table)
     counted = ", ".join(f"{number} {text}" for text, number in counts.items())
     return f"Beside {sum(counts.values())} published figures: {counted}." if counts else ""
 
 
 def size(result: RunResult) -> str:
-    """Coordinates before and after."""
+    """Sentence on the numbers of coordinates of the full and the reduced model and on the simulated time."""
     coordinates = result.summary.get("coordinates", {})
     reduced = reduced_size(result)
     motion = f"{plain(result.scene.time.end)}{SPACE}s of motion are simulated."
@@ -154,7 +160,7 @@ def size(result: RunResult) -> str:
 
 
 def accuracy(result: RunResult) -> Iterator[str]:
-    """Errors against the references that the run has."""
+    """Yield sentences on the errors of the reduced model against the full one and against ANCF."""
     errors = result.summary.get("errors", {})
     if against := _tip_and_beam(errors.get("reduced_vs_full")):
         tip, beam = against
@@ -173,7 +179,7 @@ def accuracy(result: RunResult) -> Iterator[str]:
 
 
 def _apart_from_blows(result: RunResult) -> str:
-    """The forces' error at the frequencies of the motion, where a slider strikes; else empty."""
+    """Clause with the error of the forces up to the frequency of the tip's motion; empty unless sliders strike."""
     impacts = result.summary.get("impacts")
     if impacts is None:
         return ""
@@ -181,13 +187,14 @@ def _apart_from_blows(result: RunResult) -> str:
 
 
 def _tip_and_beam(errors: Mapping[str, float] | None) -> tuple[str, str] | None:
+    """Errors at the tip and along the beam in per cent; None unless both are there."""
     if not errors or not {"tip", "beam"} <= set(errors):
         return None
     return percent(errors["tip"]), percent(errors["beam"])
 
 
 def speed(result: RunResult) -> Iterator[str]:
-    """Seconds of the simulations."""
+    """Yield a sentence on the simulation times, compared with real time and with the full model."""
     reduced, ratio = result.responses["reduced"], speed_ratio(result)
     if reduced.seconds <= 0.0:
         return
@@ -203,7 +210,7 @@ def speed(result: RunResult) -> Iterator[str]:
 
 
 def stress(result: RunResult) -> Iterator[str]:
-    """The largest von Mises stress, where and when, beside that of the full model."""
+    """Yield a sentence on the largest von Mises stress, where and when it occurs, and that of the full model."""
     largest = result.summary.get("max_von_mises", {})
     if "reduced" not in largest:
         return
@@ -216,39 +223,41 @@ def stress(result: RunResult) -> Iterator[str]:
 
 
 def where_the_peak_is(result: RunResult, simulator: str) -> str:
-    """Time and place of the largest von Mises stress; empty where they are not known."""
+    """Clause with time and place of the largest von Mises stress of a model; empty if the summary has none."""
     peak = result.summary.get("stress_peak", {}).get(simulator)
     return "" if peak is None else where(peak)
 
 
 def where(peak: Mapping[str, Any]) -> str:
-    """Time and place of a largest von Mises stress, of a boom with its section."""
+    """Clause on a largest von Mises stress: its time, point, face and section, and other points of equal stress."""
     of = part_of(peak)
     of = f", {of}" if of else ""
     return f"at {peak['t']:.2f}{SPACE}s and {_place(peak['position'])}{of}{_others(peak.get('shared', ()))}"
 
 
 def part_of(peak: Mapping[str, Any]) -> str:
-    """On which face or corner of which region and section a largest stress is; empty of a body without any."""
+    """Name the face or corner, region and section of a largest stress; empty for a body without any of them."""
     face = peak.get("face", "")
     on = f"{face} {'corner' if ' ' in face else 'face'}" if face else ""
     return " of ".join(filter(None, (on, peak.get("region"), peak.get("section"))))
 
 
 def _others(places: Sequence[Sequence[float]]) -> str:
-    """Other places of the same stress."""
+    """Clause on the other points at which the stress is as large; empty without any."""
     if len(places) > MOST_PLACES:
         return f", and as large at {len(places)} other places"
     return f", and as large at {' and '.join(map(_place, places))}" if places else ""
 
 
 def _place(position: Sequence[float]) -> str:
-    x, y, z = (f"{round(value, 2) + 0.0:.2f}".replace("-", MINUS) for value in position)  # zero has no sign
+    """Format a point (x, y, z) given in m, to 0.01 m."""
+    # + 0.0 removes the sign of zero
+    x, y, z = (f"{round(value, 2) + 0.0:.2f}".replace("-", MINUS) for value in position)
     return f"({x}, {y}, {z}){SPACE}m"
 
 
 def frame(result: RunResult) -> str:
-    """In a few sentences; empty without a frame."""
+    """Sentences on the motion of the boom's frame and on effects of second order; empty without a frame."""
     motion = result.summary.get("frame")
     if motion is None:
         return ""
@@ -276,7 +285,7 @@ def frame(result: RunResult) -> str:
 
 
 def energy(result: RunResult) -> str:
-    """Sentence on the sources of energy of a boom in space; empty without a frame."""
+    """Sentence on what drives, loads and damping add to the energy of a boom in space; empty without a frame."""
     energies = result.summary.get("energy")
     if energies is None:
         return ""
@@ -290,7 +299,10 @@ def energy(result: RunResult) -> str:
 
 
 def _share(factor: float) -> str:
-    r"""By how much second order increases the deflection of a boom at rest: about :math:`1 / (1 - 1/\lambda) - 1`."""
+    r"""Sentence on how much second order adds to the deflection of a boom at rest; empty for a factor of at most 1.
+
+    The share is about :math:`1 / (1 - 1/\lambda) - 1 = 1 / (\lambda - 1)` at the buckling factor :math:`\lambda`.
+    """
     if factor <= 1.0:
         return ""
     further = percent(1.0 / (factor - 1.0), 2)
@@ -298,5 +310,6 @@ def _share(factor: float) -> str:
 
 
 def _range(angle: dict[str, float]) -> str:
+    """Clause with the range of an angle in degrees, from its ``min`` and ``max`` in rad."""
     low, high = (plain(round(float(np.rad2deg(angle[end])), 1)) for end in ("min", "max"))
     return f"by {high}°" if low == high else f"between {low}° and {high}°"

@@ -1,4 +1,4 @@
-"""What is computed within bodies: von Mises stresses, forces along beams, and what probes measure."""
+"""Blocks about von Mises stresses, forces along beams, and measurements of probes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ from pmr.scene.keys import ALONE, named
 
 
 def stress(result: RunResult, prefix: str) -> Block | None:
-    """Stress of each body over time, and where it is largest."""
+    """Build the block with the largest stress of each body over time, and tables of where it occurs.
+
+    It is None without stresses.
+    """
     rows, parts = [], {part["name"]: part for part in result.summary.get("sections", ())}
     for number, (name, body) in enumerate(result.bodies.items()):
         if "reduced" not in body.peak_stress:
@@ -39,7 +42,10 @@ def stress(result: RunResult, prefix: str) -> Block | None:
 
 
 def along_beams(result: RunResult, prefix: str) -> Block | None:
-    """Normal force, shear forces and moments of the sections of beams: envelopes over time, and the largest."""
+    """Build the block on forces and moments of beams' cross-sections: envelopes over time and a table of extremes.
+
+    It is None if no beam has any.
+    """
     largest, table_rows = dict[str, float](), list[tuple[str, ...]]()
     for part in parts_of(result.summary).values():
         for what, force in part.get("section_forces", {}).get("reduced", {}).items():
@@ -61,7 +67,10 @@ def along_beams(result: RunResult, prefix: str) -> Block | None:
 
 
 def _end(force: Mapping[str, Any], end: str, nothing: float) -> str:
-    """The smallest or the largest value, where from the tail, and when; 0 alone up to `nothing`."""
+    """Format the extreme ``min`` or ``max`` of a force, with its distance from the tail and its time.
+
+    A value of at most `nothing` is ``0`` alone.
+    """
     if abs(force[end]) <= nothing:
         return "0"
     at, when = (plain(round(force[f"{of}_{end}"], 2)) for of in ("x", "t"))
@@ -69,7 +78,7 @@ def _end(force: Mapping[str, Any], end: str, nothing: float) -> str:
 
 
 def _sections(result: RunResult) -> Iterator[Grid]:
-    """Largest stress of each section by each model, its time, and its place along the section."""
+    """Yield a table with the largest stress of each section by each model, when and where along the section."""
     table_rows = []
     for section in result.summary.get("sections", ()):
         for model, peak in section.get("stress_peak", {}).items():
@@ -82,8 +91,9 @@ def _sections(result: RunResult) -> Iterator[Grid]:
 
 
 def _regions(result: RunResult) -> Iterator[Grid]:
+    """Yield a table with the largest stress in each region of the mesh; nothing for fewer than two regions."""
     peaks = stress_peaks(result)
-    if len(peaks.get("reduced", {})) < 2:  # a single region is the body
+    if len(peaks.get("reduced", {})) < 2:  # a single region is the whole body
         return
     unit = unit_for(max(peak["value"] for peak in peaks["reduced"].values()), "Pa")
     full: Mapping[str, Mapping[str, float]] = peaks.get("full", {})
@@ -97,17 +107,20 @@ def _regions(result: RunResult) -> Iterator[Grid]:
     yield Grid("Largest von Mises stress in each region of the mesh.", head, tuple(rows))
 
 
-#: Measures of probes that are drawn, and whose load cycles are counted; all others stand in tables alone.
+#: Measures of probes that are drawn and whose load cycles are counted, at most; others are in tables only.
 MOST_DRAWN = 4
-#: Share of the largest value of its unit below which what a probe measures is round-off.
+#: Share of the largest value with its unit below which a measurement of a probe is round-off.
 UNSEEN = 1e-5
-#: Classes of the range of load cycles.
+#: Intervals of the range of load cycles in a rainflow table.
 CLASSES = 10
 STRAIN = Unit(1e-6, "µm/m")
 
 
 def probes(result: RunResult, prefix: str) -> Block | None:
-    """Histories of probes, their extremes, and rainflow counts of stresses and strains."""
+    """Build the block on probes: histories, extremes, load cycles of stresses and strains, and damage.
+
+    It is None without probes.
+    """
     probes_by_name = {probe["name"]: probe for probe in result.summary.get("probes", ())}
     response = result.responses["reduced"]
     extremes_by_name = probe_extremes(response, result.along_at(response.t))
@@ -139,7 +152,7 @@ def probes(result: RunResult, prefix: str) -> Block | None:
 
 
 def _damage(result: RunResult) -> list[Grid]:
-    """Damage by each stress, where an S-N line is given."""
+    """List of one table with the damage by each stress; empty unless the scene has an S-N line."""
     fatigue = result.summary.get("fatigue")
     if not fatigue:
         return []
@@ -149,11 +162,12 @@ def _damage(result: RunResult) -> list[Grid]:
 
 
 def _number(value: float | None) -> str:
+    """Format a number; None, a life that no load cycle shortens, is ``without end``."""
     return "without end" if value is None else significant(value)
 
 
 def _foremost(names: Iterable[str], extremes_by_name: Mapping[str, Extremes]) -> list[str]:
-    """Choose the largest component of each measure of a probe, of the first few."""
+    """Choose names of measurements to be drawn: the largest component of each of the first `MOST_DRAWN` measures."""
     groups = dict[str, list[str]]()
     for name in names:
         groups.setdefault(name.rpartition(" ")[0], []).append(name)
@@ -161,9 +175,11 @@ def _foremost(names: Iterable[str], extremes_by_name: Mapping[str, Extremes]) ->
 
 
 def _history(result: RunResult, anchor: str, name: str, unit: str) -> Drawing:
+    """Draw a probe's measurement over time; it is NaN for models that do not have it."""
     size, base = {"mm": (1e-3, "m"), "1": (1e6, STRAIN.name)}.get(unit, (1.0, unit))
 
     def values(response: Response) -> NDArray[np.float64]:
+        """Measurement (T,) of a response in the unit of the axis, NaN if the response does not have it."""
         is_there = name in response.other_names
         return size * response.other(name) if is_there else np.full(len(response.t), np.nan)
 
@@ -172,12 +188,12 @@ def _history(result: RunResult, anchor: str, name: str, unit: str) -> Drawing:
 
 
 def _unit(unit: str, largest: float) -> Unit:
-    """In which values of a unit are printed, of which this one is the largest."""
+    """Unit in which values are printed that are stored in `unit`, the largest of which is `largest`."""
     return STRAIN if unit == "1" else unit_for(largest, unit) if unit == "Pa" else Unit(1.0, unit)
 
 
 def _places(result: RunResult, probes_of_run: Iterable[Mapping[str, Any]]) -> str:
-    """Places of the probes, each once."""
+    """Caption of the table of extremes, with the point and the face of each probe."""
     texts = dict[str, str]()
     for probe in probes_of_run:
         name = probe["name"].rpartition(" ")[0]
@@ -187,7 +203,7 @@ def _places(result: RunResult, probes_of_run: Iterable[Mapping[str, Any]]) -> st
 
 
 def _rainflow_grid(result: RunResult, name: str, unit: Unit) -> Grid:
-    """Rainflow counts in classes of the range."""
+    """Build a table of a measurement's load cycles, counted by rainflow, in `CLASSES` intervals of their range."""
     response = result.responses["reduced"]
     load_cycles = cycles(response.t, response.other(name))
     top = float(load_cycles[:, 0].max(initial=0.0))

@@ -1,6 +1,6 @@
-"""What a report asks of a result, whatever was simulated: names, places, lengths, loads.
+"""What a report reads from a result whatever was simulated: names of models and parts, positions, lengths, loads.
 
-Nothing but this and `pmr.report.columns` asks how a scene says them.
+Only this module and `pmr.report.columns` know how a scene stores these.
 """
 
 from __future__ import annotations
@@ -31,15 +31,19 @@ MODELS = {
     "solid": "a solid",
     "matrices": "given matrices",
 }
-#: What is said of a part of a force before the axis of that.
+#: Text between a component of a force and the axis of the whole force.
 GROUND = ", of a force"
-#: Directions across the axis, as they are called.
+#: Words for the directions across the axis.
 _ACROSS = {"y": "lateral, y", "z": "vertical, z"}
 
 
 @dataclass(frozen=True)
 class Acting:
-    """A load: `at` is its distance along the axis in m; `direction` is ``along``, ``up``, ``aside`` or ``turn``."""
+    """Load on a body, or a component of it along an axis of the body.
+
+    `at` is its distance along the body's axis in m, `where` the same in words, and `direction` is ``along``, ``aside``
+    or ``up`` for a force along x, y or z of the body, or ``turn`` for a moment.
+    """
 
     name: str
     body: str
@@ -48,28 +52,29 @@ class Acting:
     where: str
     signal: SignalBase
     values: Array  # (T,) N or N m
-    of: str = ""  # the load that it is a part of, as the scene calls it
+    of: str = ""  # name in the scene of the load that it is a component of
 
     @property
     def unit(self) -> str:
+        """Unit of the values: ``N``, or of a moment ``N m``."""
         return "N m" if self.direction == "turn" else "N"
 
 
 def direction_words(result: RunResult, direction: str) -> str:
-    """Words for a direction across the axis: z is upwards unless the boom is raised."""
+    """Words for a direction across the axis; z is vertical unless a boom is raised or in a frame."""
     raised = result.scene.frame is not None or is_raised(result)
     return "in the plane of luffing, z" if direction == "z" and raised else _ACROSS[direction]
 
 
 def is_raised(result: RunResult) -> bool:
-    """Whether the weight acts as on a boom that does not lie level."""
+    """Whether gravity is turned as on a boom that is raised by 0.01 degrees at least."""
     gravity = result.scene.gravity
     return gravity is not None and abs(gravity.raised) >= 0.01
 
 
 @dataclass(frozen=True)
 class Fixture:
-    """Support across the axis at a place that does not move, `at` in m: ``clamped`` or a point."""
+    """Support across the axis that does not move along it, at `at` m; `kind` is its symbol, ``clamped`` or a point."""
 
     at: float
     kind: str
@@ -77,27 +82,30 @@ class Fixture:
 
 @dataclass(frozen=True)
 class Model:
-    """Structural model of a body, and the reasons for it, in clauses."""
+    """Name of a body's structural model in words, and a clause that says why it was chosen."""
 
     name: str
     because: str
 
 
 def reduced_size(result: RunResult) -> int:
-    """Coordinates of the reduced model; of its basis, where the summary says nothing."""
+    """Number of coordinates of the reduced model, from the summary or else from its basis."""
     shapes = result.body.shapes
     basis = 0 if shapes is None else shapes.shapes.shape[1]
     return int(result.summary.get("coordinates", {}).get("reduced", basis))
 
 
 def spoken(model: str, walls: str = "rigid") -> str:
-    """A model in words."""
+    """Name a structural model in words, such as ``a planar beam``; of beams also say if their walls give way."""
     gives = " whose walls give way" if walls == "give" and model in ("beam2d", "beam3d") else ""
     return MODELS.get(model, f"a {model.replace('_', ' ')}") + gives
 
 
 def chosen_by(measured: Mapping[str, Any]) -> str:
-    """Why measurements chose a model: what each that was tried is off by, in a clause."""
+    """Clause that says why measurements chose a model: the error of each that was tried, and the allowed error.
+
+    If nothing could be compared, it says that the smallest model was taken, and why.
+    """
     if "reason" in measured:
         return f"the smallest one, which nothing could be compared with: {measured['reason']}"
     tried = [f"{spoken(trial['name'], trial['walls'])} {percent(trial['error'])}" for trial in measured["tried"]]
@@ -106,7 +114,7 @@ def chosen_by(measured: Mapping[str, Any]) -> str:
 
 
 def structural_model(result: RunResult) -> Model:
-    """Structural model of a body alone."""
+    """Structural model of a body alone, and why it was chosen."""
     scene = result.scene
     if (measured := result.summary.get("chosen_model")) is not None:
         return Model(spoken(scene.body.model, scene.body.walls), chosen_by(measured))
@@ -117,37 +125,37 @@ def structural_model(result: RunResult) -> Model:
 
 
 def is_alone(result: RunResult) -> bool:
-    """Whether the run is of one body alone, not of a boom of sections."""
+    """Whether the run is of a body alone, not of a boom of sections."""
     return ALONE in result.scene.bodies
 
 
 def moving_part(result: RunResult) -> str:
-    """Word for the part that moves along the body."""
+    """Name of the part that moves: ``boom``, or of a body alone the ``slider`` or the ``mouth``."""
     if not is_alone(result):
         return "boom"
     return "slider" if result.scene.points else "mouth"
 
 
 def forces_called(result: RunResult) -> str:
-    """Forces between a body and what holds it, in words."""
+    """Name of the contact forces: ``pad forces``; of a body alone on sliders ``slider force`` or ``slider forces``."""
     sliders = len(result.scene.points) if is_alone(result) else 0
     return "pad forces" if not sliders else "slider force" if sliders == 1 else "slider forces"
 
 
 def scope(result: RunResult) -> str:
-    """All that errors of displacements are of, in words."""
+    """Words for where displacements are compared: along the beam, or along all sections of a boom."""
     return "along the beam" if is_alone(result) else "along all sections"
 
 
 def offsets(result: RunResult) -> tuple[float, ...]:
-    """Distances in m ahead of s at which something moves along a body alone."""
+    """Offsets in m from the path s at which sliders or moving pads touch a body alone; empty for a boom."""
     if not is_alone(result):
         return ()
     return result.scene.points or tuple(dict.fromkeys(ring.at for ring in result.scene.pads if ring.moving))
 
 
 def length(result: RunResult) -> float:
-    """End of the body along its axis, m; of a boom its reach."""
+    """Length of a body along its axis in m; of a boom its largest reach."""
     if result.reach is not None:
         return float(result.reach.max())
     scene = result.scene
@@ -157,7 +165,10 @@ def length(result: RunResult) -> float:
 
 
 def loads(result: RunResult) -> list[Acting]:
-    """Loads in the order of the model's inputs, forces along an axis of the ground part by part; without the weight."""
+    """Loads in the order of the model's inputs, without weight.
+
+    A force along an axis of the ground comes as its components along the axes of the body.
+    """
     acting, names = list[Acting](), result.loads.names
     for member, (body, section) in zip(members(result.scene), result.scene.bodies.items(), strict=True):
         end = length(result) if body == ALONE else section.length
@@ -165,7 +176,7 @@ def loads(result: RunResult) -> list[Acting]:
         for number, (load, name, direction) in enumerate(inputs):
             if (input_name := input_of(body, name)) in names:
                 values = result.loads.values[:, names.index(input_name)]
-            elif body == ALONE and not names:  # of earlier results
+            elif body == ALONE and not names:  # results of earlier versions name no loads
                 values = result.loads.values[:, number]
             else:
                 continue
@@ -179,12 +190,12 @@ def loads(result: RunResult) -> list[Acting]:
 
 
 def place_words(on: str | float) -> str:
-    """Words for a place on a body, named or in m along its axis."""
+    """Words for a position on a body: a named part, or m along its axis."""
     return f"on {on}" if isinstance(on, str) else f"at {plain(on)}{SPACE}m"
 
 
 def loads_as_asked(result: RunResult) -> list[Acting]:
-    """Loads as the scene has them: a force along an axis of the ground once, along that axis."""
+    """Loads as the scene has them: a force along an axis of the ground is one load along this axis."""
     by_load, t = dict[tuple[str, str], Acting](), result.responses["reduced"].t
     for load in loads(result):
         if load.of != load.name:
@@ -195,12 +206,12 @@ def loads_as_asked(result: RunResult) -> list[Acting]:
 
 
 def axial_supports(result: RunResult) -> list[str]:
-    """Names of what holds a body alone along its axis."""
+    """Names of the supports that hold a body alone along its axis and nothing else."""
     return [support.name for support in result.scene.supports if support.held == ("x",)]
 
 
 def changing_angles(result: RunResult) -> dict[str, SignalBase]:
-    """Luffing and slewing of a boom in a frame, those that change; what stays as it is is no history."""
+    """Signals of the luffing and slewing angles that change during the run, by name; empty without a frame."""
     frame, end = result.scene.frame, result.scene.time.end
     angles = {} if frame is None else dict(zip(("luffing", "slewing"), frame.angles, strict=True))
     bounds = {name: angle.bounds(0.0, end) for name, angle in angles.items()}
@@ -208,22 +219,26 @@ def changing_angles(result: RunResult) -> dict[str, SignalBase]:
 
 
 def drive_of(rope: Mapping[str, Any]) -> str:
-    """Rope, or cylinder, of one of the ``ropes`` of summary.json: what follows nothing may hang on a winch's rope."""
+    """Return ``rope`` or ``cylinder``: what carries the force of an entry of ``ropes`` in summary.json.
+
+    It is a rope if its section follows another one, or if it has a length: a section that follows none may hang on the
+    rope of a winch.
+    """
     return "rope" if rope["follows"] or "length" in rope else "cylinder"
 
 
 def rings_of(part: Part) -> list[PadRing | JointPads]:
-    """All pads of a body: on the ground, or in the next outer section."""
+    """Rings of pads of a body: those on the ground and those in the next outer section."""
     return [*part.pads, *((*part.joint.tail, *part.joint.mouth) if part.joint is not None else ())]
 
 
 def has_pushing_pads(result: RunResult) -> bool:
-    """Whether any pad only pushes, and may lift off."""
+    """Whether any pad is unilateral: it only pushes, and may lift off."""
     return any(ring.unilateral for part in result.scene.bodies.values() for ring in rings_of(part))
 
 
 def fixtures(result: RunResult) -> list[Fixture]:
-    """Supports of the body, or of a boom's base, across its axis that do not move along it."""
+    """Supports of a body alone, or of a boom's base, that hold it across its axis and do not move along it."""
     body, of = next(iter(result.scene.bodies.items()))
     end = length(result) if body == ALONE else of.length
     supports = [
@@ -237,7 +252,7 @@ def fixtures(result: RunResult) -> list[Fixture]:
 
 
 def stress_times(result: RunResult, body: BodyResult) -> Array:
-    """Times (F,) in s of the largest stresses of a body."""
+    """Times (F,) in s at which the largest stresses of a body are stored."""
     count = max(map(len, body.peak_stress.values()), default=0)
     if body.fields is not None and len(body.fields.t) == count:
         return body.fields.t

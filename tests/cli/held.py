@@ -1,6 +1,6 @@
-"""The command `pmr`, whose studies stand still once COUNT results are stored: python held.py COUNT ARGUMENTS...
+"""Command `pmr` whose studies stand still once COUNT results are stored: python held.py COUNT ARGUMENTS...
 
-What comes then, a kill or an interruption, comes in the middle of a study, however slow the machine is.
+So a kill or an interruption that follows comes in the middle of a study, however slow the machine is.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ plain, done = Worker.run, list[Failure | None]()
 
 
 def run(worker: Worker, order: Order) -> Failure | None:
-    """As before for the first orders; then until the worker is closed."""
+    """Run the first `count` orders; block at any later one until the worker is closed."""
     if len(done) < count:
         done.append(plain(worker, order))
         return done[-1]

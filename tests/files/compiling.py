@@ -1,4 +1,7 @@
-"""Assembles the mass matrix of a little beam, and prints the beam's mass: python compiling.py [wait]"""
+"""Assemble the mass matrix of a small beam and print the beam's mass.
+
+python compiling.py [wait]
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,7 @@ from pmr.fem.compat import MPI, assemble, compiled_form, create_mesh, lagrange_s
 
 
 def main() -> None:
+    """Assemble and print; with ``wait``, wait for ever before printing."""
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it, and so do theirs
     nodes, first = np.linspace(0.0, 2.0, 9)[:, None], np.arange(8)[:, None]
     mesh = create_mesh(MPI.COMM_WORLD, "interval", nodes, first + np.arange(2))
@@ -24,6 +28,7 @@ def main() -> None:
 
 
 def _sum(M) -> float:
+    """Sum of all entries of a matrix."""
     ones, product = M.createVecs()
     ones.set(1.0)
     M.mult(ones, product)

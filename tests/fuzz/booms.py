@@ -1,4 +1,4 @@
-"""Random booms of several sections: what is accepted runs the whole way, and Newton's law holds for every section."""
+"""Random booms of several sections: accepted ones run to the end, and every section obeys Newton's law."""
 
 from __future__ import annotations
 
@@ -22,14 +22,17 @@ MISSED = 1e-9
 
 
 def case(number: int, rng: Random, folder: Path) -> str:
-    """Read a random boom, run it if it is accepted; what came out in a few words."""
+    """Read a random boom and run it if it is accepted; return the outcome in a few words."""
     (folder / "scene.toml").write_text(toml.written(boom(rng)))
     scene = scenes.load_any(folder / "scene.toml")
     return ran(scene, folder)
 
 
 def boom(rng: Random) -> dict[str, Any]:
-    """Two to four beams, in plane or in space; some reach too far, are too wide, or stand on what holds no roll."""
+    """Keys of two to four beams, in a plane or in space, some of which can't be built.
+
+    Some reach too far, are too wide, or have supports that hold no roll.
+    """
     count, planar = int(rng.integers(2, 5)), bool(rng.random() < 0.6)
     length = float(rng.uniform(3.0, 8.0))
     sections = [{"name": NAMES[k], **section(rng, k, planar, length)} for k in range(count)]
@@ -56,6 +59,7 @@ def boom(rng: Random) -> dict[str, Any]:
 
 
 def section(rng: Random, number: int, planar: bool, length: float) -> dict[str, Any]:
+    """Keys of a section."""
     shrink = 0.04 * (number + rng.uniform(-0.4, 0.4))
     box = {"width": 0.35 - shrink, "height": 0.45 - shrink, "wall": 8e-3, "length": length * rng.uniform(0.8, 1.1)}
     least = 3 if planar else 6
@@ -67,17 +71,18 @@ def section(rng: Random, number: int, planar: bool, length: float) -> dict[str, 
 
 
 def held(planar: bool) -> list[dict[str, Any]]:
+    """Keys of a clamp."""
     return [{"kind": "clamped"} if planar else {"kind": "clamped", "points": "all"}]
 
 
 def luffing(planar: bool, length: float) -> list[dict[str, Any]]:
-    """On a pivot and a cylinder."""
+    """Keys of a pivot and a luffing cylinder."""
     pivot = [{"kind": "pinned"}] if planar else [{"directions": ["x", "y", "z", "rx", "rz"], "on": "tail"}]
     return [*pivot, {"name": "luffing", "directions": ["z"], "on": 0.25 * length, "stiffness": 5e7}]
 
 
 def joint(rng: Random, planar: bool, points: bool) -> dict[str, Any]:
-    """Pads of one kind at both ends, or points; those that only push may have play."""
+    """Keys of a joint: pads of one kind at both ends, or points; unilateral ones may have play."""
     unilateral = bool(rng.random() < 0.5)
     stiffness = 10.0 ** rng.uniform(6.0, 7.0 if unilateral else 9.0)  # stiff ones that push take many parts a step
     ring: dict[str, Any] = {"unilateral": unilateral, "stiffness": float(stiffness)}
@@ -97,6 +102,7 @@ def joint(rng: Random, planar: bool, points: bool) -> dict[str, Any]:
 
 
 def extension(rng: Random, number: int, length: float) -> dict[str, Any]:
+    """Keys of an extension or an overlap, or of a section that follows another one."""
     if number > 1 and rng.random() < 0.4:
         return {"follows": NAMES[int(rng.integers(1, number))], "ratio": float(rng.uniform(0.3, 1.2))}
     low, high = (rng.uniform(0.3, 0.75, 2) * length).tolist()
@@ -105,7 +111,7 @@ def extension(rng: Random, number: int, length: float) -> dict[str, Any]:
 
 
 def ran(boom: Scene, folder: Path) -> str:
-    """Run it the whole way; the results are finite, valid files, and what Newton says."""
+    """Run a boom to the end; fail unless results are finite, files valid, and Newton's law holds."""
     from pmr.fem.compat import MPI
     from pmr.pipeline import run
 
@@ -124,9 +130,10 @@ def ran(boom: Scene, folder: Path) -> str:
 
 
 def newton(boom: Scene) -> float:
-    r"""What the sum of impulses on a section lacks of its change of momentum in a step, at worst, over the largest.
+    r"""Largest difference between impulses on a section and its change of momentum in a step, as a share.
 
-    Momentum is :math:`r^T M V \dot q` of the full mass, with r a translation; what pads give is counted by their faces.
+    It is relative to the largest force times the step.  Momentum is :math:`r^T M V \dot q` of the full mass, with r a
+    translation; forces of pads count by their faces.
     """
     from pmr.fem.compat import MPI
     from pmr.fullmodel.build import build_bodies
@@ -163,5 +170,5 @@ def newton(boom: Scene) -> float:
 
 
 def outward(row: str) -> float:
-    """How much of what a row measures is along z."""
+    """Component along z of what a row measures."""
     return 1.0 if row == "deflection" or " top" in row else -1.0 if " bottom" in row else 0.0

@@ -1,4 +1,4 @@
-"""Judges many mutations in a process of their own, and starts another one where a mutation ended the last."""
+"""Judge many mutations in a process of its own, and start another one if a mutation ended it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _workers: list[subprocess.Popen[bytes]] = []
 
 
 def verdicts(kind: str, count: int, first: int = 0) -> Iterator[Verdict]:
-    """One for each mutation, in order."""
+    """Yield the verdict on each mutation, in order."""
     number = first
     while number < first + count:
         for verdict in _one_process(kind, number, first + count):
@@ -35,7 +35,7 @@ def verdicts(kind: str, count: int, first: int = 0) -> Iterator[Verdict]:
 
 
 def summary(found: list[Verdict]) -> str:
-    """Counts, and every fault with its number."""
+    """Counts of verdicts, and every fault with its number."""
     counts = Counter(verdict.kind for verdict in found)
     faults = [f"\n--- {v.number}: {v.kind} after {v.seconds:.1f} s\n{v.detail}" for v in found if not v.is_sound]
     slowest = max((v.seconds for v in found), default=0.0)
@@ -43,6 +43,7 @@ def summary(found: list[Verdict]) -> str:
 
 
 def _one_process(kind: str, number: int, end: int) -> Iterator[Verdict]:
+    """Yield verdicts of one process, until all are judged or it ends or hangs."""
     child = _workers.pop() if _workers and _workers[-1].poll() is None else _started()
     assert child.stdin is not None and child.stdout is not None
     judged = number
@@ -67,11 +68,13 @@ def _one_process(kind: str, number: int, end: int) -> Iterator[Verdict]:
 
 @atexit.register
 def _ended() -> None:
+    """End the processes that are still there."""
     for child in _workers:
         child.communicate()
 
 
 def _started() -> subprocess.Popen[bytes]:
+    """Start a process that judges."""
     paths = [str(TESTS), str(TESTS.parent), os.environ.get("PYTHONPATH", "")]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths), "OMP_NUM_THREADS": "1"}
     pipes: dict = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}

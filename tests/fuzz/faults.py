@@ -1,4 +1,4 @@
-"""One of each fault, for a test of what judges them."""
+"""One case of each fault, for a test of the code that judges them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ KINDS = ["ran", "refused", "traceback", "died", "failed", "nonsense", "nonsense"
 
 
 def case(number: int, rng: Random, folder: Path) -> str:
-    """What `KINDS` says of the number."""
+    """Do what `KINDS` says of the number."""
     if number == 1:
         raise InputError("scene", "key", 1, "2 is allowed")
     if number == 2:

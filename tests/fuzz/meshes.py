@@ -1,4 +1,4 @@
-"""Mesh files with lines, numbers and names changed: a beam's, a shell's and a solid's."""
+"""Mesh files with changed lines, numbers and names: of a beam, a shell and a solid."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ prepare = warm
 
 
 def case(number: int, rng: Random, folder: Path) -> str:
-    """Read a scene with a mutated mesh, run it if both are accepted."""
+    """Read a scene with a mutated mesh, and run it if both are accepted; return the outcome in a few words."""
     kind = ("beam", "shell", "solid")[int(rng.choice(3, p=[0.3, 0.5, 0.2]))]
     content = whole(kind)
     content = scratched(content, rng) if rng.random() < 0.3 else _edited(content, rng)
@@ -43,7 +43,7 @@ def case(number: int, rng: Random, folder: Path) -> str:
 
 @lru_cache
 def whole(kind: str) -> bytes:
-    """A sound mesh as text."""
+    """Sound mesh of a kind, as text."""
     if kind == "beam":
         x = np.linspace(0.0, 5.0, 11)
         points = np.column_stack([x, 0.0 * x, 0.0 * x])
@@ -71,6 +71,7 @@ def whole(kind: str) -> bytes:
 
 
 def _text(mesh: meshio.Mesh, form: str) -> bytes:
+    """Mesh in a format of meshio, as text."""
     import tempfile
 
     with tempfile.TemporaryDirectory() as folder, redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
@@ -79,6 +80,7 @@ def _text(mesh: meshio.Mesh, form: str) -> bytes:
 
 
 def _moved(text: str, rng: Random) -> str:
+    """Change a number in a text a little; other texts are returned unchanged."""
     try:
         return repr(float(text) + float(rng.normal(0.0, 0.01)))
     except ValueError:
@@ -86,7 +88,7 @@ def _moved(text: str, rng: Random) -> str:
 
 
 def _edited(content: bytes, rng: Random) -> bytes:
-    """Words and lines of the text deleted, doubled, swapped or replaced."""
+    """Delete, double, swap or replace words and lines of a text."""
     lines = content.decode().splitlines()
     for _ in range(int(rng.integers(1, 4))):
         at, kind = int(rng.integers(len(lines))), int(rng.integers(9))

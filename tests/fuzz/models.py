@@ -1,4 +1,4 @@
-"""Model files that are damaged, crafted or lie: read, and if they are accepted, described, exported and simulated."""
+"""Damaged, crafted or lying model files: accepted ones are described, exported and simulated."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ prepare = warm
 
 
 def case(number: int, rng: Random, folder: Path) -> str:
-    """Read a mutation of a model file and use it if it is accepted."""
+    """Read a mutation of a model file and use it if it is accepted; return the outcome in a few words."""
     from pmr.cli.info import described_model
     from pmr.errors.text import visible
     from pmr.export.exudyn_script import script_data
@@ -48,6 +48,7 @@ def case(number: int, rng: Random, folder: Path) -> str:
 
 
 def _simulated(model: Any) -> str:
+    """Simulate a model with its own scene; return the largest displacement as text, or why there is none."""
     import one_body
     from one_body import displacement
 
@@ -75,7 +76,7 @@ def _simulated(model: Any) -> str:
 
 @lru_cache
 def _whole() -> tuple[bytes, ...]:
-    """Models of three small scenes."""
+    """Sound model files of three small scenes."""
     import tempfile
 
     from pmr import scene as scenes
@@ -93,6 +94,7 @@ def _whole() -> tuple[bytes, ...]:
 
 
 def _changed(content: bytes, rng: Random) -> bytes:
+    """Mutate a model file: its bytes, its header, its arrays or their headers."""
     kind = rng.random()
     if kind < 0.25:
         return scratched(content, rng)
@@ -133,7 +135,7 @@ ODD_NAMES = ["", "x" * 10_000, "a\nb", "\x1b[31m", "slider", "\u202e", "0", "F"]
 
 
 def _array(array: np.ndarray, rng: Random) -> Any:
-    """Another array in its place; None: it is missing."""
+    """Array to put in place of another one; None if it is to be missing."""
     kind, number = int(rng.integers(11)), float(NUMBERS[int(rng.integers(len(NUMBERS)))])
     if kind == 0:
         return None
@@ -162,7 +164,7 @@ def _array(array: np.ndarray, rng: Random) -> Any:
 
 
 def _lying(member: bytes, rng: Random) -> bytes:
-    """The same content under a header that claims another shape, type or order."""
+    """Put a header that claims another shape, type or order before the content of an array."""
     shapes = ["(268435456,)", "(1099511627776, 1099511627776)", "(-1,)", "()", "(0,)", "(3, 3, 3)", "None", "(1.5,)"]
     types = ["'<f8'", "'<f8'", "'|O'", "'<U1000000000'", "'|V8'", "'<c16'", "'>f8'", "[('a', '<f8')]", "'<M8[s]'", "0"]
     shape, descr = shapes[int(rng.integers(len(shapes)))], types[int(rng.integers(len(types)))]

@@ -39,7 +39,7 @@ UNITS = (1e-6, 1e-3, 1e-2, 1e2, 1e3, 1e6, 9.80665, math.pi / 180.0, -1.0)
 
 
 def mutated(data: dict[str, Any], rng: Random, most: int = 3) -> dict[str, Any]:
-    """A copy with one to `most` changes."""
+    """Copy data with one to `most` changes."""
     changed = deepcopy(data)
     for _ in range(int(rng.integers(1, most + 1))):
         kinds = list(MUTATIONS)
@@ -48,7 +48,7 @@ def mutated(data: dict[str, Any], rng: Random, most: int = 3) -> dict[str, Any]:
 
 
 def places(data: Any) -> Iterator[Place]:
-    """Every value in a tree, by what holds it and its key."""
+    """Yield every value in a tree, as its table or list and its key there."""
     for key in data if isinstance(data, dict) else range(len(data)):
         yield data, key
         if isinstance(data[key], dict | list):
@@ -56,16 +56,18 @@ def places(data: Any) -> Iterator[Place]:
 
 
 def somewhere(data: Any, rng: Random, fits: Callable[[Any], bool] = lambda value: True) -> Place | None:
+    """Choose a random value that `fits`, as its table or list and its key there; None if there is none."""
     found = [(holder, key) for holder, key in places(data) if fits(holder[key])]
     return found[int(rng.integers(len(found)))] if found else None
 
 
 def is_number(value: Any) -> bool:
+    """Whether a value is a number and no truth value."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def strange(rng: Random) -> Any:
-    """Something of any type."""
+    """Random value of any type."""
     choices = [
         lambda: STRANGE[int(rng.integers(len(STRANGE)))],
         lambda: NUMBERS[int(rng.integers(len(NUMBERS)))],
@@ -84,6 +86,7 @@ def strange(rng: Random) -> Any:
 
 
 def nested(depth: int) -> Any:
+    """Tables and lists within each other, `depth` deep."""
     found: Any = 1.0
     for _ in range(depth):
         found = [found] if depth % 2 else {"terms": found, "kind": "sum"}
@@ -91,11 +94,13 @@ def nested(depth: int) -> Any:
 
 
 def _delete(data: Any, rng: Random) -> None:
+    """Delete a value."""
     if place := somewhere(data, rng):
         del place[0][place[1]]
 
 
 def _rename(data: Any, rng: Random) -> None:
+    """Rename a key."""
     found = [(holder, key) for holder, key in places(data) if isinstance(holder, dict)]
     if found:
         holder, key = found[int(rng.integers(len(found)))]
@@ -104,12 +109,14 @@ def _rename(data: Any, rng: Random) -> None:
 
 
 def _double(data: Any, rng: Random) -> None:
+    """Append the first entries of a list to it."""
     if place := somewhere(data, rng, lambda value: isinstance(value, list)):
         held = place[0][place[1]]
         held.extend(deepcopy(held[: int(rng.integers(1, 3))]))
 
 
 def _swap(data: Any, rng: Random) -> None:
+    """Swap two values."""
     one, two = somewhere(data, rng), somewhere(data, rng)
     if one and two:
         first, second = deepcopy(one[0][one[1]]), deepcopy(two[0][two[1]])
@@ -119,22 +126,25 @@ def _swap(data: Any, rng: Random) -> None:
 
 
 def _replace(data: Any, rng: Random) -> None:
+    """Replace a value by one of any type."""
     if place := somewhere(data, rng):
         place[0][place[1]] = strange(rng)
 
 
 def _number(data: Any, rng: Random) -> None:
+    """Replace a number by an extreme one."""
     if place := somewhere(data, rng, is_number):
         place[0][place[1]] = NUMBERS[int(rng.integers(len(NUMBERS)))]
 
 
 def _unit(data: Any, rng: Random) -> None:
+    """Convert a number to a wrong unit."""
     if place := somewhere(data, rng, is_number):
         place[0][place[1]] = float(place[0][place[1]] * UNITS[int(rng.integers(len(UNITS)))])
 
 
 def _nudge(data: Any, rng: Random) -> None:
-    """A number about as large: what people change."""
+    """Replace a number by one of a similar size, as people do."""
     if place := somewhere(data, rng, is_number):
         value = place[0][place[1]]
         size = float(np.exp(rng.uniform(-1.5, 1.5)))
@@ -142,16 +152,19 @@ def _nudge(data: Any, rng: Random) -> None:
 
 
 def _flip(data: Any, rng: Random) -> None:
+    """Flip a truth value."""
     if place := somewhere(data, rng, lambda value: isinstance(value, bool)):
         place[0][place[1]] = not place[0][place[1]]
 
 
 def _text(data: Any, rng: Random) -> None:
+    """Replace a text by a strange one."""
     if place := somewhere(data, rng, lambda value: isinstance(value, str)):
         place[0][place[1]] = STRANGE[int(rng.integers(len(STRANGE)))]
 
 
 def _order(data: Any, rng: Random) -> None:
+    """Shuffle a list."""
     if place := somewhere(data, rng, lambda value: isinstance(value, list) and len(value) > 1):
         rng.shuffle(place[0][place[1]])
 
@@ -175,7 +188,7 @@ MUTATIONS: dict[str, Callable[[Any, Random], None]] = {
 
 
 def scratched(content: bytes, rng: Random, most: int = 6) -> bytes:
-    """Bytes flipped, cut out, put in or cut off."""
+    """Copy bytes with some flipped, removed, inserted or cut off."""
     found = bytearray(content)
     for _ in range(int(rng.integers(1, most + 1))):
         at, kind = int(rng.integers(max(len(found), 1))), int(rng.integers(5))

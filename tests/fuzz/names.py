@@ -1,4 +1,4 @@
-"""Titles and files' names of all kinds are shown as they are; of names of loads and pads what a name may hold."""
+"""Titles and file names of all kinds are shown unchanged, and so are all names of loads and pads that are allowed."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ prepare = warm
 
 
 def case(number: int, rng: Random, folder: Path) -> str:
-    """Run a scene full of a name, draw its report, export its model."""
+    """Run a scene with hostile names, draw its report and export its model; return the outcome in a word."""
     from pmr.export.exudyn_script import write_exudyn_script
     from pmr.fem.compat import MPI
     from pmr.pipeline import run
@@ -70,7 +70,7 @@ def case(number: int, rng: Random, folder: Path) -> str:
 
 
 def hostile(rng: Random) -> str:
-    """Letters of any script, what steers, and pieces of code."""
+    """Random text of letters of any script, control characters and pieces of code."""
     if rng.random() < 0.3:
         return STRANGE[int(rng.integers(len(STRANGE)))]
     parts = []
@@ -83,11 +83,12 @@ def hostile(rng: Random) -> str:
 
 
 def fit(name: str) -> str:
-    """What is left of a name where what no name may hold is taken out; never nothing, and never the same."""
+    """Remove from a name what no name may hold; the result is never empty, and differs for different names."""
     left = "".join(letter for letter in name if is_name(f"a{letter}a"))[: LONGEST_NAME // 2].strip()
     single = re.sub("[.]+", ".", left)
     return f"n{zlib.crc32(name.encode('utf-8', 'replace'))} {single}".strip()
 
 
 def _file_name(name: str) -> str:
+    """Name for a file, without what no file name may hold."""
     return "".join(letter for letter in name if letter not in "/\0")[:40] or "_"

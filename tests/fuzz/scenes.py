@@ -1,4 +1,4 @@
-"""Mutated scenes: read, and if they are accepted, run on a coarse mesh over few steps."""
+"""Mutated scenes: accepted ones are run on a coarse mesh over few steps."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DRAWN = 12  # of that many one has its report drawn
 
 
 def case(number: int, rng: Random, folder: Path) -> str:
-    """Read a mutation, run it if it is accepted; what came out in a few words."""
+    """Read a mutated scene and run it if it is accepted; return the outcome in a few words."""
     base = BASES[int(rng.integers(len(BASES)))]
     overrides: list[str] = []
     how = rng.random()
@@ -38,7 +38,7 @@ def case(number: int, rng: Random, folder: Path) -> str:
 
 
 def prepare() -> None:
-    """Whatever is compiled on first use is no part of what a mutation costs."""
+    """Compile what scenes need, so that no mutation is charged for it."""
     with tempfile.TemporaryDirectory() as folder:
         for number, base in enumerate((BEAM, FLEXIBLE, BOOM, PUSHING)):
             Path(folder, "scene.toml").write_text(toml.written(base))
@@ -46,7 +46,7 @@ def prepare() -> None:
 
 
 def coarse(scene: Scene) -> Scene:
-    """The scene on few elements and over few steps."""
+    """Scene with few elements and few steps."""
     time, mesh = scene.time, scene.mesh
     changes: dict[str, Any] = {"simulation": scene.simulation.model_copy(update={"repeats": 1})}
     if time.steps > MOST_STEPS:
@@ -68,7 +68,7 @@ def coarse(scene: Scene) -> Scene:
 
 
 def ran(scene: Scene, folder: Path, drawn: bool) -> str:
-    """Run it the whole way; the results are finite, plausible and valid files."""
+    """Run a scene to the end; fail unless results are finite and plausible and files valid."""
     from pmr.fem.compat import MPI
     from pmr.pipeline import run
     from pmr.reduced.model import ReducedModel
@@ -95,7 +95,7 @@ def ran(scene: Scene, folder: Path, drawn: bool) -> str:
 
 
 def plausible(scene: Scene, result: Any) -> None:
-    """A linear model says nothing of motions as large as the body; where one comes out, a warning says so."""
+    """Fail if a displacement is larger than the body and no warning says so."""
     length = scene.body.length or 2.0  # m, of the meshes that are read
     largest = max(float(np.abs(response.displacement).max()) for response in result.responses.values())
     if largest > length and not result.summary["warnings"]:
@@ -103,7 +103,7 @@ def plausible(scene: Scene, result: Any) -> None:
 
 
 def _override(base: dict[str, Any], rng: Random) -> str:
-    """What follows ``--set``."""
+    """Random argument of ``--set``."""
     kind = rng.random()
     if kind < 0.2:
         return STRANGE[int(rng.integers(len(STRANGE)))]

@@ -1,4 +1,4 @@
-"""Random structures in space, then some of their physical keys at extreme or wrong values."""
+"""Random structures in space, some of whose physical keys have extreme or wrong values."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ UNUSED |= dict.fromkeys(("shell", "solid"), (("mesh", "elements"), ("body", "she
 
 
 def case(number: int, rng: Random, folder: Path) -> str:
-    """Read a random structure, run it if it is accepted; what came out in a few words."""
+    """Read a random structure and run it if it is accepted; return the outcome in a few words."""
     data = structure(rng)
     for _ in range(pick(rng, (0, 0, 1, 1, 1, 2, 3))):
         change(data, rng)
@@ -38,7 +38,7 @@ def case(number: int, rng: Random, folder: Path) -> str:
 
 
 def structure(rng: Random) -> dict[str, Any]:
-    """One that could be built, mostly: sizes, materials, pads and supports over decades."""
+    """Keys of a structure that mostly can be built; sizes, materials, pads and supports vary over decades."""
     model = pick(rng, ("beam2d", "beam3d", "beam3d", "beam3d", "shell", "solid", "auto"))
     length = 10 ** rng.uniform(0.0, 1.3)
     width, height = (length * 10 ** rng.uniform(-1.8, -0.8) for _ in range(2))
@@ -81,7 +81,7 @@ def structure(rng: Random) -> dict[str, Any]:
 
 
 def flatten(data: dict[str, Any], rng: Random) -> None:
-    """What a planar beam knows: forces along x and z, moments about y, no lateral weight."""
+    """Keep what a planar beam allows: forces along x and z, moments about y, no lateral weight."""
     for acting in data["loads"]:
         acting["direction"] = pick(rng, ("x", "z", "z", "ry"))
     for weight in [data["gravity"]] if "gravity" in data else []:
@@ -89,6 +89,7 @@ def flatten(data: dict[str, Any], rng: Random) -> None:
 
 
 def material(rng: Random) -> dict[str, float]:
+    """Keys of a random material."""
     return {
         "young": 10 ** rng.uniform(6.0, 12.0),
         "poisson": float(rng.uniform(0.0, 0.45)),
@@ -97,7 +98,7 @@ def material(rng: Random) -> dict[str, float]:
 
 
 def ring(rng: Random, name: str, pad: dict[str, float], box: dict[str, float]) -> dict[str, Any]:
-    """Pads on some faces, mostly on all of them, well on the body."""
+    """Keys of pads on some faces, mostly on all of them, within the body."""
     faces: dict[str, list[float]] = {}
     for face in FACES if rng.random() < 0.6 else [face for face in FACES if rng.random() < 0.6] or FACES[:1]:
         half = (box["width"] if face in ("bottom", "top") else box["height"]) / 2.0
@@ -110,12 +111,14 @@ def ring(rng: Random, name: str, pad: dict[str, float], box: dict[str, float]) -
 
 
 def load(rng: Random, name: str, length: float) -> dict[str, Any]:
+    """Keys of a random load."""
     signal = pick(rng, (10 ** rng.uniform(0.0, 4.0), {"kind": "sine", "amplitude": 100.0, "frequency": 3.0}))
     on = pick(rng, ("tip", "tip", float(rng.uniform(0.0, length))))
     return {"name": name, "on": on, "direction": pick(rng, DIRECTIONS[1:3] + DIRECTIONS), "signal": signal}
 
 
 def mass(rng: Random, length: float) -> dict[str, Any]:
+    """Keys of a random point mass."""
     found: dict[str, Any] = {"name": "payload", "on": pick(rng, ("tip", "tail")), "mass": 10 ** rng.uniform(-1.0, 4.0)}
     if rng.random() < 0.5:
         a, b, c = 10 ** rng.uniform(-2.0, 3.0, 3)
@@ -126,7 +129,10 @@ def mass(rng: Random, length: float) -> dict[str, Any]:
 
 
 def change(data: dict[str, Any], rng: Random) -> None:
-    """One value anywhere but in what the run is made short by: extreme, wrong, off by round-off or by decades, gone."""
+    """Change a random value: make it extreme or wrong, off by round-off or by decades, or remove it.
+
+    Values that keep the run short are left alone.
+    """
     fixed = ("time", "title", "compare")
     leaves = [place for place in _leaves({k: v for k, v in data.items() if k not in fixed}) if place[1] != "elements"]
     holder, key = leaves[int(rng.integers(len(leaves)))]
@@ -145,11 +151,12 @@ def change(data: dict[str, Any], rng: Random) -> None:
 
 
 def pick(rng: Random, choices: Any) -> Any:
+    """Choose at random."""
     return choices[int(rng.integers(len(choices)))]
 
 
 def _leaves(data: Any) -> list[tuple[Any, Any]]:
-    """What holds each value that is no table, and its key; lists count as values too."""
+    """Every value that is no table, as its table or list and its key there; lists count as values too."""
     found = []
     for key in list(data) if isinstance(data, dict) else range(len(data)):
         if isinstance(data[key], dict | list):
@@ -160,7 +167,7 @@ def _leaves(data: Any) -> list[tuple[Any, Any]]:
 
 
 def _without_none(data: Any) -> Any:
-    """TOML knows no None: a key of that value isn't there."""
+    """Remove all entries that are None, as TOML has no such value."""
     if isinstance(data, dict):
         return {key: _without_none(value) for key, value in data.items() if value is not None}
     return [_without_none(value) for value in data if value is not None] if isinstance(data, list) else data

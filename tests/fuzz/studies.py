@@ -1,4 +1,4 @@
-"""Mutated studies: planned, and of those that are accepted a run or two computed."""
+"""Mutated studies: accepted ones are planned, and of some a run is computed."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ prepare = warm
 
 
 def case(number: int, rng: Random, folder: Path) -> str:
-    """Plan a mutation, compute some of it if it is accepted."""
+    """Plan a mutated study and compute some of it if it is accepted; return the outcome in a few words."""
     for name, data in SCENES.items():
         (folder / name).write_text(toml.written(data))
     for name, data in STUDIES.items():
@@ -90,7 +90,7 @@ def case(number: int, rng: Random, folder: Path) -> str:
 
 
 def _result(plan: Plan, task: Task, known: dict[str, TaskResult]) -> TaskResult:
-    """As a worker computes it, its needs first."""
+    """Compute a task as a worker does, its needs first."""
     by_key = {each.key: each for each in plan}
     for key in task.needs.values():
         if key not in known:
@@ -100,6 +100,7 @@ def _result(plan: Plan, task: Task, known: dict[str, TaskResult]) -> TaskResult:
 
 
 def _ensure_told(result: TaskResult) -> None:
+    """Fail if a value of a result is not finite."""
     record: Mapping[str, Any] = result.record
     for name, value in record.items():
         if isinstance(value, float) and not math.isfinite(value):

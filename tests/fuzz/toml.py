@@ -1,4 +1,4 @@
-"""TOML from plain data, whatever is in it."""
+"""Write plain data of any content as TOML."""
 
 from __future__ import annotations
 
@@ -9,21 +9,23 @@ import numpy as np
 
 
 def written(data: dict[str, Any]) -> str:
-    """A key a line; tables stand inline."""
+    """Write a table with a line for each key; tables in it are inline."""
     return "".join(f"{key(name)} = {value(found)}\n" for name, found in data.items())
 
 
 def key(name: str) -> str:
+    """Write a key, quoted if need be."""
     return name if name.isascii() and name.replace("_", "a").isalnum() else text(name)
 
 
 def text(found: str) -> str:
-    """Quoted; halves of surrogate pairs, which TOML excludes, as question marks."""
+    """Write a quoted text; halves of surrogate pairs, which TOML excludes, become question marks."""
     letters = (ord("?") if 0xD800 <= ord(letter) < 0xE000 else ord(letter) for letter in found)
     return '"' + "".join(chr(o) if 32 <= o < 127 and chr(o) not in '"\\' else f"\\U{o:08x}" for o in letters) + '"'
 
 
 def value(found: Any) -> str:
+    """Write a value."""
     if isinstance(found, bool):
         return str(found).lower()
     if isinstance(found, dict):

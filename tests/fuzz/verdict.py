@@ -1,4 +1,4 @@
-"""What became of one mutation."""
+"""Verdict on one mutation."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ PATIENCE = 1200  # s of wall time, on a machine that others use too
 
 @dataclass(frozen=True)
 class Verdict:
-    """`kind` is ``ran`` or ``refused`` (one line and exit code 2); everything else is a fault.
+    """Verdict: `kind` is ``ran`` or ``refused`` (one line and exit code 2); everything else is a fault.
 
-    ``failed``: a solver gave up; ``traceback``; ``nonsense``: a result that can't be without a word of it; ``slow``;
+    ``failed``: a solver gave up; ``traceback``; ``nonsense``: an impossible result without a warning; ``slow``;
     ``died``: the process ended or hung.
     """
 
@@ -34,21 +34,23 @@ class Verdict:
 
     @property
     def is_sound(self) -> bool:
+        """Whether the mutation ran or was refused."""
         return self.kind in ("ran", "refused")
 
 
 class NonsenseError(Exception):
-    """A result that can't be."""
+    """A result is impossible."""
 
 
 class TooSlowError(BaseException):
-    """Not to be caught by those who catch what fails."""
+    """The mutation takes too long; no ``except Exception`` catches this."""
 
 
 def judged(number: int, run: Callable[[], Any]) -> Verdict:
-    """Run something and say what became of it."""
+    """Run a function and return the verdict on it."""
 
     def ring(*_: Any) -> None:
+        """Raise TooSlowError when the time is over."""
         raise TooSlowError
 
     signal.signal(signal.SIGALRM, ring)
@@ -77,20 +79,22 @@ def judged(number: int, run: Callable[[], Any]) -> Verdict:
 
 
 def ensure_finite(name: str, array: Any) -> None:
+    """Raise NonsenseError unless all entries are finite."""
     if not np.isfinite(array).all():
         raise NonsenseError(f"{name} is not finite")
 
 
 def strictly_read(text: str) -> Any:
-    """JSON as other readers take it.
+    """Read JSON as other readers do.
 
     Raises
     ------
     NonsenseError
-        If there is a number in it that is none.
+        If it contains NaN or an infinity.
     """
 
     def refuse(constant: str) -> None:
+        """Raise NonsenseError for a constant that JSON does not have."""
         raise NonsenseError(f"{constant} in JSON")
 
     return json.loads(text, parse_constant=refuse)

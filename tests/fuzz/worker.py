@@ -1,8 +1,8 @@
-"""A process that judges mutations and prints a line for each: `python -m fuzz.worker kind first last`.
+"""Process that judges mutations and prints a line for each: `python -m fuzz.worker kind first last`.
 
-One process for many, since FEniCSx takes seconds to load: without arguments it takes such lines from its input, until
-that ends; another process starts it anew after one that killed it.  It compiles first what mutations take, unless it is
-told that another process has, by a fourth word: what is compiled is on disk.
+One process judges many, since FEniCSx takes seconds to load: without arguments it reads such lines from its input,
+until that ends; another process starts it anew if a mutation killed it.  It first compiles what mutations need, unless
+a fourth word says that another process has: what is compiled is on disk.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ MOST_MEMORY = 6 * 2**30  # bytes of address space
 
 
 def main() -> None:
+    """Judge the mutations that arguments, or lines of the input, name."""
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     warnings.simplefilter("ignore")
@@ -36,6 +37,7 @@ def main() -> None:
 
 
 def judge(answers: TextIO, kind: str, numbers: range, is_compiled: bool) -> None:
+    """Judge mutations of a kind and write a line for each to `answers`."""
     from fuzz.verdict import judged
 
     module = importlib.import_module(f"fuzz.{kind}")

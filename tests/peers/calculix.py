@@ -1,4 +1,4 @@
-"""CalculiX (ccx) as an independent peer: 8-node shells with reduced integration, S8R, on the same rectangles."""
+"""Shell models for CalculiX (ccx) as an independent peer: 8-node shells with reduced integration, S8R."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Mean:
-    """A spring on a weighted mean of displacements: shares (N,) of all nodes, degree of freedom 1 to 3, N/m.
+    """Spring of a stiffness in N/m on a weighted mean of the displacements of N nodes.
 
-    Shares (N, 3) are those of all three displacements.  An infinite stiffness holds the mean at zero.
+    Shares (N,) are those of the displacements in `direction` 1 to 3, shares (N, 3) those of all three.  An infinite
+    stiffness holds the mean at zero.
     """
 
     shares: np.ndarray
@@ -24,7 +25,10 @@ class Mean:
 
     @property
     def terms(self) -> list[str]:
-        """Of an equation, the largest first; ccx reads 20 characters of a number and no exponent behind them."""
+        """Terms of an equation, the largest first.
+
+        ccx reads 20 characters of a number, and no exponent behind them.
+        """
         shares = self.shares
         if shares.ndim == 1:
             shares = np.outer(shares, np.arange(1, 4) == self.direction)
@@ -32,17 +36,18 @@ class Mean:
 
 
 def terms(shares: np.ndarray) -> list[str]:
-    """Of shares (N, 3) of all displacements, the largest first."""
+    """Terms of an equation from shares (N, 3) of all displacements, the largest first."""
     found = sorted(zip(*np.nonzero(shares), strict=True), key=lambda at: -abs(shares[at]))
     return [f"{n + 1}, {d + 1}, {shares[n, d]:.12e}" for n, d in found]
 
 
 @dataclass
 class Deck:
-    """A shell model as a ccx input file.
+    """Shell model as an input file of ccx.
 
-    points (N, 3) m; quads (Q, 8), vertices then middles of sides; `thickness` of the walls in m, of all or of each quad
-    (Q,); sets of nodes by name; `held`: (set, first, last degree of freedom), 1 to 6; `loads`: N on single nodes.
+    points (N, 3) in m; quads (Q, 8), vertices, then middles of sides; `thickness` of the walls in m, of all or of each
+    quad (Q,); `sets` of nodes by name; `held`, tuples of a set, its first and its last degree of freedom from 1 to 6;
+    `means`, the springs.
     """
 
     points: np.ndarray
@@ -56,6 +61,7 @@ class Deck:
     means: Sequence[Mean] = ()
 
     def _lines(self) -> list[str]:
+        """Lines of the input file without steps."""
         lines = ["*NODE, NSET=NALL"]
         lines += [f"{i + 1}, {x:.12e}, {y:.12e}, {z:.12e}" for i, (x, y, z) in enumerate(self.points)]
         of_quads = np.broadcast_to(self.thickness, len(self.quads))
@@ -76,7 +82,10 @@ class Deck:
         return lines
 
     def _mean(self, number: int, mean: Mean) -> list[str]:
-        """Rigid: an equation.  Otherwise a node without mass, which moves as the mean does, on a spring."""
+        """Lines of a mean: an equation if it is rigid, else a node that moves as the mean does, on a spring.
+
+        The node has no mass unless the mean has one.
+        """
         terms = mean.terms
         if np.isinf(mean.stiffness):
             return ["*EQUATION", f"{len(terms)}", *terms]
@@ -96,7 +105,7 @@ class Deck:
         ]
 
     def frequencies(self, count: int, folder: Path) -> np.ndarray:
-        """The lowest frequencies in Hz."""
+        """Lowest `count` frequencies in Hz."""
         output = self._run(["*STEP", "*FREQUENCY", f"{count}", "*END STEP"], folder, "dat")
         values = []
         for line in output.splitlines():
@@ -108,7 +117,7 @@ class Deck:
         return np.array(values)
 
     def buckling_factors(self, loads: Sequence[tuple[int, int, float]], count: int, folder: Path) -> np.ndarray:
-        """The lowest factors by which loads (node, 1 to 3, N) buckle the shell."""
+        """Lowest `count` factors by which loads (node, direction 1 to 3, N) buckle the shell."""
         step = [
             "*STEP",
             "*BUCKLE",
@@ -123,9 +132,9 @@ class Deck:
     def displacements(
         self, loads: Sequence[tuple[int, int, float]], name: str, folder: Path, *, large: bool = False
     ) -> np.ndarray:
-        """Static displacements (k, 3) m of the nodes of a set, in its order; loads are (node, 1 to 3, N).
+        """Static displacements (k, 3) in m of the k nodes of a set, under loads (node, direction 1 to 3, N).
 
-        Large ones are found with the geometry as it becomes.
+        If `large`, they are found in the deformed geometry.
         """
         step = ["*STEP, NLGEOM", "*STATIC", "0.25, 1.0"] if large else ["*STEP", "*STATIC"]
         step += ["*CLOAD", *(f"{n + 1}, {d}, {f:.12e}" for n, d, f in loads)]
@@ -138,7 +147,7 @@ class Deck:
         return np.array([found[n] for n in self.sets[name]])
 
     def resting(self, acceleration: np.ndarray, forces: Mapping[int, float], folder: Path) -> dict[int, float]:
-        """What some of the means do (m) at rest under an acceleration (3,) of all walls and forces (N) on these."""
+        """Displacement in m of some means at rest, under an acceleration (3,) of all walls and forces in N on means."""
         g = float(np.linalg.norm(acceleration))
         walls = len(np.unique(np.broadcast_to(self.thickness, len(self.quads))))
         along = ", ".join(f"{c / g:.12e}" for c in acceleration)
@@ -153,6 +162,7 @@ class Deck:
         return {number: found[node] for number, node in nodes.items()}
 
     def _run(self, step: Sequence[str], folder: Path, result: str) -> str:
+        """Run ccx with a step, and return the text of a result file."""
         (folder / "deck.inp").write_text("\n".join([*self._lines(), *step]) + "\n")
         done = subprocess.run(["ccx", "deck"], cwd=folder, capture_output=True, text=True, timeout=600, check=False)
         assert done.returncode == 0, done.stdout[-2000:]
@@ -162,8 +172,8 @@ class Deck:
 def grid(place, n: tuple[int, int], closed: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """8-node rectangles of the unit square with vertices at ``place(u, v)``: points, quads, and node numbers.
 
-    The numbers (2 n_u + 1, 2 n_v + 1) count half steps and are -1 in the middle of a rectangle; with `closed`, v = 1 is
-    v = 0 again.
+    The numbers (2 n_u + 1, 2 n_v + 1) are those of nodes at half steps, -1 in the middle of a rectangle.  If `closed`,
+    nodes at v = 1 are those at v = 0.
     """
     nu, nv = n
     number = np.full((2 * nu + 1, 2 * nv + 1), -1)

@@ -1,4 +1,4 @@
-"""Other programs are asked only when that is what was asked for: ``pytest -m peers``."""
+"""Run comparisons with other programs only on request: ``pytest -m peers``."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import pytest
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Skip comparisons with other programs unless the option ``-m`` names them."""
     if "peers" not in config.getoption("-m"):
         for item in items:
             if "peers" in item.keywords:

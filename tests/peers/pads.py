@@ -1,4 +1,4 @@
-"""Pads on 8-node rectangles, from the definition in docs/pads.md alone: nothing of `pmr` is asked."""
+"""Pads on 8-node rectangles, from the definition in docs/pads.md alone, without `pmr`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,11 @@ STATIONS = 10  # steps of the lattice over a pad's length
 
 @dataclass(frozen=True)
 class Patch:
-    """A pad's weight on a face normal to y or z: centre along x and across, m; the lattice passes through `lattice`."""
+    """Weight of a pad on a face normal to y or z, with its centre along x and across in m.
+
+    `normal` is 1 or 2, `place` the coordinate of the face in m, and `lattice` a point along x of the pad's lattice in
+    m.
+    """
 
     normal: int
     place: float
@@ -22,7 +26,7 @@ class Patch:
     width: float = 0.08
 
     def shares(self, points: np.ndarray, quads: np.ndarray) -> np.ndarray:
-        """What each node (N,) contributes to the weighted mean of the normal displacement; they add up to one."""
+        """Shares of each node (N,) in the weighted mean of the normal displacement; they add up to one."""
         beside = 3 - self.normal
         face = quads[np.all(np.abs(points[quads, self.normal] - self.place) < 1e-9, axis=1)]
         total = np.zeros(len(points))
@@ -41,27 +45,29 @@ class Patch:
         return total / total.sum()
 
     def _stations(self) -> np.ndarray:
+        """Stations along x between which the weight is linear."""
         step = self.length / STATIONS
         first = np.ceil((self.along - self.length / 2.0 - self.lattice) / step - 1e-9)
         return self.lattice + step * (first + np.arange(-1, STATIONS + 2))
 
     def _knots(self) -> np.ndarray:
+        """Knots of the weight across the pad."""
         return self.across + self.width / 4.0 * np.arange(-2, 3)
 
     def _weight_along(self, x: np.ndarray) -> np.ndarray:
-        """Hats on the stations times the cubic spline at the stations: it is straight in between."""
+        """Weight along the pad: the cubic spline at the stations, linear between these."""
         stations = self._stations()
         return np.interp(x, stations, _spline((stations - self.along) / (2.0 * self.length / STATIONS)))
 
 
 def _spline(t: np.ndarray) -> np.ndarray:
-    """The cubic B-spline with knots -2, -1, 0, 1, 2."""
+    """Cubic B-spline with knots -2, -1, 0, 1, 2."""
     t = np.abs(t)
     return np.where(t < 1.0, 2.0 / 3.0 - t**2 + t**3 / 2.0, np.maximum(2.0 - t, 0.0) ** 3 / 6.0)
 
 
 def _gauss(breaks: np.ndarray, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points and weights on what lies between low and high, exact up to degree 7 between two breaks."""
+    """Points and weights of Gauss between `low` and `high`, exact up to degree 7 between two breaks."""
     edges = np.unique(np.clip(breaks, low, high))
     t, w = np.polynomial.legendre.leggauss(4)
     half = np.diff(edges)[:, None] / 2.0
@@ -69,7 +75,7 @@ def _gauss(breaks: np.ndarray, low: float, high: float) -> tuple[np.ndarray, np.
 
 
 def _shapes(r: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """The 8 quadratic functions of a rectangle (8, ...), r and s from -1 to 1, in the order of `calculix.grid`."""
+    """Quadratic shape functions (8, ...) of a rectangle, r and s from -1 to 1, in the order of `calculix.grid`."""
     corners = [(1 + a * r) * (1 + b * s) * (a * r + b * s - 1) / 4 for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     middles = [(1 - r**2) * (1 - s) / 2, (1 + r) * (1 - s**2) / 2, (1 - r**2) * (1 + s) / 2, (1 - r) * (1 - s**2) / 2]
     return np.stack([*corners, *middles])

@@ -1,4 +1,4 @@
-"""The reference boom as 20-node solids of CalculiX, one across the wall, whose matrices it is asked for."""
+"""Reference boom as 20-node solids of CalculiX, one across the wall, and its matrices by CalculiX."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ _OUTLINE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) / 2.0
 
 @dataclass(frozen=True)
 class SolidBoom:
-    """points (N, 3) m, cells (C, 20) in the order of C3D20R, sets of nodes by name."""
+    """Mesh of the boom: points (N, 3) in m, cells (C, 20) in the order of C3D20R, sets of nodes by name."""
 
     points: np.ndarray
     cells: np.ndarray
     sets: dict[str, np.ndarray]
 
     def write(self, folder: Path, step: Sequence[str], held: str = "") -> Path:
-        """job.inp with a step."""
+        """Write job.inp with a step, and return its path; `held` names a set that is clamped."""
         lines = ["*NODE, NSET=NALL"]
         lines += [f"{i + 1}, {x:.12e}, {y:.12e}, {z:.12e}" for i, (x, y, z) in enumerate(self.points)]
         lines += ["*ELEMENT, TYPE=C3D20R, ELSET=EALL"]
@@ -37,13 +37,13 @@ class SolidBoom:
         return folder / "job.inp"
 
     def matrices(self, folder: Path) -> Path:
-        """job.sti beside job.mas, job.dof and job.inp, of the body that nothing holds."""
+        """Write job.sti, job.mas and job.dof of the body that nothing holds, and return the path of job.sti."""
         self.write(folder, ["*STEP", "*FREQUENCY, SOLVER=MATRIXSTORAGE", "4", "*END STEP"])
         subprocess.run(["ccx", "job"], cwd=folder, capture_output=True, timeout=600, check=False)  # it exits with 201
         return folder / "job.sti"
 
     def frequencies(self, count: int, folder: Path) -> np.ndarray:
-        """The lowest in Hz, clamped at the tail."""
+        """Lowest `count` frequencies in Hz, clamped at the tail."""
         self.write(folder, ["*STEP", "*FREQUENCY", f"{count}", "*END STEP"], held="TAIL")
         subprocess.run(["ccx", "job"], cwd=folder, capture_output=True, timeout=600, check=True)
         found = []
@@ -55,7 +55,7 @@ class SolidBoom:
 
 
 def solid_boom(along: int, wide: int, high: int) -> SolidBoom:
-    """So many cells along the axis, and along the walls of width and of height."""
+    """Mesh the boom with `along` cells along the axis, `wide` and `high` along the walls of width and of height."""
     corners = np.cumsum([0, wide, high, wide, high])
     counts = (along, int(corners[-1]), 1)
     used = np.indices([2 * n + 1 for n in counts]).transpose(1, 2, 3, 0)

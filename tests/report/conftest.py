@@ -1,4 +1,4 @@
-"""Results made from formulas: nothing is simulated, so that every number in a report is known beforehand."""
+"""Results that formulas give: nothing is simulated, so every number of a report is known beforehand."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ SUMMARY = {
 
 @pytest.fixture(scope="session")
 def make_result() -> MakeResult:
-    """A result with chosen responses, sliders, loads, length and summary."""
+    """Function that builds a result with chosen responses, sliders, loads, length and summary."""
 
     def make(
         responses: Sequence[str] = ("full", "ancf", "reduced"),
@@ -65,6 +65,7 @@ def make_result() -> MakeResult:
         closed_form: bool = True,
         **sections: Any,
     ) -> RunResult:
+        """Build a result; `sections` are further keys of the scene."""
         scene = Scene.model_validate(
             {
                 "title": title,
@@ -100,6 +101,7 @@ X = np.linspace(0.0, 5.0, 11)
 
 
 def _response(name: str, t: np.ndarray, sliders: int) -> Response:
+    """Response of a model at the times t (T,), with so many slider forces."""
     size = {"full": 1.0, "ancf": 1.001, "reduced": 0.99}[name]
     tip = 0.05 * size * np.sin(2.0 * np.pi * 2.0 * t)
     unknown = np.full(len(t), np.nan)
@@ -117,12 +119,14 @@ def _response(name: str, t: np.ndarray, sliders: int) -> Response:
 
 
 def _loads(scene: Scene, t: np.ndarray) -> Loads:
+    """Loads of a scene at the times t (T,)."""
     units = tuple("N m" if load.direction.startswith("r") else "N" for load in scene.loads)
     values = np.stack([load.signal.value(t) for load in scene.loads], axis=1)
     return Loads(tuple(load.name for load in scene.loads), units, values)
 
 
 def _frequencies(closed_form: bool) -> Frequencies:
+    """Frequencies along the path of the full and the reduced model, with closed forms or without."""
     s = np.linspace(1.25, 3.75, 9)
     f = np.stack([1.0 + s, 10.0 + s, 30.0 + s], axis=1)
     return Frequencies(s, s[:, None], {"full": f, "reduced": 1.01 * f} | ({"closed_form": f} if closed_form else {}))
@@ -130,13 +134,13 @@ def _frequencies(closed_form: bool) -> Frequencies:
 
 @pytest.fixture(scope="session")
 def whole(make_result: MakeResult) -> RunResult:
-    """A result with everything that a report can show."""
+    """Result with everything that a report can show."""
     return make_result(title="Whole <case> & more", published=PUBLISHED)
 
 
 @pytest.fixture(scope="session")
 def bare(make_result: MakeResult) -> RunResult:
-    """Nothing that may be absent, but two sliders and three loads of which one is a moment."""
+    """Result without anything that may be absent, but with two sliders and three loads, one of which is a moment."""
     return make_result(
         responses=("reduced",),
         title="Bare case",
@@ -155,26 +159,28 @@ def bare(make_result: MakeResult) -> RunResult:
 
 @dataclass(frozen=True)
 class Written:
-    """A report of both cases as HTML."""
+    """Report of the cases `whole` and `bare` as HTML."""
 
     html: str
 
     def svg(self, case: str, name: str) -> str:
-        """One of its figures."""
+        """SVG of a figure of a case."""
         return self._figure(case, name)[1]
 
     def caption(self, case: str, name: str) -> str:
+        """Caption of a figure of a case."""
         return unescape(self._figure(case, name)[2])
 
     def texts(self, case: str, name: str) -> list[str]:
-        """All text in a figure."""
+        """All texts in a figure of a case."""
         return [unescape(text) for text in re.findall(r"<text[^>]*>([^<]+)</text>", self.svg(case, name))]
 
     def names(self, case: str) -> list[str]:
-        """Figures of a case."""
+        """Names of the figures of a case."""
         return re.findall(rf'<figure id="{case}-([^"]+)"', self.html)
 
     def _figure(self, case: str, name: str) -> re.Match[str]:
+        """Match of a figure of a case in the page; fails if there is none."""
         start = rf'<figure id="{case}-{name}" class="[^"]*">\s*<div class="drawing">'
         found = re.search(start + r"(<svg.*?</svg>)</div>\s*<figcaption>(.*?)</figcaption>", self.html, re.DOTALL)
         assert found, f"no figure {name} of {case}"
@@ -183,7 +189,7 @@ class Written:
 
 @pytest.fixture(scope="session")
 def written(tmp_path_factory: pytest.TempPathFactory, whole: RunResult, bare: RunResult) -> Written:
-    """The report of the whole case, saved and loaded before, and of the bare one."""
+    """Report of the whole case, saved and loaded before, and of the bare one."""
     folder = tmp_path_factory.mktemp("results")
     whole.save(folder)
     results = [RunResult.load(folder), bare]
@@ -200,7 +206,7 @@ class Printed:
 
 @pytest.fixture(scope="session")
 def printed(tmp_path_factory: pytest.TempPathFactory, written: Written) -> Printed:
-    """The page as files: to set the PDF takes longer than all figures."""
+    """Write the report into files; setting the PDF takes longer than drawing all figures."""
     records: list[logging.LogRecord] = []
     handler = logging.Handler(logging.WARNING)
     handler.emit = records.append  # type: ignore[method-assign]

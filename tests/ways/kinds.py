@@ -1,4 +1,4 @@
-"""A small scene of every kind, by what the manual's table calls it; a letter is its column there."""
+"""Small scenes of every kind, by the letters of the columns in the manual's table."""
 
 from __future__ import annotations
 
@@ -16,27 +16,31 @@ from fuzz.bases import BEAM, BOOM, FLEXIBLE, PAPER, PLANAR_BOOM, PUSHING, SHELL
 
 
 def changed(base: dict[str, Any], **changes: Any) -> dict[str, Any]:
-    """A scene with some of its sections replaced; None: left out."""
+    """Copy a scene with some of its sections replaced; sections that are None are left out."""
     return {key: value for key, value in (deepcopy(base) | changes).items() if value is not None}
 
 
 def nothing(folder: Path) -> None:
-    """No file beside the scene."""
+    """Write no file beside the scene."""
 
 
 def matrices(folder: Path) -> None:
+    """Write matrices of a bar of bricks into a folder."""
     bricks((12, 2, 2), (2.0, 0.2, 0.3)).save(folder / "bar.npz")
 
 
 def line(folder: Path) -> None:
-    """Nodes of a beam of 5 m, closer at its end."""
+    """Write a mesh of a beam of 5 m whose nodes are closer at its end into a folder."""
     x = 5.0 * np.linspace(0.0, 1.0, 11) ** 0.8
     cells = np.column_stack([np.arange(10), np.arange(1, 11)])
     meshio.write(folder / "line.vtu", meshio.Mesh(np.column_stack([x, 0.0 * x, 0.0 * x]), [("line", cells)]))
 
 
 def vectors(folder: Path) -> None:
-    """Hermite polynomials on the coordinates of `BEAM` without its axial ones, which its pin holds: w, w' at a node."""
+    """Write Hermite polynomials as basis vectors into a folder: w, w' at each node.
+
+    They are on the coordinates of `BEAM` without its axial ones, which its pin holds.
+    """
     x = np.linspace(0.0, 1.0, 11)
     V = np.stack([np.column_stack([x**k, k / 5.0 * x ** (k - 1)]).ravel() for k in range(1, 9)], axis=1)
     np.savez(folder / "vectors.npz", V=V)
@@ -44,7 +48,7 @@ def vectors(folder: Path) -> None:
 
 @dataclass(frozen=True)
 class Kind:
-    """A scene, what it needs beside it, and a place of its sliders."""
+    """Scene, a function that writes what it needs beside it, and a position `at` of its paths in m."""
 
     scene: dict[str, Any]
     at: float = 1.55
@@ -52,10 +56,11 @@ class Kind:
 
     @property
     def has_sections(self) -> bool:
+        """Whether the scene is a boom of sections."""
         return "sections" in self.scene
 
     def written(self, folder: Path) -> Path:
-        """The scene file, in a folder that is there."""
+        """Write the scene and what it needs into a folder, and return the scene file."""
         self.write(folder)
         file = folder / "scene.toml"
         file.write_text(toml.written(self.scene))
@@ -73,7 +78,7 @@ STEPPED = {"end": 0.05, "step": 1e-3}
 
 
 def boom(title: str, model: str, joint: dict[str, Any], lengths: float = 6.0, **mesh: Any) -> dict[str, Any]:
-    """Two boxes in space, three in a plane, each in the one before it."""
+    """Scene of two boxes in space, or three in a plane, each in the one before it."""
     boxes = [{"width": 0.30 - d, "height": 0.40 - d, "wall": 0.008, "length": lengths} for d in (0.0, 0.04, 0.08)]
     clamp = {"kind": "clamped"} if model == "beam2d" else {"kind": "clamped", "points": "all"}
     sections: list[dict[str, Any]] = [
@@ -114,7 +119,7 @@ def boom(title: str, model: str, joint: dict[str, Any], lengths: float = 6.0, **
 
 
 def rings(**more: Any) -> dict[str, Any]:
-    """Pads at both ends of an overlap, two beside each other above and below."""
+    """Keys of pads at both ends of an overlap, with further keys of the rings."""
     ring = {"at": 0.2, "length": 0.2, "stiffness": 1e8, "unilateral": False} | more
     return {"tail": [ring], "mouth": [ring]}
 
@@ -141,7 +146,7 @@ HOISTED = {"cylinder": {"stiffness": 5e7}}
 
 
 def on_machine(scene: dict[str, Any]) -> dict[str, Any]:
-    """Its base held in the mean, as a machine that moves wants it."""
+    """Hold the base of a scene in the mean, as a machine that moves requires, and add the machine."""
     scene["sections"][0]["supports"] = [{"name": "clamp", "kind": "clamped", "points": "mean"}]
     return scene | {"frame": ON_MACHINE}
 

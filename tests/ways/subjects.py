@@ -1,4 +1,4 @@
-"""A scene of a kind, what `pmr run` says of it, and the ways to use it: each is right or raises `Refused`."""
+"""Scene of a kind with the results of `pmr run`, which every way to use it is compared with or raises `Refused`."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ Array = NDArray[np.float64]
 
 
 class Refused(Exception):  # noqa: N818  (what a user reads, no fault)
-    """In one line, by exit code 2 or an `InputError`."""
+    """A way was refused in one line, by exit code 2 or an `InputError`."""
 
 
 @contextlib.contextmanager
 def refusals() -> Iterator[None]:
-    """What Python refuses."""
+    """Raise `Refused` for an `InputError` within a ``with``."""
     try:
         yield
     except InputError as error:
@@ -37,7 +37,10 @@ def refusals() -> Iterator[None]:
 
 
 def command(*arguments: str) -> str:
-    """What a command prints; it ends with 0, or with 2 and one line, a study's with 1 and why each run failed."""
+    """Run the command `pmr` and return what it prints; raise `Refused` for exit code 2 with one line.
+
+    A study with exit code 1 raises it too if it names an `InputError`; any other code than 0 fails.
+    """
     out, err, argv = io.StringIO(), io.StringIO(), sys.argv
     sys.argv = ["pmr", *arguments]
     try:
@@ -57,64 +60,68 @@ def command(*arguments: str) -> str:
 
 @dataclass(frozen=True)
 class Subject:
-    """A kind in a folder of its own."""
+    """Scene of a kind in a folder of its own."""
 
     kind: Kind
     folder: Path
 
     @cached_property
     def file(self) -> Path:
+        """Path of the scene file."""
         return self.kind.written(self.folder)
 
     @cached_property
     def scene(self) -> pmr.scene.Scene:
+        """Scene as it is loaded."""
         return pmr.load_scene(self.file)
 
     @cached_property
     def outcome(self) -> pmr.pipeline.Outcome:
+        """Outcome of a run of the scene."""
         found = pmr.run(self.scene)
         assert found is not None
         return found
 
     @property
     def response(self) -> pmr.results.Response:
+        """Response of the reduced model in this run."""
         return self.outcome.result.responses["reduced"]
 
     @cached_property
     def models(self) -> dict[str, Path]:
-        """Reduced models as `pmr run` leaves them."""
+        """Reduced models that `pmr run` saves, by name."""
         reduced = self.outcome.reduced
         named = {"reduced": reduced} if isinstance(reduced, ReducedModel) else reduced
         return {name: model.save(self.folder / f"{name}.npz") for name, model in named.items()}
 
     @cached_property
     def system_file(self) -> Path:
-        """What `pmr run` leaves: reduced.npz, or system.npz of sections."""
+        """Path of what `pmr run` saves: reduced.npz, or system.npz of sections."""
         return self.outcome.save(self.out("saved"))
 
     @cached_property
     def system(self) -> System:
-        """What `pmr run` leaves, read again."""
+        """System that `pmr run` saves, loaded again."""
         return System.load(self.system_file)
 
     @property
     def at(self) -> dict[str, float]:
-        """Where its paths are held."""
+        """Positions in m at which the paths are held."""
         return dict.fromkeys(self.system.paths, self.kind.at)
 
     def out(self, name: str) -> Path:
-        """A place to write to."""
+        """Folder to write to, made if need be."""
         place = self.folder / name
         place.mkdir(exist_ok=True)
         return place
 
     def stored(self, folder: Path) -> tuple[Array, Array]:
-        """Displacements and forces of a run's folder."""
+        """Displacements and forces in the folder of a run."""
         with np.load(folder / "trajectories.npz") as found:
             return found["reduced.displacement"], found["reduced.slider_force"]
 
     def assert_same(self, displacement: Array, forces: Array, within: float = 0.0, forces_within: float = 0.0) -> None:
-        """As `pmr.run` has it, up to shares of the largest."""
+        """Fail unless displacements and forces are those of the run, up to shares of their largest values."""
         expected = self.response
         for found, own, share in (
             (displacement, expected.displacement, within),

@@ -1,4 +1,4 @@
-"""Every way to use a scene: it is right by what mathematics fixes, or it raises `Refused`."""
+"""Every way to use a scene: a function checks it by what mathematics fixes, or raises `Refused`."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ PARTS = 1e-3
 
 
 def run(subject: Subject) -> None:
-    """As from Python; what the estimate says of it is what the full model says."""
+    """Check that `pmr run` gives what Python gives, and that the estimated error is the one to the full model."""
     out = subject.out("run")
     command("run", str(subject.file), "--out", str(out))
     subject.assert_same(*subject.stored(out))
@@ -63,7 +63,7 @@ def run(subject: Subject) -> None:
 
 
 def tolerance(subject: Subject) -> None:
-    """What is said to hold does."""
+    """Check that a run with a tolerance keeps it, or warns."""
     out = subject.out("tolerance")
     command("run", str(subject.file), "--out", str(out), "--tolerance", str(TOLERANCE))
     summary = json.loads((out / "summary.json").read_text())
@@ -76,7 +76,7 @@ def tolerance(subject: Subject) -> None:
 
 
 def cache(subject: Subject) -> None:
-    """Made, then found."""
+    """Check that runs with a new and with a filled cache give equal results."""
     for name in ("made", "found"):
         out = subject.out(name)
         command("run", str(subject.file), "--out", str(out), "--cache", str(subject.folder / "cache"), *ALONE)
@@ -85,7 +85,10 @@ def cache(subject: Subject) -> None:
 
 
 def simulator(name: str, subject: Subject) -> None:
-    """As the compiled one; where pads only push beside it, in the parts of a step that it chose."""
+    """Check that a simulator gives what march gives.
+
+    With unilateral pads march runs too, as it chooses the parts of steps.
+    """
     out, pushing = subject.out(name), _pushes(subject)
     names = f"march,{name}" if pushing and name != "march" else name
     command("run", str(subject.file), "--out", str(out), "--simulators", names, *ALONE)
@@ -95,11 +98,12 @@ def simulator(name: str, subject: Subject) -> None:
 
 
 def _pushes(subject: Subject) -> bool:
+    """Whether any contact is unilateral."""
     return not np.isnan(subject.system.clearance).all()
 
 
 def two_ranks(subject: Subject) -> None:
-    """As one."""
+    """Check that two ranks give what one gives."""
     out = subject.out("ranks")
     done = undrawn("run", str(subject.file), "--out", str(out), *ALONE, ranks=2)
     said = [line for line in done.stderr.splitlines() if line.startswith("pmr: ")]
@@ -110,14 +114,14 @@ def two_ranks(subject: Subject) -> None:
 
 
 def info(subject: Subject) -> None:
-    """Of the model or the system, then of the scene."""
+    """Check that `pmr info` describes the model or the system, and the scene."""
     said = " ".join(command("info", str(subject.system_file)).split())
     assert f"{sum(body.size for body in subject.system.reduced.values())} coordinates" in said
     assert subject.scene.title in command("info", str(subject.file))
 
 
 def reduce(subject: Subject) -> None:
-    """The model of a run."""
+    """Check that `pmr.reduce` gives the model of a run."""
     with refusals():
         found = pmr.reduce(subject.scene).reduced
     reduced = subject.outcome.reduced
@@ -128,7 +132,7 @@ def reduce(subject: Subject) -> None:
 
 
 def operators(subject: Subject) -> None:
-    """Full operators (n, n) of each body, symmetric, with the coordinates that a run counts."""
+    """Check that full operators (n, n) of each body are symmetric, with as many coordinates as a run states."""
     with refusals():
         full = pmr.full_model(subject.scene)
     bodies = full.values() if isinstance(full, dict) else [full]
@@ -138,7 +142,7 @@ def operators(subject: Subject) -> None:
 
 
 def project(subject: Subject) -> None:
-    """Galerkin's projection of a body on the vectors of its reduction."""
+    """Check that `pmr.project` gives Galerkin's projection of a body on the vectors of its reduction."""
     with refusals():
         reduction, full = pmr.reduce(subject.scene), pmr.full_model(subject.scene)
     bases, bodies = (one if isinstance(one, dict) else {"": one} for one in (reduction.basis, full))
@@ -150,7 +154,7 @@ def project(subject: Subject) -> None:
 
 
 def simulate_with_states(subject: Subject) -> None:
-    """The response of a run, and coordinates of each body at the first and the last step."""
+    """Check that the response is that of a run, with coordinates of each body at the first and the last step."""
     with refusals():
         found = pmr.simulate_with_states(subject.scene, subject.system, [0, subject.scene.time.steps])
     subject.assert_same(found.response.displacement, found.response.slider_force)
@@ -159,7 +163,7 @@ def simulate_with_states(subject: Subject) -> None:
 
 
 def simulate_in_python(subject: Subject) -> None:
-    """The saved and read system and models, as a run has them."""
+    """Check that the system and the models give the response of a run after they were saved and loaded."""
     models = {name: ReducedModel.load(file) for name, file in subject.models.items()}
     for one in (subject.system, models if subject.kind.has_sections else models["reduced"]):
         with refusals():
@@ -168,14 +172,14 @@ def simulate_in_python(subject: Subject) -> None:
 
 
 def simulate(subject: Subject) -> None:
-    """The same from the command line."""
+    """Check that `pmr simulate` gives the response of a run."""
     out = subject.out("simulated")
     command("simulate", str(subject.system_file), "--scene", str(subject.file), "--out", str(out))
     subject.assert_same(*subject.stored(out))
 
 
 def stepper(subject: Subject) -> None:
-    """As the compiled simulator with the same steps."""
+    """Check that a stepper gives what the compiled simulator gives with the same steps."""
     system, scene = subject.system, subject.scene
     rho = min(scene.time.rho_inf, 0.9)
     with refusals():
@@ -190,7 +194,7 @@ def stepper(subject: Subject) -> None:
 
 
 def stepper_inputs(system: System, excitation: Excitation) -> list[tuple[Any, ...]]:
-    """Paths and loads at all steps; in a frame how paths and angles move."""
+    """Paths and loads at all steps; in a frame values and rates of paths and angles."""
     if (frame := MovingFrame.of(system)) is None:
         s, f = excitation.s, excitation.forces(system.input_names)
         return [(at if len(at) > 1 else at[0], loads) for at, loads in zip(s, f, strict=True)]
@@ -208,7 +212,7 @@ def stepper_inputs(system: System, excitation: Excitation) -> list[tuple[Any, ..
 
 
 def simulated_outputs(system: System, excitation: Excitation) -> Array:
-    """Of the compiled simulator, (T, o): a body alone from rest, sections from equilibrium."""
+    """Outputs (T, o) of the compiled simulator: a body alone starts from rest, sections from equilibrium."""
     if "" in system.bodies and not system.terms:
         model = system.reduced[""]
         found, f = one_body.simulate(model, excitation), excitation.forces(model.input_names)
@@ -218,14 +222,14 @@ def simulated_outputs(system: System, excitation: Excitation) -> Array:
 
 
 def held(subject: Subject) -> Array:
-    """Natural frequencies (r,) in rad/s of the system with its places at `Subject.at`, what is rigid held."""
+    """Natural frequencies (r,) in rad/s of the system with its paths at `Subject.at` and rigid contacts held."""
     assembly, x = Assembly(subject.system), subject.system.coordinates(subject.at)
     found = 2.0 * np.pi * assembly.frequencies(x, assembly.size)
     return np.asarray(found[np.isfinite(found)])
 
 
 def answers(subject: Subject, w: float) -> NDArray[np.complex128]:
-    """Outputs (o, i) under unit loads of circular frequency w, of the saddle point of coordinates and forces."""
+    """Outputs (o, i) under unit loads at circular frequency w in rad/s, from the equations of motion with contacts."""
     assembly = Assembly(subject.system)
     rows, B = assembly.at(subject.system.coordinates(subject.at)), assembly.B.toarray()
     M, D, K = (A.toarray() for A in (assembly.M, assembly.D, assembly.K))
@@ -236,7 +240,7 @@ def answers(subject: Subject, w: float) -> NDArray[np.complex128]:
 
 
 def exported(to: str, subject: Subject, *more: str) -> Path:
-    """What `pmr export` writes in a folder of its own."""
+    """Export in a format, and return the path of what was written."""
     if to in FORMATS and "at" in FORMATS[to].options:
         several = ",".join(f"{path}={at}" for path, at in subject.at.items())
         more = (*more, "--at", several if len(subject.at) > 1 else str(subject.kind.at))
@@ -246,7 +250,7 @@ def exported(to: str, subject: Subject, *more: str) -> Path:
 
 
 def as_state_space(A: Array, B: Array, C: Array, D: Array, subject: Subject) -> None:
-    """Frequencies and static answers of the equations."""
+    """Check frequencies and static outputs of a state space."""
     omega, r = held(subject), len(A) // 2
     np.testing.assert_allclose(
         np.sort(np.linalg.eigvals(-A[r:, :r]).real), omega**2, rtol=1e-6, atol=1e-9 * omega[-1] ** 2
@@ -258,23 +262,26 @@ def as_state_space(A: Array, B: Array, C: Array, D: Array, subject: Subject) -> 
 
 
 def matlab(subject: Subject) -> None:
+    """Check the state space that is exported for MATLAB."""
     data = scipy.io.loadmat(exported("matlab", subject))
     as_state_space(*(data[name][:, :, 0] for name in "ABCD"), subject)
 
 
 def modelica(subject: Subject) -> None:
+    """Check the state space that is exported for Modelica."""
     text = exported("modelica", subject).read_text(encoding="utf-8")
     as_state_space(*(declared_array(text, name)[0] for name in "ABCD"), subject)
 
 
 def python_control(subject: Subject) -> None:
+    """Check the state space that is exported for python-control."""
     read = runpy.run_path(str(exported("python-control", subject)))
     found = read["system"](0)
     as_state_space(found.A, found.B, found.C, found.D, subject)
 
 
 def frequency_response(subject: Subject) -> None:
-    """The first row's gain is that of the equations in complex numbers."""
+    """Check that the gain in the first row is that of the equations in complex numbers."""
     with exported("frequency-response", subject).open(encoding="utf-8") as stream:
         head, first = list(csv.reader(stream))[:2]
     places = max(1, len(subject.at))
@@ -286,7 +293,7 @@ def frequency_response(subject: Subject) -> None:
 
 
 def stiffness_of_deck(subject: Subject) -> None:
-    """K1 + KL1 of the entries, in modal coordinates."""
+    """Check the stiffness K1 + KL1 that is exported as DMIG entries, in modal coordinates."""
     omega, found = held(subject), dict[str, Array]()
     r, name = len(omega), ""
     for line in exported("dmig", subject).read_text().splitlines():
@@ -300,6 +307,7 @@ def stiffness_of_deck(subject: Subject) -> None:
 
 
 def stiffness_of_output4(subject: Subject) -> None:
+    """Check the stiffness that is exported in OUTPUT4."""
     lines = iter(exported("op4", subject).read_text().splitlines())
     found = {}
     for head in lines:
@@ -316,7 +324,7 @@ def stiffness_of_output4(subject: Subject) -> None:
 
 
 def script(subject: Subject) -> None:
-    """The script's own simulation of what `pmr run` leaves, without pmr."""
+    """Check that the exported script of Exudyn gives the response of a run, without pmr."""
     target = subject.out("export-exudyn") / FORMATS["exudyn"].file_name
     command("export", str(subject.system_file), "--to", "exudyn", "--out", str(target))
     _, found = runpy.run_path(str(target))["simulate"]()
@@ -328,7 +336,7 @@ def script(subject: Subject) -> None:
 
 
 def fmu(subject: Subject) -> None:
-    """Under the inputs of its own reference it gives the reference's outputs."""
+    """Check that an FMU gives the outputs of its own reference under the reference's inputs."""
     with refusals():
         made = contents(subject.system, read_scene(subject.system, "system.npz"), "body", "3")
     found, expected = follow_reference(made, loaded(made, subject.out("fmu"), "3"))
@@ -341,11 +349,15 @@ def fmu(subject: Subject) -> None:
 
 
 def _kind(output: str) -> tuple[bool, bool]:
+    """Whether an output is a force, and whether it is a rate: outputs that share one scale."""
     return output.startswith("force_of"), output.endswith("_rate")
 
 
 def flexible(to: str, subject: Subject) -> None:
-    """Frequencies of the full model with its sliders there; those on frames leave out what lies within a frame."""
+    """Check that a flexible body has the frequencies of the full model with its sliders at the same position.
+
+    Bodies on frames lack what deforms within a frame, so their frequencies differ more.
+    """
     target = subject.out(to) / BODY_FORMATS[to].file_name
     bare = [] if subject.kind.has_sections else ["--set", "masses=[]"]
     asked = ["--at", str(subject.kind.at), "--to", to, "--modes", "4", *bare]
@@ -370,7 +382,7 @@ STUDIES: dict[str, dict[str, Any]] = {
 
 
 def study(kind: str, subject: Subject) -> None:
-    """All runs are there and finite; a study of one scene finds what a run of it does, and warns of the same."""
+    """Check that all runs of a study are there and finite; one of a scene has the errors and warnings of a run."""
     assert subject.file.exists()
     for name in {kind, "scenes"}:
         more = {"extensions": [1.6]} if name == "chart" and subject.kind.has_sections else {}
@@ -393,14 +405,14 @@ def study(kind: str, subject: Subject) -> None:
 
 
 def chart(subject: Subject) -> None:
-    """All points are there, and what the error bars do not cover."""
+    """Check that a load chart has all its points and says what its error bars do not cover."""
     out = subject.out("chart")
     command("chart", str(subject.file), "--up-to", "1e4", "--jobs", "1", "--out", str(out))
     check_chart(out)
 
 
 def check_chart(out: Path) -> None:
-    """A chart has its points, says what its bars do not cover, and warns of nothing twice."""
+    """Check the points of a chart, what its error bars do not cover, and that no warning comes twice."""
     summary = json.loads((out / "summary.json").read_text())
     with (out / "chart.csv").open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))

@@ -1,4 +1,4 @@
-"""One style for all figures: sheets, pens, colours, axes, and lean SVG for the page."""
+"""Style of all figures: empty sheets, pens, colours and axes; and how a figure becomes SVG for the page."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from pmr.report.blocks import Drawing
 from pmr.report.numbers import plain, power_of_ten
 
 WIDE = 6.7  # in, the text width of an A4 page
-HALF = 3.25  # in, two beside each other
-BINS_PER_INCH = 80.0  # peaks kept: one interval for about the width of a line
+HALF = 3.25  # in, width of each of two figures beside each other
+BINS_PER_INCH = 80.0  # intervals that keep their peaks, about as wide as a line
 
-MOST_DECADES = 18  # of a logarithmic axis
-STEPS = (1, 2, 5, 10)  # between ticks
+MOST_DECADES = 18  # decades of a logarithmic axis, at most
+STEPS = (1, 2, 5, 10)  # between ticks, times a power of ten
 INK, MUTED, SHADE, LIMIT = "#1c2733", "#5b6875", "#e8ecf0", "#b23b00"
-#: Of sections from the base out (Okabe and Ito), the first one again after the last.
+#: Colours of sections from the base out (Okabe and Ito), used again after the last.
 SECTIONS = (INK, "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 #: Colours of several curves of one kind (Okabe and Ito), and markers that tell them apart without colour.
 SERIES = (("#0072b2", "o"), ("#d55e00", "s"), ("#00664b", "^"), ("#cc79a7", "D"), ("#000000", "v"))
@@ -61,7 +61,7 @@ _STYLE: Mapping[str, Any] = {
     "axes.grid": True,
     "axes.axisbelow": True,
     "axes.xmargin": 0.0,
-    "axes.titley": 1.0,  # given, so that nothing is measured for it
+    "axes.titley": 1.0,  # set, so that Matplotlib measures nothing for it
     "axes.unicode_minus": True,
     "grid.color": "#d9dfe5",
     "grid.linewidth": 0.4,
@@ -78,13 +78,13 @@ _STYLE: Mapping[str, Any] = {
     "figure.facecolor": "none",
     "savefig.facecolor": "none",
 }
-ROW, ENTRY, LETTER = 0.14, 0.42, 0.062  # in, of a legend: a row, and the line and a letter of an entry
-SHADES = 60  # of the ramp as drawn
+ROW, ENTRY, LETTER = 0.14, 0.42, 0.062  # in, of a legend: height of a row, width of a line and of a letter
+SHADES = 60  # colours of which the ramp is drawn
 
 
 @dataclass(frozen=True)
 class Pen:
-    """How one simulator is drawn: colour (Okabe and Ito), width in pt and dash; legible in grey too."""
+    """Line of one simulator: colour (Okabe and Ito), width and dash in pt; legible in grey too."""
 
     label: str
     colour: str
@@ -92,7 +92,7 @@ class Pen:
     dash: tuple[float, ...] = ()
 
     def line(self, weight: float = 1.0) -> dict[str, Any]:
-        """Keywords for `Axes.plot`; `weight` thins the line where curves are dense."""
+        """Keywords for `Axes.plot`; `weight` multiplies the line's width, below 1 where curves are dense."""
         pattern: Any = (0, tuple(length / self.width for length in self.dash)) if self.dash else "-"
         return {"color": self.colour, "linewidth": weight * self.width, "linestyle": pattern}
 
@@ -105,18 +105,18 @@ PENS: Mapping[str, Pen] = {
 
 
 def of_sections(names: Iterable[str]) -> dict[str, str]:
-    """The colour of each section of a boom, named from the base out: the same one in all figures."""
+    """Colour of each section of a boom, named from the base out; all figures have the same colours."""
     return {name: SECTIONS[k % len(SECTIONS)] for k, name in enumerate(names)}
 
 
 def pale(colour: str, share: float) -> Any:
-    """So much of a colour on white: as opaque as the colour, so that what is below it is not seen through it."""
+    """Mix the share `share` (0 to 1) of a colour with white: an opaque colour, so nothing below shows through."""
     return colour if share == 1.0 else tuple(1.0 - share * (1.0 - channel) for channel in to_rgb(colour))
 
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Draw in the style of the report; what was set before is set again afterwards."""
+    """Draw figures in the style of the report within a ``with``; settings of Matplotlib are restored afterwards."""
     with mpl.rc_context(dict(_STYLE)):
         yield
 
@@ -129,10 +129,10 @@ def sheet(
     margins: Mapping[str, float] | None = None,
     **grid: Any,
 ) -> tuple[Figure, Any]:
-    """An empty figure with a grid of axes, (rows, columns).
+    """Make an empty figure of `width` x `height` in, and its axes (rows, columns).
 
-    Margins (left, right, top, bottom) are in inches, so that axes of different figures line up and nothing
-    has to be measured.  What follows goes to `Figure.subplots`.
+    `margins` (``left``, ``right``, ``top``, ``bottom``) are in inches, so that axes of different figures line up and
+    nothing has to be measured.  `grid` holds further keywords of `Figure.subplots`.
     """
     inches = {"left": 0.6, "right": 0.16, "top": 0.28, "bottom": 0.38, **(margins or {})}
     figure = Figure(figsize=(width, height))
@@ -152,27 +152,30 @@ def sheet(
 
 
 def _place_labels(ax: Axes) -> None:
-    """Axis labels at fixed distances: they line up everywhere, and nothing has to be measured."""
+    """Put axis labels at fixed distances from the axes, so that they line up and nothing has to be measured."""
     extent, inch = ax.get_window_extent(), mpl.rcParams["figure.dpi"]
     ax.yaxis.set_label_coords(-0.42 * inch / extent.width, 0.5)
     ax.xaxis.set_label_coords(0.5, -0.25 * inch / extent.height)
 
 
 def equal_axes(ax: Axes) -> None:
-    """Make a metre as long across as up; the axes get narrower or lower, and their labels stay at their distances."""
+    """Give both axes the same scale; they get narrower or lower, and their labels keep their distances."""
     ax.set_aspect("equal", adjustable="box", anchor="SW")
     ax.apply_aspect()
     _place_labels(ax)
 
 
 def key_rows(names: Sequence[str], width: float) -> int:
-    """Rows that legend entries of these names take above axes in a figure so wide, in: `ROW` more of its top each."""
+    """Number of rows that a legend of these names needs above the axes of a figure `width` in wide.
+
+    A figure has to be higher by `ROW` for each row after the first.
+    """
     entries = sum(ENTRY + LETTER * len(name) for name in names)
     return max(1, min(ceil(entries / (width - 0.6)), len(names)))
 
 
 def key(figure: Figure, handles: list[Any], rows: int = 1) -> None:
-    """Legend entries above the axes, where no curve runs."""
+    """Add a legend of `handles` above the axes, where no curve is, in so many rows."""
     if handles:
         left_edge, roomy = figure.axes[0].get_position().x0, figure.get_figwidth() > HALF
         names = [handle.get_label() for handle in handles]
@@ -192,9 +195,9 @@ def key(figure: Figure, handles: list[Any], rows: int = 1) -> None:
 
 
 def log_axis(ax: Axes, low: float, high: float) -> None:
-    """Logarithmic y-axis over the whole decades that hold `low` to `high`, at most `MOST_DECADES` of them.
+    """Make the y-axis logarithmic over the whole decades from `low` to `high`, `MOST_DECADES` at most.
 
-    Powers of ten are labelled by text that needs no math mode.
+    Labels are powers of ten as plain text, without math mode.
     """
     top = ceil(log10(high) - 1e-9)
     bottom = max(min(floor(log10(low)), top - 1), top - MOST_DECADES)
@@ -206,7 +209,10 @@ def log_axis(ax: Axes, low: float, high: float) -> None:
 
 
 def octave_axis(ax: Axes, low: float, high: float) -> bool:
-    """Logarithmic y-axis labelled 1, 2, 5, 10 for values that span one to four decades; else left linear, and False."""
+    """Make the y-axis logarithmic with labels 1, 2, 5, 10, if `low` to `high` span one to four decades.
+
+    Return whether they do; else the axis is left as it is.
+    """
     if not 10.0 < high / max(low, 1e-300) < 1e4:
         return False
     ticks = _round_values(0.9 * low, 1.1 * high)
@@ -217,7 +223,7 @@ def octave_axis(ax: Axes, low: float, high: float) -> bool:
 
 
 def log_x(ax: Axes, low: float, high: float) -> None:
-    """Logarithmic x-axis, labelled 1, 2, 5, 10 or, over more than three decades, by powers of ten."""
+    """Make the x-axis logarithmic, with labels 1, 2, 5, 10, or over more than three decades powers of ten."""
     many = log10(high / low) > 3.0
     ticks = _round_values(0.999 * low, 1.001 * high, (1.0,) if many else (1.0, 2.0, 5.0))
     ax.set_xscale("log")
@@ -227,13 +233,16 @@ def log_x(ax: Axes, low: float, high: float) -> None:
 
 
 def _round_values(low: float, high: float, steps: Sequence[float] = (1.0, 2.0, 5.0)) -> list[float]:
-    """Multiples of powers of ten from `low` to `high`."""
+    """Products of `steps` and powers of ten that are between `low` and `high`."""
     decades = range(floor(log10(low)), ceil(log10(high)) + 1)
     return [tick for decade in decades for step in steps if low <= (tick := step * 10.0**decade) <= high]
 
 
 def dots(number: int, size: float = 2.6) -> dict[str, Any]:
-    """Keywords for `Axes.plot` of the curve with this number; beyond the colours, dashes and filled markers go on."""
+    """Keywords for `Axes.plot` of the curve with this number: colour, marker, and dash.
+
+    After all colours of `SERIES`, the next curves have other dashes and fills of their markers.
+    """
     colour, marker = SERIES[number % len(SERIES)]
     cycle = number // len(SERIES) % 3
     return {
@@ -248,18 +257,18 @@ def dots(number: int, size: float = 2.6) -> dict[str, Any]:
 
 
 def bins_of(ax: Axes) -> int:
-    """Intervals in which a signal over the width of `ax` keeps its peaks."""
+    """Number of intervals in which a signal over the width of `ax` keeps its peaks."""
     inches = ax.get_window_extent().width / mpl.rcParams["figure.dpi"]
     return max(40, int(BINS_PER_INCH * inches))
 
 
 def stress_colours() -> LinearSegmentedColormap:
-    """Colours of stresses, from none to the largest."""
+    """Colour map of stresses, from 0 to the largest."""
     return LinearSegmentedColormap.from_list("stress", RAMP)
 
 
 def ramp(largest: float) -> Figure:
-    """Colours from no stress to `largest`, in MPa, and beyond."""
+    """Draw the colours of stresses from 0 to `largest` in MPa and above, with their scale."""
     colours = stress_colours()
     figure, axes = sheet(HALF, 0.55, margins={"left": 0.1, "right": 0.3, "top": 0.08, "bottom": 0.36})
     ax = axes[0, 0]
@@ -276,7 +285,7 @@ def ramp(largest: float) -> Figure:
     return figure
 
 
-FONT = "pmr figures"  # family under which the page brings the font along
+FONT = "pmr figures"  # name of the font that the page embeds
 _SVG, _XLINK = "{http://www.w3.org/2000/svg}", "{http://www.w3.org/1999/xlink}"
 _REFERENCE = re.compile(r"#([^)]+)")
 _NUMBER = re.compile(r"-?\d+\.\d+")
@@ -284,11 +293,11 @@ _FILE = Path(mpl.get_data_path(), "fonts", "ttf", "DejaVuSans.ttf")
 
 
 def svg(figure: Figure, name: str, description: str) -> str:
-    """The figure as an ``<svg>`` element with identifiers of its own.
+    """Turn a figure into an ``<svg>`` element whose identifiers are unique in the page; changes texts of the figure.
 
-    Text stays text, so that it can be searched, in the font `FONT` that the page embeds: it looks the same in
-    every browser and in the PDF.  Styles become attributes, groups that only structure are dissolved, and
-    coordinates get two decimals of a point, which keeps pages with dozens of figures small and quick.
+    Text stays text, so that it can be searched, in the font `FONT` that the page embeds: it looks the same in every
+    browser and in the PDF.  Styles become attributes, groups that only structure are dissolved, and coordinates get two
+    decimals of a point, which keeps pages with dozens of figures small and quick.
 
     Parameters
     ----------
@@ -303,7 +312,7 @@ def svg(figure: Figure, name: str, description: str) -> str:
         text.set_parse_math(False)  # a user's $ is a dollar
         text.set_text(visible(text.get_text()))
     with mpl.rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph")  # which DejaVu Sans lacks: the page shows it in another font
+        warnings.filterwarnings("ignore", "Glyph")  # glyphs that DejaVu Sans lacks: the page shows them in another font
         figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Creator", "Date", "Format", "Type")))
     lines = buffer.getvalue().decode().split("\n")
     root = ElementTree.fromstring("\n".join(map(visible, lines)))  # labels of ticks are made when they are drawn
@@ -318,25 +327,25 @@ def svg(figure: Figure, name: str, description: str) -> str:
 
 
 def drawing(name: str, draw: Callable[..., Figure], caption: str, *arguments: Any) -> Drawing:
-    """Draw a figure in the report's style; `name` is unique in the page."""
+    """Draw a figure in the report's style by ``draw(*arguments)``; `name` is unique in the page."""
     with style():
         figure = draw(*arguments)
         return Drawing(name, svg(figure, name, caption), caption, half=figure.get_figwidth() <= HALF)
 
 
 def words(drawn: str) -> str:
-    """All text in an SVG, for the choice of characters that the embedded font needs."""
+    """All text in an SVG, from which the characters of the embedded font are taken."""
     return "".join(re.findall(r">([^<]+)<", drawn))
 
 
 def _targets(element: Element) -> Iterator[str]:
-    """Identifiers that an element refers to."""
+    """Yield the identifiers that an element refers to."""
     for attribute in (f"{_XLINK}href", "clip-path"):
         yield from _REFERENCE.findall(element.get(attribute, ""))
 
 
 def _flat(parent: Element) -> Iterator[Element]:
-    """Children of `parent`, with groups that carry nothing replaced by what they hold."""
+    """Yield the children of `parent`; a group without attributes is replaced by its own children."""
     for child in parent:
         if child.tag == f"{_SVG}g" and not set(child.attrib) - {"id"}:
             yield from _flat(child)
@@ -345,6 +354,10 @@ def _flat(parent: Element) -> Iterator[Element]:
 
 
 def _write_element(element: Element, name: str, used: set[str]) -> str:
+    """Write an element and all that it contains as text, without namespaces.
+
+    `name` is put before identifiers; only the `used` ones are kept.
+    """
     tag = element.tag.removeprefix(_SVG)
     attributes = "".join(f' {key}="{escape(value)}"' for key, value in _attributes(element, name, used))
     content = escape(element.text or "").strip() if tag == "text" else ""
@@ -353,6 +366,10 @@ def _write_element(element: Element, name: str, used: set[str]) -> str:
 
 
 def _attributes(element: Element, name: str, used: set[str]) -> Iterator[tuple[str, str]]:
+    """Yield an element's attributes (name, value) as they are written, with identifiers that begin with `name`.
+
+    Numbers are rounded, and declarations of a style become attributes.
+    """
     for key, value in element.attrib.items():
         if key == "id":
             if value in used:
@@ -371,11 +388,12 @@ def _attributes(element: Element, name: str, used: set[str]) -> Iterator[tuple[s
 
 
 def _short(numbers: str) -> str:
+    """Round all decimal numbers in a text to two decimals."""
     return _NUMBER.sub(lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), numbers)
 
 
 def font_face_rule(family: str, characters: str) -> str:
-    """A CSS ``@font-face`` rule that holds DejaVu Sans, reduced to `characters`, under the name `family`."""
+    """CSS ``@font-face`` rule that holds DejaVu Sans, reduced to `characters`, under the name `family`."""
     options = subset.Options(layout_features=[], hinting=False, notdef_outline=True)
     options.drop_tables += ["FFTM"]
     font = TTFont(_FILE, recalcTimestamp=False)

@@ -1,4 +1,4 @@
-"""Figures over time: histories beside those of a reference, energies, residuals, error bands, and their captions."""
+"""Figures over time with their captions: histories beside a reference, energies, residuals and error bands."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from pmr.report.numbers import NOTHING, SPACE, length, percent, unit_for
 from pmr.results import Response, RunResult
 
 Array = NDArray[np.float64]
-SHORT = 400  # samples, below which nothing is enlarged
-PAUSE = 2  # samples of standstill that still count as one motion
+SHORT = 400  # samples below which no part of a history is enlarged
+PAUSE = 2  # samples of standstill that do not divide a motion
 FLATTEST = 1e-3  # range of an axis over its largest value, at least: labels of ticks are short
 BAND = "#f2d6c2"  # colour of an error band
 
@@ -38,12 +38,15 @@ class Span:
 
 
 def in_order(result: RunResult) -> Mapping[str, Response]:
-    """Responses in the order in which they are drawn, the thickest line first."""
+    """Responses of a result in the order in which they are drawn, the thickest line first."""
     return {name: result.responses[name] for name in PENS if name in result.responses}
 
 
 def sliding_spans(t: Array, rate: Array) -> tuple[Span, ...]:
-    """Intervals in which something moves; where one ramp meets the next the rate may vanish for a moment."""
+    """Intervals in which something moves, by its `rate` (T,) at the times `t` (T,) in s.
+
+    Standstills of up to `PAUSE` samples, where one ramp meets the next, do not divide an interval.
+    """
     moving = np.flatnonzero(np.abs(rate) > 1e-9 * np.abs(rate).max(initial=0.0))
     if not len(moving):
         return ()
@@ -54,7 +57,7 @@ def sliding_spans(t: Array, rate: Array) -> tuple[Span, ...]:
 
 
 def _relative_rates(result: RunResult, t: Array) -> Array:
-    """Rate of what slides, luffs or slews over its own largest rate, the largest of all, (T,).
+    """Largest rate (T,) of all that slides, luffs or slews, each over its own largest rate.
 
     The rates of lengths and of angles have no common unit.
     """
@@ -65,7 +68,10 @@ def _relative_rates(result: RunResult, t: Array) -> Array:
 
 
 class Timeline:
-    """Time axis of a run: that of the reduced model, on which the signals of the other models are drawn too."""
+    """Time axis of a run: that of the reduced model, to which signals of the other models are interpolated.
+
+    `phases` are the intervals in which something slides, luffs or slews.
+    """
 
     def __init__(self, result: RunResult) -> None:
         self.result = result
@@ -76,36 +82,40 @@ class Timeline:
         self.reference = next((name for name in ("full", "ancf") if name in result.responses), None)
 
     def signals(self, what: Quantity) -> dict[str, Array]:
-        """A quantity for each simulator that has finite values of it, (T,) each."""
+        """Signals (T,) by simulator of the quantity that `what` reads from a response.
+
+        Simulators without finite values at all times are left out.
+        """
         signals = {name: onto(self.t, response.t, what(response)) for name, response in in_order(self.result).items()}
         return {name: signal for name, signal in signals.items() if np.isfinite(signal).all()}
 
     def differences(self, signals: Mapping[str, Array]) -> dict[str, Array]:
-        """Signals less that of the reference; empty without one."""
+        """Signals minus that of the reference, by simulator; empty if there is no reference among them."""
         base = self.reference
         if base is None or base not in signals:
             return {}
         return {name: signal - signals[base] for name, signal in signals.items() if name != base}
 
     def visible_differences(self, *panels: Mapping[str, Array], largest: float = 0.0) -> list[dict[str, Array]]:
-        """Differences of the signals of each panel; all empty where they are nothing beside the largest signal.
+        """Differences to the reference for each panel; all are empty if they are too small beside the signals.
 
-        `largest` is that of signals of the same kind that are drawn elsewhere.
+        They are too small up to the share `unseen` of the largest signal of all panels, or of `largest` if that is
+        more.
         """
         differences = [self.differences(signals) for signals in panels]
         most = max(largest, largest_of(*panels))
         return differences if largest_of(*differences) > unseen(self.result) * most else [{} for _ in panels]
 
     def detail(self, signals: Mapping[str, Array], largest: float = 0.0) -> Span | None:
-        """A twentieth of the time, about the largest visible difference of the reduced model or its largest value.
+        """Window, a twentieth of the time, about the largest visible difference of the reduced model.
 
-        None for a motion too short to be seen closer.
+        Without one it is about its largest value; None is returned for a motion of fewer than `SHORT` samples.
         """
         signal = self.visible_differences(signals, largest=largest)[0].get("reduced", signals["reduced"])
         return self.window(int(np.argmax(np.abs(signal))))
 
     def window(self, step: int) -> Span | None:
-        """A twentieth of the time about a time step; None for a motion too short to be seen closer."""
+        """Window, a twentieth of the time, about a time step; None for a motion of fewer than `SHORT` samples."""
         if len(self.t) < SHORT:
             return None
         half = (self.whole.end - self.whole.start) / 40.0
@@ -115,7 +125,7 @@ class Timeline:
     def trace(
         self, ax: Axes, curves: Mapping[str, Array], size: float, span: Span | None = None, weight: float = 1.0
     ) -> None:
-        """Draw curves over `size`, the value of one unit of the axis, within `span`; `weight` thins the lines."""
+        """Draw curves (T,) divided by `size` within `span`, by default the whole time; `weight` scales line widths."""
         span = span or self.whole
         inside = np.flatnonzero((self.t >= span.start) & (self.t <= span.end))
         for order, (name, curve) in enumerate(curves.items()):
@@ -123,7 +133,10 @@ class Timeline:
             ax.plot(self.t[shown], curve[shown] / size, zorder=2.0 + order / 10.0, **PENS[name].line(weight))
 
     def frame(self, ax: Axes, label: str, span: Span | None = None, last: bool = True) -> None:
-        """Set limits and labels of the time axis, and shade the phases in which something is moved."""
+        """Set limits and labels of an axis of time, and shade the phases in which something moves.
+
+        The name of the time axis stands only below the `last` axes of a column.
+        """
         span = span or self.whole
         for phase in self.phases:
             if phase.end > span.start and phase.start < span.end:
@@ -137,35 +150,36 @@ class Timeline:
             ax.tick_params(labelbottom=False)
 
     def legend(self, names: Sequence[str]) -> list[Any]:
-        """Legend entries of simulators and of the shade."""
+        """Legend entries of these simulators and of the shade."""
         return [*(Line2D([], [], label=PENS[name].label, **PENS[name].line()) for name in names), *self.shade()]
 
     def shade(self) -> list[Any]:
-        """Legend entry of the phases in which something is moved, where there are any."""
+        """List of the legend entry for the phases in which something moves; empty if nothing moves."""
         what = "boom" if subject.changing_angles(self.result) else subject.moving_part(self.result)
         return [Patch(facecolor=SHADE, label=f"{what} moves")] if self.phases else []
 
 
 def largest_of(*panels: Mapping[str, Array]) -> float:
-    """The largest absolute value of all signals."""
+    """Largest absolute value of all signals in all panels; 0 without signals."""
     return max((float(np.abs(signal).max(initial=0.0)) for panel in panels for signal in panel.values()), default=0.0)
 
 
 def drawn_history(
     name: str, result: RunResult, what: Quantity, description: str, label: str, base: str, largest: float | None = None
 ) -> Drawing:
-    """Draw a quantity over time for every simulator, with what its caption has to say.
+    """Draw a quantity over time for every simulator, with a caption that names the difference and the enlarged part.
 
     Parameters
     ----------
     name : str
         Of the figure in the page.
     what : callable
-        Takes the quantity, (T,) in the unit `base` without prefix, from a response.
+        Reads the quantity (T,), in the unit `base` without prefix, from a response.
     description, label : str
         Beginning of the caption, and label of the axis.
     largest : float, optional
-        Of displacements along all directions in m: differences that are nothing beside it are a number in the caption.
+        For displacements, the largest one in all directions in m: differences too small beside it are not drawn, but
+        stand as a number in the caption.
     """
     time = Timeline(result)
     signals = time.signals(what)
@@ -184,7 +198,10 @@ def drawn_history(
 
 
 def difference_clause(time: Timeline, signals: Mapping[str, Array], shown: str, largest: float = 0.0) -> str:
-    """A clause on the difference to the reference: where it is `shown`, or that there is as good as none."""
+    """Clause on the difference to the reference; empty without a reference.
+
+    If the difference is visible, the clause begins with `shown`, which says where; else it says how small it is.
+    """
     base, limit = time.reference, unseen(time.result)
     if base is None or base not in signals:
         return ""
@@ -195,7 +212,10 @@ def difference_clause(time: Timeline, signals: Mapping[str, Array], shown: str, 
 
 
 def _widen(ax: Axes, panel: Mapping[str, Array], size: float) -> None:
-    """Give the axis of signals (T,) that hardly change, over `size`, a range in which labels of ticks are short."""
+    """Set the limits of an axis whose signals hardly change, so that the labels of its ticks stay short.
+
+    The signals (T,) are drawn over `size`.
+    """
     low, high = (float(end([end(signal) for signal in panel.values()])) for end in (np.min, np.max))
     least = FLATTEST * max(abs(low), abs(high))
     if 0.0 < high - low < least:
@@ -203,7 +223,7 @@ def _widen(ax: Axes, panel: Mapping[str, Array], size: float) -> None:
 
 
 def model_words(simulator: str) -> str:
-    """A simulator's model in a sentence."""
+    """Words for the model of a simulator in a sentence."""
     return "ANCF" if simulator == "ancf" else f"the {simulator} model"
 
 
@@ -215,7 +235,10 @@ def curves(
     window: Span | None,
     largest: float = 0.0,
 ) -> Figure:
-    """Signals (T,) over time, below them visible differences to the reference; beside both a detail, `window`."""
+    """Draw signals (T,) over time, and below them their differences to the reference if these are visible.
+
+    On the right both are enlarged within `window`, if there is one.  `base` is the unit without prefix.
+    """
     panels = [(label, signals)]
     panels += [("Difference", of) for of in time.visible_differences(signals, largest=largest) if of]
     widths, heights = ((3.6, 1.0) if window else (1.0,)), (1.35, 1.0)[: len(panels)]
@@ -229,14 +252,15 @@ def curves(
             time.frame(ax, f"{name} in {unit.name}" if ax is row[0] else "", span, last=number == len(panels))
         _widen(row[0], panel, unit.size)
         if window:
-            row[1].xaxis.set_major_locator(MaxNLocator(3, steps=STEPS, prune="lower"))  # beside the first axes' last
+            # no label where the last one of the first axes is
+            row[1].xaxis.set_major_locator(MaxNLocator(3, steps=STEPS, prune="lower"))
             row[0].axvspan(window.start, window.end, facecolor="none", edgecolor=INK, linewidth=0.6, zorder=4.0)
     key(figure, time.legend(list(signals)))
     return figure
 
 
 def energy_parts(name: str, result: RunResult) -> Drawing:
-    """Draw strain, kinetic and external energy; beside them the differences to the reference, if these are visible."""
+    """Draw strain, kinetic and external energy over time, and on the right their differences to the reference."""
     time, parts = Timeline(result), ("strain", "kinetic", "external")
     signals = [time.signals(attrgetter(f"energy.{part}")) for part in parts]
     differences = time.visible_differences(*signals)
@@ -252,7 +276,7 @@ def _energies(
     signals: Sequence[Mapping[str, Array]],
     differences: Sequence[dict[str, Array]],
 ) -> Figure:
-    """A row for each part; all signals (T,) in J in one unit, and so all differences."""
+    """Draw a row for each part of the energy; signals (T,) in J share one unit, and differences share another."""
     columns = [([f"{part.capitalize()} energy" for part in parts], signals)]
     columns += [(["Difference"] * len(parts), differences)] if any(differences) else []
     gaps = {"wspace": 0.24, "hspace": 0.14}
@@ -268,7 +292,7 @@ def _energies(
 
 
 def residual(name: str, result: RunResult, level: str, unit: str) -> Drawing:
-    """Draw how the slider's constraint is violated at a level, ``position`` or ``velocity``."""
+    """Draw the residual of the moving constraint over time, at `level` ``position`` or ``velocity``, in `unit`."""
     time = Timeline(result)
     signals = {of: np.abs(signal) for of, signal in time.signals(attrgetter(f"residual_{level}")).items()}
     unknown = [PENS[of].label for of in in_order(result) if of not in signals]
@@ -278,7 +302,7 @@ def residual(name: str, result: RunResult, level: str, unit: str) -> Drawing:
 
 
 def _residuals(time: Timeline, signals: Mapping[str, Array], label: str) -> Figure:
-    """Signals (T,) on a logarithmic axis: the largest value of each interval."""
+    """Draw the upper envelopes of signals (T,) on a logarithmic axis."""
     figure, axes = sheet(HALF, 2.0)
     ax, drawn_values = axes[0, 0], [0.0]
     for order, (name, signal) in enumerate(signals.items()):
@@ -297,7 +321,10 @@ def _residuals(time: Timeline, signals: Mapping[str, Array], label: str) -> Figu
 
 
 def band(result: RunResult, what: Quantity, wide: Array) -> Figure:
-    """Draw the error band (T,) in m of a displacement of the tip, and the difference to the full model in it."""
+    """Draw the estimated error `wide` (T,) in m of a tip displacement as a band about 0.
+
+    The difference of the reduced to the full model is drawn in it, if that is known.
+    """
     time = Timeline(result)
     off = {name: values for name, values in time.differences(time.signals(what)).items() if name == "reduced"}
     figure, axes = sheet(WIDE, 1.7)

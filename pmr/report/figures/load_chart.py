@@ -1,4 +1,4 @@
-"""A load chart as manuals of machines show it: loads over radius and height, coloured by the limit that governs."""
+"""Draw a load chart as manuals of machines do: loads over radius and height, coloured by the governing limit."""
 
 from __future__ import annotations
 
@@ -33,21 +33,24 @@ from pmr.report.numbers import enlargement
 
 Array = NDArray[np.float64]
 
-#: Curves of constant load, at most; cells in words for a pointer, at most.
+#: Curves of constant load, at most; cells with a text for a pointer, at most.
 CURVES, MOST_CELLS = 12, 4000
-#: Between loads that curves are drawn for, in a decade.
+#: Loads of curves, times a power of ten.
 STEPS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 #: How far colours of limits are mixed with white.
 PALE = 0.55
 #: Width of the strip that shows a single reach or half of a single angle, as a share of the reach.
 STRIP = 0.02
-#: Height over width of the picture, at most.
+#: Largest height of the picture over its width.
 TALLEST = 0.65
 
 
 @dataclass(frozen=True)
 class Chart:
-    """Places of the tip (E, A, 2) m over E reaches and A angles, the load (E, A) kg, and which limit governs, or -1."""
+    """Load chart for E reaches and A angles: tip (E, A, 2) in m, load (E, A) in kg, and governing limit (E, A).
+
+    The tip is a radius and a height from the pivot; `which` is the number of a limit in `names`, -1 where none governs.
+    """
 
     place: Array
     load: Array
@@ -56,17 +59,21 @@ class Chart:
 
     @property
     def governing_limits(self) -> list[int]:
-        """Numbers of limits that govern somewhere."""
+        """Numbers of the limits that govern anywhere, in increasing order."""
         return sorted(int(k) for k in np.unique(self.which) if k >= 0)
 
 
 def load_chart(chart: Chart) -> Figure:
-    """Cells around the places, curves of constant load."""
+    """Draw a load chart: a coloured cell about each position of the tip, and curves of constant load."""
     return _draw(chart)[0]
 
 
 def pointer_cells(chart: Chart, texts: Sequence[str]) -> str:
-    """Transparent cells for the end of the SVG, each of which shows its text where a pointer is on it."""
+    """Transparent cells, as elements for the end of a chart's SVG, that show a text under a pointer.
+
+    `texts` are those of the positions, by reach, then angle.  No cells are returned if there are more than
+    `MOST_CELLS`.
+    """
     if not 0 < len(texts) <= MOST_CELLS:
         return ""
     figure, corners = _draw(chart)
@@ -83,6 +90,7 @@ def pointer_cells(chart: Chart, texts: Sequence[str]) -> str:
 
 
 def _draw(chart: Chart) -> tuple[Figure, Array]:
+    """Draw a load chart; return the figure and the corners (E + 1, A + 1, 2) in m of its cells."""
     corners = _corners(chart.place)
     low, high = np.minimum(corners.min(axis=(0, 1)), 0.0), np.maximum(corners.max(axis=(0, 1)), 0.0)
     names = [chart.names[k] for k in chart.governing_limits]
@@ -91,7 +99,7 @@ def _draw(chart: Chart) -> tuple[Figure, Array]:
     colours = {k: pale(SECTIONS[(n + 1) % len(SECTIONS)], 1.0 - PALE) for n, k in enumerate(chart.governing_limits)}
     around = (corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:])
     cells = np.stack([*around, around[0]], axis=2)
-    for number in np.unique(chart.which):  # one outline a colour: cells by themselves take seconds in a PDF
+    for number in np.unique(chart.which):  # one outline for each colour: single cells take seconds in a PDF
         cells_of_limit = cells[chart.which == number]
         codes = [Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY] * len(cells_of_limit)
         outline = Path(cells_of_limit.reshape(-1, 2), codes)
@@ -109,7 +117,10 @@ def _draw(chart: Chart) -> tuple[Figure, Array]:
 
 
 def _levels(load: Array) -> list[float]:
-    """Loads in kg that curves are drawn for."""
+    """Loads in kg for which curves are drawn: round ones, `CURVES` at most; empty if all loads are equal.
+
+    If no round one is between the least and the largest load, three in equal intervals are returned.
+    """
     finite = load[np.isfinite(load) & (load > 0.0)]
     if not len(finite) or finite.max() <= finite.min():
         return []
@@ -120,9 +131,9 @@ def _levels(load: Array) -> list[float]:
 
 
 def _side_view(low: Array, high: Array, tallest: float, rows: int = 1) -> tuple[Figure, Axes]:
-    """Axes of radius and height in m from `low` to `high` (2,), no higher than a share of the width.
+    """Make axes of radius and height in m from `low` to `high` (2,); the height is at most `tallest` times the width.
 
-    Above them is room for so many rows of a legend.
+    A legend of so many `rows` has room above them.
     """
     top, tall = 0.12 + ROW * rows, min((WIDE - 0.76) * float(np.divide(*(high - low)[::-1])), tallest * WIDE)
     figure, axes = sheet(WIDE, tall + top + 0.42, margins={"left": 0.6, "right": 0.16, "top": top, "bottom": 0.42})
@@ -132,10 +143,10 @@ def _side_view(low: Array, high: Array, tallest: float, rows: int = 1) -> tuple[
 
 
 def _corners(place: Array) -> Array:
-    """Corners (E + 1, A + 1, 2) of cells around the places, none of which lies beyond the outermost places.
+    """Corners (E + 1, A + 1, 2) in m of the cells about the positions of the tip.
 
-    Cells at an end are half as long as others.  A single reach is a strip that begins a little before it, a single
-    angle a strip to both of its sides.
+    No cell extends beyond the outermost positions, so cells at an end are half as long as others.  A single reach is a
+    strip that ends at it, a single angle a strip to both sides of it.
     """
     if place.shape[1] == 1:
         turn = np.array([[np.cos(STRIP), np.sin(STRIP)], [-np.sin(STRIP), np.cos(STRIP)]])
@@ -146,42 +157,45 @@ def _corners(place: Array) -> Array:
 
 
 def _cell_angles(place: Array) -> Array:
-    """The first angle, those half way between neighbours and the last one, about the pivot at a mean radius."""
+    """Boundaries (E, A + 1, 2) in m between neighbouring angles: the first angle, those half way, and the last one.
+
+    They lie at the mean radius of both neighbours.
+    """
     polar = np.stack([np.linalg.norm(place, axis=-1), np.arctan2(place[..., 1], place[..., 0])], axis=-1)
     radius, angle = np.moveaxis(_midpoints(polar, 1), -1, 0)
     return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
 
 
 def _midpoints(values: Array, axis: int) -> Array:
-    """The first one of values, those half way between neighbours, and the last one, along an axis."""
+    """First of the values along an axis, the means of neighbours, and the last one: one more than there are values."""
     count = values.shape[axis]
     first, last = np.take(values, [0], axis), np.take(values, [-1], axis)
     middle = (np.take(values, range(count - 1), axis) + np.take(values, range(1, count), axis)) / 2.0
     return np.concatenate([first, middle, last], axis=axis)
 
 
-#: Largest displacement as drawn, over the reach; height of the picture over its width, at most.
+#: Largest displacement as it is drawn, over the reach; largest height of the picture over its width.
 BENT, SIDE_TALLEST = 0.06, 0.42
 
 
 @dataclass(frozen=True)
 class AtRest:
-    """Places along the boom and how far they are displaced upwards across it, section by section."""
+    """Bent boom at rest: b points on its axis, and their displacement upwards, across it."""
 
     along: Array  # (b,) m, from the base's tail
-    across: Array  # (b,) m
-    section: NDArray[np.int64]  # (b,)
+    across: Array  # (b,) m, upwards at right angles to the axis
+    section: NDArray[np.int64]  # (b,), number of the section that a point is on
     names: tuple[str, ...]  # of all sections
     luffing: float  # rad
 
     @property
     def scale(self) -> float:
-        """How many times as large displacements are drawn, a round number."""
+        """Factor by which displacements are drawn, a round number."""
         return enlargement(float(np.abs(self.across).max(initial=0.0)), BENT * float(self.along.max()))
 
 
 def at_rest(boom: AtRest) -> Figure:
-    """The undeformed axis, thin, and the bent sections, displacements enlarged."""
+    """Draw a boom at rest from the side: its undeformed axis, thin, and the bent sections, displacements enlarged."""
     c, s = np.cos(boom.luffing), np.sin(boom.luffing)
     deflection = boom.scale * boom.across
     x, z = boom.along * c - deflection * s, boom.along * s + deflection * c

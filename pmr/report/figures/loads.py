@@ -1,4 +1,4 @@
-"""Figures of what goes into a body and what it bears: paths, loads, forces, stresses, forces along beams."""
+"""Figures of paths, loads, forces, stresses and forces along beams."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000")
 
 
 def position(result: RunResult) -> Figure:
-    """Positions over time of what moves along a body, on a scale as long as that; extensions of a boom's sections."""
+    """Draw the extensions of a boom's sections over time, or the positions of what moves along a body alone."""
     time, ahead, sections = Timeline(result), offsets(result), result.reach is not None
     figure, axes = sheet(HALF, 2.0 if sections else 1.7)
     ax = axes[0, 0]
@@ -46,7 +46,7 @@ def position(result: RunResult) -> Figure:
 
 
 def angles(result: RunResult, changing: Mapping[str, SignalBase]) -> Figure:
-    """Angles of the boom over time, in degrees."""
+    """Draw the angles that change during the run over time, in degrees."""
     time = Timeline(result)
     figure, axes = sheet(HALF, 1.7)
     _plot(axes[0, 0], time.t, [np.rad2deg(angle.value(time.t)) for angle in changing.values()])
@@ -56,7 +56,7 @@ def angles(result: RunResult, changing: Mapping[str, SignalBase]) -> Figure:
 
 
 def loads(result: RunResult) -> Figure:
-    """Loads over time: forces in N and, in a panel of their own, moments in N m."""
+    """Draw loads over time: forces, and in a panel of their own moments."""
     time, acting = Timeline(result), subject.loads_as_asked(result)
     units = sorted({load.unit for load in acting})
     rows = key_rows([*(named(load.body, load.name) for load in acting), "boom moves"], HALF) if len(acting) > 1 else 1
@@ -70,7 +70,7 @@ def loads(result: RunResult) -> Figure:
         _plot(ax, time.t, [load.values / unit.size for load in chosen], _COLOURS[len(names) % len(_COLOURS) :])
         quantity = "Force" if base == "N" else "Moment"
         time.frame(ax, f"{quantity} in {unit.name}", last=row == len(units) - 1)
-        ax.axhline(0.0, linewidth=0.0)  # a constant load is seen beside zero
+        ax.axhline(0.0, linewidth=0.0)  # the axis of a constant load includes zero
         ax.margins(y=0.1)
         names += [named(load.body, load.name) for load in chosen]
     key(figure, [*_legend(names), *time.shade()], rows)
@@ -84,13 +84,14 @@ def _plot(
     colours: Sequence[str] = _COLOURS,
     widths: Sequence[float] = (0.7,),
 ) -> None:
+    """Draw signals (T,) over the times `t` (T,), with colours and widths that are used in turn."""
     for i, signal in enumerate(signals):
         shown = extremes(signal, bins_of(ax))
         ax.plot(t[shown], signal[shown], color=colours[i % len(colours)], linewidth=widths[i % len(widths)])
 
 
 def _legend(names: Sequence[str], colours: Sequence[str] = _COLOURS, least: int = 2) -> list[Any]:
-    """Entries of plain lines; fewer than `least` are named by their axis."""
+    """Legend entries of lines; none for fewer than `least` names, whose axis says what they are."""
     if len(names) < least:
         return []
     return [Line2D([], [], label=name, color=colours[i % len(colours)]) for i, name in enumerate(names)]
@@ -100,13 +101,13 @@ MOST_FORCES = 8  # panels of one figure
 
 
 def forces(result: RunResult, group: Sequence[Force]) -> Figure:
-    """Forces, or moments, at most `MOST_FORCES`, a panel each on one scale: one face is seen against the other."""
+    """Draw up to `MOST_FORCES` forces, or moments, over time, each in a panel of its own on one scale."""
     time = Timeline(result)
     signals = [time.signals(force.of) for force in group]
     unit, columns = unit_for(largest_of(*signals), group[0].unit), min(len(group), 2)
     rows = -(-len(group) // columns)
     gaps, what = {"hspace": 0.3, "wspace": 0.09}, "Moment" if group[0].unit == "N m" else "Force"
-    tall, margins = 0.85 if columns > 1 else 1.39, {"top": 0.42}  # below the key each panel has its name
+    tall, margins = 0.85 if columns > 1 else 1.39, {"top": 0.42}  # each panel has a title below the legend
     figure, axes = sheet(
         WIDE, 0.66 + tall * rows, rows, columns, margins=margins, sharex=True, sharey=True, gridspec_kw=gaps
     )
@@ -123,7 +124,7 @@ def forces(result: RunResult, group: Sequence[Force]) -> Figure:
 
 
 def pivot(result: RunResult, outputs: Sequence[Output]) -> Figure:
-    """Draw the forces, or moments, of the boom on its machine in one panel."""
+    """Draw the forces, or moments, of the boom on its machine over time, all in one panel."""
     time, response = Timeline(result), result.responses["reduced"]
     signals = [response.other(output.name) for output in outputs]
     unit = unit_for(max(float(np.abs(signal).max()) for signal in signals), outputs[0].unit)
@@ -140,13 +141,13 @@ def pivot(result: RunResult, outputs: Sequence[Output]) -> Figure:
 
 
 def stresses(result: RunResult, body: BodyResult) -> dict[str, Array]:
-    """The largest stress over time (T,) Pa by model, in the order in which they are drawn."""
+    """Largest stress of a body over time (T,) in Pa, by model, in the order in which they are drawn."""
     names, t = [name for name in ("full", "reduced") if name in body.peak_stress], stress_times(result, body)
     return {name: onto(result.responses["reduced"].t, t, body.peak_stress[name]) for name in names}
 
 
 def stress(result: RunResult, body: BodyResult) -> Figure:
-    """Largest von Mises stress over time; below it the difference, beside it the time about the largest of all."""
+    """Draw the largest von Mises stress over time, its difference to the reference, and the time about its peak."""
     time, signals = Timeline(result), stresses(result, body)
     peak = int(np.argmax(signals["reduced"]))
     figure = curves(time, signals, "Stress", "Pa", time.window(peak))
@@ -158,7 +159,7 @@ def stress(result: RunResult, body: BodyResult) -> Figure:
 
 
 def envelopes(result: RunResult, quantities: Sequence[str]) -> Figure:
-    """The reduced model's, one panel each: from the smallest to the largest value along each beam."""
+    """Draw the range over time of each force or moment along the beams, by the reduced model, in a panel each."""
     envelopes_by_body = {
         name: body.envelopes["reduced"] for name, body in result.bodies.items() if "reduced" in body.envelopes
     }

@@ -1,4 +1,4 @@
-"""Figures of deflected beams, of a basis, of frequencies and gains, and of the parts of an error."""
+"""Figures of deflected beams, basis vectors, natural frequencies, gains, and the parts of an error."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from pmr.results import FrequencyResponse, RunResult, Shapes
 
 MOST_SHAPES = 25
 COLUMNS = 5
-CELL, GAP = 3.1, 1.1  # height of a small multiple in largest values, and its width in beam lengths
-FLAT = 1e-6  # of the largest transverse amplitude: below, a vector moves the beam along its axis only
+CELL, GAP = 3.1, 1.1  # height of a small panel over the largest value, and its width over the beam's length
+FLAT = 1e-6  # share of the largest transverse amplitude below which a vector moves the beam along its axis only
 SNAPSHOTS = 6
 #: Largest deflection of a boom as drawn, over its reach.
 REACH = 0.05
 
 
 def basis(result: RunResult, of: Shapes) -> Figure:
-    """Transverse shape of each basis vector, scaled to a largest value of one, as small multiples.
+    """Draw the transverse shape of each basis vector, over its largest value, in small panels.
 
     They share one pair of axes, since two dozen pairs take longer to draw than all other figures.
     """
@@ -65,7 +65,7 @@ def basis(result: RunResult, of: Shapes) -> Figure:
 
 
 def snapshots(result: RunResult) -> Figure:
-    """The deflected beams, once in each part of the time, where the reduced model's tip is farthest away."""
+    """Draw the deflected beams at the time of the largest tip displacement in each of `SNAPSHOTS` parts of the run."""
     reduced, beams = result.responses["reduced"], in_order(result)
     farthest, parts = np.abs(tips(result)["z"](reduced)), np.array_split(np.arange(len(reduced.t)), SNAPSHOTS)
     chosen = [int(part[np.argmax(farthest[part])]) for part in parts if len(part)]
@@ -104,7 +104,7 @@ def snapshots(result: RunResult) -> Figure:
 
 
 def _fixtures(ax: Axes, result: RunResult, s: float) -> None:
-    """Sliders and supports, where they hold the beam."""
+    """Draw sliders, with the path at `s` m, and supports."""
     for offset in offsets(result):
         ax.plot([s + offset], [0.0], marker="s", markersize=5.0, color=MUTED, zorder=1.9)
     for support in fixtures(result):
@@ -112,29 +112,30 @@ def _fixtures(ax: Axes, result: RunResult, s: float) -> None:
 
 
 def _flat(of: Shapes) -> NDArray[np.bool_]:
+    """Whether each of the r basis vectors moves the body along its axis only, (r,)."""
     amplitude = np.abs(of.shapes).max(axis=0)
     return np.asarray(amplitude <= FLAT * amplitude.max())
 
 
 def exaggeration(result: RunResult) -> float:
-    """How many times its size a boom's deflection is drawn: a round number."""
+    """Factor by which a boom's deflection is drawn, a round number."""
     response = result.responses["reduced"]
     largest = max(float(np.abs(line.moved(response)).max(initial=0.0)) for line in lines(result, response))
     return enlargement(largest, REACH * length(result))
 
 
 CLOSED_FORM_POINTS = 11
-LEVEL = 1e-6  # relative difference of neighbouring frequencies that are one
-#: Lines of equal frequency on a map at most.
+LEVEL = 1e-6  # relative difference below which neighbouring frequencies are equal
+#: Lines of equal frequency on a map, at most.
 LEVELS = 9
 #: Share of an axis next to its ends within which a contour has no label.
 EDGE = 0.06
-#: Of places from one end of the path to the other.
+#: Colours of gains, from one end of the path to the other.
 COLOURS = ("#440154", "#3b528b", "#21918c", "#5ec962", "#c9b30e")
 
 
 def singular_values(result: RunResult, of: Shapes) -> Figure:
-    """Singular values over the first of them; those of the basis are filled, kappa(r) is what they hold."""
+    """Draw singular values over the first one; those of the basis are filled, and kappa is the share they capture."""
     sigma, taken = of.singular_values, of.shapes.shape[1]
     figure, axes = sheet(HALF, 2.15)
     ax = axes[0, 0]
@@ -161,12 +162,13 @@ def singular_values(result: RunResult, of: Shapes) -> Figure:
 
 
 def frequencies(result: RunResult) -> Figure:
-    """Lowest eigenfrequencies in Hz against the slider position; closed forms as far up as the models.
+    """Draw the lowest natural frequencies in Hz over the slider's position, the boom's reach, or time.
 
-    Where a body slides out of a mouth, against what of it reaches beyond that.
+    For a body that slides out of a mouth the axis is its length beyond the mouth.  Closed forms are left out above the
+    highest frequency of the models.
     """
     lowest = result.frequencies
-    # 0 Hz, of what is past its buckling load, has no place on a logarithmic axis
+    # a boom past its buckling load has 0 Hz, which a logarithmic axis can't show
     curves = {name: np.where(f > 0.0, f, np.nan) for name, f in lowest.models.items() if name in PENS}
     top = np.max([np.nanmax(f, axis=1) for f in curves.values()], axis=0)[:, None]
     closed = lowest.models.get("closed_form", np.empty((len(lowest.along), 0)))
@@ -174,7 +176,7 @@ def frequencies(result: RunResult) -> Figure:
     heads = {"slider": "Slider position s in m", "mouth": "Length beyond the mouth in m"}
     x = length(result) - lowest.along if moving_part(result) == "mouth" else lowest.along
     head = heads.get(moving_part(result), "Reach from the base's tail in m")
-    if lowest.t is not None and len(x) > 1 and not np.ptp(x):  # it stays, and what stresses it changes
+    if lowest.t is not None and len(x) > 1 and not np.ptp(x):  # the boom stays, and forces that stress it change
         x, head = lowest.t, "Time in s"
     single = {"marker": "o"} if len(x) == 1 else {}
     figure, axes = sheet(HALF, 2.15)
@@ -194,9 +196,9 @@ def frequencies(result: RunResult) -> Figure:
 
 
 def frequency_map(result: RunResult) -> Figure:
-    """First natural frequency over the extensions of two joints, as lines of equal frequency, and the run's way."""
+    """Draw lines of equal first natural frequency over the extensions of two joints, and the path of the run."""
     over_joints = result.frequencies.over_joints
-    assert over_joints is not None  # who asks for the figure has looked
+    assert over_joints is not None  # the caller draws no map without it
     figure, axes = sheet(HALF, 2.6)
     ax = axes[0, 0]
     levels = MaxNLocator(LEVELS).tick_values(over_joints.lowest.min(), over_joints.lowest.max())
@@ -214,13 +216,14 @@ def frequency_map(result: RunResult) -> Figure:
     for label in ax.clabel(lines, fmt=lambda value: f"{value:.3g}", inline=False):
         label.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
         share = (np.array(label.get_position()) - low) / (high - low)
-        label.set_visible(bool(share.min() >= EDGE and share.max() <= 1.0 - EDGE))  # at the edge half of it is cut off
+        label.set_visible(bool(share.min() >= EDGE and share.max() <= 1.0 - EDGE))  # others would be cut off
     ax.set_xlabel(f"Extension of {over_joints.joints[0]} in m")
     ax.set_ylabel(f"Extension of {over_joints.joints[1]} in m")
     return figure
 
 
 def _dots(edge: str, fill: str, size: float) -> dict[str, Any]:
+    """Keywords for `Axes.plot` of circles without a line."""
     return {
         "linestyle": "none",
         "marker": "o",
@@ -232,7 +235,7 @@ def _dots(edge: str, fill: str, size: float) -> dict[str, Any]:
 
 
 def gain(response: FrequencyResponse, load: int) -> Figure:
-    """Gain over frequency for a load, a curve for each place of the sliders."""
+    """Draw the gain over frequency for the load of number `load`, a curve for each position of the sliders."""
     figure, axes = sheet(HALF, 2.15)
     ax, values = axes[0, 0], response.gain[:, :, load]
     handles = []
@@ -256,7 +259,7 @@ PARTS = {"reduction": "#d55e00", "step": "#56b4e9", "mesh": "#00664b", "model": 
 
 
 def budget(result: RunResult) -> Figure:
-    """A bar for each part and kind of output in %, and the tolerance."""
+    """Draw a bar in % for each part of the error and each kind of output, and a line for the tolerance."""
     summary = result.summary
     kinds, errors = summary["accuracy"]["outputs"], summary["budget"]
     parts = [name for name in PARTS if any((errors.get(name) or {}).get(kind) is not None for kind in kinds)]
@@ -283,14 +286,14 @@ def budget(result: RunResult) -> Figure:
 
 
 def snapshots_caption(result: RunResult) -> str:
-    """Caption of the strip of deflected beams."""
+    """Caption of the figure of deflected beams."""
     moments = f"at the largest tip displacement in each of {SNAPSHOTS} equal parts of the time"
     what = "boom" if moving_part(result) == "boom" else "body"
     return f"The deflected {what} {moments}. The transverse scale is exaggerated."
 
 
 def basis_caption(shapes: Shapes) -> str:
-    """Caption of the shapes of the basis."""
+    """Caption of the figure of basis vectors."""
     count = shapes.shapes.shape[1]
     first = f"the first {MOST_SHAPES} of {count}" if count > MOST_SHAPES else f"all {count}"
     flat = " A flat line belongs to a vector that moves the body along its axis only."
@@ -299,7 +302,7 @@ def basis_caption(shapes: Shapes) -> str:
 
 
 def frequencies_caption(result: RunResult) -> str:
-    """Caption of the eigenfrequencies."""
+    """Caption of the figure of natural frequencies."""
     lowest = result.frequencies
     if lowest.t is not None:
         stays = len(lowest.along) > 1 and not np.ptp(lowest.along)

@@ -1,4 +1,4 @@
-"""A sketch of the system: the body, what holds it, what moves along it, what acts on it."""
+"""Sketch of the system: the body, what holds it, what moves along it, and its loads."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from pmr.scene.box import Box
 
 LOAD = "#7b2d8e"
 WIDTH = 3.9  # in: so narrow that a phone shows it whole and its text can be read
-LABELS = 1.2  # in, for what is written beside the tip
+LABELS = 1.2  # in, width of the texts beside the tip
 
 
 class Paper:
-    """Axes in m of the system whose inches are known: `inch` m each, in both directions."""
+    """Axes in m whose size in inches is known: `inch` is the length in m of an inch on paper, in both directions."""
 
     def __init__(self, left_end: float, right_end: float, height: float) -> None:
         inches = WIDTH - LABELS - 0.2
@@ -39,13 +39,15 @@ class Paper:
         self.ax.set_axis_off()
 
     def box(self, x: float, y: float, width: float, height: float, **look: Any) -> None:
+        """Draw a rectangle from its lower left corner."""
         self.ax.add_patch(Rectangle((x, y), width, height, **look))
 
     def disc(self, x: float, y: float, radius: float, **look: Any) -> None:
+        """Draw a circle about a point."""
         self.ax.add_patch(Circle((x, y), radius, linewidth=0.8, zorder=3.0, **look))
 
     def arrow(self, x: float, y: float, dx: float, dy: float, colour: str = LOAD, two_heads: bool = False) -> None:
-        """From (x, y) by (dx, dy), with a head at the end or at both."""
+        """Draw an arrow from (x, y) by (dx, dy), with a head at its end or at both ends; none for a length of 0."""
         size = np.hypot(dx, dy)
         if size == 0.0:
             return
@@ -58,10 +60,11 @@ class Paper:
             self.ax.add_patch(Polygon(corners, facecolor=colour, edgecolor="none"))
 
     def write(self, x: float, y: float, text: str, colour: str = INK, **where: Any) -> None:
+        """Write a text, centred about a point unless `where` says otherwise."""
         self.ax.text(x, y, text, color=colour, **{"ha": "center", "va": "center", **where})
 
     def range(self, y: float, start: float, end: float, text: str) -> None:
-        """A stretch with arrows at both ends and a text below."""
+        """Draw a dimension line from `start` to `end`, with arrows at both ends and a text below."""
         self.arrow(start, y, end - start, 0.0, MUTED, two_heads=True)
         self.write((start + end) / 2.0, y - 0.11 * self.inch, text, MUTED)
 
@@ -74,7 +77,7 @@ THIN, THICK = 0.22, 0.5  # in, least and largest height of a section as drawn
 
 @dataclass(frozen=True)
 class _Stretch:
-    """Range of the path: where s begins and how far it goes, m."""
+    """Range of the path s in m: its value at the start of the run, its least and its largest value."""
 
     start: float
     low: float
@@ -82,14 +85,16 @@ class _Stretch:
 
     @property
     def moves(self) -> bool:
+        """Whether the path changes at all."""
         return self.high > self.low
 
     def words(self, low: float, high: float) -> str:
+        """Format a range in m."""
         return f"{plain(round(low, 3))}{SPACE}m … {plain(round(high, 3))}{SPACE}m"
 
 
 def sketch(result: RunResult) -> Figure:
-    """A boom where it stands, seen from the side; a body alone at the beginning, with what holds and moves it."""
+    """Draw a boom from the side, in true position, or a body alone with its supports, sliders, pads and loads."""
     if _is_boom(result):
         return space.side(result)
     low, high = result.scene.path_bounds
@@ -98,6 +103,7 @@ def sketch(result: RunResult) -> Figure:
 
 
 def _is_boom(result: RunResult) -> bool:
+    """Whether the system is drawn in true position: a boom of sections, or a body alone in a frame."""
     return not is_alone(result) or (result.scene.frame is not None and bool(lines(result, result.responses["reduced"])))
 
 
@@ -113,7 +119,7 @@ def caption(result: RunResult) -> str:
 
 
 def _on_supports(result: RunResult, stretch: _Stretch) -> Figure:
-    """A body at rest on its supports, with sliders that travel."""
+    """Draw a body alone on its supports, with sliders at the start of the run and at the far end of the path."""
     end = length(result)
     paper = Paper(0.0, end, 1.35)
     paper.ax.plot([0.0, end], [0.0, 0.0], color=BODY, linewidth=2.4, solid_capstyle="butt")
@@ -134,7 +140,7 @@ def _on_supports(result: RunResult, stretch: _Stretch) -> Figure:
 
 
 def _telescopic(result: RunResult, stretch: _Stretch) -> Figure:
-    """A body that slides out of a mouth at 0, as far out as it goes."""
+    """Draw a body that slides out of a mouth at x = 0, at its largest extension."""
     end = length(result)
     ahead = max((ring.at + ring.length / 2.0 for ring in result.scene.pads if ring.moving), default=0.0)
     paper = Paper(-stretch.high - 0.1, end - stretch.low, 1.5)
@@ -173,7 +179,10 @@ def _telescopic(result: RunResult, stretch: _Stretch) -> Figure:
 
 
 def _body(paper: Paper, shape: Box | None, tail: float, end: float, tall: float) -> None:
-    """Draw the outline of a body, as it tapers, and doublers along top and bottom."""
+    """Draw the outline of a body of length `end` with its tapers, frames and doublers, its tail at x = `tail`.
+
+    `tall` is the largest height as drawn; without a `shape` the body is a rectangle.
+    """
     stretches = shape.stretches if shape else []
     x = np.array([0.0, *(stretch.end for stretch in stretches)]) if stretches else np.array([0.0, end])
     heights = [stretches[0].first.height, *(stretch.last.height for stretch in stretches)] if stretches else [1.0, 1.0]
@@ -196,7 +205,7 @@ def _body(paper: Paper, shape: Box | None, tail: float, end: float, tall: float)
 
 
 def _ring(paper: Paper, result: RunResult, tail: float, above: float) -> None:
-    """A ring where the body has its largest stress, with how large it is."""
+    """Draw a ring around the point of the largest stress, and write its value above; nothing without stresses."""
     if (worst := largest_stress(result)) is not None:
         at = tail + worst.x
         paper.disc(at, 0.0, 0.08 * paper.inch, facecolor="none", edgecolor=LIMIT)
@@ -204,6 +213,7 @@ def _ring(paper: Paper, result: RunResult, tail: float, above: float) -> None:
 
 
 def _fixture(paper: Paper, at: float, kind: str) -> None:
+    """Draw a support at x = `at` by its symbol."""
     inch = paper.inch
     if kind == "clamped":
         paper.box(at - 0.03 * inch, -0.16 * inch, 0.06 * inch, 0.32 * inch, facecolor=INK)
@@ -215,7 +225,7 @@ def _fixture(paper: Paper, at: float, kind: str) -> None:
 
 
 def _slider(paper: Paper, at: float, fill: str) -> None:
-    """A roller above and one below."""
+    """Draw a slider at x = `at`: a roller above the body and one below."""
     for side in (-1.0, 1.0):
         centre = (at, side * 0.08 * paper.inch)
         paper.ax.add_patch(
@@ -227,7 +237,10 @@ def _slider(paper: Paper, at: float, fill: str) -> None:
 
 
 def _loads(paper: Paper, result: RunResult, tail: float, tip: float, above: float) -> None:
-    """Loads and masses: those at the tip are listed beside it, the others named above."""
+    """Draw loads and masses; names of those at the tip stand beside it, other names above their arrows.
+
+    The body reaches from `tail` to `tip`, and arrows upwards start at the height `above`.
+    """
     inch, listed = paper.inch, list(_masses(paper, result, tip))
     for load in loads(result):
         at = min(tail + load.at, tip)
@@ -242,13 +255,17 @@ def _loads(paper: Paper, result: RunResult, tail: float, tip: float, above: floa
 
 
 def _masses(paper: Paper, result: RunResult, tip: float) -> Iterator[tuple[str, str]]:
+    """Draw point masses at the tip, and yield their names with the colour of the text."""
     for mass in result.scene.masses:
         paper.disc(tip, 0.0, 0.07 * paper.inch, facecolor=INK, edgecolor="none")
         yield f"{mass.name}, {plain(mass.mass)}{SPACE}kg", INK
 
 
 def _load(paper: Paper, load: Acting, values: NDArray[np.float64], at: float, above: float) -> None:
-    """An arrow the way the load acts, with two heads where it acts both ways."""
+    """Draw a load at x = `at` in its direction, with two heads if its `values` change sign.
+
+    A moment is drawn as an arc, a lateral force as the tip of an arrow.
+    """
     size, two_heads = ARROW * paper.inch, bool(values.min(initial=0.0) < 0.0 < values.max(initial=0.0))
     back = not two_heads and values.min(initial=0.0) < 0.0
     if load.direction == "turn":

@@ -1,4 +1,4 @@
-"""A boom in its true position: from the side, in the plane of luffing, and from above."""
+"""Figures of a boom in true position: from the side, in the plane of luffing, and from above."""
 
 from __future__ import annotations
 
@@ -38,29 +38,29 @@ from pmr.results import RunResult
 
 Array = NDArray[np.float64]
 
-#: Moments at which a boom is drawn, evenly along the way of its tip.
+#: Moments at which a boom is drawn, evenly along the path of its tip.
 MOMENTS = 4
-WAY = 600  # points of the way of a tip
-TALLEST, FLATTEST = 3.4, 1.0  # in, of axes on which a metre is a metre both ways
+WAY = 600  # points of the path of a tip
+TALLEST, FLATTEST = 3.4, 1.0  # in, height of axes of one scale
 LEFT, RIGHT, TOP, BOTTOM = 0.6, 0.16, 0.28, 0.42  # in
 GROUND = "#9aa5b1"
 RAISING: Mapping[str, Any] = {"color": MUTED, "linewidth": 1.6}  # of a luffing cylinder
-FAINT = 0.3  # share of its colour that a boom has at other moments than that of the largest stress
+FAINT = 0.3  # share of its colour with which a boom is drawn at moments other than that of the largest stress
 CLEAR = 0.06  # in, between a label and what is drawn
 
 
 def side(result: RunResult) -> Figure:
-    """The boom from the side at a few moments: its distance from the pivot in the plane of luffing, and its height."""
+    """Draw the boom from the side at a few moments: distance from the pivot in the plane of luffing, and height."""
     return _boom(result, "side", "Distance from the pivot in m", "Height over the pivot in m", ground=True)
 
 
 def plan(result: RunResult) -> Figure:
-    """Draw the boom from above."""
+    """Draw the boom from above at a few moments."""
     return _boom(result, "plan", "X in m", "Y in m")
 
 
 def tip(result: RunResult) -> Figure:
-    """How far the tip is from the pivot and how high, over time."""
+    """Draw the distance of the tip from the pivot, in the plane of luffing, and its height over time."""
     time, steps = Timeline(result), spread(len(result.responses["reduced"].t), WAY)
     figure, axes = sheet(HALF, 1.9)
     lines = list(zip(body_axes(result, steps)[-1].side[:, -1].T, ("distance", "height"), SECTIONS[1:], strict=False))
@@ -72,9 +72,9 @@ def tip(result: RunResult) -> Figure:
 
 
 def buckling(result: RunResult, over: str) -> Figure:
-    """The buckling factor over the ``reach`` or over the ``angle`` of luffing, along the way of this run."""
+    """Draw the buckling factor during the run, over the ``reach`` or over the ``angle`` of luffing."""
     over_way, frame, times = result.summary["buckling"]["over"], result.scene.frame, result.responses["reduced"].t
-    assert frame is not None  # of who has a factor
+    assert frame is not None  # only a boom in a frame has a factor
     t, factor = np.array(over_way["t"]), np.array([np.nan if value is None else value for value in over_way["factor"]])
     figure, axes = sheet(HALF, 2.0)
     ax: Axes = axes[0, 0]
@@ -95,7 +95,7 @@ def buckling(result: RunResult, over: str) -> Figure:
 
 
 def view_caption(result: RunResult, what: str) -> str:
-    """Below a view of the boom."""
+    """Caption of a view of the boom; `what` says from where it is seen."""
     steps, t, scale = moments(result), result.responses["reduced"].t, plain(exaggeration(result))
     when = f"at {len(steps)} moments" if len(steps) > 1 else f"at {float(t[steps[0]]):.3g}{SPACE}s"
     worst = largest_stress(result)
@@ -107,6 +107,10 @@ def view_caption(result: RunResult, what: str) -> str:
 
 
 def _boom(result: RunResult, view: str, across: str, up: str, ground: bool = False) -> Figure:
+    """Draw the boom in a `view`, ``side`` or ``plan``, at the steps of `moments`; `across` and `up` label the axes.
+
+    If `ground`, the ground and the luffing cylinder are drawn too.
+    """
     steps, t, scale = moments(result), result.responses["reduced"].t, exaggeration(result)
     bodies = body_axes(result, steps, scale)
     way = getattr(body_axes(result, spread(len(t), WAY), scale)[-1], view)[:, -1]
@@ -119,11 +123,11 @@ def _boom(result: RunResult, view: str, across: str, up: str, ground: bool = Fal
     key(figure, named, rows)
     ax.plot(*way.T, color=MUTED, linewidth=0.6, linestyle=(0, (4.0, 2.5)), zorder=1.5)
     moment = 0 if worst is None else int(np.argmax(steps == worst.step))
-    faint = [1.0 if worst is None or k == moment else FAINT for k in range(len(steps))]  # so the ring is of one
+    faint = [1.0 if worst is None or k == moment else FAINT for k in range(len(steps))]  # the ring is on one boom only
     for k, body in enumerate(bodies):
         width = 1.0 + 1.1 * (len(bodies) - 1 - k)
         for places, share in zip(getattr(body, view), faint, strict=True):
-            over = 2.0 + share / 10.0 - k / 1e3  # a section hides what is in it
+            over = 2.0 + share / 10.0 - k / 1e3  # a section is drawn over the sections in it
             colour = pale(colours[body.body], share)
             ax.plot(*places.T, color=colour, linewidth=width, solid_capstyle="butt", zorder=over)
     for places, share in zip(raising, faint, strict=False):
@@ -138,7 +142,7 @@ def _boom(result: RunResult, view: str, across: str, up: str, ground: bool = Fal
 
 
 def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:
-    """Luffing cylinder at some steps, each from its foot to its lug (2, 2) m; none where the scene has none."""
+    """Luffing cylinder at some time steps: foot and lug (2, 2) in m; empty if the scene has none."""
     frame, t = result.scene.frame, result.responses["reduced"].t
     if frame is None or frame.cylinder is None:
         return []
@@ -146,10 +150,10 @@ def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:
 
 
 def _labels(ax: Axes, axes: Array, t: Array, first: int) -> list[Array]:
-    """When the boom stands so, beyond the end of each axis (S, n, 2); returns the boxes of these labels.
+    """Write the time beside the end of each axis (S, n, 2) in m; return corners (2, 2) in inches of each label's box.
 
-    A label that would cover another is left out. The moment numbered `first`, that of the largest stress, has its label
-    in any case, and of the others the last one comes before those in between.
+    A label that would cover another is left out.  The moment numbered `first`, that of the largest stress, always has
+    one, and then the last moment comes before those in between.
     """
     boxes = list[Array]()
     for k in dict.fromkeys([first, len(t) - 1, *range(len(t))]):
@@ -168,7 +172,7 @@ def _labels(ax: Axes, axes: Array, t: Array, first: int) -> list[Array]:
 
 
 def _ring(ax: Axes, worst: Stressed, body: Axis, view: str, moment: int, labels: Sequence[Array]) -> None:
-    """Around the place of the largest stress; how large it is stands beside it, clear of all that is drawn."""
+    """Draw a ring around the point of the largest stress, and write its value beside it, clear of all that is drawn."""
     places = getattr(body, view)[moment]
     at = np.array([np.interp(worst.x, body.x, places[:, 0]), np.interp(worst.x, body.x, places[:, 1])])
     drawn = [_fine(_inches(ax, np.asarray(line.get_xydata()))) for line in ax.lines]
@@ -185,9 +189,10 @@ def _ring(ax: Axes, worst: Stressed, body: Axis, view: str, moment: int, labels:
 
 
 def _clear(at: Array, text: str, drawn: Array, low: Array, high: Array) -> Array:
-    """How far beside a place (2,) the middle of a text is clear of points `drawn` (P, 2), all in inches.
+    """Offset (2,) from a point to the middle of a text that is clear of the points `drawn` (P, 2); all in inches.
 
-    The nearest of such places between two corners, where there is one; else the clearest.
+    It is the shortest one tried that keeps the text between the corners `low` and `high` and `CLEAR` off all points; if
+    there is none, the one that keeps it farthest off.
     """
     turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
     clearest, best = np.zeros(2), -1.0
@@ -203,28 +208,31 @@ def _clear(at: Array, text: str, drawn: Array, low: Array, high: Array) -> Array
 
 
 def _inches(ax: Axes, places: Array) -> Array:
-    """Positions on the sheet, in inches, of places (..., 2) m."""
+    """Positions (..., 2) on the sheet in inches of points (..., 2) in m."""
     return np.asarray(ax.transData.transform(places)) / ax.figure.dpi
 
 
 def _fine(line: Array) -> Array:
-    """Points along a line (n, 2) in, no further from each other than half of what has to be clear."""
+    """Points along a polyline (n, 2) in inches, at most `CLEAR` / 2 from each other."""
     steps = np.maximum(np.ceil(np.linalg.norm(np.diff(line, axis=0), axis=1) / (CLEAR / 2.0)).astype(int), 1)
     pieces = [np.linspace(line[k], line[k + 1], count, endpoint=False) for k, count in enumerate(steps)]
     return np.concatenate([*pieces, line[-1:]])
 
 
 def _box(at: Array, text: str, across: str, up: str) -> Array:
-    """Left lower and right upper corner (2, 2) in of a text that stands so at a place (2,) in."""
+    """Lower left and upper right corner (2, 2) of a text at a point (2,), all in inches.
+
+    `across` and `up` are its alignments: ``left``, ``center`` or ``right``, and ``bottom`` or ``center``.
+    """
     size, share = np.array([LETTER * len(text), ROW]), {"left": 0.0, "bottom": 0.0, "center": 0.5, "right": 1.0}
     low = at - size * [share[across], share[up]]
     return np.stack([low, low + size])
 
 
 def _paper(drawn: Sequence[Array], across: str, up: str, rows: int) -> tuple[Axes, Figure]:
-    """Axes on which a metre is as long both ways, around all that is drawn and the pivot, labels beside it included.
+    """Make axes of one scale around points `drawn` (..., 2) in m, the pivot and labels; return axes and figure.
 
-    Above them is room for so many rows of a legend.
+    A legend of so many `rows` has room above them.
     """
     every = np.concatenate([*drawn, np.zeros((1, 2))])
     low, high = every.min(axis=0), every.max(axis=0)
@@ -246,10 +254,10 @@ def _paper(drawn: Sequence[Array], across: str, up: str, rows: int) -> tuple[Axe
 
 
 def moments(result: RunResult) -> NDArray[np.intp]:
-    """Steps at which the boom is drawn: evenly along the way of its tip, with both ends; one where it rests.
+    """Time steps at which the boom is drawn: evenly along the path of its tip, both ends included.
 
-    A boom at a constant angle stands at one moment alone, for shorter ones would lie on top of it. The moment of the
-    largest stress is among them, in place of the one next to it.
+    A tip at rest, and a boom at constant angles, have one step; the latter that of the largest extension, as shorter
+    ones would lie on top of it.  The step of the largest stress replaces the one nearest to it.
     """
     t, out, worst = result.responses["reduced"].t, _out(result), largest_stress(result)
     turned = turns(result, t)
@@ -267,7 +275,7 @@ def moments(result: RunResult) -> NDArray[np.intp]:
 
 @dataclass(frozen=True)
 class Stressed:
-    """Place and time of a boom's largest stress: a step, a body, and the distance from its tail in m."""
+    """Largest stress of a boom: time step, body, distance from the body's tail in m, and value."""
 
     step: int
     body: str
@@ -276,7 +284,7 @@ class Stressed:
 
 
 def largest_stress(result: RunResult) -> Stressed | None:
-    """The largest von Mises stress of the reduced model, where stresses were asked for."""
+    """Largest von Mises stress of the reduced model; None if no stresses were computed."""
     peak = result.summary.get("stress_peak", {}).get("reduced")
     if peak is None:
         return None
@@ -285,20 +293,20 @@ def largest_stress(result: RunResult) -> Stressed | None:
 
 
 def _out(result: RunResult) -> Array:
-    """How far the tip is along the boom, (T,) m."""
+    """Distance of the tip along the boom (T,) in m."""
     if result.reach is not None:
         return result.along_at(result.responses["reduced"].t)
     return np.full(len(result.responses["reduced"].t), length(result))
 
 
 def slews(result: RunResult) -> bool:
-    """Whether the boom is turned about the vertical, so that it is to be seen from above."""
+    """Whether the boom turns about the vertical during the run, so that a view from above shows its motion."""
     angle = result.summary.get("frame", {}).get("slewing", {"min": 0.0, "max": 0.0})
     return bool(angle["max"] > angle["min"])
 
 
 def in_space(result: RunResult, prefix: str) -> Block | None:
-    """The boom where it is, where its fields are played; nothing without a frame."""
+    """Build the block with the boom in true position, if the animation shows fields; else, or without a frame, None."""
     played = any(body.fields is not None for body in result.bodies.values())
     if result.scene.frame is None or not played or not lines(result, result.responses["reduced"]):
         return None
@@ -306,10 +314,10 @@ def in_space(result: RunResult, prefix: str) -> Block | None:
 
 
 def drawings(result: RunResult, prefix: str) -> tuple[tuple[Drawing, ...], ...]:
-    """The boom from above where it slews, its tip over time, and the buckling factor where there is one."""
+    """Draw the tip over time, the boom from above if it slews, and the buckling factor if it is known, row by row."""
     caption = "The tip over time: its distance from the pivot in the plane of luffing, and its height over the pivot."
     row = [drawing(f"{prefix}-tip-in-space", tip, caption, result)]
-    if slews(result):  # from the side it stands at the top of the page
+    if slews(result):  # the view from the side is at the top of the page
         row.insert(0, drawing(f"{prefix}-plan", plan, view_caption(result, "from above"), result))
     figures = [tuple(row)]
     if any(result.summary.get("buckling", {}).get("over", {}).get("factor", ())):

@@ -1,4 +1,4 @@
-"""The report of a study or a collection: reads what `pmr study` left in a folder and computes nothing."""
+"""Report of a study or a collection, from what `pmr study` left in a folder; nothing is computed for it."""
 
 from pmr.report.studies.document import write_report
 

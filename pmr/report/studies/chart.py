@@ -1,4 +1,4 @@
-"""The load chart: its picture, what governs, and loads in a table."""
+"""Chapter about a load chart: picture, limits, load cases, table of loads, and a page for each governing limit."""
 
 from __future__ import annotations
 
@@ -27,23 +27,26 @@ Array = NDArray[np.float64]
 
 #: Reaches and angles in the table, at most.
 ROWS, COLUMNS = 14, 7
-#: Arrays of error bars: the sum and its parts.
+#: Endings of the names of error bars' arrays: the sum, then its parts.
 PARTS = ("", *(f".{of}" for of in charting.PARTS))
-#: What stands in place of a load where no load up to the largest one reaches the limit.
+#: Text instead of a load if no load up to the largest one reaches the limit.
 NOT_REACHED = "limit not reached"
-#: Error bars in kg from which on they are shown beside a load.
+#: Error bar in kg above which it is shown beside a load.
 SHOWN = 0.5
 
 
 def content(study: FinishedStudy, prefix: str) -> Chapter:
-    """Chapter about a load chart: loads by place, and the limits that govern."""
+    """Build the chapter about a load chart; `prefix` is put before every identifier.
+
+    If no limit is reached anywhere, only the tables of limits and load cases are there.
+    """
     names = [*(str(limit["name"]) for limit in study.asked["limits"]), STABILITY]
     parts = [study.results.arrays(run.key) for run in study.results.runs]
     table = _least_over_slewing(study, parts)
     load = np.where(np.isnan(table["load"]), np.inf, table["load"])
     which = governing_limit(table["load"].reshape(-1, len(names))).reshape(load.shape[:2])
     least = np.where(which >= 0, load.min(axis=2), np.nan)
-    if not np.isfinite(least).any():  # the picture would be empty, and so would the tables of all places
+    if not np.isfinite(least).any():  # picture and table of loads would be empty
         limits, cases = Block("Limits", grids=(_limits(study, names),)), Block("Load cases", grids=(_cases(study),))
         return Chapter(anchor=prefix, title=study.title, headline=_headline(study, least), blocks=[limits, cases])
     error = np.where(which >= 0, np.take_along_axis(table["error"], np.maximum(which, 0)[..., None], 2)[..., 0], np.nan)
@@ -74,7 +77,11 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
 
 
 def _least_over_slewing(study: FinishedStudy, parts: Parts) -> Mapping[str, Array]:
-    """Places (E, A, 2), loads and errors (E, A, l), by reach; the least load of all slewing angles of each limit."""
+    """Arrays over E reaches in increasing order and A luffing angles: the least of all slewing angles.
+
+    They are ``load`` and ``error`` (E, A, l) in kg for l limits, NaN where a limit is not reached; ``place`` (E, A, 2)
+    in m; ``runs``, the run of each reach; and ``luffing``, the angles.  `parts` are the arrays of the runs.
+    """
     turns = len(study.asked["slewing"])
     table: dict[str, Any] = {}
     shaped = {n: np.array([p[n].reshape(-1, turns, p[n].shape[1]) for p in parts]) for n in ("load", "error", "place")}
@@ -93,6 +100,10 @@ def _least_over_slewing(study: FinishedStudy, parts: Parts) -> Mapping[str, Arra
 
 
 def _cell_text(study: FinishedStudy, table: Mapping[str, Any], chart: Chart, error: Array, number: int) -> str:
+    """Text under a pointer on the cell `number`, counted by reach, then angle: position, load, and load of each limit.
+
+    `error` (E, A) are error bars in kg.
+    """
     i, k = divmod(number, chart.load.shape[1])
     radius, height = chart.place[i, k]
     lines = [f"radius {radius:.2f} m, height {height:.2f} m"]
@@ -110,11 +121,12 @@ def _cell_text(study: FinishedStudy, table: Mapping[str, Any], chart: Chart, err
 
 
 def _kg(load: Any) -> str:
-    """Four digits, without a power of ten."""
+    """Format a load in kg with four digits, without a power of ten."""
     return f"{plain(float(f'{load:.4g}'))}{SPACE}kg"
 
 
 def _headline(study: FinishedStudy, least: Array) -> str:
+    """Sentence on the range of loads `least` (E, A) in kg, NaN where no limit is reached."""
     if not np.isfinite(least).any():
         hint = (
             ""
@@ -127,6 +139,7 @@ def _headline(study: FinishedStudy, least: Array) -> str:
 
 
 def _key_numbers(study: FinishedStudy, least: Array, error: Array) -> list[KeyNumber]:
+    """Key numbers: count of points, largest and least load, and if known the largest error bar and points in doubt."""
     count = len(study.asked["limits"]) + 1
     key_numbers = [KeyNumber(str(least.size), "points", f"{count} limit{'s' if count > 1 else ''}")]
     key_numbers.append(KeyNumber(_kg(np.nanmax(least)), "most"))
@@ -139,6 +152,7 @@ def _key_numbers(study: FinishedStudy, least: Array, error: Array) -> list[KeyNu
 
 
 def _paragraphs(study: FinishedStudy, parts: Parts) -> list[str]:
+    """Paragraphs on the equilibrium, the error bars and hoisting."""
     bars = (
         "Error bars are the sum of four parts: the reduction, from a richer reduced model; the mesh, from elements "
         "half as long; the structural model, from shells in place of beams; and what second order neglects where "
@@ -156,7 +170,7 @@ def _paragraphs(study: FinishedStudy, parts: Parts) -> list[str]:
 
 
 def _hoisting_sentences(study: FinishedStudy) -> list[str]:
-    """By how much more than its weight a load pulls that is lifted off the ground; nothing where that is not asked."""
+    """List of a sentence on how many times its weight a load pulls while it is hoisted off the ground; may be empty."""
     hoist, figures = study.asked.get("hoist"), study.figures
     if not hoist or "hoist.most" not in figures:
         return []
@@ -171,6 +185,7 @@ def _hoisting_sentences(study: FinishedStudy) -> list[str]:
 
 
 def _limits(study: FinishedStudy, names: list[str]) -> Grid:
+    """Build the table of limits: amount, factor, and the numbers of points at which each governs or is not reached."""
     limits = {str(limit["name"]): limit for limit in study.asked["limits"]}
     rows = []
     for name in names:
@@ -188,7 +203,10 @@ def _limits(study: FinishedStudy, names: list[str]) -> Grid:
 
 
 def _bars(study: FinishedStudy, names: list[str], parts: Parts) -> list[Grid]:
-    """Parts of the error bars; nothing without bars."""
+    """List of a table with the error bars of each limit and their parts, as shares of the load.
+
+    It is empty if no error bars were asked for.
+    """
     if not study.asked["error_bars"]:
         return []
     load = np.concatenate([part["load"] for part in parts])
@@ -202,14 +220,17 @@ def _bars(study: FinishedStudy, names: list[str], parts: Parts) -> list[Grid]:
 
 
 def _most(shares: Array) -> tuple[str, ...]:
+    """Cell with the largest share; if there are no shares, cells that fill the row and say the limit is not reached."""
     return (_per_cent(shares.max()),) if len(shares) else (NOT_REACHED, *["–"] * len(PARTS))
 
 
 def _per_cent(share: Any) -> str:
+    """Format a share in per cent; NaN is ``not known``."""
     return "not known" if np.isnan(share) else f"{rounded(100.0 * share)}{SPACE}%" if share >= 1e-5 else "0"
 
 
 def _cases(study: FinishedStudy) -> Grid:
+    """Build the table of load cases: factors of weight and load, wind, loads of the scene, and the verdict."""
     rows = []
     for content in study.asked["cases"]:
         case = LoadCase.model_validate(content)
@@ -240,7 +261,7 @@ def _cases(study: FinishedStudy) -> Grid:
 
 
 def _amount(limit: Mapping[str, Any], amount: float | None) -> str:
-    """Amount of a limit with its unit."""
+    """Format the amount of a limit with its unit; None is a dash."""
     if amount is None:
         return "–"
     unit = "Pa" if limit.get("area") else KINDS[str(limit["of"])].unit
@@ -250,11 +271,12 @@ def _amount(limit: Mapping[str, Any], amount: float | None) -> str:
 
 
 def _loads(chart: Chart, error: Array, luffing: Any) -> Grid:
-    """Loads over reach and angle."""
+    """Build the table of loads over at most `ROWS` reaches and `COLUMNS` luffing angles."""
     E, A = chart.load.shape
     rows, columns = spread(E, ROWS), spread(A, COLUMNS)
 
     def cell(i: int, k: int) -> str:
+        """Load of reach number `i` and angle number `k` in kg, with its error bar."""
         if chart.which[i, k] < 0:
             return NOT_REACHED
         bar = f" ± {error[i, k]:.0f}" if error[i, k] >= SHOWN else ""
@@ -268,12 +290,15 @@ def _loads(chart: Chart, error: Array, luffing: Any) -> Grid:
 
 #: Arrays of a study's runs, one after the other.
 Parts = Sequence[Mapping[str, NDArray[Any]]]
-#: Share of the largest below which a force or displacement is round-off.
+#: Share of the largest value below which a force or displacement is round-off.
 ROUND_OFF = 1e-9
 
 
 def pages(study: FinishedStudy, names: list[str], arrays: Parts, prefix: str) -> Iterator[Block]:
-    """A block for each limit that governs under some load, with a page of its own on paper."""
+    """Yield a block for each limit that governs anywhere: the point at which it governs under the largest load.
+
+    Each begins a new page on paper.
+    """
     for n in range(len(names)):
         best = [(float(a["load"][k, n]) if (k := int(a["at.place"][n])) >= 0 else -1.0) for a in arrays]
         row = int(np.argmax(best))
@@ -284,6 +309,7 @@ def pages(study: FinishedStudy, names: list[str], arrays: Parts, prefix: str) ->
 def _page(
     study: FinishedStudy, names: list[str], n: int, row: int, arrays: Mapping[str, NDArray[Any]], anchor: str
 ) -> Block:
+    """Build the block about the largest load that limit number `n` governs, in run number `row` with these arrays."""
     k = int(arrays["at.place"][n])
     load, error = float(arrays["load"][k, n]), float(arrays["error"][k, n])
     out = {p.removeprefix("extension."): float(v) for p, v in study.results.runs[row].parameters.items() if v}
@@ -317,7 +343,11 @@ def _page(
 
 
 def _stops(study: FinishedStudy, limit: str, stops: Array) -> Iterator[str]:
-    """Sentences on how it stops turning there."""
+    """Yield a sentence for each stop of the study that is known at this point: how far the tip swings then.
+
+    Each row of `stops` has: how many times as far the tip swings as a steady deceleration moves it (NaN if not known);
+    the use of the limit at rest, under the steady deceleration, and at most; and the speed in rad/s.
+    """
     for stop, (factor, at_rest_share, steady, most, speed) in zip(study.asked["stops"], stops.tolist(), strict=True):
         if np.isnan(factor):
             continue
@@ -334,7 +364,7 @@ def _stops(study: FinishedStudy, limit: str, stops: Array) -> Iterator[str]:
 
 
 def _tables(names: list[str], n: int, arrays: Mapping[str, NDArray[Any]], sections: tuple[str, ...]) -> list[Table]:
-    """Shares of limits, stresses and displacements beside the forces."""
+    """Build tables of the use of each limit, stresses of probes, displacements of the sections' tips, and forces."""
     used = zip(names, arrays["at.used"][n], strict=True)
     tables = [Table("Used of each limit", tuple((name, f"{100.0 * share:.3g}{SPACE}%") for name, share in used))]
     if len(stress := arrays["at.stress"][n]):
@@ -354,5 +384,5 @@ def _tables(names: list[str], n: int, arrays: Mapping[str, NDArray[Any]], sectio
 
 
 def _zero_round_off(values: Array) -> Array:
-    """Replace what is round-off beside the largest value by zero."""
+    """Replace values below the share `ROUND_OFF` of the largest one by 0."""
     return np.where(np.abs(values) < ROUND_OFF * np.abs(values).max(initial=0.0), 0.0, values)

@@ -1,4 +1,4 @@
-"""Convergence with the mesh."""
+"""Chapter about a study of convergence with the mesh."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from pmr.report.studies.finished import FinishedStudy
 from pmr.studies.tasks import number
 
 APPROACHES = {"ancf": "ANCF cable", "full": "full model"}
-_NUMBERS = {"full": 0, "ancf": 2}  # of the colours
+_NUMBERS = {"full": 0, "ancf": 2}  # of the colours in SERIES
 
 
 def content(study: FinishedStudy, prefix: str) -> Chapter:
-    """The errors over the number of coordinates."""
+    """Build the chapter about the error over the number of coordinates; `prefix` is put before every identifier."""
     approaches = {name: label for name, label in APPROACHES.items() if study.runs(approach=name)}
     chosen = {name: study.figures.get(f"chosen.{name}") for name in approaches}
     caption = (
@@ -47,7 +47,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
 
 
 def errors(study: FinishedStudy) -> Figure:
-    """e_abs over coordinates, both logarithmic."""
+    """Draw the absolute error of the tip over the number of coordinates, both on logarithmic axes."""
     figure, axes = sheet(WIDE, 2.9)
     ax = axes[0, 0]
     handles, every = [], []

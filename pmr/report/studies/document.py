@@ -1,4 +1,4 @@
-"""The report of studies: one self-contained HTML page and the same as PDF."""
+"""Write the report of studies: one self-contained HTML page and the same as PDF."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ CHAPTERS = {"chart": chart, "convergence": convergence, "trade": trade}
 
 
 def write_report(folder: Path) -> ReportFiles:
-    """Write report.html and report.pdf of what `pmr study` left in `folder`, into it."""
+    """Write report.html and report.pdf of the study or collection in `folder` into it, and return their paths."""
     return write(page(folder), folder)
 
 
 def page(folder: Path) -> str:
-    """The report as HTML: it holds its figures, fonts and styles, and asks for nothing from outside.
+    """Render the report of the study or collection in `folder` as HTML.
 
-    The same results give the same page, byte by byte.
+    It holds its figures, fonts and styles, and loads nothing from outside.  Equal results give equal pages, byte by
+    byte.
     """
     summary, studies = studies_in(folder)
     chapters = [chapter(study, f"study-{number}") for number, study in enumerate(studies, start=1)]
@@ -37,6 +38,7 @@ def page(folder: Path) -> str:
 
 
 def _provenance(summary: Mapping[str, Any], studies: Sequence[FinishedStudy]) -> Chapter:
+    """Build the chapter with the number and time of all runs, the machine and the software."""
     rows = [(name, str(value)) for name, value in summary["machine"].items()]
     if summary.get("date"):
         rows.append(("date", str(summary["date"])))
@@ -56,7 +58,7 @@ def _provenance(summary: Mapping[str, Any], studies: Sequence[FinishedStudy]) ->
 
 
 def chapter(study: FinishedStudy, anchor: str) -> Chapter:
-    """Chapter about one study; while a run is missing, about the runs that are there."""
+    """Build the chapter about a study; if a run has no result yet, about the runs that have one."""
     content = (runs if study.unfinished else CHAPTERS.get(study.kind, runs)).content(study, anchor)
     hints = [f"{text[:1].upper()}{text[1:]}" for text in study.summary.get("hints", ())]
     content = replace(content, warnings=[*hints, *content.warnings])

@@ -1,4 +1,4 @@
-"""A finished study as a report reads it: its table, its figures, and what is published of them."""
+"""Read a finished study for its report: tables of its runs, its values, and the published ones."""
 
 from __future__ import annotations
 
@@ -23,10 +23,11 @@ class FinishedStudy:
     Attributes
     ----------
     name : str
-        Of its folder; what its part of the report is called in links.
+        Of the folder; also of the study's chapter in links.
     summary : mapping
         summary.json without the runs.
     results : StudyResults
+        The runs and their arrays.
     """
 
     name: str
@@ -41,10 +42,12 @@ class FinishedStudy:
 
     @property
     def kind(self) -> str:
+        """Kind of the study, such as ``chart``."""
         return str(self.summary["kind"])
 
     @property
     def title(self) -> str:
+        """Title of the study."""
         return str(self.summary["title"])
 
     @property
@@ -54,16 +57,17 @@ class FinishedStudy:
 
     @property
     def asked(self) -> Mapping[str, Any]:
-        """Keys of the study file, but for names of files."""
+        """Content of the study file, without names of files."""
         return dict(self.summary["asked"])
 
     @property
     def figures(self) -> Mapping[str, Scalar]:
-        """Figures of all runs together; empty while one of them is missing."""
+        """Values that are computed from all runs together, by name; empty while a run has no result."""
         return dict(self.summary["figures"])
 
     @property
     def published(self) -> list[Statement]:
+        """Published statements that the study file compares values with."""
         return [Statement.model_validate(entry) for entry in self.summary["published"]]
 
     @property
@@ -72,16 +76,16 @@ class FinishedStudy:
         return [run for run in self.results.runs if run.status != "done"]
 
     def figure(self, name: str) -> float:
-        """A figure that is a number."""
+        """Return the value of this name, which has to be a number."""
         return number(self.figures[name])
 
     def runs(self, **parameters: Scalar) -> list[RunRecord]:
-        """The runs with these parameters."""
+        """Return the runs whose parameters have these values."""
         return [run for run in self.results.runs if parameters.items() <= dict(run.parameters).items()]
 
 
 def studies_in(folder: Path) -> tuple[Mapping[str, Any], list[FinishedStudy]]:
-    """Summary of a folder, and its studies: one, or those of a collection."""
+    """Read a folder: its summary, and its studies, which are one or those of a collection."""
     summary = json.loads((folder / "summary.json").read_text())
     if "studies" in summary:
         return summary, [FinishedStudy.load(folder / name) for name in summary["studies"]]
@@ -89,7 +93,7 @@ def studies_in(folder: Path) -> tuple[Mapping[str, Any], list[FinishedStudy]]:
 
 
 class Compared(Protocol):
-    """Figures of a study or an experiment, and what is published of them."""
+    """Values of a study or an experiment, with what is published about them."""
 
     @property
     def figures(self) -> Mapping[str, Scalar]: ...
@@ -100,7 +104,7 @@ class Compared(Protocol):
 
 
 def comparison(study: Compared) -> ErrorTable:
-    """Table of published statements beside the study's figures, without those whose figure the study does not have."""
+    """Build the table of published statements beside the study's values; statements on values it lacks are left out."""
     rows, reasons = [], list[str]()
     for statement in study.published:
         figure = study.figures.get(statement.figure)
@@ -114,7 +118,7 @@ def comparison(study: Compared) -> ErrorTable:
 
 
 def format_figure(value: Scalar, kind: str) -> str:
-    """A figure as its quantity is printed."""
+    """Format a value by the kind of its quantity (``ratio``, ``share``, ``length``, ``energy`` or ``seconds``)."""
     if isinstance(value, str):
         return combination(value)
     if kind == "ratio":
@@ -124,12 +128,13 @@ def format_figure(value: Scalar, kind: str) -> str:
 
 
 def combination(key: str) -> str:
-    """``"5x6"`` as (5,6); other texts as they are."""
+    """Format ``"5x6"`` as (5,6); other texts are returned unchanged."""
     first, _, second = key.partition("x")
     return f"({first},{second})" if first.isdigit() and second.isdigit() else key
 
 
 def _row(statement: Statement, figure: Scalar) -> Row:
+    """Build the row of a published statement and the study's value."""
     shown = format_figure(figure, statement.quantity)
     if statement.value is None:
         return Row(statement.text, "", shown, statement.words or None)
@@ -139,6 +144,10 @@ def _row(statement: Statement, figure: Scalar) -> Row:
 
 
 def _verdict(statement: Statement, figure: Scalar) -> tuple[Mark, str | None]:
+    """Verdict on a value beside the published one, and its relative deviation as text.
+
+    The deviation is None if either is a text, or if the value rounds to the published one.
+    """
     if isinstance(statement.value, str) or isinstance(figure, str):
         return (SAME if figure == statement.value else DIFFERENT), None
     published, value = number(statement.value), number(figure)
@@ -148,5 +157,5 @@ def _verdict(statement: Statement, figure: Scalar) -> tuple[Mark, str | None]:
 
 
 def _decimals(value: float) -> int:
-    """Decimals to which a figure is stated."""
+    """Number of decimals to which a value is stated."""
     return max(-int(Decimal(repr(value)).normalize().as_tuple().exponent), 0)

@@ -1,4 +1,4 @@
-"""What the runs of a study say, whatever was varied: errors and sizes over it, and every figure in tables."""
+"""Chapter about the runs of a study: errors and other values over what was varied, and tables of all values."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ from pmr.studies.tasks import number
 
 MOST_ROWS, MOST_COLUMNS, MOST_GRIDS, MOST_VALUES, MOST_PANELS = 60, 7, 3, 8, 4
 COORDINATES = "reduction.coordinates"
-#: What is drawn, if the runs have it: the first one that they have is what accuracy is judged by.
+#: Errors, the most telling first: the first one that the runs have is drawn and is the one of the headline.
 ERRORS = ("errors.reduced_vs_full.beam", "errors.reduced_vs_ancf.beam", "errors.full_vs_ancf.beam")
 BESIDE = ("errors.reduced_vs_full.tip", "max_displacement", "max_error", "largest_force", "frequencies.s_min.1")
-#: Share of a size by which it has to differ for a curve.
+#: Share of its largest value by which a value has to differ between runs to be drawn.
 VISIBLE = 0.01
 #: Sections of a scene whose keys decide how long a simulation takes.
 COSTLY = ("reduction", "mesh", "time", "simulation", "body", "scene", "case")
 
 
 def content(study: FinishedStudy, prefix: str) -> Chapter:
-    """Headline, figures where something was varied by number, and tables of all runs."""
+    """Build the chapter about the runs of a study; `prefix` is put before every identifier."""
     runs = study.results.runs
     done = [run for run in runs if run.status == "done"]
     error = next((name for name in ERRORS if runs_with(done, name)), None)
@@ -56,7 +56,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
         headline=_headline(len(runs), done, error),
         key_numbers=list(_key_numbers(done, error)),
         blocks=[
-            *([glance] if glance is not None else ()),  # what the machine bears, before how well that is known
+            *([glance] if glance is not None else ()),  # largest values come before errors
             *_figures(done, error, prefix),
             Block("Runs", grids=tuple(_grids(runs))),
             *tables.blocks(runs),
@@ -65,7 +65,10 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
 
 
 def _opening_sentence(runs: Sequence[RunRecord]) -> str:
-    """How many runs, and over what, with the values of what takes few."""
+    """Sentence on the number of runs and on the parameters that vary, with the values of those that have few.
+
+    It is empty if nothing varies.
+    """
     parts = []
     for key in dict.fromkeys(key for run in runs for key in run.parameters):
         values = list(dict.fromkeys(value_words(run.parameters.get(key)) for run in runs))
@@ -79,6 +82,10 @@ def _opening_sentence(runs: Sequence[RunRecord]) -> str:
 
 
 def _headline(count: int, done: Sequence[RunRecord], error: str | None) -> str:
+    """Sentence on the range of the values called `error`, and on runs without a result.
+
+    `count` is the number of all runs, `done` are those with a result.
+    """
     finished_text = f"{len(done)} of {count} runs are there." if len(done) < count or error is None else ""
     if error is None:
         return finished_text
@@ -93,7 +100,7 @@ def _headline(count: int, done: Sequence[RunRecord], error: str | None) -> str:
 
 
 def _key_numbers(done: Sequence[RunRecord], error: str | None) -> Iterator[KeyNumber]:
-    """Errors at most and at best, what is largest of all."""
+    """Yield the largest error, difference, displacement and force of all runs, and the fastest simulation."""
     for name in (error, "max_error", "max_displacement", "largest_force"):
         if name is None or not (runs_with_figure := runs_with(done, name)):
             continue
@@ -113,12 +120,15 @@ def _key_numbers(done: Sequence[RunRecord], error: str | None) -> Iterator[KeyNu
 
 
 def _cost_differs(runs: Sequence[RunRecord]) -> bool:
-    """Whether anything was varied on which the time of a simulation depends; that of a load is chance."""
+    """Whether a parameter varies on which the time of a simulation depends; without one, times differ by chance."""
     return any(key.partition(".")[0].partition("[")[0] in COSTLY for run in runs for key in run.parameters)
 
 
 def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Iterator[Block]:
-    """Errors and sizes over the parameter that has the most numbers, and over the seconds that simulations take."""
+    """Yield a block of figures: values over the varied parameter, and the error over the time of a simulation.
+
+    Nothing is yielded unless a parameter has several numbers.
+    """
     over = varied_parameter(done)
     if over is None:
         return
@@ -129,7 +139,7 @@ def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Itera
         other_parameters = {key_words(key) for key in done[0].parameters if key != over}
         apart = f", a curve for each {' and '.join(sorted(other_parameters))}" if other_parameters else ""
         caption = f"What was found over the {key_words(over)}{apart}."
-        for k in range(0, len(shown), MOST_PANELS):  # more of them would leave a page empty
+        for k in range(0, len(shown), MOST_PANELS):  # more panels would not fit on one page
             name, panels = f"{prefix}-varied{k // MOST_PANELS or ''}", shown[k : k + MOST_PANELS]
             drawn.append((drawing(name, over_parameter, caption, done, over, panels),))
     timed = [run for run in done if run.seconds.get(TIME)]
@@ -142,13 +152,16 @@ def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Itera
 
 
 def _is_visible(runs: Sequence[RunRecord], name: str) -> bool:
-    """Whether a curve shows that a figure differs: errors are drawn by their powers of ten."""
+    """Whether a value differs enough between runs for a curve to show it; errors always do, on a logarithmic axis."""
     values = [value_of(run, name) for run in runs_with(runs, name)]
     return name.startswith(("errors", "max_error")) or max(values) - min(values) > VISIBLE * max(map(abs, values))
 
 
 def varied_parameter(done: Sequence[RunRecord]) -> str | None:
-    """The parameter over which figures are drawn: coordinates, or else the one that takes the most numbers."""
+    """Parameter over which values are drawn: the number of coordinates, or else the one with the most numbers.
+
+    It is None if no parameter has several numbers.
+    """
     counts = {
         key: len({number_of(run.parameters[key]) for run in done})
         for key in (done[0].parameters if done else ())
@@ -161,10 +174,11 @@ def varied_parameter(done: Sequence[RunRecord]) -> str | None:
 
 
 def overview(runs: Sequence[RunRecord], columns: int, rows: int) -> Grid:
-    """Parameters, error and forces of each run, for a terminal on which so many columns and rows fit.
+    """Build a table of runs for a terminal that has room for so many columns and rows.
 
-    A column for each of a few runs, else a row; then of more figures than fit those stay in which runs differ.  A kind
-    of study that has none of these shows its own figures.
+    It shows parameters, the error and the largest values of each run, or, for a study that has none of these, its own
+    values.  If all runs fit, each has a column.  Else each has a row, and if not all values fit, those that differ come
+    first.
     """
     heads, error = _varied_keys(runs), next((name for name in ERRORS if runs_with(runs, name)), None)
     cells_by_name = {quantity_of(error).label: [_cell(run, error) for run in runs]} if error else {}
@@ -183,20 +197,26 @@ def overview(runs: Sequence[RunRecord], columns: int, rows: int) -> Grid:
 
 
 def _varied_keys(runs: Sequence[RunRecord]) -> list[str]:
+    """Parameters that vary between runs; if none does, the first parameter."""
     parameters = list(dict.fromkeys(key for run in runs for key in run.parameters))
     return [key for key in parameters if len({run.parameters.get(key) for run in runs}) > 1] or parameters[:1]
 
 
 def _headings(keys: Sequence[str]) -> tuple[str, ...]:
+    """Column headings of these parameters; ``run`` if there are none."""
     return tuple(map(heading, keys)) or ("run",)
 
 
 def _names(run: RunRecord, keys: Sequence[str]) -> list[str]:
+    """Cells with the values of these parameters in a run; the key of the run if there are none."""
     return [value_words(run.parameters.get(key)) for key in keys] or [run.key]
 
 
 def _grids(runs: Sequence[RunRecord]) -> Iterator[Grid]:
-    """Parameters and figures of all runs, as many columns as fit on a page; what all have alike is said once."""
+    """Yield tables of the values of all runs, with as many columns as fit on a page.
+
+    Values that are equal in all runs are named in the first caption only.
+    """
     parameters = list(dict.fromkeys(key for run in runs for key in run.parameters))
     heads = _varied_keys(runs)
     cells_by_name = {name: [_cell(run, name) for run in runs] for name in _columns(runs)}
@@ -217,28 +237,32 @@ def _grids(runs: Sequence[RunRecord]) -> Iterator[Grid]:
 
 
 def _columns(runs: Sequence[RunRecord]) -> list[str]:
-    """Figures of the runs and seconds of their simulations."""
+    """Names of the runs' values and of the times of their simulations, without values that have their own tables."""
     figures = (name for run in runs for name in run.figures if not name.startswith(tables.ROOMS))
     seconds = (name for run in runs for name in run.seconds if name.startswith("simulate.") and _cost_differs(runs))
     return list(dict.fromkeys([*figures, *seconds]))
 
 
 def _doubles(runs: Sequence[RunRecord], name: str, parameters: Sequence[str]) -> bool:
-    """Whether a figure is what was asked for: so many coordinates."""
+    """Whether a value equals a parameter in all runs, such as a number of coordinates."""
     values = [run.figures.get(name) for run in runs]
     return any(values == [run.parameters.get(key) for run in runs] for key in parameters)
 
 
 def _cell(run: RunRecord, name: str) -> str:
+    """Format a value, or the time, of this name in a run."""
     return quantity_of(name).cell(run.seconds[name] if name in run.seconds else run.figures.get(name))
 
 
-MOST_CURVES = 15  # that are named
-LOGARITHMIC = 5.0  # times as large as the least: from there on errors are drawn by their powers of ten
+MOST_CURVES = 15  # curves in a legend, at most
+LOGARITHMIC = 5.0  # largest over least error above which the axis is logarithmic
 
 
 def over_parameter(done: Sequence[RunRecord], over: str, names: Sequence[str]) -> Figure:
-    """A panel for each of the figures `names`, over a parameter; runs that differ in nothing else make a curve."""
+    """Draw values over the parameter `over`, a panel for each of `names`.
+
+    Runs that differ in no other parameter are joined by a curve.
+    """
     rows, columns = -(-len(names) // 2), min(len(names), 2)
     gaps = {"wspace": 0.28, "hspace": 0.42}
     figure, axes = sheet(WIDE, 0.7 + 1.75 * rows, rows, columns, _room(done, over), gridspec_kw=gaps)
@@ -257,7 +281,7 @@ def over_parameter(done: Sequence[RunRecord], over: str, names: Sequence[str]) -
 
 
 def over_seconds(done: Sequence[RunRecord], over: str, error: str) -> Figure:
-    """An error over the seconds of a simulation."""
+    """Draw an error over the time of a simulation in ms."""
     figure, axes = sheet(WIDE, 2.5, margins=_room(done, over))
     ax, times = axes[0, 0], {run.key: 1e3 * run.seconds[TIME] for run in done}
     for look, group in _curves(done, over):
@@ -271,7 +295,7 @@ def over_seconds(done: Sequence[RunRecord], over: str, error: str) -> Figure:
 
 
 def _curves(done: Sequence[RunRecord], over: str) -> list[tuple[dict[str, Any], list[RunRecord]]]:
-    """Runs that differ in nothing but the parameter `over`, and how they are drawn."""
+    """Group runs that differ in the parameter `over` only, with keywords for `Axes.plot` of each group."""
     groups: dict[str, list[RunRecord]] = {}
     for run in done:
         groups.setdefault(run_name(run, over) if len(run.parameters) > 1 else "", []).append(run)
@@ -279,13 +303,19 @@ def _curves(done: Sequence[RunRecord], over: str) -> list[tuple[dict[str, Any], 
 
 
 def _points(group: Sequence[RunRecord], name: str, places: Mapping[str, float]) -> tuple[list[float], list[float]]:
-    """Values of a figure in the unit of its axis, in the order of their places."""
+    """Coordinates of the points of a curve, in increasing order of x.
+
+    `places` maps keys of runs to x; y is the value called `name` in the unit of its quantity.
+    """
     points = sorted((places[run.key], value_of(run, name) / quantity_of(name).size) for run in runs_with(group, name))
     return [x for x, _ in points], [y for _, y in points]
 
 
 def _value_axis(ax: Axes, name: str) -> None:
-    """Errors on a logarithmic axis, sizes on one that shows how far they differ."""
+    """Set up the y-axis for values of this name: logarithmic for errors that differ much, else linear from 0.
+
+    The curves that are drawn already are scaled to the unit of the axis.
+    """
     what, values = quantity_of(name), np.concatenate([curve.get_ydata() for curve in ax.lines])
     largest, positive = float(np.abs(values).max()), values[values > 0.0]
     unit = unit_for(largest, what.unit) if what.unit != "%" else Unit(1.0, "%")
@@ -300,12 +330,12 @@ def _value_axis(ax: Axes, name: str) -> None:
 
 
 def _room(done: Sequence[RunRecord], over: str) -> dict[str, float]:
-    """Room of the legend above the axes, in inches."""
+    """Margin above the axes in inches that the legend needs."""
     return {"top": 0.16 + 0.15 * min(-(-len(_curves(done, over)) // 3), MOST_CURVES // 3)}
 
 
 def _legend(figure: Figure, done: Sequence[RunRecord], over: str) -> None:
-    """Curves by what distinguishes them, three in a row; a single one needs no name."""
+    """Add a legend of the curves, three in a row; none for a single curve."""
     looks = [look for look, _ in _curves(done, over)][:MOST_CURVES]
     if len(looks) > 1:
         handles = [Line2D([], [], **look) for look in looks]

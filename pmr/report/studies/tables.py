@@ -1,4 +1,4 @@
-"""Forces, frequencies and probes of a few runs side by side: a row for each, a column for each run."""
+"""Tables of forces, frequencies and probes of a few runs: a row for each quantity, a column for each run."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ _PLACES = {
     "beam": "along the beam",
     "pad_force": "of the forces",
 }
-#: Places of the path by the names that figures give them.
+#: Words for positions on the path, by their names in values' names.
 PLACES = {"s_min": "s least", "s_middle": "s midway", "s_max": "s largest"}
 _AGAINST = {"full": "", "ancf": " against ANCF"}
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """Label and unit of a figure of a run; ``%`` is the unit of a share, ``–`` that of a plain number."""
+    """Label and unit of a value of a run; ``%`` is the unit of a fraction, ``–`` that of a plain number."""
 
     label: str
     unit: str = "–"
-    missing: bool = False  # whether what a share lacks to be 1 is printed
+    missing: bool = False  # whether 1 minus the value is printed
 
     @property
     def size(self) -> float:
-        """Value of one unit on an axis."""
+        """Value of one unit on the axis of a figure."""
         return 0.01 if self.unit == "%" else 1.0
 
     def cell(self, value: Scalar) -> str:
-        """A value in a table."""
+        """Format a value for a table; None is a dash."""
         if value is None:
             return "–"
         if isinstance(value, bool | str):
@@ -54,7 +54,7 @@ class Quantity:
 
 
 def key_words(key: str) -> str:
-    """A key of a scene in words: ``mesh.boundary_size`` as boundary size."""
+    """Name a key of a scene in words: ``boundary size`` for ``mesh.boundary_size``."""
     section, _, last = key.rpartition(".")
     words = last.replace("_", " ")
     return (
@@ -63,7 +63,7 @@ def key_words(key: str) -> str:
 
 
 def value_words(value: Scalar) -> str:
-    """A value that was chosen, in words."""
+    """Name the value of a parameter in words."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if value in MODELS:
@@ -72,11 +72,11 @@ def value_words(value: Scalar) -> str:
 
 
 def unit_of(key: str) -> str:
-    """Unit of a scene's key, as the scene declares it; empty for a plain number, a word, or what is no such key."""
+    """Unit of a key of a scene, as the scene declares it; empty for a pure number, a text or an unknown key."""
     section: type[BaseModel] = Part if re.match(r"sections?\b", key) else BodyFile
     *path, last = key.split(".")
     for part in path:
-        inside = section.model_fields.get(part.partition("[")[0])  # what is no key names an entry of a list
+        inside = section.model_fields.get(part.partition("[")[0])  # a name that is no key is that of an entry of a list
         if inside is not None:
             section = next(_sections(inside.annotation), section)
     quantity = quantity_in(section, last) if last in section.model_fields else None
@@ -84,7 +84,7 @@ def unit_of(key: str) -> str:
 
 
 def _sections(annotation: Any) -> Iterator[type[BaseModel]]:
-    """Sections that a field may hold."""
+    """Yield the classes of sections that the annotation of a field allows."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for part in get_args(annotation):
@@ -92,13 +92,13 @@ def _sections(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def heading(key: str) -> str:
-    """A key as it heads a column."""
+    """Column heading of a parameter, with its unit."""
     unit = unit_of(key)
     return f"{key_words(key)} in {unit}" if unit else key_words(key)
 
 
 def run_name(run: RunRecord, left_out: str = "") -> str:
-    """A run by what distinguishes it, but for one of its parameters."""
+    """Name a run by the values of its parameters, without the parameter `left_out`."""
     words = []
     for key, value in run.parameters.items():
         unit = unit_of(key)
@@ -114,7 +114,7 @@ def run_name(run: RunRecord, left_out: str = "") -> str:
 
 
 def quantity_of(name: str) -> Quantity:
-    """Quantity of a figure of a run."""
+    """Label and unit of the value with this name."""
     parts = name.split(".", 2) if name.startswith("errors.") else name.split(".")
     if parts[0] == "errors" and len(parts) == 3:
         model, _, other = parts[1].partition("_vs_")
@@ -143,32 +143,32 @@ def quantity_of(name: str) -> Quantity:
 
 
 def runs_with(runs: Iterable[RunRecord], name: str) -> list[RunRecord]:
-    """Runs in which a figure is a number."""
+    """Runs in which the value of this name is a number."""
     return [run for run in runs if number_of(run.figures.get(name)) is not None]
 
 
 def differs(runs: Iterable[RunRecord], name: str) -> bool:
-    """Whether a figure is known of several runs and not the same in all of them."""
+    """Whether the printed value of this name differs between runs that have it."""
     return len({quantity_of(name).cell(run.figures[name]) for run in runs_with(runs, name)}) > 1
 
 
 def value_of(run: RunRecord, name: str) -> float:
-    """A figure that is a number."""
+    """Return the value of this name in a run, which has to be a number."""
     return number(run.figures[name])
 
 
 def number_of(value: Scalar) -> float | None:
-    """A value, if it is a number."""
+    """Value as a number; None if it is none, or a truth value or a text."""
     return None if value is None or isinstance(value, bool | str) else float(value)
 
 
 def list_words(words: Iterable[str]) -> str:
-    """``a, b and c``."""
+    """Join words as ``a, b and c``."""
     *most, last = words
     return f"{', '.join(most)} and {last}" if most else last
 
 
-#: Rows at a glance: the names of the figures that each is the largest of, in either direction, and its unit.
+#: Rows at a glance: each is the largest amount of the values whose names match a pattern, in a unit.
 ROWS = {
     "mass": (r"mass", "kg"),
     "largest displacement": (r"max_displacement", "m"),
@@ -183,7 +183,7 @@ ROWS = {
 
 
 def at_a_glance(runs: Sequence[RunRecord]) -> Block | None:
-    """A row for each quantity that any of the runs has, with its unit; None where that is but one."""
+    """Build the block with the largest values of all runs; None if there are fewer than two quantities."""
     rows = [(word, *cells) for word, cells in largest_values(runs).items()]
     if len(rows) < 2:
         return None
@@ -192,7 +192,7 @@ def at_a_glance(runs: Sequence[RunRecord]) -> Block | None:
 
 
 def largest_values(runs: Sequence[RunRecord]) -> dict[str, list[str]]:
-    """For each quantity that any of the runs has the value of every run."""
+    """Cells of every run for each quantity in `ROWS` that any of the runs has."""
     cells = {}
     for word, (names, unit) in ROWS.items():
         values = [_extreme(run, names, min if word.startswith("lowest") else max) for run in runs]
@@ -202,21 +202,22 @@ def largest_values(runs: Sequence[RunRecord]) -> dict[str, list[str]]:
 
 
 def _extreme(run: RunRecord, names: str, which: Callable[..., float | None]) -> float | None:
+    """Largest or least amount, by `which`, of a run's values whose names match the pattern `names`, or None."""
     numbers = (number_of(value) for name, value in run.figures.items() if re.fullmatch(names, name))
     return which((abs(value) for value in numbers if value is not None), default=None)
 
 
-#: Runs that fit side by side; of more runs.csv has all figures, and curves show the largest.
+#: Runs that fit side by side; of more runs, runs.csv has all values, and curves show the largest.
 MOST_RUNS = 6
-#: What of a run's figures is shown here, and not among those of `pmr.report.studies.runs`.
+#: Beginnings of names of the values that have tables here, so `pmr.report.studies.runs` leaves them out.
 ROOMS = (
     "forces.", "reactions.", "moments.", "stress.", "frequencies.", "probes.", "path.", "beam_forces.", "beam_moments.",
     "utilisation_", "ropes.",
 )  # fmt: skip
 
-#: Share of the largest value of its unit below which what a probe measures is round-off.
+#: Share of the largest value with its unit below which a value is round-off.
 NOTHING = 1e-6
-#: Headings of what has a largest value, and maybe a least one, with its room, its unit and which of both it has.
+#: Headings of tables, each with the beginning of its values' names, their unit, and the beginning of its caption.
 _SPANS = {
     "Forces of pads, sliders and supports": ("forces.", "N", "Least … largest"),
     "Forces of ropes, and of what pulls them": ("ropes.", "N", "Least … largest"),
@@ -231,7 +232,7 @@ _BASE = {"Pa": ("stress", True), "1": ("strain", False), "mm": ("displacement", 
 
 
 def blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
-    """Tables of what the runs have; none for many runs, or for runs that have nothing of it."""
+    """Yield tables of forces, stresses, frequencies and probes; none for more than `MOST_RUNS` runs."""
     if not (done := few(runs)):
         return
     tables = {heading: _spans(done, *of) for heading, of in _SPANS.items()}
@@ -246,13 +247,16 @@ def blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
 
 
 def few(runs: Sequence[RunRecord]) -> list[RunRecord]:
-    """Runs with a result, where they fit side by side; else none."""
+    """Runs with a result; none of them if there are more than `MOST_RUNS`."""
     done = [run for run in runs if run.status == "done"]
     return done if len(done) <= MOST_RUNS else []
 
 
 def _spans(runs: Sequence[RunRecord], room: str, base: str, caption: str) -> tuple[str, list[tuple[str, ...]]]:
-    """Caption and rows of what figures of a room say, each from its least to its largest value; without round-off."""
+    """Caption and rows of values whose names begin with `room`, each from least to largest, without round-off.
+
+    `base` is their unit without prefix, and `caption` begins the caption.
+    """
     sizes = {
         name: max(map(abs, _values(runs, room + name, "min", "max")), default=0.0)
         for name in _names(runs, room, ".max")
@@ -264,6 +268,7 @@ def _spans(runs: Sequence[RunRecord], room: str, base: str, caption: str) -> tup
 
 
 def _frequencies(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
+    """Rows of the natural frequencies in Hz."""
     keys = dict.fromkeys(key for run in runs for key in run.figures if key.startswith("frequencies."))
     rows = []
     for key in keys:
@@ -274,7 +279,7 @@ def _frequencies(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
 
 
 def _stretch(runs: Sequence[RunRecord]) -> str:
-    """Range of the path, if it is that of all runs alike."""
+    """Clause on the range of the path; empty unless it is the same in all runs."""
     ends = {(number_of(run.figures.get("path.s_min")), number_of(run.figures.get("path.s_max"))) for run in runs}
     low, high = ends.pop()
     if ends or low is None or high is None:
@@ -283,6 +288,7 @@ def _stretch(runs: Sequence[RunRecord]) -> str:
 
 
 def _probes(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
+    """Rows of the measurements of probes, each followed by a row with its largest range of a load cycle."""
     rows, names = [], _names(runs, "probes.", ".range")
     for base, (word, prefix) in _BASE.items():
         of_kind = [name for name in names if f" {word} " in name]
@@ -300,11 +306,13 @@ def _probes(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
 
 
 def _names(runs: Sequence[RunRecord], first: str, last: str) -> list[str]:
+    """Names of values of the runs that begin with `first` and end with `last`, without both."""
     keys = dict.fromkeys(key for run in runs for key in run.figures)
     return [key[len(first) : -len(last)] for key in keys if key.startswith(first) and key.endswith(last)]
 
 
 def _values(runs: Sequence[RunRecord], name: str, *keys: str) -> Iterator[float]:
+    """Yield the numbers called `name` with each of `keys` appended, of all runs."""
     for run in runs:
         for key in keys:
             if (value := number_of(run.figures.get(f"{name}.{key}"))) is not None:
@@ -312,6 +320,7 @@ def _values(runs: Sequence[RunRecord], name: str, *keys: str) -> Iterator[float]
 
 
 def _span(run: RunRecord, name: str, size: float) -> str:
+    """Format the least and the largest value in a unit of this size; the least one may be missing."""
     figures: Mapping[str, Scalar] = run.figures
     least, most = figures.get(f"{name}.min"), figures.get(f"{name}.max")
     first = "" if least is None else f"{_format_value(least, size)}{SPACE}…{SPACE}"
@@ -319,5 +328,6 @@ def _span(run: RunRecord, name: str, size: float) -> str:
 
 
 def _format_value(value: Scalar, size: float) -> str:
+    """Format a value in a unit of this size; a value that is no number is a dash."""
     number = number_of(value)
     return "–" if number is None else significant(number / size, 3)

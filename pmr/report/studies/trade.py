@@ -1,4 +1,4 @@
-"""Accuracy against time: fronts of error against the time of a simulation, and what holds a tolerance."""
+"""Chapter about accuracy against time: least errors over simulation time, and what meets a tolerance."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ COLUMNS = 2
 
 
 def content(study: FinishedStudy, prefix: str) -> Chapter:
-    """Fronts, and what holds a tolerance."""
+    """Build the chapter about error and time of reduction methods; `prefix` is put before every identifier."""
     fronts_caption = (
         "Error along the body against the full model with a far shorter step, over the time of one simulation: of each "
         "method the models and steps that none of its others beats in both."
@@ -58,7 +58,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
 
 
 def fronts(study: FinishedStudy) -> Figure:
-    """A panel a scene, a front a method."""
+    """Draw the front of error over time for each method, in a panel for each scene."""
     scenes = study.scenes
     rows, gaps = -(-len(scenes) // COLUMNS), {"wspace": 0.05, "hspace": 0.3}
     grid = {"sharex": True, "sharey": True, "gridspec_kw": gaps}
@@ -79,7 +79,7 @@ def fronts(study: FinishedStudy) -> Figure:
 
 
 def front(times_and_errors: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Points that no other one beats in both, by time."""
+    """Points (seconds, error) that no other one beats in both, in increasing order of time."""
     best: list[tuple[float, float]] = []
     for seconds, error in sorted(times_and_errors):
         if not best or error < best[-1][1]:
@@ -88,6 +88,7 @@ def front(times_and_errors: Sequence[tuple[float, float]]) -> list[tuple[float, 
 
 
 def _panel(ax: Axes, study: FinishedStudy, scene: str) -> list[tuple[float, float]]:
+    """Draw the fronts of all methods for a scene, and return their points."""
     every = []
     for i, method in enumerate(NAMES):
         for run in study.runs(scene=scene, method=method):
@@ -99,7 +100,7 @@ def _panel(ax: Axes, study: FinishedStudy, scene: str) -> list[tuple[float, floa
 
 
 def _times_and_errors(run: RunRecord) -> list[tuple[float, float]]:
-    """Milliseconds and errors of all models and steps of a method: a step costs the same, however long it is."""
+    """Simulation time in ms and error of each model and step of a method; a step takes as long whatever its length."""
     steps = run.figures.get("steps")
     return [
         (1e3 * run.seconds[f"step.{r}"] * number(steps) / h, error)
@@ -109,6 +110,7 @@ def _times_and_errors(run: RunRecord) -> list[tuple[float, float]]:
 
 
 def _tolerance_grid(study: FinishedStudy, scene: str) -> Grid:
+    """Build the table of coordinates and steps with which each method meets a tolerance, for a scene."""
     rows = []
     for method, name in NAMES.items():
         cells = [study.figures.get(f"{scene}.{method}.{tolerance:g}") for tolerance in TOLERANCES]
@@ -119,6 +121,7 @@ def _tolerance_grid(study: FinishedStudy, scene: str) -> Grid:
 
 
 def _offline(study: FinishedStudy) -> Grid:
+    """Build the table of the offline time of each method's largest model, by scene."""
     methods = [method for method in NAMES if study.runs(method=method)]
     rows = []
     for scene in study.scenes:
@@ -128,13 +131,14 @@ def _offline(study: FinishedStudy) -> Grid:
 
 
 def _seconds(runs: Sequence[RunRecord]) -> str:
-    """Processor time; a method without models for a scene took none."""
+    """Format the offline processor time of the first run; a dash if it has no models."""
     if not runs or not any(name.startswith("step.") for name in runs[0].seconds):
         return "–"
     return quantity(runs[0].seconds["offline"], "s")
 
 
 def _energies(study: FinishedStudy, scene: str) -> Grid:
+    """Build the table of errors along the body and of the energy, by method and number of coordinates."""
     sizes = [int(r) for r in study.asked["coordinates"]]
     rows = []
     for method, name in NAMES.items():

@@ -1,4 +1,4 @@
-"""FMUs called through their C interface, in both versions, with the package's library."""
+"""Call FMUs through their C interface, in both versions of FMI, with the package's library."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ _LOGGER_3 = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int, ctypes.c_char_
 
 
 class CallError(Exception):
-    """A call that the FMU refused; with its reason."""
+    """The FMU refused a call; the message is its reason."""
 
 
 @dataclass(frozen=True)
 class Library:
-    """An FMU: its functions, value references by name, and where its resources are, as its version has it."""
+    """Functions of an FMU, value references and causalities by name, and the location of its resources."""
 
     functions: ctypes.CDLL
     version: str
@@ -40,18 +40,19 @@ class Library:
     resources: bytes
 
     def named(self, causality: str) -> list[str]:
+        """Names of the variables with this causality."""
         return [name for name, has in self.causality.items() if has == causality]
 
 
 def library(model: ReducedModel, folder: Path, version: str) -> Library:
-    """The FMU of a body alone."""
+    """Unpack the FMU of a body alone in a folder and load it."""
     return loaded(
         contents(System.of(model), read_scene(System.of(model), "model.npz"), "body", version), folder, version
     )
 
 
 def loaded(unit: Contents, folder: Path, version: str) -> Library:
-    """An FMU unpacked in a folder, whose binary is that of this system."""
+    """Unpack the contents of an FMU in a folder and load the package's binary for it."""
     (host,) = fmu.chosen("host", "3")
     library = Path(fmu.__file__).parent / "binaries" / host.folder_3 / f"pmr_fmi{host.suffix}"
     resources = folder / f"fmi {version}" / "resources"
@@ -71,7 +72,7 @@ def loaded(unit: Contents, folder: Path, version: str) -> Library:
 
 
 class Instance:
-    """One instance; names of variables instead of value references, and an exception for a status that is not OK."""
+    """Instance of an FMU, called by names of variables; raises CallError for a status that is not OK."""
 
     def __init__(self, made: Library, model_exchange: bool = False, token: str | None = None) -> None:
         self.library, self.said = made, [""]
@@ -98,24 +99,28 @@ class Instance:
         self.c = ctypes.c_void_p(made_instance)
 
     def free(self) -> None:
+        """Free the instance."""
         free = getattr(self.library.functions, f"fmi{self.library.version}FreeInstance")
         free.restype = None
         free(self.c)
 
     def call(self, name: str, *arguments: object) -> None:
+        """Call a function of the interface; raise CallError if its status is not OK."""
         if getattr(self.library.functions, f"fmi{self.library.version}{name}")(self.c, *arguments) != 0:
             raise CallError(self.said[-1])
 
     def set(self, names: Sequence[str], values: Sequence[float]) -> None:
+        """Set variables."""
         self._access("Set", names, np.array(values, dtype=float))
 
     def get(self, names: Sequence[str]) -> Array:
+        """Values of variables."""
         values = np.zeros(len(names))
         self._access("Get", names, values)
         return values
 
     def choose_start(self, kind: int) -> None:
-        """0: at rest, 1: static, 2: as given."""
+        """Choose the start: 0 at rest, 1 static, 2 as given."""
         reference = (_UINT * 1)(self.library.references["start"])
         if self.library.version == "2":
             self.call("SetInteger", reference, _SIZE(1), (ctypes.c_int * 1)(kind))
@@ -123,6 +128,7 @@ class Instance:
             self.call("SetInt64", reference, _SIZE(1), (ctypes.c_int64 * 1)(kind), _SIZE(1))
 
     def initialise(self, names: Sequence[str] = (), values: Sequence[float] = ()) -> None:
+        """Initialise at t = 0 with values of some variables."""
         if self.library.version == "2":
             self.call("SetupExperiment", 0, ctypes.c_double(0.0), ctypes.c_double(0.0), 0, ctypes.c_double(0.0))
             self.call("EnterInitializationMode")
@@ -133,6 +139,7 @@ class Instance:
         self.call("ExitInitializationMode")
 
     def step(self, t: float, h: float) -> None:
+        """Take a communication step of h s from t s."""
         more: list[object] = [1]
         if self.library.version == "3":
             flags = [ctypes.byref(ctypes.c_bool()) for _ in range(3)]
@@ -140,15 +147,18 @@ class Instance:
         self.call("DoStep", ctypes.c_double(t), ctypes.c_double(h), *more)
 
     def set_states(self, states: Array) -> None:
+        """Set the continuous states."""
         self.call("SetContinuousStates", np.ascontiguousarray(states).ctypes.data_as(_DOUBLES), _SIZE(len(states)))
 
     def derivatives(self, count: int) -> Array:
+        """Derivatives of the `count` continuous states."""
         found = np.zeros(count)
         name = "GetDerivatives" if self.library.version == "2" else "GetContinuousStateDerivatives"
         self.call(name, found.ctypes.data_as(_DOUBLES), _SIZE(count))
         return found
 
     def directional(self, unknowns: Sequence[str], known: str) -> Array:
+        """Derivatives of some unknowns by a known variable."""
         found, seed = np.zeros(len(unknowns)), np.ones(1)
         of, at = self._references(unknowns), self._references([known])
         pointers = [seed.ctypes.data_as(_DOUBLES), found.ctypes.data_as(_DOUBLES)]
@@ -158,14 +168,17 @@ class Instance:
         return found
 
     def saved(self) -> ctypes.c_void_p:
+        """Save the current state of the FMU, and return a pointer to it."""
         state = ctypes.c_void_p()
         self.call("GetFMUstate" if self.library.version == "2" else "GetFMUState", ctypes.byref(state))
         return state
 
     def restore(self, state: ctypes.c_void_p) -> None:
+        """Restore a state."""
         self.call("SetFMUstate" if self.library.version == "2" else "SetFMUState", state)
 
     def serialised(self, state: ctypes.c_void_p) -> bytes:
+        """Serialise a state."""
         word, size = ("FMUstate" if self.library.version == "2" else "FMUState"), ctypes.c_size_t()
         self.call(f"Serialized{word}Size", state, ctypes.byref(size))
         content = ctypes.create_string_buffer(size.value)
@@ -173,15 +186,18 @@ class Instance:
         return content.raw
 
     def deserialised(self, content: bytes) -> ctypes.c_void_p:
+        """Read a serialised state."""
         state = ctypes.c_void_p()
         word = "DeSerializeFMUstate" if self.library.version == "2" else "DeserializeFMUState"
         self.call(word, content, _SIZE(len(content)), ctypes.byref(state))
         return state
 
     def _references(self, names: Sequence[str]) -> object:
+        """Array of the value references of variables."""
         return (_UINT * len(names))(*(self.library.references[name] for name in names))
 
     def _access(self, verb: str, names: Sequence[str], values: Array) -> None:
+        """Call the function that sets or gets variables; `values` are read or overwritten."""
         of, pointer, count = self._references(names), values.ctypes.data_as(_DOUBLES), _SIZE(len(names))
         if self.library.version == "2":
             self.call(f"{verb}Real", of, count, pointer)
@@ -190,7 +206,7 @@ class Instance:
 
 
 def follow_reference(unit: Contents, library: Library) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Outputs under the inputs of the reference that a unit carries, and the reference's, at its instants."""
+    """Outputs of an FMU under the inputs of its own reference, and the outputs of this, by name, at its instants."""
     given, expected = (_table(unit.texts[f"resources/reference_{part}.csv"]) for part in ("in", "out"))
     instance, t, instants = Instance(library), given.pop("time"), expected.pop("time")
     rows = np.column_stack(list(given.values()))

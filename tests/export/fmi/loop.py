@@ -1,4 +1,4 @@
-"""A crane that is raised by a valve: a PID on angle and tip, and a cylinder whose oil gives way to its force."""
+"""Crane that a valve raises: a PID controller on angle and tip, and a cylinder whose oil is elastic."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ GAINS, OIL, LINES = (2.0, 0.5, 0.1), 2e-8, 20.0
 
 @dataclass
 class Luffing:
-    """Its angle (value, rate, second rate), and what controller and oil remember."""
+    """Motion of the luffing angle (value, rate, second rate), with the states of controller and oil."""
 
     angle: list[float]
     wanted: float = WANTED
@@ -25,10 +25,14 @@ class Luffing:
     before: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
+        """Start with the oil that belongs to the angle."""
         self.turned = self.angle[0]
 
     def led_on(self, tip: float, force: float) -> list[float]:
-        """Angle and its rates of order one to three in the next step, at the end of which `angle` is."""
+        """Take a step, and return the angle and its rates of order one to three within it.
+
+        `tip` in m and `force` in N are those at its start; afterwards `angle` holds the values at its end.
+        """
         (tip_before, at_start), (kp, ki, kd) = self.before or (tip, force), GAINS
         x, rate, second = self.angle
         self.summed += ki * (self.wanted - x) * STEP

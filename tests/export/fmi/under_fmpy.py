@@ -1,4 +1,4 @@
-"""Run FMUs with FMPy, in its own environment: under_fmpy.py KIND FMU [npz], for JSON; KIND is a function here."""
+"""Run FMUs with FMPy, in its own environment: under_fmpy.py KIND FMU [npz] calls the function KIND, prints JSON."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ from loop import STEP, STEPS, VARIABLES, Luffing
 
 
 def validate(fmu: str) -> Any:
+    """Problems that FMPy finds in an FMU."""
     return validate_fmu(fmu)
 
 
 def steps(fmu: str) -> Any:
-    """Co-Simulation under the inputs that the FMU carries: largest difference to its own reference, by unit."""
+    """Largest difference, by unit, of Co-Simulation to the FMU's own reference, under the inputs that it carries."""
     folder = Path(extract(fmu))
     said = read_model_description(folder)
     inputs, reference = (read_csv(str(folder / "resources" / f"reference_{name}.csv")) for name in ("in", "out"))
@@ -39,10 +40,10 @@ def steps(fmu: str) -> Any:
 
 
 def cvode(fmu: str, npz: str) -> Any:
-    """Model Exchange under CVODE, inputs set at every evaluation: largest difference to y in m.
+    """Largest difference in m to y of Model Exchange under CVODE, with inputs set at every evaluation.
 
-    The npz file holds t (T,) and y (T, o), and time, inputs and their rates u (S, 1 + 2 n) on a fine grid, between
-    whose points they are taken as cubic.
+    The npz file holds t (T,), y (T, o), and u (S, 1 + 2 n): time, n inputs and their rates on a fine grid, between
+    whose points inputs are cubic.
     """
     folder, data = str(extract(fmu)), np.load(npz)
     said, u, t, y = read_model_description(folder), data["u"], data["t"], data["y"]
@@ -55,6 +56,7 @@ def cvode(fmu: str, npz: str) -> Any:
     outputs = [v.valueReference for v in said.modelVariables if v.causality == "output" and v.unit == "m"]
 
     def given(now: float) -> None:
+        """Set all inputs and their rates at the time `now`."""
         k = min(max(int(now / h), 0), len(u) - 2)
         x = now / h - k
         a, b, da, db = u[k, values], u[k + 1, values], u[k, rates] * h, u[k + 1, rates] * h
@@ -62,6 +64,7 @@ def cvode(fmu: str, npz: str) -> Any:
         setter([*values, *rates], [*(a + x * (da + x * (c + x * d))), *((da + x * (2.0 * c + 3.0 * x * d)) / h)])
 
     def set_time(now: float) -> None:
+        """Set the time and the inputs."""
         model.setTime(now)
         given(now)
 
@@ -90,7 +93,7 @@ def cvode(fmu: str, npz: str) -> Any:
 
 
 def cosim(fmu: str) -> Any:
-    """The same as `steps` under libcosim, whose importer is FMI Library: largest difference of a displacement in m."""
+    """Largest difference of a displacement in m as by `steps`, but under libcosim, whose importer is FMI Library."""
     from libcosimpy.CosimExecution import CosimExecution
     from libcosimpy.CosimManipulator import CosimManipulator
     from libcosimpy.CosimObserver import CosimObserver
@@ -123,17 +126,17 @@ def cosim(fmu: str) -> Any:
 
 
 def loop(fmu: str) -> Any:
-    """What is read of a crane that a valve raises, (T, 2), the start first."""
+    """Values (T, 2) that are read of a crane which a valve raises, beginning with the start."""
     return raised(fmu, Luffing)
 
 
 def loop_of_two(fmu: str, valve: str) -> Any:
-    """The same, where the valve is a unit, too."""
+    """Values (T, 2) as by `loop`, but with the valve as an FMU too."""
     return raised(fmu, lambda angle: Valve(valve, angle[0]))
 
 
 class Valve:
-    """A unit that does what `Luffing` does, from an angle in rad on."""
+    """FMU that does what `Luffing` does, from an angle in rad on."""
 
     def __init__(self, fmu: str, start: float) -> None:
         folder = str(extract(fmu))
@@ -156,7 +159,7 @@ class Valve:
 
 
 def raised(fmu: str, raising: Callable[[list[float]], Any]) -> Any:
-    """What is read of a crane under what `raising` makes of its angle and rates at the start."""
+    """Values (T, 2) that are read of a crane whose luffing `raising` makes from angle and rates at the start."""
     folder = str(extract(fmu))
     said = read_model_description(folder)
     references = {v.name: v.valueReference for v in said.modelVariables}
@@ -176,7 +179,7 @@ def raised(fmu: str, raising: Callable[[list[float]], Any]) -> Any:
 
 
 def symbols(fmu: str) -> Any:
-    """Exported functions of the interface, by the file."""
+    """Exported functions of the interface, by file."""
     import lief
 
     folder = Path(extract(fmu))

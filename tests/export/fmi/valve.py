@@ -1,4 +1,4 @@
-"""The unit of valve.c: what `loop.Luffing` does, as a second unit beside a crane's."""
+"""FMU of valve.c: what `loop.Luffing` does, as a second unit beside a crane's."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TOKEN = "{7d7c4a0e-4f1e-4a53-9d1c-valve}"
 
 
 def written(target: Path) -> Path:
-    """The unit, compiled for this machine."""
+    """Compile the FMU for this machine, write it to `target`, and return its path."""
     kp, ki, kd = loop.GAINS
     constants = {"WANTED_ANGLE": loop.WANTED, "KP": kp, "KI": ki, "KD": kd, "OIL": loop.OIL, "LINES": loop.LINES}
     shared, source = target.with_suffix(".so"), Path(__file__).with_name("valve.c")
@@ -28,7 +28,7 @@ def written(target: Path) -> Path:
 
 
 def description() -> str:
-    """Its variables, numbered as in valve.c."""
+    """Description of the FMU, with variables numbered as in valve.c."""
     kinds = [('causality="parameter" variability="fixed"', name, ' start="0"') for name in PARAMETERS]
     kinds += [('causality="input"', name, ' start="0"') for name in INPUTS]
     kinds += [('causality="output"', name, "") for name in OUTPUTS]

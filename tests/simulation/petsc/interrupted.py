@@ -1,4 +1,6 @@
-"""A simulation that saves a checkpoint at every step: python interrupted.py CHECKPOINT RESULT SHARE
+"""Simulate with a checkpoint at every step, and wait at some step to be killed.
+
+python interrupted.py CHECKPOINT RESULT SHARE
 
 From this SHARE of the steps on it waits until somebody kills it; with 1 it ends.
 """
@@ -29,10 +31,12 @@ WATCH = Recording(every=2, energies=True, states=(0.01, 0.07))
 
 
 def main(checkpoint: str, result: str, last: str) -> None:
+    """Simulate, and save the results on rank 0."""
     asked = Checkpoint(Path(checkpoint), seconds=0.0) if checkpoint else None
     taken = []
 
     def progress(share: float) -> None:
+        """Count the steps, and wait for ever from the share `last` on."""
         taken.append(share)
         while float(last) <= share < 1.0:
             signal.pause()
