@@ -84,6 +84,25 @@ def test_full_coordinates_say_what_the_simulation_says(full, modes) -> None:
     assert np.abs(q @ full.outputs.T.toarray() - said).max() < 1e-9 * np.abs(said).max()
 
 
+@pytest.mark.slow
+def test_full_coordinates_of_a_boom_have_its_modes_of_second_order() -> None:
+    """Its sections have modes without inertia for axial forces, which full coordinates have, too."""
+    scene = pmr.load_scene("crane", ["frame.second_order=true", "section.mesh.elements=10", "time.end=0.2"])
+    operators, reduction, steps = pmr.full_model(scene), pmr.reduce(scene), [0, 40, 100]
+    simulated = pmr.simulate_with_states(scene, reduction.system, steps)
+    q = reduction.reconstruct(simulated.states)
+    displacements = dict(zip(simulated.response.output_names, simulated.response.displacement[steps].T, strict=True))
+    largest = max(np.abs(values).max() for values in displacements.values())
+    for name, full in operators.items():
+        outputs = q[name] @ full.outputs.toarray().T
+        for number, output in enumerate(full.output_names):
+            if (expected := displacements.pop(f"{name}: {output}", None)) is not None:
+                assert outputs[:, number] == pytest.approx(expected, abs=1e-9 * largest)
+        p = np.random.default_rng(3).normal(size=reduction.basis[name].shape[1])
+        assert np.abs(reduction.project(reduction.basis[name] @ p, name) - p).max() < 1e-9
+    assert largest > 1e-3 and not displacements
+
+
 @pytest.mark.mpi
 def test_projection_is_the_left_inverse_of_the_basis(modes) -> None:
     reduction = pmr.reduce(beam(), basis=modes[:, :4])

@@ -25,7 +25,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.probes import places
 from pmr.fullmodel.walls import summary as summary_of_walls
 from pmr.pipeline.bodies import Bodies, Motions, Precomputed
-from pmr.reduction.bodies import Reduction, reduce_bodies
+from pmr.reduction.bodies import Reduction, as_asked, reduce_bodies
 from pmr.reduction.cache import Cache, cache_in
 from pmr.reduction.from_scene import Vectors, with_array_basis
 from pmr.reduction.recovery import Recovered
@@ -323,7 +323,8 @@ def _reduced(scene: Scene, comm: MPI.Comm, clock: Clock | None = None, vectors: 
     log_warnings(built.values(), comm)
     bodies = reduce_bodies(scene, built, clock=clock, vectors=vectors)
     models = {name: body.model for name, body in bodies.items()}
-    return Reduction(comm.bcast(on_first(comm, lambda: with_order(scene, models))), built, bodies)
+    scene = comm.bcast(on_first(comm, lambda: with_order(scene, models)))
+    return Reduction(scene, built, as_asked(scene, bodies))
 
 
 def _decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None) -> Decided:

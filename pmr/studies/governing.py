@@ -133,7 +133,7 @@ def details(
     arrays = {name: np.array([(row or empty)[name] for row in rows]) for name in example_row}
     names = {
         "forces": at.force_names,
-        "stress": tuple(at.columns.stresses()),
+        "stress": tuple(_probes(at)),
         "direction": bent.direction,
         "section": bent.names,
     }

@@ -13,6 +13,7 @@ from textbook import beam_matrices
 
 from pmr.compare.outputs import run_from_start
 from pmr.errors import InputError
+from pmr.files import npz
 from pmr.reduction.bodies import join_bodies, reduce_bodies
 from pmr.results.quantities import mises
 from pmr.scene import Scene, load_any
@@ -21,11 +22,11 @@ from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.structures import PointMass
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems
-from pmr.simulation.statics.postures import HOOK, WEIGHT, Postures, with_hook
+from pmr.simulation.statics.postures import HOOK, WEIGHT, Bent, Postures, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads, bent_further
 from pmr.studies.charting import MARGIN, governing_limit, in_doubt, lowest
-from pmr.studies.governing import Stopping, chosen
+from pmr.studies.governing import Stopping, chosen, details
 from pmr.studies.limits import Limit, with_fields
 from pmr.studies.tipping import Mass
 from pmr.system.body import kinds_of
@@ -377,7 +378,8 @@ def test_a_field_of_walls_is_that_of_probes_at_its_points() -> None:
     found = with_fields(with_hook(scene), ["fly"], 1)
     points = found.sections[-1].probes
     assert len(points) > 100 and {one.face for one in points} == {"outer", "inner"}
-    at = at_rest(with_fields(scene, ["fly"], 1), [0.5], {"middle": [2.0], "fly": [3.0]})
+    resting = arrays_at_rest(with_fields(scene, ["fly"], 1), [0.5], {"middle": [2.0], "fly": [3.0]})
+    at = npz.record(Postures, resting, "reduced.")
     field = Limit(name="a", of="field", which=("fly",), most=100e6)
     load = loads([field], at)[0]
     state = Place(at, 0, [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in at.parts], G).loaded.state(load)
@@ -387,6 +389,9 @@ def test_a_field_of_walls_is_that_of_probes_at_its_points() -> None:
         if "field of" in p
     ]
     assert len(each) == len(points) and max(each) == pytest.approx(100e6, rel=1e-6)
+    place = Place(at, 0, [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in at.parts], G)
+    arrays = details([field], [place, None], np.array([load, np.nan]), npz.record(Bent, resting, "bent."), ())
+    assert arrays["stress"].shape[1] == len(arrays["stress.names"])  # of the scene's own probes alone
     with pytest.raises(InputError, match="the scene has no field to look at"):
         field.check(crane())
     with pytest.raises(InputError, match="a body or region with walls is allowed"):
