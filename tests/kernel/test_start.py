@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from kernels import kernel_of, motions_of
 from nested import Nested, full, reduced, with_round_off
+from rods import bar_between_pads, bent_chain, chain_on_a_stop, stable_equilibria
 
 from pmr.errors import SimulationError
 from pmr.kernel._native import ffi, lib
@@ -174,3 +175,28 @@ def test_terms_that_soften_what_open_pads_hold_stand_as_statics_has_it(share: fl
     q = motions_of(system, forms, kernel) @ state.z
     np.testing.assert_allclose(q, found.q, atol=1e-11 * np.abs(found.q).max())
     np.testing.assert_array_equal(state.outputs()[1] > 0.0, found.closed & ~np.isnan(system.clearance))
+
+
+@pytest.mark.parametrize("load", [1.0, 0.05, 1e-3])
+@pytest.mark.parametrize(("seed", "softer"), [(0, 5.0), (4, 20.0), (11, 2.0), (13, 20.0)])
+def test_a_bar_between_pads_with_play_begins_where_it_stands_stably(seed: int, softer: float, load: float) -> None:
+    """Beside all sets of closed pads.  Under small loads it has unstable equilibria with pads open, too."""
+    system = bar_between_pads(seed)
+    kernel, forms = kernel_of(system)
+    state = State(kernel, Settings(1e-3))
+    state.start("equilibrium", [0.0, load, -softer])
+    q = motions_of(system, forms, kernel) @ state.z
+    stable = stable_equilibria(system, load, -softer)
+    assert np.abs(stable - q).max(axis=1).min() < 1e-9 * np.abs(q).max()
+
+
+def test_a_rigid_stop_holds_what_a_term_tips_until_that_buckles_between_its_ends() -> None:
+    system, free, fixed = chain_on_a_stop(20)
+    kernel, forms = kernel_of(system)
+    state = State(kernel, Settings(1e-3))
+    for softer in (1.5 * free, 0.99 * fixed):
+        state.start("equilibrium", [0.0, 0.01 * free, -softer])
+        q = motions_of(system, forms, kernel) @ state.z
+        np.testing.assert_allclose(q, bent_chain(system, softer), rtol=1e-6)
+    with pytest.raises(SimulationError):
+        state.start("equilibrium", [0.0, 0.01 * free, -1.01 * fixed])

@@ -5,11 +5,16 @@
 #define ALMOST_FREE 1e-8
 #define UNCHANGED 1e-3
 #define BALANCED 1e-9
-/* Shares of the lowest omega^2 in steps towards an equilibrium with terms: until which, steps of each, solves of each.
-   */
-#define LEAST_SHARE 5e-5
-#define STEPS_OF_SHARE 20
+/* Steps towards an equilibrium with terms, solves in each, and what the share of the lowest omega^2 is multiplied with
+   after a step that has a solution and after one that has none. */
+#define STATIC_STEPS 100
 #define FEW_TRIES 50
+#define SMALLER 0.5
+#define LARGER 4.0
+/* Where stability is asked for: flexibility of a rigid contact over that of the stiffest mode there, and the share by
+   which others give way more, as their flexibility may be singular. */
+#define SPRING_OF_RIGID 1e-3
+#define SOFTER 1e-6
 /* What is left of a row that depends on those before; violation of a rigid contact by rates that is round-off. */
 #define DEPENDENT_ROW 1e-13
 #define VIOLATED 1e-8
@@ -85,41 +90,77 @@ static int is_rigid(const pmr_state *st, int k)
     return !(st->A[k * y->mp + k] > ROUND_OFF_OF_F * largest);
 }
 
-/* [K + floor, C^T; C, -F] (z, lambda) = (forces, clearance - H f), open contacts left out; without `loaded` no
-   clearance, no H f and no terms. */
-static int solve_held(pmr_state *st, double floor, const double *forces, int loaded, double *x)
+/* [K + floor, C^T; C, -F] in `scratch`, open contacts left out; without `loaded` no terms. */
+static double *fill_held(pmr_state *st, double floor, int loaded)
 {
     const pmr_system *y = st->system;
     const int r = y->modes, size = r + y->contacts;
     double *A = st->scratch;
     int k, l, n, u;
     memset(A, 0, (size_t)size * size * sizeof(double));
-    for (n = 0; n < r; n++) {
-        A[(size_t)n * size + n] = y->omega2[n] + floor;
-        x[n] = forces[n];
-    }
+    for (n = 0; n < r; n++) A[(size_t)n * size + n] = y->omega2[n] + floor;
     if (y->registers && loaded)
         for (k = 0; k < r / PMR_LANES; k++)
             for (u = y->of_rows[3 * k]; u < y->of_rows[3 * k + 1]; u++)
                 for (l = 0; l < PMR_LANES; l++)
                     A[(size_t)(PMR_LANES * k + l) * size + y->columns[u]] += st->now[PMR_LANES * u + l];
     for (n = 0; n < r; n++)
-        if (is_fill(y, n)) { /* what fills a body up */
-            A[(size_t)n * size + n] = 1.0;
-            x[n] = 0.0;
-        }
+        if (is_fill(y, n)) A[(size_t)n * size + n] = 1.0; /* what fills a body up */
     for (k = 0; k < y->contacts; k++) {
         double *row = A + (size_t)(r + k) * size;
-        x[r + k] = 0.0;
         if (st->closed[k] == 0.0) {
             row[r + k] = 1.0;
             continue;
         }
         for (n = 0; n < r; n++) row[n] = A[(size_t)n * size + r + k] = st->C[k * r + n];
         for (l = 0; l < y->contacts; l++) row[r + l] = -st->A[(k > l ? k : l) * y->mp + (k > l ? l : k)];
-        if (loaded) x[r + k] = y->clearance[k] - st->pushed[k];
     }
+    return A;
+}
+
+/* x of [K + floor, C^T; C, -F] (z, lambda) = (forces, clearance - H f), as `fill_held` has the matrix; without `loaded`
+   no clearance and no H f. */
+static int solve_held(pmr_state *st, double floor, const double *forces, int loaded, double *x)
+{
+    const pmr_system *y = st->system;
+    const int r = y->modes, size = r + y->contacts;
+    double *A = fill_held(st, floor, loaded);
+    int k, n;
+    for (n = 0; n < r; n++) x[n] = is_fill(y, n) ? 0.0 : forces[n];
+    for (k = 0; k < y->contacts; k++)
+        x[r + k] = loaded && st->closed[k] != 0.0 ? y->clearance[k] - st->pushed[k] : 0.0;
     return solve_dense(size, A, x, A + (size_t)size * size);
+}
+
+/* Whether K + floor with the terms is positive definite on what the closed contacts leave free, those that give way
+   as springs.  Without pivots, contacts before coordinates, the factor of the symmetric part has a negative pivot for
+   each closed contact and positive ones else.  A rigid contact is a spring much stiffer than the stiffest mode. */
+static int is_stable(pmr_state *st, double floor)
+{
+    const pmr_system *y = st->system;
+    const int r = y->modes, size = r + y->contacts;
+    double *A = fill_held(st, floor, 1), stiffest = 0.0, longest = 0.0;
+    int i, j, k;
+    for (i = 0; i < r; i++) {
+        stiffest = larger(stiffest, fabs(A[(size_t)i * size + i]));
+        for (j = 0; j < i; j++) {
+            const double mean = 0.5 * (A[(size_t)i * size + j] + A[(size_t)j * size + i]);
+            A[(size_t)i * size + j] = A[(size_t)j * size + i] = mean;
+        }
+    }
+    for (k = 0; k < y->contacts; k++) longest = larger(longest, dot(st->C + (size_t)k * r, st->C + (size_t)k * r, 0, r));
+    for (k = size - 1; k >= 0; k--) {
+        const double *row = A + (size_t)k * size;
+        const int closed = k >= r && st->closed[k - r] != 0.0;
+        double pivot = row[k];
+        if (closed) pivot -= is_rigid(st, k - r) ? SPRING_OF_RIGID * longest / stiffest : SOFTER * fabs(pivot);
+        if (!(closed ? pivot < 0.0 : pivot > 0.0)) return 0;
+        for (i = 0; i < k; i++) {
+            const double factor = A[(size_t)i * size + k] / pivot;
+            for (j = 0; factor != 0.0 && j < k; j++) A[(size_t)i * size + j] -= factor * row[j];
+        }
+    }
+    return 1;
 }
 
 /* Contacts that pull although they only push, or would have to push although they are open: their number, each
@@ -165,9 +206,19 @@ static int close_contacts(pmr_state *st, double floor, const double *forces, int
     }
 }
 
-/* Whether the bodies stand by K alone with the closed contacts, as `almost` with a little more than K: then z and
-   multipliers. */
-static int stands(pmr_state *st, const double *almost)
+/* Whether terms that act meet contacts that only push: then an equilibrium may be unstable. */
+static int may_tip(const pmr_state *st)
+{
+    const pmr_system *y = st->system;
+    int u;
+    for (u = 0; y->pushing && u < PMR_LANES * y->registers; u++)
+        if (st->now[u] != 0.0) return 1;
+    return 0;
+}
+
+/* Whether the bodies stand by K alone with the closed contacts, as `almost` with a little more than K, and with terms
+   stably but for a `floor`: then z and multipliers. */
+static int stands(pmr_state *st, const double *almost, double floor)
 {
     const pmr_system *y = st->system;
     double *x = st->held, largest = 0.0, off = 0.0;
@@ -178,6 +229,7 @@ static int stands(pmr_state *st, const double *almost)
         off = larger(off, fabs(x[n] - almost[n]));
     }
     if (!(off <= UNCHANGED * largest) || mark_unbalanced(st, x)) return 0;
+    if (may_tip(st) && !is_stable(st, floor)) return 0;
     copy(st->z, x, y->modes);
     for (k = 0; k < y->contacts; k++) st->lambda[k] = st->closed[k] == 0.0 ? 0.0 : x[y->modes + k];
     return 1;
@@ -192,14 +244,16 @@ static void close_all(pmr_state *st)
 /* Equilibrium under the loads: z and multipliers.  What open contacts leave free for the moment is held by a share of
    the lowest omega^2, of which the last solve has none.
 
-   Terms may make K indefinite while contacts are open that close later; then changing sides need not end.  So the
-   energy is minimised in steps, each with a share of omega^2 added and its force at the last z taken away, which has
-   one solution; where they come to rest the bodies stand by themselves (Rockafellar 1976). */
+   Terms may make K indefinite while contacts are open: then changing sides need not end, or ends where the bodies stand
+   unstably.  So the energy is minimised in steps, each with a share of omega^2 added and its force at the last z taken
+   away; where they come to rest the bodies stand by themselves (Rockafellar 1976).  A step has one solution where the
+   share is large enough, and the smaller it is the longer is the step. */
 static int find_equilibrium(pmr_state *st)
 {
     const pmr_system *y = st->system;
-    double *x = st->held, *almost = x + y->modes + y->contacts, *forces = st->others, product = 0.0, square = 0.0,
-           softest, share;
+    const int size = y->modes + y->contacts;
+    double *x = st->held, *almost = x + size, *next = almost + size, *forces = st->others, *closed = st->before_closed,
+           product = 0.0, square = 0.0, softest, neutral, share = 1.0;
     int n, step, settled;
     close_all(st);
     for (n = 0; n < y->modes; n++) forces[n] = !is_fill(y, n);
@@ -209,18 +263,28 @@ static int find_equilibrium(pmr_state *st)
         square += x[n] * x[n];
     }
     softest = fabs(product / square);
-    settled = close_contacts(st, y->pushing ? ALMOST_FREE * softest : 0.0, st->push, STATIC_TRIES, almost);
-    if (!settled && stands(st, almost)) return PMR_DONE;
-    if (!y->registers || !y->pushing) return settled ? settled : PMR_DEPENDENT;
+    neutral = ALMOST_FREE * softest;
+    settled = close_contacts(st, y->pushing ? neutral : 0.0, st->push, STATIC_TRIES, almost);
+    if (!settled && stands(st, almost, neutral)) return PMR_DONE;
+    if (!may_tip(st)) return settled ? settled : PMR_DEPENDENT;
     close_all(st);
+    copy(closed, st->closed, y->contacts);
     for (n = 0; n < y->modes; n++) almost[n] = 0.0;
-    for (share = 1.0; share > LEAST_SHARE; share *= 0.1)
-        for (step = 0; step < STEPS_OF_SHARE; step++) {
-            const double floor = share * softest;
-            for (n = 0; n < y->modes; n++) forces[n] = st->push[n] + floor * almost[n];
-            if (close_contacts(st, floor, forces, FEW_TRIES, almost) == PMR_DEPENDENT) return PMR_DEPENDENT;
-            if (stands(st, almost)) return PMR_DONE;
+    for (step = 0; step < STATIC_STEPS; step++) {
+        const double floor = share * softest;
+        for (n = 0; n < y->modes; n++) forces[n] = st->push[n] + floor * almost[n];
+        copy(st->closed, closed, y->contacts);
+        settled = close_contacts(st, floor, forces, FEW_TRIES, next);
+        if (settled == PMR_DEPENDENT) return PMR_DEPENDENT;
+        if (settled || !is_stable(st, floor)) {
+            share *= LARGER;
+            continue;
         }
+        copy(almost, next, size);
+        copy(closed, st->closed, y->contacts);
+        if (stands(st, almost, neutral)) return PMR_DONE;
+        share *= SMALLER;
+    }
     return PMR_UNSETTLED;
 }
 

@@ -9,10 +9,13 @@ and open where a gap is left; if some are on the wrong side, the kernel says whi
 (`pmr.kernel.laws.ContactSearch`; docs/pads.md has the proof that this ends).  A body that open contacts leave free for
 the moment is held by its mass times a frequency far below all others; the last solve is without that.
 
-Terms may make K indefinite while contacts are open that close later, and then changing sides need not end.  In this
-case the energy is minimised in steps, each with a share of omega^2 M added and its force at the last q subtracted
-(Rockafellar: Monotone operators and the proximal point algorithm, SIAM Journal on Control and Optimization 14, 1976):
-each step has one solution, and where they converge the system is in stable equilibrium without the addition.
+Terms may make K indefinite while contacts are open; then changing sides need not end, or ends in an unstable
+equilibrium.  So an equilibrium with terms and contacts that only push is valid only if K is positive definite on what
+the closed contacts leave free.  If the first one is not, the energy is minimised in steps, each with a share of
+omega^2 M added and its force at the last q subtracted (Rockafellar: Monotone operators and the proximal point
+algorithm, SIAM Journal on Control and Optimization 14, 1976).  A step has one solution if its share is large enough,
+and moves the further the smaller the share is: so the share falls after a step that has a solution, and grows after
+one that has none.
 
 Buckling of a system under axial forces: the factors Lambda of these forces at which the system is in equilibrium in a
 bent shape, too,
@@ -41,6 +44,7 @@ from pmr.errors import InputError
 from pmr.kernel.laws import ContactSearch
 from pmr.system.assembly import Assembly
 from pmr.system.contact_rows import ContactRows
+from pmr.system.definite import definite
 from pmr.system.terms import add_terms
 
 Array = NDArray[np.float64]
@@ -50,10 +54,12 @@ Mask = NDArray[np.bool_]
 ALMOST_FREE, UNCHANGED = 1e-8, 1e-3
 #: Most solves of one search for the closed contacts.
 LIMIT = 1000
-#: Shares of the lowest omega^2 with which an equilibrium is approached where K is indefinite while contacts are open
-#: that close later, one after the other, steps with each, and solves in each: with a large share a step is sure to
-#: have a solution, with a small one it is long.
-SHARES, STEPS, FEW = (1.0, 1e-1, 1e-2, 1e-3, 1e-4), 20, 50
+#: Steps towards an equilibrium with terms, solves in each, and what the share of the lowest omega^2 is multiplied with
+#: after a step that has a solution and after one that has none.
+STEPS, FEW, SMALLER, LARGER = 100, 50, 0.5, 4.0
+#: Where stability is asked for: flexibility of a rigid contact over that of the stiffest coordinate, and the share by
+#: which others give way more, as their flexibility may be singular.
+SPRING_OF_RIGID, SOFTER = 1e-3, 1e-6
 #: Pull or overlap that is round-off, over the largest force or displacement.
 ROUND_OFF = 1e-9
 #: Equations up to which a dense factor is quicker than a sparse one.
@@ -96,19 +102,30 @@ def equilibrium(assembly: Assembly, x: Array, f: Array, c: Array | None = None) 
     """
     contacts = _Contacts(assembly, x, f)
     K, softest = assembly.stiffness(() if c is None else c), _lowest(assembly, contacts.rows)
-    push = assembly.B @ f
-    almost = contacts.solve(K + ALMOST_FREE * softest * assembly.M, push)
-    candidate = contacts.solve_closed(K, push, almost.closed)
-    if contacts.confirm(candidate, almost, K):
-        return candidate
-    if assembly.terms and c is not None and np.any(c):
-        almost = Equilibrium(np.zeros(assembly.size), almost.forces, contacts.all_closed)
-        for share in np.repeat(SHARES, STEPS):
+    push, neutral = assembly.B @ f, ALMOST_FREE * softest * assembly.M
+    with_terms = bool(assembly.terms) and c is not None and bool(np.any(c))
+
+    def stand(almost: Equilibrium) -> Equilibrium | None:
+        """The equilibrium by K alone with the contacts that are closed in another; None where there is none."""
+        if (may_tip := with_terms and contacts.push) and not contacts.hold(K + neutral, almost.closed):
+            return None
+        state = contacts.solve_closed(K, push, almost.closed)
+        return state if contacts.confirm(state, almost, K, stable=may_tip) else None
+
+    almost = contacts.solve(K + neutral, push)
+    if (state := stand(almost)) is not None:
+        return state
+    if with_terms:
+        almost, share = Equilibrium(np.zeros(assembly.size), almost.forces, contacts.all_closed), 1.0
+        for _ in range(STEPS):
             floor = share * softest * assembly.M
-            almost = contacts.solve(K + floor, push + floor @ almost.q, almost.closed, FEW)
-            candidate = contacts.solve_closed(K, push, almost.closed)
-            if contacts.confirm(candidate, almost, K):
-                return candidate
+            step = contacts.solve(K + floor, push + floor @ almost.q, almost.closed, FEW)
+            if contacts.wrong(step).any() or not contacts.hold(K + floor, step.closed):
+                share *= LARGER
+                continue
+            almost, share = step, SMALLER * share
+            if (state := stand(almost)) is not None:
+                return state
         equilibrium(assembly, x, f)  # refused for its contacts where these do not hold it without terms either
         allowed = "axial forces below those that buckle the boom on the pads that are closed at the start are allowed"
         raise InputError("system", "contacts", None, f"{allowed} with second order; without it these pads hold it")
@@ -128,6 +145,7 @@ class _Contacts:
     def __init__(self, assembly: Assembly, x: Array, f: Array) -> None:
         self._assembly, self.rows, clearance = assembly, assembly.at(x), assembly.system.clearance
         self._pushes = ~np.isnan(clearance)
+        self.push = bool(self._pushes.any())
         self._clearance, self._motion = np.where(self._pushes, clearance, 0.0), self.rows.H @ f
         self.all_closed = np.ones(len(clearance), dtype=bool)
 
@@ -141,7 +159,7 @@ class _Contacts:
         search = ContactSearch()
         for _ in range(limit):
             state = self.solve_closed(K, push, closed)
-            wrong = self._wrong(state)
+            wrong = self.wrong(state)
             if not wrong.any():
                 break
             closed = search.change(closed, wrong)
@@ -158,11 +176,12 @@ class _Contacts:
         forces[closed] = solution[n:]
         return Equilibrium(solution[:n], forces, closed)
 
-    def confirm(self, state: Equilibrium, almost: Equilibrium, K: sp.csr_matrix) -> bool:
+    def confirm(self, state: Equilibrium, almost: Equilibrium, K: sp.csr_matrix, stable: bool) -> bool:
         """Return whether `state`, solved with the stiffness K (n, n) alone, is a valid equilibrium.
 
-        It has to agree with `almost`, solved with K plus a small multiple of the mass matrix, to `UNCHANGED`; its
-        strain energy has to exceed round-off; and no contact may be on the wrong side.
+        It has to agree with `almost`, solved with K plus a multiple of the mass matrix, to `UNCHANGED`; its strain
+        energy has to exceed round-off; and no contact may be on the wrong side.  Only if `hold` has told that the
+        equilibrium is `stable` may the energy be negative, as rigid contacts with a clearance add work of their own.
         """
         q, closed, forces = state.q, state.closed, state.forces.copy()
         if self._clearance[closed].any():  # as if the contacts that are closed had been so from the start
@@ -170,16 +189,38 @@ class _Contacts:
             forces[closed] += np.linalg.lstsq(F, self._clearance[closed], rcond=None)[0]
         unchanged = np.abs(q - almost.q).max(initial=0.0) <= UNCHANGED * np.abs(q).max(initial=0.0)
         stored = q @ (K @ q) + forces @ self.rows.F @ forces
-        stiff = stored >= ROUND_OFF_OF_K * np.abs(q) @ (abs(K) @ np.abs(q))
-        return bool(unchanged and stiff and not self._wrong(state).any())
+        stiff = (abs(stored) if stable else stored) >= ROUND_OFF_OF_K * np.abs(q) @ (abs(K) @ np.abs(q))
+        return bool(unchanged and stiff and not self.wrong(state).any())
 
-    def _wrong(self, state: Equilibrium) -> Mask:
+    def hold(self, K: sp.csr_matrix, closed: Mask) -> bool:
+        """Return whether K (n, n) is positive definite on what the contacts of a mask `closed` (m,) leave free.
+
+        Contacts with a flexibility act as springs, a rigid one as a spring much stiffer than K is anywhere.
+        """
+        rows = self.rows.of(closed)
+        rigid = SPRING_OF_RIGID * (rows.C**2).sum(axis=1).max(initial=0.0) / rows.unit(K)
+        more = np.where(self.rows.rigid[closed], rigid, SOFTER * np.diagonal(rows.F))
+        C, springs = sp.csr_matrix(rows.C), sp.csr_matrix(np.linalg.inv(rows.F + np.diag(more)))
+        return _is_definite((K + K.T) / 2.0 + C.T @ springs @ C)
+
+    def wrong(self, state: Equilibrium) -> Mask:
         """Mask (m,) of closed contacts that pull although they only push, and of open ones whose bodies overlap."""
         rows, q, forces = self.rows, state.q, state.forces
         motion = rows.C @ q + self._motion - rows.F @ forces
         size = np.abs(rows.C) @ np.abs(q) + self._clearance
         pulls = state.closed & self._pushes & (forces < -ROUND_OFF * np.abs(forces).max(initial=0.0))
         return np.asarray(pulls | ~state.closed & (motion - self._clearance > ROUND_OFF * size))
+
+
+def _is_definite(A: sp.csr_matrix) -> bool:
+    """Whether a symmetric matrix (n, n) is positive definite: all pivots of its factor on the diagonal are positive."""
+    if A.shape[0] <= DENSE:
+        return definite(A.toarray())
+    try:
+        factor = spla.splu(A.tocsc(), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    except RuntimeError:
+        return False
+    return bool((factor.perm_r == factor.perm_c).all() and (factor.U.diagonal() > 0.0).all())
 
 
 def border_matrix(K: Array, C: Array, F: Array) -> tuple[Array, Array]:

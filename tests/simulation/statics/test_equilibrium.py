@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from rods import bar_between_pads, bent_chain, chain_on_a_stop, stable_equilibria
 from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
@@ -25,11 +26,12 @@ def test_a_rigid_motion_on_springs_has_an_answer(K: float) -> None:
     assert q == pytest.approx(1.0 / (K + 0.01 / 3e-8)) and force == pytest.approx(0.1 * q / 3e-8)
 
 
-@pytest.mark.parametrize("force", [3.0, -3.0, 1e4])
+@pytest.mark.parametrize("force", [3.0, -3.0, 1e4, 0.1, -1e-3])
 def test_a_mass_that_a_term_tips_comes_to_rest_on_the_pad_on_its_side(force: float) -> None:
     """Between two pads with clearance, where a term has taken away more than the spring's stiffness.
 
-    With both pads open nothing holds it; on the pad it is k (q - c) = f + (N - K) q.
+    With both pads open nothing holds it; on the pad it is k (q - c) = f + (N - K) q.  Under small forces it has a place
+    between the pads, too, where it stands unstably and against the force.
     """
     K, N, k, c = 100.0, 250.0, 1e6, 1e-3
     one, none = np.ones((1, 1)), np.zeros((1, 1))
@@ -42,6 +44,31 @@ def test_a_mass_that_a_term_tips_comes_to_rest_on_the_pad_on_its_side(force: flo
     assert found.q == pytest.approx(expected) and np.sign(force) * expected > c
     np.testing.assert_allclose(found.forces, [max(0.0, k * (expected - c)), max(0.0, k * (-expected - c))])
     np.testing.assert_array_equal(found.closed, [force > 0.0, force < 0.0])
+
+
+@pytest.mark.parametrize("load", [1.0, 0.05, 1e-3])
+@pytest.mark.parametrize(("seed", "softer"), [(0, 5.0), (4, 20.0), (11, 2.0), (13, 20.0)])
+def test_a_bar_between_pads_with_play_comes_to_rest_where_it_stands_stably(
+    seed: int, softer: float, load: float
+) -> None:
+    """Beside all sets of closed pads.  Under small loads it has unstable equilibria with pads open, too."""
+    system = bar_between_pads(seed)
+    state = equilibrium(Assembly(system), system.coordinates({}), np.array([load]), np.array([-softer]))
+    stable = stable_equilibria(system, load, -softer)
+    assert np.abs(stable - state.q).max(axis=1).min() < 1e-9 * np.abs(state.q).max()
+
+
+@pytest.mark.parametrize("n", [20, 320])
+def test_a_rigid_stop_holds_what_a_term_tips_until_that_buckles_between_its_ends(n: int) -> None:
+    """Small and large matrices are factored in different ways."""
+    system, free, fixed = chain_on_a_stop(n)
+    load = np.array([0.01 * free])
+    for softer in (1.5 * free, 0.99 * fixed):
+        state = equilibrium(Assembly(system), system.coordinates({}), load, np.array([-softer]))
+        np.testing.assert_allclose(state.q, bent_chain(system, softer), rtol=1e-6)
+        assert state.closed.all()
+    with pytest.raises(InputError, match="second order"):
+        equilibrium(Assembly(system), system.coordinates({}), load, np.array([-1.01 * fixed]))
 
 
 def test_what_second_order_alone_lets_go_is_said_to_be_so() -> None:
