@@ -75,7 +75,7 @@ class Outputs:
         return {"beam": self.displacement, "velocity": self.velocity, "probe": self.probe}[kind]
 
     def _forces(self, kind: str, force: Array) -> Array:
-        """Those columns of `force` (T, p), in N, whose kind is `kind`, one of `FORCE_KINDS`."""
+        """Columns of `force` (T, p), in N, whose kind is `kind`, one of `FORCE_KINDS`."""
         if not self.forces:
             return force if kind == "pad_force" else force[:, :0]
         return force[:, [k for k, kind_of_force in enumerate(self.forces) if kind_of_force == kind]]

@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 
 
 class SingularError(InputError):
-    """With all rigid motions held, a stiffness does not resist some other motion, or has a negative eigenvalue."""
+    """A stiffness with all rigid motions held does not resist some other motion, or has a negative eigenvalue."""
 
     def __init__(self) -> None:
         allowed = (

@@ -41,7 +41,7 @@ class Output:
 
     @property
     def is_force(self) -> bool:
-        """Whether it is the force of a contact or of a spring."""
+        """Whether the column is the force of a contact or of a spring."""
         return self.kind in FORCES
 
     @classmethod
