@@ -239,11 +239,25 @@ def fixed_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[
 
     It equals the row of a moving pad with a station at its centre.  Raises an `InputError` if the pad leaves its face.
     """
+    mean = sp.csr_matrix(pad_means(pad, model, np.array([pad.at])) @ T)
+    return replace(fixed_row(pad.name, mean, travel), compliance=1.0 / pad.stiffness, clearance=pad.free_way)
+
+
+def pad_means(pad: Pad, model: StructuralModel, positions: Array) -> sp.csr_matrix:
+    """Mean normal displacement under a pad centred at each of the `positions` (p,) m along the axis: rows (p, n).
+
+    Raises an `InputError` if the pad leaves its face at one of them.
+    """
     step, reach = _lattice(pad)
     offsets = step * np.arange(1 - reach, reach)
     weights = value_or_zero(bump(3, STATIONS * step), offsets) / STATIONS
-    mean = sp.csr_matrix(weights @ _stations(pad, model, pad.at + offsets) @ T)
-    return replace(fixed_row(pad.name, mean, travel), compliance=1.0 / pad.stiffness, clearance=pad.free_way)
+    places = (positions[:, None] + offsets).ravel()
+    order = np.argsort(places)
+    columns = np.empty_like(order)
+    columns[order] = np.arange(len(order))
+    ends = len(offsets) * np.arange(len(positions) + 1)
+    means = sp.csr_matrix((np.tile(weights, len(positions)), columns, ends), (len(positions), len(places)))
+    return sp.csr_matrix(means @ _stations(pad, model, places[order]))
 
 
 def _support(support: Support, model: StructuralModel, T: sp.csr_matrix, pads: Pads) -> Row:

@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from pmr.errors import on_first
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import free_objects, gather
-from pmr.fem.factor import factor_for_columns
-from pmr.fullmodel.pads import Pad, Pads, restrain
+from pmr.fem.factor import BLOCK, factor_for_columns
+from pmr.fullmodel.pads import Pad, pad_means
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Clamp, Structure, couple
 from pmr.fullmodel.walls import Sliding, Standing, Walls
@@ -98,22 +98,16 @@ def wall_compliance(
     line = Beam3DBody(length=box.length, profile=body.profile, material=body.material, shear=True, elements=ELEMENTS)
     sigma = (HELD * beam_of(line, body.profile).reference_frequency) ** 2
     shell, beam = _HeldModel(_shell(body), body, sigma), _HeldModel(beam_of(line, body.profile), body, sigma)
-    fixed = [model.rows(standing, ends) for model in (shell, beam)]
-    C = shell.answers(fixed[0], fixed[0]) - beam.answers(fixed[1], fixed[1])
+    fixed_shell, fixed_beam = (
+        sp.vstack([model.pads(standing, np.zeros(1)), model.motions(ends)], "csr") for model in (shell, beam)
+    )
+    C = fixed_shell @ shell.displacements(fixed_shell) - fixed_beam @ beam.displacements(fixed_beam)
     sliding = []
     for ring in rings:
-        u, under_pads, at_standing = places_along(ring.span, box.layer), [], []
-        for x in u:
-            pads = [replace(pad, at=pad.at + float(x)) for pad in ring.pads]
-            compliances = []
-            for model, fixed_rows in zip((shell, beam), fixed, strict=True):
-                rows = model.rows(pads, ())
-                compliances.append(model.answers(rows, sp.vstack([rows, fixed_rows])))
-            k = len(pads)
-            D = (compliances[0] - compliances[1]).T
-            under_pads.append((D[:, :k] + D[:, :k].T) / 2.0)
-            at_standing.append(D[:, k:])
-        sliding.append(SlidingCompliance(u, _smooth(np.array(under_pads)), _smooth(np.array(at_standing))))
+        u, k = places_along(ring.span, box.layer), len(ring.pads)
+        D = shell.compliance_along(ring.pads, u, fixed_shell) - beam.compliance_along(ring.pads, u, fixed_beam)
+        under_pads = (D[:, :k] + D[:, :k].transpose(0, 2, 1)) / 2.0
+        sliding.append(SlidingCompliance(u, _smooth(under_pads), _smooth(D[:, k:].transpose(0, 2, 1))))
     for model in (shell, beam):
         model.destroy()
     return (C + C.T) / 2.0, sliding
@@ -140,22 +134,46 @@ class _HeldModel:
         self._factor = factor_for_columns(F, "stiffness")
         free_objects(F)
 
-    def rows(self, pads: Sequence[Pad], ends: Sequence[tuple[str, str]]) -> sp.csr_matrix:
-        """Rows (k, n) that measure the normal displacement under pads, then the motion of ends."""
-        rigid_pads = tuple(replace(pad, name=str(k), stiffness=np.inf, unilateral=False, clearance=0.0, travel=None)
-                     for k, pad in enumerate(pads))  # fmt: skip
-        rows = [row.at(row.breaks[0]) for row in restrain(Pads(fixed=rigid_pads), self._model, self._T).rows]
-        rows += [self._model.motion(end)[[DIRECTIONS.index(d)]] @ self._T for end, d in ends]
+    def pads(self, pads: Sequence[Pad], u: Array) -> sp.csr_matrix:
+        """Rows (p k, n) that measure the normal displacement under k pads after they slid by each of p distances `u` m.
+
+        Those of all pads after one distance are neighbours.
+        """
+        means = [sp.csr_matrix((0, self._T.shape[1]))]
+        means += [pad_means(pad, self._model, pad.at + u) @ self._T for pad in pads]
+        order = np.arange(len(pads) * len(u)).reshape(len(pads), len(u)).T.ravel()
+        return sp.vstack(means, "csr")[order]
+
+    def motions(self, ends: Sequence[tuple[str, str]]) -> sp.csr_matrix:
+        """Rows (m, n) that measure the motion of m ends, each along or about its direction."""
+        rows = [self._model.motion(end)[[DIRECTIONS.index(d)]] @ self._T for end, d in ends]
         return sp.csr_matrix(sp.vstack([sp.csr_matrix((0, self._T.shape[1])), *rows]))
 
-    def answers(self, pressed: sp.csr_matrix, measured: sp.csr_matrix) -> Array:
-        """Measures (r, f) of the rows `measured` (r, n) under unit forces on each of the rows `pressed` (f, n)."""
+    def displacements(self, pressed: sp.csr_matrix) -> Array:
+        """Static displacements (n, f) under a unit force on each of the rows `pressed` (f, n)."""
         f = pressed.T.toarray()
-        x = self._factor.solve_columns(np.asfortranarray(f - self._MR @ self._moved(self._R.T @ f)))
-        x -= self._R @ self._moved(self._MR.T @ x)
-        return np.asarray(measured @ x)
+        x = self._factor.solve_columns(np.asfortranarray(f - self._MR @ self._solve_rigid(self._R.T @ f)))
+        x -= self._R @ self._solve_rigid(self._MR.T @ x)
+        return x
 
-    def _moved(self, g: Array) -> Array:
+    def compliance_along(self, pads: Sequence[Pad], u: Array, fixed: sp.csr_matrix) -> Array:
+        """Measures (p, k + m, k) under unit forces on k pads after they slid by each of p distances `u` m.
+
+        The first k are those under the pads themselves, the others of the rows `fixed` (m, n).
+        """
+        k = len(pads)
+        rows, compliance = self.pads(pads, u), np.empty((len(u), k + fixed.shape[0], k))
+        block = max(1, BLOCK // k)  # distances whose displacements are solved for at once
+        for start in range(0, len(u), block):
+            x = self.displacements(rows[start * k : (start + block) * k])
+            at_fixed = np.asarray(fixed @ x)
+            for i in range(x.shape[1] // k):
+                columns, place = slice(i * k, (i + 1) * k), start + i
+                compliance[place, :k] = rows[place * k : (place + 1) * k] @ x[:, columns]
+                compliance[place, k:] = at_fixed[:, columns]
+        return compliance
+
+    def _solve_rigid(self, g: Array) -> Array:
         """Solve J x = g for the rigid motions that are free, with their inertia J (k, k)."""
         return np.linalg.solve(self._J, g) if self._R.size else g
 
