@@ -102,7 +102,6 @@ static int find_changes(pmr_state *st, const double *at, const double *seed_at, 
     const pmr_system *y = st->system;
     const int r = y->modes;
     const double *amplitudes = st->u + y->paths + y->inputs, *of_terms;
-    const pmr_observed sets[2] = {of_outputs(y), of_reactions(y)};
     double *room = st->seeds, *du = room + 10 * (size_t)r, *all = st->changes, *reactions = all + y->op;
     seed d = {.z = room,
               .v = room + r,
@@ -141,8 +140,8 @@ static int find_changes(pmr_state *st, const double *at, const double *seed_at, 
         if (!y->coupled) d.forces[n] -= y->damping[n] * dv[n];
         for (k = 0; y->coupled && k < r; k++) d.forces[n] -= y->damping[(size_t)k * r + n] * dv[k];
     }
-    find_outputs(st, sets, d.z, du + y->paths, d.lambda, du, all);
-    find_outputs(st, sets + 1, d.z, du + y->paths, d.lambda, du, reactions);
+    find_outputs(st, y->observed, 0, y->op, d.z, du + y->paths, d.lambda, du, all);
+    find_outputs(st, y->observed + 1, 0, y->hp, d.z, du + y->paths, d.lambda, du, reactions);
     add_supports(y, d.v, amplitudes, d.z, d.v, reactions);
     add_supports(y, NULL, of_terms, st->z, st->v, reactions);
     forces_of(st, d.lambda, NULL, reactions + y->hp);

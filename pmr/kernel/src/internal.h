@@ -8,6 +8,7 @@
 #define PMR_LANES 4
 #define PMR_UP(n) (((n) + PMR_LANES - 1) / PMR_LANES * PMR_LANES)
 #define PMR_LINE 64
+#define PMR_SPAN 16
 #define PMR_MOST_LEVELS 64
 
 /* Change of forces of terms and of friction that counts as none, and what is accepted after the last time, over the
@@ -33,6 +34,15 @@ typedef struct {
 } pmr_pair;
 
 enum { PMR_BLOCK_NUMBERS = sizeof(pmr_block) / sizeof(int32_t), PMR_PAIR_NUMBERS = sizeof(pmr_pair) / sizeof(int32_t) };
+
+/* Outputs, or reactions of supports: what they are of modes, loads and multipliers. */
+typedef struct {
+    int width, reactions; /* of rows; whether they are reactions */
+    const double *shapes, *direct, *X0, *table; /* (r', width), (i, width), (rows, width); polynomials of blocks */
+    /* (width / PMR_SPAN, 3, 2): the modes, inputs and rows, first and behind the last one, by which so many outputs
+       change: each body has its own */
+    int32_t *spans;
+} pmr_observed;
 
 struct pmr_system {
     const char *block; /* the bytes */
@@ -100,13 +110,8 @@ struct pmr_system {
     const double
         *cylinder_moments;       /* (sources, 1 + P): moment about the pivot of a unit of each, m, and by each path */
     const int32_t *cylinder_pin; /* (3): reactions of a pin along x and z, less than 0: none; source at the lug */
+    pmr_observed observed[2];    /* outputs, reactions */
 };
-
-/* A set of outputs: what it is of modes, loads and multipliers. */
-typedef struct {
-    int width, reactions; /* of rows; whether they are reactions */
-    const double *shapes, *direct, *X0, *table;
-} pmr_observed;
 
 /* Kinds of quantities, by two numbers: axes; the motion; number of paths and order of the rate; the path from 1 on. */
 enum { PMR_ONE, PMR_TURNED, PMR_VELOCITY, PMR_TURNING, PMR_GRADIENT, PMR_MOTION, PMR_REACH, PMR_OVER };
@@ -175,7 +180,6 @@ struct pmr_state {
     pmr_iteration iteration;
     double *u_next, *u_begun;                        /* (N) */
     double *motions_next, *motions_now, *quantities; /* (4, n), (3, n), (quantities) */
-    double *y, *all;                                 /* (op), (o + forces) */
     double *values, *changes, *shown; /* (op + hp + forces): outputs, reactions, forces; along a seed; (further) */
     pmr_scheme *scheme, *still;       /* (levels), and without a step, for which A is F */
     int32_t opened;                   /* levels that there is room for */

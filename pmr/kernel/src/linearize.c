@@ -263,8 +263,8 @@ static void predict_seed(const pmr_state *st, const pmr_scheme *c, seed *d)
 
 static void seed_outputs(pmr_state *st, const seed *d)
 {
-    const pmr_observed set = of_outputs(st->system);
-    find_outputs(st, &set, d->z, d->u ? d->u + st->system->paths : NULL, d->lambda, d->u, d->y);
+    const pmr_system *y = st->system;
+    find_outputs(st, y->observed, 0, y->op, d->z, d->u ? d->u + y->paths : NULL, d->lambda, d->u, d->y);
 }
 
 static void store_column(double *to, size_t columns, size_t column, const double *from, size_t count)
@@ -290,7 +290,7 @@ static int linearize_part(pmr_state *st, const pmr_scheme *c, const double *u, c
               .free = room + 8 * r,
               .lambda = st->motion,
               .sums = unit + N,
-              .y = st->y};
+              .y = st->values};
     size_t column;
     int failed;
     failed = place(st, c, u);

@@ -1,41 +1,46 @@
 /* Outputs y = O z + W f - X(s) lambda, as sums of columns times their shares, and forces of all contacts.  Reactions of
    rigid supports are such outputs, to which rates of modes and terms add (pmr/kernel/further.py). */
 
-static pmr_observed of_outputs(const pmr_system *y)
+/* out += columns times their shares, of those outputs first to last; `kind` 0: modes, 1: inputs, 2: rows. */
+static void add_spans(const pmr_observed *set, int kind, const double *columns, const double *shares, int first,
+                      int last, double *out)
 {
-    return (pmr_observed){y->op, 0, y->shapes, y->direct, y->X0, y->table_X};
+    int n;
+    for (n = first; n < last; n += PMR_SPAN) {
+        const int32_t *span = set->spans + 6 * (n / PMR_SPAN) + 2 * kind;
+        add_columns(columns + (size_t)span[0] * set->width + n, set->width, shares + span[0], span[1] - span[0],
+                    out + n, last - n < PMR_SPAN ? last - n : PMR_SPAN);
+    }
 }
 
-static pmr_observed of_reactions(const pmr_system *y)
-{
-    return (pmr_observed){y->hp, 1, y->reaction_shapes, y->reaction_direct, y->reaction_X0, y->table_R};
-}
-
-/* Outputs of a set (its width), of z, f (or NULL: none) and multipliers of the state; with `change` (rows) of what a
-   seed makes of z, f, multipliers and, unless NULL, drivers u. */
-static void find_outputs(pmr_state *st, const pmr_observed *set, const double *z, const double *f, const double *change,
-                         const double *u, double *out)
+/* Outputs of a set, those from `first` (a multiple of PMR_SPAN) to `last` (of PMR_LANES) alone, of z, f (or NULL: none)
+   and multipliers of the state; with `change` (rows) of what a seed makes of z, f, multipliers and, unless NULL,
+   drivers u. */
+static void find_outputs(pmr_state *st, const pmr_observed *set, int first, int last, const double *z, const double *f,
+                         const double *change, const double *u, double *out)
 {
     const pmr_system *y = st->system;
     const double *lambda = change ? change : st->lambda;
     double *shares = st->scratch;
     int k, b, p;
     memset(out, 0, (size_t)set->width * sizeof(double));
-    add_columns(set->shapes, set->width, z, y->modes, out, set->width);
-    if (f) add_columns(set->direct, set->width, f, y->inputs, out, set->width);
+    add_spans(set, 0, set->shapes, z, first, last, out);
+    if (f) add_spans(set, 1, set->direct, f, first, last, out);
     if (!y->whole) {
         for (k = 0; k < y->rows; k++) shares[k] = -lambda[k];
-        add_columns(set->X0, set->width, shares, y->rows, out, set->width);
+        add_spans(set, 2, set->X0, shares, first, last, out);
     }
     for (b = 0; b < y->blocks; b++) {
         const pmr_block *block = y->block_list + b;
         const int32_t *of = y->reaction_blocks + 4 * b;
-        const int first = set->reactions ? of[0] : block->first_output, m = block->rows,
+        const int begin = set->reactions ? of[0] : block->first_output, m = block->rows,
                   width = PMR_UP(set->reactions ? of[1] : block->outputs),
-                  powers = set->reactions ? of[2] : block->powers_X, at = set->reactions ? of[3] : block->at_X;
+                  powers = set->reactions ? of[2] : block->powers_X, at = set->reactions ? of[3] : block->at_X,
+                  skipped = first > begin ? (first - begin) / PMR_LANES * PMR_LANES : 0,
+                  end = last < begin + width ? PMR_UP(last - begin) : width;
         const double *ends = y->path_ends + 2 * block->path, s = st->s[block->path],
                      ds = u && s >= ends[0] && s <= ends[1] ? u[block->path] : 0.0;
-        if (!width) continue;
+        if (skipped >= end) continue;
         for (k = 0; k < m; k++) {
             const int row = y->block_rows[block->at_rows + k];
             double share = -lambda[row], before = 0.0, moved = change ? st->lambda[row] * ds : 0.0;
@@ -45,8 +50,8 @@ static void find_outputs(pmr_state *st, const pmr_observed *set, const double *z
                 share *= st->x[b];
             }
         }
-        add_columns(in_interval(st, b, set->table, at, powers, m * width), width, shares, powers * m, out + first,
-                    width);
+        add_columns(in_interval(st, b, set->table, at, powers, m * width) + skipped, width, shares, powers * m,
+                    out + begin + skipped, end - skipped);
     }
 }
 
@@ -54,25 +59,21 @@ static void find_outputs(pmr_state *st, const pmr_observed *set, const double *z
 static void forces_of(pmr_state *st, const double *lambda, const double *friction, double *forces)
 {
     const pmr_system *y = st->system;
-    int k, b;
-    for (k = 0; k < y->contacts; k++) st->entries[k] = lambda[k];
+    double *borne = st->entries;
+    int k;
+    for (k = 0; k < y->mp; k++) borne[k] = k < y->contacts ? lambda[k] : 0.0;
     for (k = 0; friction && k < y->joints; k++)
-        if (y->joint_cylinders[k] >= 0) st->entries[y->joint_cylinders[k]] += total_friction(y, friction, k);
-    for (k = 0; k < y->forces; k++) {
-        double sum = 0.0;
-        for (b = 0; b < y->contacts; b++) sum += y->shares[k * y->mp + b] * st->entries[b];
-        forces[k] = sum;
-    }
+        if (y->joint_cylinders[k] >= 0) borne[y->joint_cylinders[k]] += total_friction(y, friction, k);
+    for (k = 0; k < y->forces; k++) forces[k] = dot(y->shares + k * y->mp, borne, 0, y->mp);
 }
 
 static void outputs(pmr_state *st, double *y_out, double *forces)
 {
     const pmr_system *y = st->system;
-    const pmr_observed set = of_outputs(y);
     if (forces) forces_of(st, st->lambda, st->friction, forces);
     if (!y_out) return;
-    find_outputs(st, &set, st->z, st->u + y->paths, NULL, NULL, st->y);
-    copy(y_out, st->y, y->outputs);
+    find_outputs(st, y->observed, 0, y->op, st->z, st->u + y->paths, NULL, NULL, st->values);
+    copy(y_out, st->values, y->outputs);
 }
 
 /* reactions += what rates v and terms with these amplitudes and x = (z, v) add to them. */
@@ -93,10 +94,9 @@ static void add_supports(const pmr_system *y, const double *v, const double *amp
 static void find_all(pmr_state *st, double *values)
 {
     const pmr_system *y = st->system;
-    const pmr_observed sets[2] = {of_outputs(y), of_reactions(y)};
     const double *f = st->u + y->paths;
-    find_outputs(st, sets, st->z, f, NULL, NULL, values);
-    find_outputs(st, sets + 1, st->z, f, NULL, NULL, values + y->op);
+    find_outputs(st, y->observed, 0, y->op, st->z, f, NULL, NULL, values);
+    find_outputs(st, y->observed + 1, 0, y->hp, st->z, f, NULL, NULL, values + y->op);
     add_supports(y, st->v, f + y->inputs, st->z, st->v, values + y->op);
     forces_of(st, st->lambda, st->friction, values + y->op + y->hp);
 }
@@ -112,12 +112,18 @@ static void further_outputs(pmr_state *st, double *further)
 /* Some outputs and forces, by their numbers among all outputs and, behind these, all forces. */
 static void observe(pmr_state *st, int count, const int32_t *numbers, double *values)
 {
-    const int o = st->system->outputs;
-    int moved = 0, forces = 0, k;
+    const pmr_system *y = st->system;
+    const int outputs = y->outputs, to_forces = y->op - outputs;
+    int first = outputs, last = -1, forces = 0, k;
     for (k = 0; k < count; k++) {
-        moved |= numbers[k] < o;
-        forces |= numbers[k] >= o;
+        const int n = numbers[k];
+        forces |= n >= outputs;
+        first = n < first ? n : first;
+        last = n < outputs && n > last ? n : last;
     }
-    outputs(st, moved ? st->all : NULL, forces ? st->all + o : NULL);
-    for (k = 0; k < count; k++) values[k] = st->all[numbers[k]];
+    if (last >= 0)
+        find_outputs(st, y->observed, first / PMR_SPAN * PMR_SPAN, PMR_UP(last + 1), st->z, st->u + y->paths, NULL,
+                     NULL, st->values);
+    if (forces) forces_of(st, st->lambda, st->friction, st->values + y->op);
+    for (k = 0; k < count; k++) values[k] = st->values[numbers[k] + (numbers[k] < outputs ? 0 : to_forces)];
 }

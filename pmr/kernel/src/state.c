@@ -172,11 +172,9 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(motions_next, 4 * y->motions);
     NUMBERS(motions_now, 3 * y->motions);
     NUMBERS(quantities, 2 * y->quantities);
-    NUMBERS(y, y->op);
     NUMBERS(values, y->op + y->hp + y->forces);
     NUMBERS(changes, y->op + y->hp + y->forces);
     NUMBERS(shown, y->reactions + 4);
-    NUMBERS(all, (size_t)y->outputs + y->forces);
     NUMBERS(held, 3 * (n + mp));
     NUMBERS(slopes, y->paths * m * (n + y->ip + mp));
     NUMBERS(seeds, 10 * n + y->drivers + y->joints);

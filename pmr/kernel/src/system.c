@@ -303,6 +303,33 @@ static int check_arrays(pmr_system *y, char *why)
     return 0;
 }
 
+/* Which of `count` columns (count, width) have entries among `outputs` outputs. */
+static void find_span(const double *columns, int32_t count, int32_t width, int32_t outputs, int32_t *span)
+{
+    int32_t k, n;
+    span[0] = span[1] = 0;
+    for (k = 0; k < count; k++)
+        for (n = 0; n < outputs; n++)
+            if (columns[(int64_t)k * width + n] != 0.0) {
+                if (!span[1]) span[0] = k;
+                span[1] = k + 1;
+            }
+}
+
+static int find_spans(const pmr_system *y, pmr_observed *set)
+{
+    const int32_t width = set->width;
+    int32_t n;
+    set->spans = malloc(6 * sizeof(int32_t) * (width / PMR_SPAN + 1));
+    for (n = 0; set->spans && n < width; n += PMR_SPAN) {
+        int32_t *span = set->spans + 6 * (n / PMR_SPAN), outputs = width - n < PMR_SPAN ? width - n : PMR_SPAN;
+        find_span(set->shapes + n, y->modes, width, outputs, span);
+        find_span(set->direct + n, y->inputs, width, outputs, span + 2);
+        find_span(set->X0 + n, y->rows, width, outputs, span + 4);
+    }
+    return !set->spans;
+}
+
 int pmr_system_open(const void *block, size_t bytes, pmr_system **system, char *why)
 {
     pmr_system *y = calloc(1, sizeof *y);
@@ -314,12 +341,24 @@ int pmr_system_open(const void *block, size_t bytes, pmr_system **system, char *
         free(y);
         return PMR_REFUSED;
     }
+    y->observed[0] = (pmr_observed){y->op, 0, y->shapes, y->direct, y->X0, y->table_X, NULL};
+    y->observed[1] = (pmr_observed){y->hp, 1, y->reaction_shapes, y->reaction_direct, y->reaction_X0, y->table_R, NULL};
+    if (find_spans(y, y->observed) || find_spans(y, y->observed + 1)) {
+        pmr_system_close(y);
+        return pmr_say(why, "no memory"), PMR_NO_MEMORY;
+    }
     y->checksum = pmr_block_checksum(y);
     *system = y;
     return PMR_DONE;
 }
 
-void pmr_system_close(pmr_system *system) { free(system); }
+void pmr_system_close(pmr_system *system)
+{
+    int k;
+    if (!system) return;
+    for (k = 0; k < 2; k++) free(system->observed[k].spans);
+    free(system);
+}
 
 void pmr_system_sizes(const pmr_system *y, pmr_sizes *sizes)
 {

@@ -22,8 +22,7 @@ WHOLE_TURN, JUMP, LEFT_OUT = 2.0 * np.pi, 0.1, 1e-6
 #: Largest float that is taken at once; entry of an unknown name, whose limits refuse every value.
 LARGEST, NOWHERE = 1e300, (0, 1.0, 0.0, 0.0, 0.0)
 #: Types of motions with rates that are read at once.
-THREE = [float] * 3
-FLOATS = [float] * 2, THREE
+FLOATS = [float] * 2, [float] * 3
 #: Of a motion: its value, or that with its rate, or with its rate and its second rate.
 Motion = float | Sequence[float]
 Values = Mapping[str, float] | Mapping[str, Motion] | ArrayLike
@@ -121,28 +120,36 @@ class Drivers:
         """
         if self._in_parts or not self._started:
             return False
-        written, in_frame = self._values, self._in_frame
-        for name, motion in values.items():
-            k, low, high, jump, fastest = limits.get(name, NOWHERE)
-            if in_frame:
-                if type(motion) is not tuple or [*map(type, motion)] != THREE:
-                    return False
-                value, rate, second = motion
-                if not (-fastest <= rate <= fastest and -LARGEST <= second <= LARGEST):
-                    return False
-            else:
-                value = motion
-                if type(value) is not float:
-                    return False
-            if not (low <= value <= high and -jump <= value - written[k] <= jump):
+        if self._in_frame:
+            return self._take_motions_at_once(values, limits)
+        written = self._values
+        for name, value in values.items():
+            k, low, high, jump, _ = limits.get(name, NOWHERE)
+            if type(value) is not float or not (low <= value <= high and -jump <= value - written[k] <= jump):
                 return False
-        for name, motion in values.items():
+        for name, value in values.items():
+            written[limits[name][0]] = value
+        return True
+
+    def _take_motions_at_once(self, motions: dict[Any, Any], limits: Limits) -> bool:
+        """Take all motions in a frame at once if each is a tuple of three floats within limits, as `_take_at_once`."""
+        written, rates, seconds, counts = self._values, self._rates, self._seconds, self._counts
+        for name, motion in motions.items():
+            if type(motion) is not tuple or len(motion) != 3:
+                return False
+            value, rate, second = motion
+            if not (type(value) is type(rate) is type(second) is float):
+                return False
+            k, low, high, jump, fastest = limits.get(name, NOWHERE)
+            change = value - written[k]
+            if not (low <= value <= high and -jump <= change <= jump and -fastest <= rate <= fastest):
+                return False
+            if not -LARGEST <= second <= LARGEST or (second == 0.0 == seconds[k] and self._lacks_inertia(k, change)):
+                return False
+        for name, motion in motions.items():
             k = limits[name][0]
-            if in_frame:
-                written[k], self._rates[k], self._seconds[k] = motion
-                self._counts[k] = 3
-            else:
-                written[k] = motion
+            written[k], rates[k], seconds[k] = motion
+            counts[k] = 3
         return True
 
     def take_loads(self, F: Values) -> None:
@@ -177,24 +184,14 @@ class Drivers:
     def end_step(self) -> None:
         """End a step, or the start: values stay for the next step, rates that it does not give do not count."""
         if self._in_frame or self._in_parts:
-            if self._unwarned and self._started:
-                self._check_second_rates()
-            self._begun[:], self._begun_rows[:] = self.motions, self.rows
-            self.rows[:] = 1
+            if self._in_parts:
+                self._begun[:], self._begun_rows[:] = self.motions, self.rows
+            self.rows.fill(1)
         self._started = True
 
-    def _check_second_rates(self) -> None:
-        """Warn, once for each, of paths and angles that move in a frame without second rates."""
-        for k, name in list(self._unwarned.items()):
-            if self._seconds[k] != 0.0:
-                continue
-            begun, rate, second = self._begun[:, k].tolist()
-            if second == 0.0 and abs(self._values[k] - begun - self._step * rate) > LEFT_OUT:
-                message = (
-                    "%s moves without a second rate, so the inertia of what moves is left out: both rates are needed"
-                )
-                logger.warning(message, name)
-                del self._unwarned[k]
+    def _lacks_inertia(self, k: int, change: float) -> bool:
+        """Whether motion k, which changes by `change` in a step without second rates, is to be warned of for that."""
+        return k in self._unwarned and abs(change - self._step * self._rates[k]) > LEFT_OUT
 
     def _warn_of_jump(self, name: str, change: float, unit: str) -> None:
         """Warn, once for each name, of a motion that changes by `change` in a step."""
@@ -207,6 +204,11 @@ class Drivers:
     def _write(self, readings: list[Reading]) -> None:
         """Write motions into the kernel's arrays."""
         for k, value, rate, second, count in readings:
+            if self._started and second == 0.0 == self._seconds[k] and self._lacks_inertia(k, value - self._values[k]):
+                message = (
+                    "%s moves without a second rate, so the inertia of what moves is left out: both rates are needed"
+                )
+                logger.warning(message, self._unwarned.pop(k))
             self._values[k] = value
             if self._in_frame or self._in_parts:  # rates of others are not read
                 self._rates[k], self._seconds[k], self._counts[k] = rate, second, count
