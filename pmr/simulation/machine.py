@@ -80,7 +80,7 @@ def machine_of(scene: Scene, system: System, frame: MovingFrame, excitation: Exc
         masses=boom.masses,
         first=boom.first,
         loads=boom.loads,
-        rotating=modes.T @ boom.rotating @ modes,
+        rotating=modes.T @ boom.rotating.transpose(0, 2, 1) @ modes,
         carried=modes.T @ boom.carried @ modes,
         of_shortened=np.array(
             [(term.section, term.over, -1 if term.cylinder is None else term.cylinder) for term in boom.shortened],

@@ -56,6 +56,7 @@ struct pmr_carried {
     moved *paths;
     double *saved, *motions, *inertia, *inertia_smooth, *new_inertia, *new_smooth, *u, *u_old, *accelerations;
     double *C[3], *H[3], *F[3], *factor, *lambda, *right, *product;
+    double *inertial[3]; /* (ip): displacements of inputs' points by inertia alone, with their rates */
 };
 
 #endif

@@ -293,6 +293,7 @@ static void lay_out_carried(pmr_carried *ms, const pmr_state *st, const pmr_mach
         ROOM(C[o], (size_t)y->rows * y->modes);
         ROOM(H[o], (size_t)y->rows * y->ip);
         ROOM(F[o], (size_t)y->rows * y->mp);
+        ROOM(inertial[o], y->ip);
     }
     ROOM(factor, (size_t)y->rows * y->mp);
     ROOM(lambda, 3 * y->mp);

@@ -39,10 +39,12 @@ static void solve_three(const double *A, int transposed, const double *b, double
     if (solve_dense(3, matrix, x, room)) x[0] = x[1] = x[2] = NAN;
 }
 
+/* Derivatives of a product: of an order, by how often the second factor is differentiated. */
+static const double BINOMIAL[3][3] = {{1.0, 0.0, 0.0}, {1.0, 1.0, 0.0}, {1.0, 2.0, 1.0}};
+
 /* Elastic forces of contacts that give way, F lambda_0 = C z, with their rates; of z with z' and z''. */
 static void answer(pmr_carried *ms, const double *const z[3])
 {
-    static const double binomial[3][3] = {{1.0, 0.0, 0.0}, {1.0, 1.0, 0.0}, {1.0, 2.0, 1.0}};
     const pmr_system *y = ms->state->system;
     int order, j, a, b;
     for (order = 0; order < ms->orders; order++) {
@@ -51,9 +53,9 @@ static void answer(pmr_carried *ms, const double *const z[3])
             const int row = ms->giving[a];
             double sum = 0.0;
             for (j = 0; j <= order; j++) { /* the derivative of C z - F lambda */
-                sum += binomial[order][j] * dot(ms->C[order - j] + (size_t)row * y->modes, z[j], 0, y->modes);
+                sum += BINOMIAL[order][j] * dot(ms->C[order - j] + (size_t)row * y->modes, z[j], 0, y->modes);
                 for (b = 0; j < order && b < ms->count; b++)
-                    sum -= binomial[order][j] * ms->F[order - j][(size_t)row * y->mp + ms->giving[b]] *
+                    sum -= BINOMIAL[order][j] * ms->F[order - j][(size_t)row * y->mp + ms->giving[b]] *
                            ms->lambda[j * y->mp + b];
             }
             lambda[a] = sum;
@@ -62,32 +64,26 @@ static void answer(pmr_carried *ms, const double *const z[3])
     }
 }
 
-/* Displacement of an input's points by inertia alone, B^T z - H^T lambda_0, with its rates. */
-static moved moment_of(const pmr_carried *ms, int input, const double *const z[3])
+/* Displacements (i,) of all inputs' points by inertia alone, B^T z - H^T lambda_0, with their rates. */
+static void find_inertial(pmr_carried *ms, const double *const z[3])
 {
-    static const double binomial[3][3] = {{1.0, 0.0, 0.0}, {1.0, 1.0, 0.0}, {1.0, 2.0, 1.0}};
     const pmr_system *y = ms->state->system;
-    double value[3] = {0.0, 0.0, 0.0};
-    int order, j, a;
+    int order, j, a, l;
     for (order = 0; order < ms->orders; order++) {
-        value[order] = dot(y->B + (size_t)input * y->modes, z[order], 0, y->modes);
+        double *values = ms->inertial[order];
+        for (l = 0; l < y->inputs; l++) values[l] = dot(y->B + (size_t)l * y->modes, z[order], 0, y->modes);
         for (a = 0; a < ms->count; a++)
             for (j = 0; j <= order; j++)
-                value[order] -= binomial[order][j] * ms->H[order - j][(size_t)ms->giving[a] * y->ip + input] *
-                                ms->lambda[j * y->mp + a];
+                add_share(values, ms->H[order - j] + (size_t)ms->giving[a] * y->ip,
+                          -BINOMIAL[order][j] * ms->lambda[j * y->mp + a], y->ip);
     }
-    return (moved){value[0], value[1], value[2]};
 }
 
-/* A z of a square matrix. */
+/* z A of a square matrix. */
 static void multiply_modes(const double *A, const double *z, int r, double *product)
 {
-    int k, n;
-    for (k = 0; k < r; k++) {
-        vec sum = {0.0};
-        for (n = 0; n < r; n += VL) sum += LOOSE((double *)A + (size_t)k * r + n) * CV(z + n);
-        product[k] = sum_of(sum);
-    }
+    memset(product, 0, r * sizeof(double));
+    add_columns(A, r, z, r, product, r);
 }
 
 /* Sum of r x u out of first moments A_lj = sum r_l u_j. */
@@ -133,6 +129,7 @@ static void find_boom(pmr_carried *ms, int64_t k, const double *const z[3])
     int n, i, j, l, o;
     move_rows(ms, k);
     answer(ms, z);
+    find_inertial(ms, z);
     for (n = 0; n < m->sections; n++) {
         carried_section *c = ms->of + n;
         const int path = m->section_paths[n];
@@ -148,8 +145,7 @@ static void find_boom(pmr_carried *ms, int64_t k, const double *const z[3])
         for (l = 0; l < 4; l++)
             for (j = 0; j < 3; j++) {
                 const int32_t input = m->fields[(n * 4 + l) * 3 + j];
-                const moved value = input < 0 ? (moved){0.0, 0.0, 0.0} : moment_of(ms, input, z);
-                c->mu[0][l][j] = value.at, c->mu[1][l][j] = value.rate, c->mu[2][l][j] = value.second;
+                for (o = 0; o < 3; o++) c->mu[o][l][j] = input < 0 ? 0.0 : ms->inertial[o][input];
             }
     }
     for (n = 0; n < m->shortened_count; n++) { /* by how much sections are shorter as they bend: factor z^T G z / 2 */

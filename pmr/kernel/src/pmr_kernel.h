@@ -185,7 +185,7 @@ typedef struct {
     const int32_t *inertial;       /* (inertial_count,) inputs */
     const double *masses, *first;  /* (S,) kg, (S, 3) kg m from each tail */
     const double *loads;           /* (S, 6, i): forces and moments about the tails of all inputs */
-    const double *rotating;        /* (3, r', r') kg */
+    const double *rotating;        /* (3, r', r') kg: moments of momentum z^T R_j z' */
     const double *carried;         /* (3, 3, r', r') kg */
     const int32_t *of_shortened;   /* (G, 3): section, over 1 or x, section over whose extension it is or -1 */
     const double *shortened;       /* (G, r', r') */

@@ -15,6 +15,7 @@ typedef double loose_vec;
 #define V(p) (*(vec *)(p))
 #define CV(p) (*(const vec *)(p))
 #define LOOSE(p) (*(loose_vec *)(p))
+#define CONST_LOOSE(p) (*(const loose_vec *)(p))
 #if defined __GNUC__
 #define INLINE static inline __attribute__((always_inline))
 #define APART static __attribute__((noinline))
@@ -73,7 +74,8 @@ INLINE void evaluate(const double *restrict c, int powers, int stride, int width
     }
 }
 
-/* out += columns (count, stride) times their shares, four registers at a time: what is added up stays in them. */
+/* out += columns (count, stride), of any memory, times their shares, four registers at a time: what is added up stays in
+   them. */
 INLINE void add_columns(const double *restrict columns, int stride, const double *restrict shares, int count,
                         double *restrict out, int width)
 {
@@ -82,10 +84,10 @@ INLINE void add_columns(const double *restrict columns, int stride, const double
         vec a = LOOSE(out + n), b = LOOSE(out + n + VL), c = LOOSE(out + n + 2 * VL), d = LOOSE(out + n + 3 * VL);
         for (q = 0; q < count; q++) {
             const double *column = columns + (size_t)q * stride + n, share = shares[q];
-            a += CV(column) * share;
-            b += CV(column + VL) * share;
-            c += CV(column + 2 * VL) * share;
-            d += CV(column + 3 * VL) * share;
+            a += CONST_LOOSE(column) * share;
+            b += CONST_LOOSE(column + VL) * share;
+            c += CONST_LOOSE(column + 2 * VL) * share;
+            d += CONST_LOOSE(column + 3 * VL) * share;
         }
         LOOSE(out + n) = a;
         LOOSE(out + n + VL) = b;
@@ -94,7 +96,7 @@ INLINE void add_columns(const double *restrict columns, int stride, const double
     }
     for (; n < width; n += VL) {
         vec a = LOOSE(out + n);
-        for (q = 0; q < count; q++) a += CV(columns + (size_t)q * stride + n) * shares[q];
+        for (q = 0; q < count; q++) a += CONST_LOOSE(columns + (size_t)q * stride + n) * shares[q];
         LOOSE(out + n) = a;
     }
 }
