@@ -16,7 +16,6 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from pmr.files.reasons import (
     ALIKE,
@@ -29,7 +28,8 @@ from pmr.files.reasons import (
     turned_everywhere,
     turned_nodes,
 )
-from pmr.files.rigid import DIRECTIONS, ROUNDING_OF_POINTS, Resistance, elastic_energies, rigid_motions
+from pmr.files.rigid import DIRECTIONS, ROUNDING_OF_POINTS, Resistance, rigid_motions
+from pmr.files.units import check_density, check_speed
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -42,17 +42,11 @@ STEPS, NEGATIVE = 60, -1e-6
 VANISHING = 30
 #: Most coordinates for which all eigenvalues of K are computed, in half a second.
 DENSE_ALWAYS = 1000
-#: Least and largest speed of sound in a body, m/s: soft plastics have 500, diamond 1.8e4.
-SLOWEST, FASTEST = 250.0, 5e4
-#: Least density in kg/m^3 of a body in its convex hull (air), and in the part that stiffness fills (foam).
-LIGHTEST, LIGHTEST_SOLID = 1.0, 10.0
 #: Warning about matrices that can't be checked against their nodes.
 UNCHECKED = (
-    "all nodes of the body are beside supports inside its matrices, so order and axes of directions, units and places "
+    "all nodes of the body are beside supports inside its matrices, so order and axes of directions and places "
     "could not be held against its stiffness; supports of the scene, in their place, let them be"
 )
-#: Vertices of the edges of a tetrahedron.
-_EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 
 
 def misfit(M: sp.csr_matrix, body: Resistance) -> tuple[str, str] | None:
@@ -68,8 +62,8 @@ def misfit(M: sp.csr_matrix, body: Resistance) -> tuple[str, str] | None:
         _axes_of_mass,
         _mechanisms,
         _centre,
-        _sound,
-        _weight,
+        check_speed,
+        check_density,
     )
     return next((reason for check in checks for reason in check(M, body)), None)
 
@@ -77,7 +71,7 @@ def misfit(M: sp.csr_matrix, body: Resistance) -> tuple[str, str] | None:
 def tells_nothing(body: Resistance) -> bool:
     """Whether all nodes are near supports inside the matrices, so that points and axes can't be checked against K."""
     used = np.unique(body.node)
-    return bool(_near_nodes(body, body.lacking.any(axis=1))[used].all())
+    return bool(body.near(body.lacking.any(axis=1))[used].all())
 
 
 def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
@@ -198,7 +192,7 @@ def _places(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     sums, sizes = body.sums_of_moments
     wrong = np.zeros(len(body.points), dtype=bool)
     wrong[body.node[np.abs(sums).max(axis=1) > ROUNDING_OF_POINTS[1] * sizes]] = True
-    wrong &= ~body.grounded & ~body.lacking.any(axis=1) & ~_near_nodes(body, _without_rotations(body))
+    wrong &= ~body.grounded & ~body.lacking.any(axis=1) & ~body.near(_without_rotations(body))
     if wrong.any():
         yield (
             affine_change(body)
@@ -221,7 +215,7 @@ def _axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     if wrong.any():
         yield (
             by_direction(body)
-            or turned_nodes(body, wrong)
+            or turned_nodes(body, wrong, body.near(body.lacking.any(axis=1)))
             or turned_everywhere(body)
             or (
                 "K",
@@ -311,79 +305,6 @@ def centre_of_mass(J: Array) -> Array:
     return np.asarray(1.5 * moments / np.trace(J[:3, :3]))
 
 
-def _sound(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield ``points`` and the reason, if the speed of sound shows that the units of the matrices do not fit."""
-    least, most = sound(M, body)
-    if most < SLOWEST or least > FASTEST:
-        speed, guess = (
-            (least, "the places of nodes in mm, or masses in t") if least > FASTEST else (most, "forces per mm")
-        )
-        yield (
-            "points",
-            (
-                f"SI units are allowed: in this body sound would travel at {speed:.2g} m/s, in steel it does at 5000; "
-                f"are {guess}?"
-            ),
-        )
-
-
-def _weight(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield ``M`` and the reason, if the body is lighter than air in its convex hull, or than foam where it is stiff.
-
-    Masses are then probably in t.
-    """
-    T = rigid_motions(body.points[body.node], body.direction)[:, :3]
-    mass, nodes = float(np.diag(T.T @ (M @ T)).max()), np.unique(body.node)
-    if not mass < LIGHTEST_SOLID * np.ptp(body.points[nodes], axis=0).prod():
-        return
-    try:
-        cells = Delaunay(body.points[nodes])
-    except QhullError:  # of nodes in a plane
-        return
-    x = cells.points[cells.simplices]
-    volumes = np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) / 6.0
-    joined = sp.coo_matrix((np.ones(len(body.node)), (body.node, np.arange(len(body.node)))))
-    coupled = (joined @ abs(body.K) @ joined.T).tocsr()[nodes][:, nodes]
-    edges = [np.asarray(coupled[cells.simplices[:, i], cells.simplices[:, j]])[0] > 0.0 for i, j in _EDGES]
-    solid = float(volumes[np.all(edges, axis=0)].sum())
-    if mass < max(LIGHTEST * volumes.sum(), LIGHTEST_SOLID * solid):
-        yield (
-            "M",
-            f"masses in kg are allowed: these are {mass:.3g} kg within {volumes.sum():.3g} m^3; are they in t, and "
-            "forces in kN or N/mm?",
-        )
-
-
-def sound(M: sp.csr_matrix, body: Resistance) -> tuple[float, float]:
-    """Return rough bounds, least and largest, of the speed of sound in the body in m/s; 0 and infinity if unknown.
-
-    Both come from stretching the body: with its whole mass, and for the largest also with the median mass at each node,
-    so that a payload does not count.  The least is at most the median over nodes of the distance to the nearest coupled
-    node times the node's own frequency (rad/s).  Stiff links and nodes with little mass therefore do not make a body
-    too fast.
-    """
-    row = body.pairs[0]
-    apart = (body.edges > 0.0) & (body.direction[row] < 3)
-    inverse = np.divide(1.0, body.edges, out=np.zeros(len(row)), where=apart)
-    nearest = body.on_pattern(inverse).max(axis=1).toarray().ravel()
-    connected = nearest > 0.0
-    if not connected.any():
-        return 0.0, np.inf
-    speeds = np.zeros(len(body.points))
-    local = 1.0 / nearest[connected] * np.sqrt(body.K.diagonal()[connected] / M.diagonal()[connected])
-    np.maximum.at(speeds, body.node[connected], local)
-    x = body.points - body.points.mean(axis=0)
-    axis = int(np.ptp(x, axis=0).argmax())
-    along = body.direction == axis
-    stretch = np.where(along, x[body.node, axis], 0.0)
-    R = rigid_motions(x[body.node], body.direction)
-    energy, inertia = float(elastic_energies(body.K, R, stretch[:, None])[0]), float(stretch @ (M @ stretch))
-    by_stretch = float(np.ptp(x[:, axis])) * np.sqrt(max(energy, 0.0) / inertia / 12.0)
-    node_mass = float(np.median((M @ along.astype(float))[along]))
-    typical = np.sqrt(max(energy, 0.0) / (node_mass * along.sum())) if node_mass > 0.0 else np.inf
-    return min(float(np.median(speeds[speeds > 0.0])), by_stretch), max(by_stretch, float(typical))
-
-
 def _left_free(body: Resistance) -> int:
     """Return the number of motions, rigid or not, that a dense K leaves free."""
     return int(np.sum(_scaled_eigenvalues(body) < 1e-13 * len(body.node)))
@@ -416,22 +337,9 @@ def _supported_nodes(body: Resistance) -> Mask:
     Under translations along the axes that no near node lacks, such a node has no forces, or those of a spring to
     ground.
     """
-    lacks = np.stack([_near_nodes(body, body.lacking[:, k]) for k in range(3)], axis=1)
+    lacks = np.stack([body.near(body.lacking[:, k]) for k in range(3)], axis=1)
     springs = np.where(lacks[:, :, None] | lacks[:, None], 0.0, body.blocks)
     size = np.abs(body.blocks).max(axis=(1, 2))
     skew = np.abs(springs - springs.transpose(0, 2, 1)).max(axis=(1, 2))
     least = np.linalg.eigvalsh((springs + springs.transpose(0, 2, 1)) / 2.0)[:, 0]
     return np.asarray(lacks.any(axis=1) & (skew <= 1e-6 * size) & (least >= -1e-6 * size))
-
-
-def _near_nodes(body: Resistance, missing: Mask) -> Mask:
-    """Return a mask (N,) of nodes near one of the `missing` (N,), which is a mask too.
-
-    Near is up to 1.2 times as far as the farthest node that K couples with a node, and half the body's length at most.
-    """
-    if not missing.any():
-        return np.zeros(len(missing), dtype=bool)
-    reach = np.zeros(len(missing))
-    np.maximum.at(reach, body.node, body.on_pattern(body.edges).max(axis=1).toarray().ravel())
-    reach = np.minimum(1.2 * reach, 0.5 * float(np.ptp(body.points, axis=0).max()))
-    return np.asarray(cKDTree(body.points[missing]).query(body.points)[0] <= reach)

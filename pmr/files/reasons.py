@@ -131,20 +131,35 @@ def moved_nodes(body: Resistance, wrong: Mask) -> tuple[str, str] | None:
     )
 
 
-def turned_nodes(body: Resistance, wrong: Mask) -> tuple[str, str] | None:
+def turned_nodes(body: Resistance, wrong: Mask, near_supports: Mask) -> tuple[str, str] | None:
     """Return wrong input and reason, if nodes of `wrong` (N,) have axes of their own; else None.
 
-    Such nodes follow translations of the other nodes along turned axes.
+    Such nodes follow translations of the other nodes along turned or reversed axes.  A reversed axis can resist
+    translations as a spring to ground does, so that nodes with springs that K couples with `wrong` are tried too.
+    Nodes of the mask `near_supports` (N,) do not follow others as free ones do, so that first all others are tried.
     """
-    nodes, Q = _rigid_followers(body, wrong, 0, np.tile(np.eye(3), (len(wrong), 1, 1)), ALIKE)
-    if not len(nodes) or np.abs(Q @ Q.transpose(0, 2, 1) - np.eye(3)).max() > 1e-3:
-        return None
-    trace = np.trace(Q[0]) * np.sign(np.linalg.det(Q[0]))
-    angle = np.degrees(np.arccos(np.clip((trace - 1.0) / 2.0, -1.0, 1.0)))
-    return "direction", (
-        f"directions along the axes of the places are allowed: {len(nodes)} nodes have axes of their own, that at "
-        f"{place(body.points[nodes[0]])} turned by {angle:.3g} degrees"
-    )
+    coupled = np.zeros(len(wrong), dtype=bool)
+    row, column, _ = body.pairs
+    coupled[body.node[row[wrong[body.node[column]]]]] = True
+    springs = wrong | (coupled & body.sprung)
+    for mask in (springs & ~near_supports, springs, wrong):
+        nodes, Q = _rigid_followers(body, mask, 0, np.tile(np.eye(3), (len(wrong), 1, 1)), ALIKE)
+        if len(nodes) and np.abs(Q @ Q.transpose(0, 2, 1) - np.eye(3)).max() < 1e-3:
+            return "direction", (
+                f"directions along the axes of the places are allowed: {len(nodes)} nodes have axes of their own, that "
+                f"at {place(body.points[nodes[0]])} {_describe_turn(Q[0])}"
+            )
+    return None
+
+
+def _describe_turn(Q: Array) -> str:
+    """Return orthogonal axes Q (3, 3) in words: along which axes of the places they are, or by what angle turned."""
+    largest = np.abs(Q).argmax(axis=1)
+    if np.abs(Q[np.arange(3), largest]).min() > 1.0 - ALIKE:
+        signs = np.where(Q[np.arange(3), largest] < 0.0, "-", "")
+        return "along " + ", ".join(f"{sign}{'xyz'[k]}" for sign, k in zip(signs, largest, strict=True))
+    angle = np.degrees(np.arccos(np.clip((np.trace(Q) * np.sign(np.linalg.det(Q)) - 1.0) / 2.0, -1.0, 1.0)))
+    return f"turned by {angle:.3g} degrees"
 
 
 def turned_alone(body: Resistance) -> Mask:
@@ -227,7 +242,7 @@ def turned_everywhere(body: Resistance) -> tuple[str, str] | None:
     B = np.linalg.lstsq(A, squares, rcond=None)[0]
     if count < 22 or np.abs(A @ B - squares).max() > 1e-4:
         return None
-    return "direction", "directions along the axes of the places are allowed: all nodes have axes of their own"
+    return "direction", "directions along the axes of the places are allowed: nodes have axes of their own"
 
 
 def place(x: Array) -> str:

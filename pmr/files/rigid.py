@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -112,6 +113,19 @@ class Resistance:
         translations = self.direction < 3
         lacking[self.node[translations], self.direction[translations]] = False
         return lacking
+
+    def near(self, missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return a mask (N,) of nodes near one of the `missing` (N,), which is a mask too.
+
+        Near is up to 1.2 times as far as the farthest node that K couples with a node, and half the body's length at
+        most.
+        """
+        if not missing.any():
+            return np.zeros(len(missing), dtype=bool)
+        reach = np.zeros(len(missing))
+        np.maximum.at(reach, self.node, self.on_pattern(self.edges).max(axis=1).toarray().ravel())
+        reach = np.minimum(1.2 * reach, 0.5 * float(np.ptp(self.points, axis=0).max()))
+        return np.asarray(cKDTree(self.points[missing]).query(self.points)[0] <= reach)
 
     @cached_property
     def blocks(self) -> Array:

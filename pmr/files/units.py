@@ -1,0 +1,117 @@
+"""Checks whether mass and stiffness matrices of another program are in SI units, by speed of sound and density.
+
+Each check yields the input that is wrong (``M`` or ``points``) and the reason in words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.spatial import Delaunay, QhullError, cKDTree
+
+from pmr.files.rigid import Resistance, rigid_motions
+
+Array = NDArray[np.float64]
+
+#: Least and largest speed of sound in a body, m/s: soft plastics have 500, diamond 1.8e4.
+SLOWEST, FASTEST = 250.0, 3e4
+#: Least density in kg/m^3 of a body in its convex hull (air), and in the part that stiffness fills (foam).
+LIGHTEST, LIGHTEST_SOLID = 1.0, 10.0
+#: Vertices of the edges of a tetrahedron.
+_EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
+
+
+def check_speed(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+    """Yield ``points`` and the reason, if the speed of sound shows that the units of the matrices do not fit."""
+    least, most = speeds_of_sound(M, body)
+    if most < SLOWEST or least > FASTEST:
+        speed, guess = (
+            (least, "the places of nodes in mm, or masses in t")
+            if least > FASTEST
+            else (most, "forces per mm, or masses in g")
+        )
+        yield (
+            "points",
+            (
+                f"SI units are allowed: in this body sound would travel at {speed:.2g} m/s, in steel it does at 5000; "
+                f"are {guess}?"
+            ),
+        )
+
+
+def check_density(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+    """Yield ``M`` and the reason, if the body is lighter than air in its convex hull, or than foam where it is stiff.
+
+    Nodes that supports hold and that K would couple with others are in the hull too.  Masses are then probably in t.
+    """
+    T = rigid_motions(body.points[body.node], body.direction)[:, :3]
+    mass, distance = float(np.diag(T.T @ (M @ T)).max()), cKDTree(body.points[body.node]).query(body.points)[0]
+    nodes = np.flatnonzero(distance <= 1.2 * body.edges.max())
+    if not mass < LIGHTEST_SOLID * np.ptp(body.points[nodes], axis=0).prod():
+        return
+    try:
+        cells = Delaunay(body.points[nodes])
+    except QhullError:  # of nodes in a plane
+        return
+    x = cells.points[cells.simplices]
+    volumes = np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) / 6.0
+    shape = len(body.points), len(body.node)
+    joined = sp.coo_matrix((np.ones(len(body.node)), (body.node, np.arange(len(body.node)))), shape)
+    coupled = (joined @ abs(body.K) @ joined.T).tocsr()[nodes][:, nodes]
+    edges = [np.asarray(coupled[cells.simplices[:, i], cells.simplices[:, j]])[0] > 0.0 for i, j in _EDGES]
+    solid = float(volumes[np.all(edges, axis=0)].sum())
+    if mass < max(LIGHTEST * volumes.sum(), LIGHTEST_SOLID * solid):
+        yield (
+            "M",
+            f"masses in kg are allowed: these are {mass:.3g} kg within {volumes.sum():.3g} m^3; are they in t, and "
+            "forces in kN or N/mm?",
+        )
+
+
+def speeds_of_sound(M: sp.csr_matrix, body: Resistance) -> tuple[float, float]:
+    """Return rough bounds, least and largest, of the speed of sound in the body in m/s; 0 and infinity if unknown.
+
+    Both come from stretching the body: with its whole mass, and for the largest without payloads.
+    The least is at most the median over nodes of the distance to the nearest coupled node times the node's own
+    frequency (rad/s).  Stiff links and nodes with little mass therefore do not make a body too fast.
+    """
+    row = body.pairs[0]
+    apart = (body.edges > 0.0) & (body.direction[row] < 3)
+    inverse = np.divide(1.0, body.edges, out=np.zeros(len(row)), where=apart)
+    nearest = body.on_pattern(inverse).max(axis=1).toarray().ravel()
+    connected = nearest > 0.0
+    by_stretch = _stretch_speeds(M, body)
+    if not connected.any() or not len(by_stretch):
+        return 0.0, np.inf
+    speeds = np.zeros(len(body.points))
+    local = 1.0 / nearest[connected] * np.sqrt(body.K.diagonal()[connected] / M.diagonal()[connected])
+    np.maximum.at(speeds, body.node[connected], local)
+    return min(float(np.median(speeds[speeds > 0.0])), float(by_stretch[0, 0])), float(by_stretch.max())
+
+
+def _stretch_speeds(M: sp.csr_matrix, body: Resistance) -> Array:
+    """Return speeds of sound (a, 2) in m/s by stretching along each axis, with the whole mass and without payloads.
+
+    Displacements u are the distance to the nearest node that supports hold along the axis, or else the position, so
+    that their slope is one and supports do no work: c^2 = u^T (K - S) u / m, where S are springs to ground.  What a
+    node has beyond four times the median of all counts as payload.  Axes with longer distances come first; those along
+    which nothing stretches are left out.
+    """
+    speeds = list[tuple[float, float, float]]()
+    free = ~body.near(body.lacking.any(axis=1)) & body.sprung
+    for axis in range(3):
+        along = body.direction == axis
+        x, supports = body.points[body.node[along]], body.points[body.lacking[:, axis]]
+        distance = cKDTree(supports).query(x)[0] if len(supports) else x[:, axis] - x[:, axis].min(initial=np.inf)
+        u, moves = np.zeros(len(along)), np.zeros(len(along), dtype=bool)
+        u[along], moves[along] = distance, (distance > 0.0) | (len(supports) == 0)
+        springs = np.where(free, body.blocks[:, axis, axis], 0.0)[body.node]
+        energy, masses = float(u @ (body.K @ u - springs * u)), (M @ along.astype(float))[moves]
+        typical = float(np.median(masses)) if len(masses) else 0.0
+        if energy > 0.0 and typical > 0.0 and masses.sum() > 0.0:
+            whole, bare = (np.sqrt(energy / m.sum()) for m in (masses, np.minimum(masses, 4.0 * typical)))
+            speeds.append((float(np.ptp(distance)), whole, bare))
+    return np.array(sorted(speeds, reverse=True)).reshape(-1, 3)[:, 1:]
