@@ -14,7 +14,7 @@ from pmr.scene import Scene, load_any
 from pmr.simulation.statics.postures import HOOK, WEIGHT, Postures, Stands, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads
-from pmr.studies.chart_models import postures
+from pmr.studies.chart_models import compute_postures
 from pmr.studies.charting import allow_row
 from pmr.studies.limits import Limit, with_fields
 from pmr.studies.shared import scene_arguments
@@ -67,7 +67,7 @@ def beside(scene: Scene, places: Array, limits: Sequence[Limit], up_to: float) -
     at = {"extensions": extensions, "luffing": places[:, -1].tolist(), "slewing": [0.0] * count}
     asked: dict[str, Any] = {"up_to": up_to, "error": True}
     fields = [name for one in limits if one.of == "field" for name in one.which]
-    made = postures(scene_arguments(scene) | asked | {"at": at, "fields": fields}, {})
+    made = compute_postures(scene_arguments(scene) | asked | {"at": at, "fields": fields}, {})
     scene = with_fields(scene, fields, count)
     asked |= {"limits": [one.model_dump(mode="json") for one in limits], "gravity": GRAVITY, "rows": [0, count]}
     cases = [{"weight": 1.0, "load": 1.0, "loads": {}}]
@@ -99,7 +99,7 @@ def arrays_at_rest(
     assert scene.frame is not None
     turned = ["luffing"] if scene.frame.slewing is None else ["luffing", "slewing"]
     arguments = scene_arguments(with_hook(scene)) | {"up_to": 1e6, "error": False, "at": at, "turned": turned}
-    return postures(arguments, {}).arrays
+    return compute_postures(arguments, {}).arrays
 
 
 def random_places(seed: int, count: int = 20, least: float = 0.7, most: float = 4.5, raised: float = 1.3) -> Array:

@@ -28,7 +28,7 @@ from pmr.simulation.statics.loaded import States
 from pmr.simulation.statics.postures import HOOK, WEIGHT, Postures, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place
-from pmr.studies.chart_models import postures
+from pmr.studies.chart_models import compute_postures
 from pmr.studies.charting import allow_row
 from pmr.studies.limits import Limit
 from pmr.studies.shared import scene_arguments
@@ -68,14 +68,14 @@ def chart(
     hooked = with_hook(scene)
     at = {"extensions": {name: [x] for name, x in extensions.items()}, "luffing": [np.deg2rad(angle)], "slewing": [0.0]}
     common: dict[str, Any] = {"up_to": 4.0 * at_load, "error": True}
-    made = postures(scene_arguments(hooked) | common | {"at": at}, {})
+    made = compute_postures(scene_arguments(hooked) | common | {"at": at}, {})
     own = npz.record(
         Postures, {n.removeprefix("reduced."): a for n, a in made.arrays.items() if n.startswith("reduced.")}
     )
     amounts = [{WEIGHT: 1.0, HOOK: 1.0, "wind": wind}.get(part, 0.0) for part in own.parts]
     place = Place(own, 0, amounts, G)
     limits = list[Limit]()
-    state = States.of([place.loaded.state(at_load)])
+    state = States.of([place.equilibria.state(at_load)])
     kinds = ["stress", "pad", "cylinder", "support", "luffing", "deflection", "buckling", "frequency", "overturning"]
     kinds += ["rope"] if own.rope_names else []
     for kind in kinds:
@@ -84,8 +84,8 @@ def chart(
         if kind == "overturning":
             machine = {**MACHINE, "mass": 1.0}
             light = Limit(name=kind, of=kind, polygon=POLYGON, machine=[machine], height=HEIGHT, factor=1.3)
-            tipping = light.tipping(own, 0, amounts)
-            load = at_load * (tipping.tips + state.outputs[0] @ tipping.moved.T)
+            tipping = light.tipping_moments(own, 0, amounts)
+            load = at_load * (tipping.tip_moment + state.outputs[0] @ tipping.tip_derivative.T)
             more = (2.3 * load + state.outputs[0] @ tipping.boom.T - load) / -tipping.machine - 1.3 * load * 0.0
             mass = float(max(np.max(more[np.isfinite(more)]), 500.0))
             limits.append(light.model_copy(update={"machine": (light.machine[0].model_copy(update={"mass": mass}),)}))
@@ -105,7 +105,7 @@ def chart(
     for k, limit in enumerate(limits):
         if load[k] > 0.0:
             step = max(error[k], 1e-4 * load[k])
-            pair = [place.loaded.state(max(load[k] + way * step, 0.0)) for way in (-1.0, 0.0)]
+            pair = [place.equilibria.state(max(load[k] + way * step, 0.0)) for way in (-1.0, 0.0)]
             if all(one.stands for one in pair):
                 low, high = place.share(limit)(States.of(pair))
                 bar[k] = abs(high - low) * error[k] / step

@@ -18,8 +18,8 @@ from waiting import wait_until
 
 from pmr.errors import SimulationError
 from pmr.studies import workers
-from pmr.studies.call import Outcome, compute, save
-from pmr.studies.files import Part, Project
+from pmr.studies.call import Outcome, compute_results, save
+from pmr.studies.files import PlannedStudy, Project
 from pmr.studies.study import StudyBase
 from pmr.studies.tasks import Plan, Task, TaskResult
 
@@ -135,7 +135,7 @@ class Squares(StudyBase):
 def project(*studies: StudyBase) -> Project:
     """Studies as the parts of one call; a single study has no name."""
     names = [""] if len(studies) == 1 else [f"part{i}" for i in range(len(studies))]
-    parts = [Part(name, study, study.plan()) for name, study in zip(names, studies, strict=True)]
+    parts = [PlannedStudy(name, study, study.plan()) for name, study in zip(names, studies, strict=True)]
     return Project("Test", "test", tuple(parts))
 
 
@@ -143,18 +143,18 @@ def run(folder: Path, *studies: StudyBase, jobs: int = 2) -> Outcome:
     """Compute studies on this machine, write their tables, and return the outcome."""
     asked = project(*studies)
     with workers.local_pool(jobs) as pool:
-        outcome = compute(asked, folder, pool, lambda progress: None)
+        outcome = compute_results(asked, folder, pool, lambda progress: None)
     save(asked, outcome, folder)
     return outcome
 
 
 def main(folder: Path, jobs: int) -> None:
     """Compute the study of squares in a folder, by the ranks of MPI or by `jobs` processes."""
-    ranks = workers.launched_ranks()
+    ranks = workers.count_ranks()
     with workers.rank_pool() if ranks > 1 else workers.local_pool(jobs) as pool:
         if pool is not None:
             asked = project(Squares(log=folder / "calls", seconds=SLEPT))
-            save(asked, compute(asked, folder, pool, lambda progress: None), folder)
+            save(asked, compute_results(asked, folder, pool, lambda progress: None), folder)
 
 
 if __name__ == "__main__":

@@ -192,7 +192,7 @@ def test_a_random_structure(number: int) -> None:
     assert rigid <= left and np.all(found.snapshots.omega[rigid:] > 0.0)
     if "full" not in scene.compare.against:
         return
-    full, own = FullOrder.of(scene, {ALONE: model}).references(), simulate(scene, found.model)
+    full, own = FullOrder.join(scene, {ALONE: model}).references(), simulate(scene, found.model)
     responses = {"reduced": own, **full.responses}
     error = errors_between(responses, quantities=compared_quantities(scene, own))["reduced_vs_full"]["beam"]
     estimated = estimate(found.model, Excitation.of(scene))

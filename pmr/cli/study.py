@@ -73,7 +73,7 @@ def study(
     """
     from pmr.scene.tomlfiles import experiments
     from pmr.studies import files
-    from pmr.studies.call import compute, save
+    from pmr.studies.call import compute_results, save
     from pmr.studies.results import TABLES
 
     file = found_file(study_file)
@@ -90,12 +90,12 @@ def study(
             if pool is None:
                 return  # a rank that has worked for the first one
             project = files.load(file, overrides or ())
-            chosen = project.only(only) if only else project
+            chosen = project.select_runs(only) if only else project
             for part in chosen.parts:
                 ensure_writable(folder / part.name, TABLES)
             ensure_writable(folder / "tasks", ("*.npz",))
             with _watch() as watch:
-                outcome = compute(chosen, folder, pool, watch)
+                outcome = compute_results(chosen, folder, pool, watch)
     except KeyboardInterrupt:
         say(err, "interrupted; the same command goes on from here")
         raise typer.Exit(130) from None
@@ -137,7 +137,7 @@ def _pool(jobs: int | None) -> AbstractContextManager[workers.Pool | None]:
     """Return a context with the pool of worker processes; under MPI it is None on ranks that are workers."""
     from pmr.studies import workers
 
-    if workers.launched_ranks() == 1:
+    if workers.count_ranks() == 1:
         return workers.local_pool(jobs or environment.cores())
     if jobs:
         raise InputError("command line", "--jobs", jobs, "under MPI all ranks but the first are workers; leave it out")

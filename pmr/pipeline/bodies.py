@@ -55,9 +55,9 @@ class Motions:
     """Motions of the reduced system by all of its simulators, on rank 0 alone, and of the references."""
 
     reduced: Simulations | None
-    moved: SimulatedSystem | None  # the reduced system with its motion
+    simulated: SimulatedSystem | None  # the reduced system with its motion
     error: ReductionError | None  # of the reduction, as it is estimated
-    looked: Mapping[str, Looked]  # what is seen of the reduced bodies, where the scene asks for it
+    body_views: Mapping[str, Looked]  # what is seen of the reduced bodies, where the scene asks for it
     references: References
 
     @property
@@ -113,22 +113,22 @@ class Bodies:
             self.bodies = {ALONE: reduce_with(scene, built[ALONE].model, shared.snapshots, clock)}
         models = {name: body.model for name, body in self.bodies.items()}
         scene = self._comm.bcast(on_first(self._comm, lambda: decide_second_order(scene, models)))
-        self.choice = self._chosen(scene)
+        self.choice = self._choose_models(scene)
         self.scene = scene if self.choice is None else self.choice.scene  # with the step that was chosen
         if self.choice is not None:
             chosen = self.choice.models
             self.bodies = {name: replace(body, modal=chosen[name]) for name, body in self.bodies.items()}
         self.bodies = as_asked(self.scene, self.bodies)
         #: as it was written, but for the step that was chosen: `scene` has the machine's motion as that of a frame
-        self.asked, self.system = self.scene, join_bodies(self.scene, self.bodies)
+        self.written_scene, self.system = self.scene, join_bodies(self.scene, self.bodies)
         if self.scene.frame is not None and self.scene.frame.machine is not None:
             with clock.stage("machine"):
                 self.scene, self.system = self._comm.bcast(
                     on_first(self._comm, lambda: with_machine_moved(self.scene, self.system))
                 )
         self.excitation = Excitation.of(self.scene)
-        self.full = FullOrder.of(self.scene, models_of(built))
-        self._other = self._another()
+        self.full = FullOrder.join(self.scene, models_of(built))
+        self._other = self._other_model()
 
     def frequencies(self) -> Frequencies:
         """Return the lowest natural frequencies over the paths: of the reduced system, and of the full one if wanted.
@@ -136,7 +136,7 @@ class Bodies:
         A single body's full frequencies always are, a boom's if the scene is compared with ``full``.
         """
         with_full = ALONE in self.built or "full" in self.scene.compare.against
-        at = places_on_way(self.scene, self.excitation, self.full.whole.size if with_full else 0)
+        at = places_on_way(self.scene, self.excitation, self.full.system.size if with_full else 0)
         of_reduced_system = on_first(
             self._comm, lambda: frequencies_on_way(self.scene, self.system, self.excitation, at)
         )
@@ -161,7 +161,7 @@ class Bodies:
         else:
             references = References(self.shared.references, {}, {})
         simulated = None if simulations is None else SimulatedSystem.of(self.system, self.excitation, simulations)
-        error = on_first(self._comm, lambda: None if simulated is None else self._error(simulated))
+        error = on_first(self._comm, lambda: None if simulated is None else self._estimate_error(simulated))
         looked = self._look_at_bodies(simulations)
         simulations = on_first(self._comm, lambda: simulations and simulations.with_least_seconds())
         return Motions(simulations, simulated, error, looked, references)
@@ -177,14 +177,14 @@ class Bodies:
     def recover(self, motions: Motions) -> Mapping[str, Recovered]:
         """Return by body the fields that the scene's recovery asks for, of the full model too if it was simulated."""
         with self.clock.stage("recover"):
-            return beside_full(motions.looked, motions.references.states)
+            return beside_full(motions.body_views, motions.references.states)
 
-    def judge(
+    def summary_parts(
         self, motions: Motions, natural: Frequencies, recovered: Mapping[str, Recovered]
     ) -> tuple[list[Part], Any]:
         """Return the contributions to summary.json and the tip's estimated error (T, d) in m; on rank 0 alone."""
         scene, system, responses = self.scene, self.system, motions.responses
-        simulated, error = motions.moved, motions.error
+        simulated, error = motions.simulated, motions.error
         assert motions.reduced is not None and simulated is not None and error is not None
         step_error = None if self.choice is None else self.choice.trial.step_error
         with self.clock.stage("step"):
@@ -198,7 +198,7 @@ class Bodies:
         }
         simulators = {"reduced": scene.simulation.simulators[0], "full": self.full.simulator}
         beside_full = comparison_part(
-            responses, compared_quantities(scene, responses["reduced"]), simulators, rigid_contacts(self.full.whole)
+            responses, compared_quantities(scene, responses["reduced"]), simulators, rigid_contacts(self.full.system)
         )
         blows = impacts_part(system, self.excitation, responses)
         figures = {**beside_full.figures, **blows.figures, **error.part.figures}
@@ -227,7 +227,7 @@ class Bodies:
                 body_results[name] = BodyResult(shapes, of.reduced.fields, of.histories(), of.envelopes())
         return body_results
 
-    def _chosen(self, scene: Scene) -> order.Choice | None:
+    def _choose_models(self, scene: Scene) -> order.Choice | None:
         """Return models and step that meet the scene's tolerance or budget, alike on every rank; None without one."""
         if scene.goal is None:
             return None
@@ -240,7 +240,7 @@ class Bodies:
             with self.clock.stage("other mesh"):
                 try:
                     other = order.on_other_mesh(scene, trial)
-                    on_other = self._on_other(other.scene)
+                    on_other = self._reduce_other_mesh(other.scene)
                     on_first(self._comm, lambda: search and search.compare_meshes(other, on_other))
                     why = None
                 except (InputError, ConvergenceError) as error:  # too coarse to be reduced: no reason not to run
@@ -249,7 +249,7 @@ class Bodies:
             choice: order.Choice = self._comm.bcast(on_first(self._comm, lambda: search and search.choose(why)))
         return choice
 
-    def _on_other(self, scene: Scene) -> dict[str, Any]:
+    def _reduce_other_mesh(self, scene: Scene) -> dict[str, Any]:
         """Return the reduced models, by body, of a scene that differs in its mesh; a single body's are cached."""
 
         def make() -> dict[str, Any]:
@@ -259,7 +259,7 @@ class Bodies:
         cache = self.caches.get(ALONE)
         return make() if cache is None else {ALONE: cache.model_of(scene, lambda: make()[ALONE])}
 
-    def _another(self) -> Any:
+    def _other_model(self) -> Any:
         """Return another reduced model from which a single body's error is estimated; None if that is not needed.
 
         It is not needed if the body's model can estimate its error by itself; None also if the other model can't be
@@ -273,7 +273,7 @@ class Bodies:
         except (InputError, ConvergenceError):  # as few modes as a small mesh has: no reason not to run
             return None
 
-    def _error(self, simulated: SimulatedSystem) -> ReductionError:
+    def _estimate_error(self, simulated: SimulatedSystem) -> ReductionError:
         """Return the estimated error of the reduction."""
         estimated = None if self.choice is None else self.choice.trial.estimate
         return reduction_error(self.scene, simulated, self.clock, self._other, estimated)
@@ -287,7 +287,7 @@ class Bodies:
             return self.full.frequencies(at.s, at.count, c)
         content = {
             "bodies": [body_cache.content for body_cache in self.caches.values()],
-            "contacts": repr(self.full.whole.contacts),
+            "contacts": repr(self.full.system.contacts),
             "s": at.s.tolist(),
             "count": at.count,
             **({"c": c.tolist()} if c.size else {}),

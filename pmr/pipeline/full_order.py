@@ -54,7 +54,7 @@ Array = NDArray[np.float64]
 #: (rad/s)^2, below all that is looked for: what holds is not singular there.
 SHIFT = -1.0
 #: Modes without gyroscopic forces for each with them.
-MODES_OF_A_TURN = 6
+MODES_PER_GYROSCOPIC = 6
 
 
 @dataclass(frozen=True)
@@ -72,19 +72,19 @@ class FullOrder:
     """All bodies of a scene in full order (`whole`), and the name of their `simulator`; every method is collective."""
 
     scene: Scene
-    whole: FullSystem
+    system: FullSystem
     simulator: str
 
     @classmethod
-    def of(cls, scene: Scene, models: Mapping[str, FullModel]) -> FullOrder:
+    def join(cls, scene: Scene, models: Mapping[str, FullModel]) -> FullOrder:
         """Join full models, by body, to the full order of a scene."""
         full_system = FullSystem(models, contacts_of(scene, models))
         return cls(scene, full_system, full_simulator(scene, full_system.size))
 
     @cached_property
-    def gathered(self) -> System | None:
+    def gathered_system(self) -> System | None:
         """The system as SciPy matrices on rank 0, for simulators that are not distributed; None on other ranks."""
-        gathered_system = self.whole.gather()
+        gathered_system = self.system.gather()
         return gathered_system and replace(gathered_system, terms=terms_of(self.scene, gathered_system.bodies))
 
     def frequencies(self, s: Array, count: int, c: Array) -> Array:
@@ -92,15 +92,15 @@ class FullOrder:
 
         Every contact is closed; the system's terms, such as geometric stiffness, have amplitudes c (S, k).
         """
-        if ALONE in self.whole.bodies and not c.size:
+        if ALONE in self.system.bodies and not c.size:
             solver = self.scene.reduction.solver
-            return lowest_frequencies(self.whole.bodies[ALONE], s[:, 0], count, solver) / (2.0 * np.pi)
-        x = self.whole.coordinates(dict(zip(self.scene.driven_paths, s.T, strict=True)))
+            return lowest_frequencies(self.system.bodies[ALONE], s[:, 0], count, solver) / (2.0 * np.pi)
+        x = self.system.coordinates(dict(zip(self.scene.driven_paths, s.T, strict=True)))
         if self.simulator == "march":
-            lowest = None if self.gathered is None else Assembly(self.gathered).frequencies(x, count, c)
+            lowest = None if self.gathered_system is None else Assembly(self.gathered_system).frequencies(x, count, c)
         else:
-            lowest = _sparse(self._with_terms(), x, count, c)
-        return np.asarray(self.whole.comm.bcast(lowest))
+            lowest = _lanczos_frequencies(self._with_terms(), x, count, c)
+        return np.asarray(self.system.comm.bcast(lowest))
 
     def references(
         self,
@@ -118,7 +118,7 @@ class FullOrder:
         for name in [name for name in ("full", "ancf") if name in self.scene.compare.against]:
             try:
                 if name == "full":
-                    response, states = self._full(clock or Clock(), steps, checkpoint, stepping)
+                    response, states = self._simulate_full(clock or Clock(), steps, checkpoint, stepping)
                 else:
                     response = self.reference(name, clock)
             except SimulationError as error:
@@ -133,11 +133,11 @@ class FullOrder:
         Raises SimulationError if it fails or can't be trusted (`pmr.compare.trust`); that of ``"full"`` on every rank.
         """
         if name == "full":
-            return self._full(clock or Clock(), (), None, None)[0]
-        if self.whole.comm.rank > 0:
+            return self._simulate_full(clock or Clock(), (), None, None)[0]
+        if self.system.comm.rank > 0:
             return None
         with (clock or Clock()).stage(name) as done:
-            response = cable_response(self.scene, self.whole.bodies[ALONE].output_positions, done)
+            response = cable_response(self.scene, self.system.bodies[ALONE].output_positions, done)
         if reason := distrust(response):
             raise SimulationError(reason)
         return response
@@ -147,7 +147,7 @@ class FullOrder:
         excitation = Excitation.of(self.scene)
         return excitation.with_stepping(stepping or excitation.stepping)
 
-    def _full(
+    def _simulate_full(
         self,
         clock: Clock,
         steps: Sequence[int],
@@ -158,7 +158,7 @@ class FullOrder:
 
         Raises SimulationError on every rank if the response can't be trusted.
         """
-        system, comm, excitation = self.whole, self.whole.comm, self._excitation_on(stepping)
+        system, comm, excitation = self.system, self.system.comm, self._excitation_on(stepping)
         rigid, x = system.compliance.rigid, places(system, excitation)
         refuse(self.simulator, needs_of(system, rigid, x, excitation.stepping.rho_inf), REFERENCE)
         with clock.stage("full") as done:
@@ -169,10 +169,10 @@ class FullOrder:
 
                 def make() -> Simulated:
                     """Simulate the system on rank 0."""
-                    assert self.gathered is not None  # as on rank 0
-                    return simulate_by(self.scene, self.gathered, excitation, self.simulator, steps, done)
+                    assert self.gathered_system is not None  # as on rank 0
+                    return simulate_by(self.scene, self.gathered_system, excitation, self.simulator, steps, done)
 
-                _ = self.gathered  # collective
+                _ = self.gathered_system  # collective
                 simulated = on_first(comm, make)
                 response = None if simulated is None else simulated.response
                 of_all = comm.bcast(None if simulated is None else simulated.states)
@@ -196,26 +196,28 @@ class FullOrder:
             system, history.t, MotionOutputs(history.y, history.forces, history.peaks, history.energy)
         )
         response = replace(
-            with_friction(with_reactions(response, *_reactions(system, history)), system, history.friction),
+            with_friction(with_reactions(response, *_support_reactions(system, history)), system, history.friction),
             residual_position=history.residual_position,
             residual_velocity=history.residual_velocity,
             seconds=history.preparation + history.seconds,
             surplus=history.surplus,
         )
         x, f = places(system, excitation), excitation.forces(system.input_names)
-        return with_forces_on_machine(self.scene, response), _states(system, history, list(steps), x, f)
+        return with_forces_on_machine(self.scene, response), _states_of_bodies(system, history, list(steps), x, f)
 
     def _with_terms(self) -> FullSystem:
         """Return the distributed system with its terms, whose sparse matrices every rank has whole."""
         if not list(frame_terms(self.scene)):
-            return self.whole
-        gathered_system = self.gathered
+            return self.system
+        gathered_system = self.gathered_system
         return replace(
-            self.whole, terms=self.whole.comm.bcast(None if gathered_system is None else gathered_system.terms)
+            self.system, terms=self.system.comm.bcast(None if gathered_system is None else gathered_system.terms)
         )
 
 
-def _states(system: FullSystem, history: History, steps: list[int], x: Array, f: Array) -> dict[str, BodyStates]:
+def _states_of_bodies(
+    system: FullSystem, history: History, steps: list[int], x: Array, f: Array
+) -> dict[str, BodyStates]:
     """Return the states of all bodies at `steps`, by body.
 
     `x` (T, sides) in m are the positions of the contacts' sides over time, `f` (T, i) in N the loads on the inputs.
@@ -240,7 +242,7 @@ def _states(system: FullSystem, history: History, steps: list[int], x: Array, f:
     return states_of_bodies
 
 
-def _reactions(full_system: FullSystem, history: History) -> tuple[dict[str, Supports], dict[str, Array]]:
+def _support_reactions(full_system: FullSystem, history: History) -> tuple[dict[str, Supports], dict[str, Array]]:
     """Return by body its rigid supports whose forces are no outputs of the system, and their forces (T, h) in N."""
     system, bearing_contacts = full_system.with_supports(), set(output_contacts(full_system))
     rows = {
@@ -261,7 +263,7 @@ def _reactions(full_system: FullSystem, history: History) -> tuple[dict[str, Sup
     return supports, reactions
 
 
-def _sparse(full_system: FullSystem, places_of: Array, count: int, c: Array) -> Array | None:
+def _lanczos_frequencies(full_system: FullSystem, places_of: Array, count: int, c: Array) -> Array | None:
     """Return the `count` lowest frequencies (S, f) in Hz, by Lanczos iterations on rank 0; None on other ranks.
 
     The iterations are on the saddle point of the coordinates and the contact forces, at positions `places_of` (S,
@@ -291,7 +293,7 @@ def _sparse(full_system: FullSystem, places_of: Array, count: int, c: Array) -> 
         factor = spla.splu((A - SHIFT * mass).tocsc())
         start = factor.solve(np.concatenate([M @ np.ones(M.shape[0]), np.zeros(m)]))
         solved = spla.LinearOperator(A.shape, factor.solve)
-        count_of_pairs = MODES_OF_A_TURN * count if V.count_nonzero() else count
+        count_of_pairs = MODES_PER_GYROSCOPIC * count if V.count_nonzero() else count
         values, q = spla.eigsh(A, count_of_pairs, M=mass, sigma=SHIFT, OPinv=solved, v0=start)
         X = q[: system.size]
         turning = X.T @ ((V - V.T) @ X) / 2.0

@@ -117,12 +117,12 @@ def _run(
 ) -> Outcome | None:
     """Run a scene as `run` does; an error has the keys of the scene in its internal form."""
     check_installed(scene)
-    chosen = _decide_models(scene, comm, clock, cache)
+    chosen = _decide_scene_models(scene, comm, clock, cache)
     scene = chosen.scene
     with clock.stage("assemble"):
         built = build_bodies(scene, comm)
         free_motions = left_free(scene, built) if scene.free_motions == "allowed" else []
-    size, outputs = _sizes(built)
+    size, outputs = _total_sizes(built)
     free = comm.bcast(environment.available_memory() if comm.rank == 0 else None)
     check_memory(scene, size, outputs, free, tell=comm.rank == 0)
     caches = {} if cache is None else {name: cache_in(cache, body.model) for name, body in built.items()}
@@ -133,19 +133,21 @@ def _run(
     motions = bodies.simulate(checkpoint)
     recovered = {} if scene.recovery is None else bodies.recover(motions)
     outcome = None if motions.reduced is None else _outcome(bodies, motions, frequencies, recovered, free_motions)
-    if outcome is not None and chosen.said is not None:
-        outcome.result.summary["chosen_model"] = chosen.said
+    if outcome is not None and chosen.chosen_model is not None:
+        outcome.result.summary["chosen_model"] = chosen.chosen_model
     if keep is not None:
         on_first(comm, lambda: outcome and keep(outcome))
-    budget = {} if chosen.part is None else {"model": chosen.part}
+    budget = {} if chosen.budget_part is None else {"model": chosen.budget_part}
     budget |= _measure(bodies, motions, budget, measures)
     if outcome is not None and budget:
         complete_budget: dict[str, Any] = budget | outcome.result.summary.get("budget", {})
         if isinstance(complete_budget.get("mesh"), Mapping):
             response = outcome.result.responses["reduced"]
-            complete_budget["mesh_not_covered"] = figures_not_covered(bodies.asked, response, complete_budget["mesh"])
+            complete_budget["mesh_not_covered"] = figures_not_covered(
+                bodies.written_scene, response, complete_budget["mesh"]
+            )
         outcome.result.summary["budget"] = complete_budget
-        further = budget_warnings(bodies.asked, outcome.result.summary["budget"])
+        further = budget_warnings(bodies.written_scene, outcome.result.summary["budget"])
         outcome.result.summary["warnings"][outcome.grave : outcome.grave] = further  # before hints
     return outcome
 
@@ -163,7 +165,7 @@ def _outcome(
     """
     assert motions.reduced is not None  # as on rank 0
     system, excitation = bodies.system, bodies.excitation
-    scene, built, clock, (size, outputs) = bodies.scene, bodies.built, bodies.clock, _sizes(bodies.built)
+    scene, built, clock, (size, outputs) = bodies.scene, bodies.built, bodies.clock, _total_sizes(bodies.built)
     choice, responses, by_frequency = (
         bodies.choice,
         motions.responses,
@@ -171,14 +173,14 @@ def _outcome(
     )
     stages = {name: clock.seconds[name] for name in STAGES if name in clock.seconds}
     first = [
-        origin_part(bodies.asked, fenicsx_versions()),
+        origin_part(bodies.written_scene, fenicsx_versions()),
         Part({"coordinates": {"full": size, "reduced": sum(body.size for body in system.bodies.values())}}),
         simulation_part(motions.seconds, motions.reduced.agreement, stages),
     ]
     last = [
         Part() if choice is None else Part(order.summary(choice), order.warnings(choice)),
         Part(warnings=memory_warnings(scene, size, outputs)),
-        *(Part(warnings=build_warnings(one.structure)) for one in {id(body): body for body in built.values()}.values()),
+        *(Part(warnings=build_warnings(member.structure)) for member in {id(m): m for m in built.values()}.values()),
         Part(warnings=free_motions),
         Part(warnings=mesh.warnings(scene)),
         Part(places({name: body.structure.outputs for name, body in built.items()})),
@@ -187,11 +189,11 @@ def _outcome(
         theory_part(scene, responses),
         frequency_part(by_frequency),
     ]
-    judged, tip_error = bodies.judge(motions, frequencies, recovered)
+    judged, tip_error = bodies.summary_parts(motions, frequencies, recovered)
     parts = [*first, *judged, *last]
     summary = combine_parts(parts)
     result = RunResult(
-        bodies.asked,
+        bodies.written_scene,
         summary,
         responses,
         shown_paths(scene, excitation),
@@ -202,7 +204,7 @@ def _outcome(
         by_frequency,
         tip_error,
     )
-    made_from = bodies.asked.provenance | {"versions": result.summary["versions"]}
+    made_from = bodies.written_scene.provenance | {"versions": result.summary["versions"]}
     recorded = replace(system, provenance=made_from) if system.terms or ALONE not in built else system
     return Outcome(result, recorded, len(grave(parts)))
 
@@ -213,11 +215,11 @@ def _measure(bodies: Bodies, motions: Motions, budget: Mapping[str, Any], measur
     The model's is measured if the scene asks for it, or if `budget` lacks it and there is a folder `measures`; the
     mesh's if there is such a folder and the scene has no tolerance or budget.  The folder keeps what takes longest.
     """
-    comm, clock, scene = next(iter(bodies.built.values())).model.comm, bodies.clock, bodies.asked
+    comm, clock, scene = next(iter(bodies.built.values())).model.comm, bodies.clock, bodies.written_scene
 
     def system_of(compared_scene: Scene) -> System:
         """Return a scene's reduced bodies as a system."""
-        return _reduced(compared_scene, comm).system
+        return _reduce_scene(compared_scene, comm).system
 
     is_wanted = scene.compare.richer not in ("auto", "none")
     if not is_wanted and measures is None:
@@ -229,11 +231,11 @@ def _measure(bodies: Bodies, motions: Motions, budget: Mapping[str, Any], measur
             parts["model"] = measure_model(scene, comm, cache, system_of)
         if measures is not None and scene.goal is None:
             response = None if motions.reduced is None else motions.reduced.first.response
-            parts |= mesh_measured(scene, bodies.system, response, comm, cache, system_of)
+            parts |= measure_mesh(scene, bodies.system, response, comm, cache, system_of)
     return parts
 
 
-def _sizes(built: Mapping[str, Built]) -> tuple[int, int]:
+def _total_sizes(built: Mapping[str, Built]) -> tuple[int, int]:
     """Return the total numbers of coordinates and of outputs of all full models."""
     models = [body.model for body in built.values()]
     return sum(model.size for model in models), sum(model.outputs.getSize()[1] for model in models)
@@ -310,12 +312,14 @@ def reduce(
         raise InputError("scene", "budget" if scene.accuracy is None else "accuracy", None, allowed)
     try:
         scene = scene if basis is None else with_array_basis(scene)
-        return _reduced(_decide_models(scene, comm, clock, None).scene, comm, clock, basis)
+        return _reduce_scene(_decide_scene_models(scene, comm, clock, None).scene, comm, clock, basis)
     except InputError as error:
         raise error.called(scene.spelled(error.key)) from None
 
 
-def _reduced(scene: Scene, comm: MPI.Comm, clock: Clock | None = None, vectors: Vectors | None = None) -> Reduction:
+def _reduce_scene(
+    scene: Scene, comm: MPI.Comm, clock: Clock | None = None, vectors: Vectors | None = None
+) -> Reduction:
     """Build and reduce a scene's bodies with these vectors, or with the scene's basis if they are None; collective."""
     clock = clock or Clock()
     with clock.stage("assemble"):
@@ -327,9 +331,9 @@ def _reduced(scene: Scene, comm: MPI.Comm, clock: Clock | None = None, vectors: 
     return Reduction(scene, built, as_asked(scene, bodies))
 
 
-def _decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None) -> Decided:
-    """Return the scene with models chosen as in `decide_models`, each option reduced by `_reduced`; collective."""
-    return decide_models(scene, comm, clock, cache, lambda option: _reduced(option, comm).system)
+def _decide_scene_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None) -> ModelDecision:
+    """Return the scene with models chosen as in `decide_models`, each option reduced by `_reduce_scene`; collective."""
+    return decide_models(scene, comm, clock, cache, lambda option: _reduce_scene(option, comm).system)
 
 
 SystemOf = Callable[[Scene], System]
@@ -342,15 +346,15 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Decided:
+class ModelDecision:
     """A scene with all structural models set, and what was measured to choose them; alike on every rank."""
 
     scene: Scene
-    part: Mapping[str, Any] | None = None  # ``budget.model`` of what was chosen; None where nothing was
-    said: Mapping[str, Any] | None = None  # ``chosen_model`` of summary.json
+    budget_part: Mapping[str, Any] | None = None  # ``budget.model`` of what was chosen; None where nothing was
+    chosen_model: Mapping[str, Any] | None = None  # ``chosen_model`` of summary.json
 
 
-def decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None, system_of: SystemOf) -> Decided:
+def decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None, system_of: SystemOf) -> ModelDecision:
     """Choose the simplest models that differ from a shell by `compare.model_tolerance` at most; collective.
 
     A scene without a choice of models is returned unchanged.  If none can be compared with a shell, the simplest models
@@ -359,7 +363,7 @@ def decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None
     """
     options = candidates(scene)
     if not options:
-        return Decided(scene)
+        return ModelDecision(scene)
     with clock.stage("choice of the model"):
         cached = None
         if cache is not None:  # of the smallest model, which takes no time
@@ -371,15 +375,15 @@ def measure_model(scene: Scene, comm: MPI.Comm, cache: Cache | None, system_of: 
     """Return ``budget.model`` of summary.json: differences to a richer model, or ``reason`` for none; collective."""
     if scene.frame is not None and scene.frame.machine is not None:
         return {"beside": None, "reason": ON_MACHINE}
-    called = "richer model"
+    label = "richer model"
     try:
-        of_scene, other, called = model_comparison(scene)
-        return _model_budget(of_scene, _motion_on_first(other, comm, cache, system_of), called, comm, cache, system_of)
+        of_scene, other, label = model_comparison(scene)
+        return _model_budget(of_scene, _motion_on_first(other, comm, cache, system_of), label, comm, cache, system_of)
     except UNNEEDED as error:
-        return _unknown_model_error(error, called)
+        return _unknown_model_error(error, label)
 
 
-def mesh_measured(
+def measure_mesh(
     scene: Scene, system: System, response: Response | None, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf
 ) -> dict[str, Any]:
     """Return ``mesh`` of the budget and ``mesh_reason``: differences to the scene on another mesh; collective.
@@ -389,30 +393,30 @@ def mesh_measured(
     if scene.frame is not None and scene.frame.machine is not None:
         return {"mesh_reason": ON_MACHINE}
 
-    def beside_own(make: Callable[[], Scene], called: str) -> dict[str, Any]:
+    def compare_scene(make: Callable[[], Scene], label: str) -> dict[str, Any]:
         """Return how far the scene that `make` returns, `called` so, is from the own one, or the reason for none."""
         try:
             motion = on_first(comm, lambda: Motion.of(scene, system, response))
             other_motion = _motion_on_first(make(), comm, cache, system_of)
         except UNNEEDED as error:
-            return _unknown_model_error(error, called)
-        part = None if motion is None or other_motion is None else model_budget(scene, other_motion, motion, called)
+            return _unknown_model_error(error, label)
+        part = None if motion is None or other_motion is None else model_budget(scene, other_motion, motion, label)
         errors: dict[str, Any] = comm.bcast(part)
         return errors
 
-    return mesh.mesh_budget(scene, beside_own)
+    return mesh.mesh_budget(scene, compare_scene)
 
 
-def _unknown_model_error(error: Exception, called: str) -> dict[str, Any]:
+def _unknown_model_error(error: Exception, label: str) -> dict[str, Any]:
     """Return what summary.json says of an error that can't be measured: ``reason`` and, if it is long, ``detail``."""
     reason = error.allowed if isinstance(error, InputError) else str(error)
     if isinstance(error, NotHeldError):
-        short = f"a {called} of it is not held: {error.short}; pads or supports against that are needed"
+        short = f"a {label} of it is not held: {error.short}; pads or supports against that are needed"
         return {"beside": None, "reason": short, "detail": reason}
     return {"beside": None, "reason": reason}
 
 
-def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> Decided:
+def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> ModelDecision:
     """Compare beams with a shell, the last of `options`, from the simplest on, and choose as `decide_models` does."""
     *beams, shell = options
     tried = list[dict[str, Any]]()
@@ -429,19 +433,21 @@ def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None, sys
             if comm.rank == 0:
                 _log.info("%(name)s, walls %(walls)s: off by %(error).2g of what a shell says", tried[-1])
             if tried[-1]["error"] <= beam.compare.model_tolerance:
-                return Decided(beam, part, chosen_figures(beam))
+                return ModelDecision(beam, part, chosen_figures(beam))
     except UNKNOWN as error:
-        return Decided(beams[0], {"beside": None, "reason": str(error)}, chosen_figures(beams[0], reason=str(error)))
+        return ModelDecision(
+            beams[0], {"beside": None, "reason": str(error)}, chosen_figures(beams[0], reason=str(error))
+        )
     check(shell)  # which may not have what only a beam can
-    return Decided(shell, None, chosen_figures(shell))
+    return ModelDecision(shell, None, chosen_figures(shell))
 
 
 def _model_budget(
-    scene: Scene, other: Motion | None, called: str, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf
+    scene: Scene, other: Motion | None, label: str, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf
 ) -> dict[str, Any]:
     """Return, on every rank, the difference of a scene's motion to an `other` motion, which rank 0 has."""
     motion = _motion_on_first(scene, comm, cache, system_of)
-    part = None if motion is None or other is None else model_budget(scene, motion, other, called)
+    part = None if motion is None or other is None else model_budget(scene, motion, other, label)
     errors: dict[str, Any] = comm.bcast(part)
     return errors
 

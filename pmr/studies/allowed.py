@@ -25,9 +25,9 @@ Point = tuple[float, float]
 #: Number of loads at which the share is computed first.
 NODES = 9
 #: Loads that are tried close to an expected one, as shares of it.
-BESIDE = (0.99, 0.998, 1.0, 1.002, 1.01)
+FACTORS_AROUND_GUESS = (0.99, 0.998, 1.0, 1.002, 1.01)
 #: Allowed error of a load, as a share of the largest load and of itself; distance of a share from 1 that is round-off.
-OF_TOP, OF_LOAD, NOTHING = 1e-12, 1e-13, 1e-13
+TOP_TOLERANCE, LOAD_TOLERANCE, SHARE_TOLERANCE = 1e-12, 1e-13, 1e-13
 #: Most points of an interpolating polynomial, and the factor on its last change that is taken as its error.
 POINTS, DOUBT = 5, 2.0
 
@@ -64,7 +64,7 @@ def _used_shares(share: Share, states: States) -> list[float]:
     return used.tolist()
 
 
-def first_load(top: float, *, grows: bool = False, near: float = np.nan, at_once: bool = True) -> Search:
+def first_load(top: float, *, grows: bool = False, guess: float = np.nan, at_once: bool = True) -> Search:
     """Return a search for the least load in kg in (0, top] at which the used share of a limit reaches 1.
 
     `run_searches` runs it.  It returns 0 if the share is 1 or more without a load, and None if it stays below 1 at all
@@ -72,28 +72,30 @@ def first_load(top: float, *, grows: bool = False, near: float = np.nan, at_once
     loads, requested all `at_once` or one after the other.  If the result is expected close to the load `near` in kg
     (NaN without a guess), loads around that are tried first, and no others if the share reaches 1 between them.
     """
-    if 0.0 < near < top:
-        points = yield from _look_at(tuple(dict.fromkeys(min(near * factor, top) for factor in BESIDE)))
+    if 0.0 < guess < top:
+        points = yield from _request_points(
+            tuple(dict.fromkeys(min(guess * factor, top) for factor in FACTORS_AROUND_GUESS))
+        )
         if points[0][1] < 0.0 <= points[-1][1]:
-            return (yield from _root(points, OF_TOP * top))
+            return (yield from _find_root(points, TOP_TOLERANCE * top))
     loads = (0.0, top) if grows else tuple(np.linspace(0.0, top, NODES).tolist())
     points = []
     for some in [loads] if at_once else [(load,) for load in loads]:
-        points += yield from _look_at(some)
+        points += yield from _request_points(some)
         if points[0][1] >= 0.0:
             return 0.0
         if any(excess >= 0.0 for _, excess in points):
-            return (yield from _root(points, OF_TOP * top))
+            return (yield from _find_root(points, TOP_TOLERANCE * top))
     return None
 
 
-def _look_at(loads: tuple[float, ...]) -> Generator[tuple[float, ...], Sequence[float], list[Point]]:
+def _request_points(loads: tuple[float, ...]) -> Generator[tuple[float, ...], Sequence[float], list[Point]]:
     """Request the used shares at `loads` in kg; return points (load, share - 1)."""
     used = yield loads
     return [(load, share - 1.0) for load, share in zip(loads, used, strict=True)]
 
 
-def _root(points: list[Point], apart: float) -> Generator[tuple[float, ...], Sequence[float], float]:
+def _find_root(points: list[Point], tolerance: float) -> Generator[tuple[float, ...], Sequence[float], float]:
     """Return the first load in kg, to about `apart` kg, at which the used share reaches 1 between ascending points.
 
     By inverse interpolation: a polynomial for the load as a function of share - 1, whose error is estimated from the
@@ -102,14 +104,14 @@ def _root(points: list[Point], apart: float) -> Generator[tuple[float, ...], Seq
     """
     before = np.inf
     while True:
-        k = next(i for i, (_, left) in enumerate(points) if left >= 0.0)
+        k = next(i for i, (_, excess) in enumerate(points) if excess >= 0.0)
         (low, below), (high, above) = points[k - 1], points[k]
         best, distance = (low, -below) if -below < above else (high, above)
-        off = apart + OF_LOAD * high
-        if high - low <= 2.0 * off or distance <= NOTHING:
+        tolerance_here = tolerance + LOAD_TOLERANCE * high
+        if high - low <= 2.0 * tolerance_here or distance <= SHARE_TOLERANCE:
             return best
-        load, error = _curve(points, k)
-        error = max(DOUBT * error, off)
+        load, error = _interpolate_load(points, k)
+        error = max(DOUBT * error, tolerance_here)
         trial_loads = {load - error, load, load + error}
         if not (low < load < high and error < (high - low) / 8.0) or high - low > before / 2.0:
             trial_loads |= {low + share * (high - low) for share in (0.25, 0.5, 0.75)}
@@ -117,10 +119,10 @@ def _root(points: list[Point], apart: float) -> Generator[tuple[float, ...], Seq
         if not trial_loads:
             return best
         before = high - low
-        points = sorted([*points, *(yield from _look_at(tuple(sorted(trial_loads))))])
+        points = sorted([*points, *(yield from _request_points(tuple(sorted(trial_loads))))])
 
 
-def _curve(points: Sequence[Point], k: int) -> tuple[float, float]:
+def _interpolate_load(points: Sequence[Point], k: int) -> tuple[float, float]:
     """Return the load in kg at which a polynomial through points near the k-th has share 1, and its last change in kg.
 
     The load is a polynomial of share - 1 through at most `POINTS` points along which the share increases, by Neville's
@@ -150,11 +152,11 @@ def _curve(points: Sequence[Point], k: int) -> tuple[float, float]:
 
 
 #: Half the square of a cantilever's slope over that of its deflection by the length: (3 / 2)^2 / 2.
-PROJECTED = 1.125
+ROTATION_FACTOR = 1.125
 #: Largest share of a limit used without the load that counts when the error by large rotations is computed.
-MOST_AT_REST = 0.99
+MOST_UNLOADED = 0.99
 #: Share by which a load is reduced to be just below the load of a limit.
-BELOW = 1e-6
+JUST_BELOW = 1e-6
 
 
 @dataclass(frozen=True)
@@ -165,16 +167,16 @@ class Place:
     the scene's other loads in their units.
     """
 
-    at: Postures
+    postures: Postures
     k: int
     amounts: Sequence[float]
     gravity: float  # m/s^2
 
     @cached_property
-    def loaded(self) -> Loaded:
+    def equilibria(self) -> Loaded:
         """Equilibria of the boom at this place as a function of the load in kg."""
-        named = dict(zip(self.at.parts, self.amounts, strict=True))
-        return Loaded(self.at.at(self.k, named, named[HOOK]))
+        named = dict(zip(self.postures.parts, self.amounts, strict=True))
+        return Loaded(self.postures.at(self.k, named, named[HOOK]))
 
     def share(self, limit: Limit) -> Share:
         """Return the function from states to the used shares (p,) of `limit` at this place.
@@ -182,7 +184,7 @@ class Place:
         It is made once for each limit.
         """
         if limit not in self._shares:
-            self._shares[limit] = limit.share(self.at, self.k, self.amounts)
+            self._shares[limit] = limit.share(self.postures, self.k, self.amounts)
         return self._shares[limit]
 
     @cached_property
@@ -190,46 +192,46 @@ class Place:
         """Functions that `share` has returned, by limit."""
         return {}
 
-    def used(self, limit: Limit, state: State) -> float:
+    def used_share(self, limit: Limit, state: State) -> float:
         """Return the share of `limit` that one state uses."""
         return float(self.share(limit)(States.of([state]))[0])
 
 
-def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, near: Array | None = None) -> Array:
+def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, guesses: Array | None = None) -> Array:
     """Return the load in kg that each limit allows at a place, (l,), stability last; NaN if it is above `up_to` in kg.
 
     0 for limits that are passed without a load, and for all if the boom is then unstable.  `near` (l,) are loads in kg
     that another model allows, around which the searches look first; NaN or None without a guess.
     """
-    loaded, near_loads = place.loaded, np.full(len(limits) + 1, np.nan) if near is None else near
+    loaded, near_loads = place.equilibria, np.full(len(limits) + 1, np.nan) if guesses is None else guesses
     first = loaded.state(0.0)
     loads = np.zeros(len(limits) + 1)
     top = min(up_to, first.form.critical * (1.0 - 1e-9)) if loaded.both_ways else up_to
     if first.stands:
-        loads[:-1] = _by_limit(limits, place, top, near_loads)
+        loads[:-1] = _loads_by_limit(limits, place, top, near_loads)
         reached = loads[:-1] > 0.0
-        loads[:-1][reached] = _standing_loads(loaded, loads[:-1][reached])
-    loads[-1] = _stable(loaded, up_to)
+        loads[:-1][reached] = _stable_loads(loaded, loads[:-1][reached])
+    loads[-1] = _stability_load(loaded, up_to)
     return loads
 
 
-def _standing_loads(loaded: Loaded, loads: Array) -> Array:
+def _stable_loads(loaded: Loaded, loads: Array) -> Array:
     """Return loads (l,) in kg, replaced by NaN if the boom is unstable under a load a little (`BELOW`) smaller."""
-    return np.where(loaded.states((loads * (1.0 - BELOW)).tolist()).stands, loads, np.nan)
+    return np.where(loaded.states((loads * (1.0 - JUST_BELOW)).tolist()).stands, loads, np.nan)
 
 
-def _by_limit(limits: Sequence[Limit], place: Place, top: float, near: Array) -> Array:
+def _loads_by_limit(limits: Sequence[Limit], place: Place, top: float, guesses: Array) -> Array:
     """Return the load (l,) in kg at which each limit is reached, without stability; NaN if it is above `top`.
 
     `near` are loads in kg near which they are expected, NaN where nothing is.
     """
-    loaded, loads, searches = place.loaded, np.full(len(limits), np.nan), dict[int, tuple[Share, Search]]()
-    for n, (limit, guess) in enumerate(zip(limits, near.tolist(), strict=False)):
-        direct = limit.directly(loaded.state(0.0).form, guess, top) if loaded.both_ways else None
+    loaded, loads, searches = place.equilibria, np.full(len(limits), np.nan), dict[int, tuple[Share, Search]]()
+    for n, (limit, guess) in enumerate(zip(limits, guesses.tolist(), strict=False)):
+        direct = limit.eigenvalue_load(loaded.state(0.0).form, guess, top) if loaded.both_ways else None
         if direct is None:
             searches[n] = (
                 place.share(limit),
-                first_load(top, grows=limit.kind.grows, near=guess, at_once=loaded.both_ways),
+                first_load(top, grows=limit.kind.grows, guess=guess, at_once=loaded.both_ways),
             )
         elif direct <= top:
             loads[n] = direct
@@ -238,31 +240,33 @@ def _by_limit(limits: Sequence[Limit], place: Place, top: float, near: Array) ->
     return loads
 
 
-def bent_further(limits: Sequence[Limit], place: Place, loads: Array, reach: float) -> Array:
+def large_rotation_changes(limits: Sequence[Limit], place: Place, loads: Array, reach: float) -> Array:
     r"""Return the change (l,) in kg of allowed loads (l,) by large rotations; 0 for stability, the last one.
 
     A tip that is displaced by w across a boom of length l (`reach` in m) is inclined by
     :math:`\theta \approx 3 w / 2 l`, and projections that second order takes as 1 are :math:`1 - \theta^2 / 2`.  With
     the share :math:`u_0` of the limit that is used without a load, an allowed load P changes by
     :math:`\tfrac98 (w / l)^2 P / (1 - u_0)`; for a limit of overturning :math:`P / (1 - u_0)` is replaced by
-    `Tipping.moved_by`.  The change by stability is not known.
+    `TippingMoments.overturning_load`.  The change by stability is not known.
     """
-    changes, tip = np.zeros(len(loads)), [n for n, kind in enumerate(place.at.output_kinds) if kind == "tip"]
-    states, unloaded = place.loaded.states(loads.tolist()), place.loaded.states([0.0])
+    changes, tip = np.zeros(len(loads)), [n for n, kind in enumerate(place.postures.output_kinds) if kind == "tip"]
+    states, unloaded = place.equilibria.states(loads.tolist()), place.equilibria.states([0.0])
     for n, (limit, state) in enumerate(zip(limits, states.split([1] * len(loads)), strict=False)):
         load = float(state.load[0])
         if not load > 0.0 or not state.stands[0]:
             continue
-        share = PROJECTED * float(np.sum(state.outputs[0, tip] ** 2)) / reach**2
+        share = ROTATION_FACTOR * float(np.sum(state.outputs[0, tip] ** 2)) / reach**2
         if limit.of == "overturning":
-            changes[n] = share * limit.tipping(place.at, place.k, place.amounts).moved_by(state, limit.factor)
+            changes[n] = share * limit.tipping_moments(place.postures, place.k, place.amounts).overturning_load(
+                state, limit.factor
+            )
         else:
             used_unloaded = float(place.share(limit)(unloaded)[0])
-            changes[n] = load * share / (1.0 - min(used_unloaded, MOST_AT_REST))
+            changes[n] = load * share / (1.0 - min(used_unloaded, MOST_UNLOADED))
     return changes
 
 
-def _stable(loaded: Loaded, up_to: float) -> float:
+def _stability_load(loaded: Loaded, up_to: float) -> float:
     """Return the least load in kg under which the boom has no stable equilibrium; NaN if it is above `up_to` in kg."""
     if loaded.both_ways:
         critical = loaded.state(0.0).form.critical

@@ -16,16 +16,16 @@ from pmr.errors.text import duration
 from pmr.studies.files import Project
 from pmr.studies.results import RunRecord, Store, StudyResults
 from pmr.studies.study import StudyBase
-from pmr.studies.tasks import Failure, Node, Ready, open_nodes
+from pmr.studies.tasks import Failure, Node, ReadyQueue, open_nodes
 from pmr.studies.workers import NOT_COMPUTING, Order, Pool, code_of_tasks
 
 #: Files that the digest of the code leaves out, so that tasks are not computed again when these change; the digest of
 #: a task covers the module of its own function.
-LEFT_OUT = (*NOT_COMPUTING, "studies/kinds/")
+NOT_IN_DIGEST = (*NOT_COMPUTING, "studies/kinds/")
 #: Keys of study files that name files: where these lie is of no interest to readers of a summary.
 FILES = {"scene", "scenes"}
 WATCH_EVERY = 1.0  # s
-NAMED = 4  # tasks that a line of progress names
+TASKS_IN_LINE = 4  # tasks that a line of progress names
 
 
 @dataclass(frozen=True)
@@ -36,15 +36,23 @@ class Progress:
     failed: int
     total: int
     elapsed: float
-    left: float | None  # estimated; None before the first task is done
+    remaining: float | None  # estimated; None before the first task is done
     running: tuple[str, ...] = ()  # keys of the tasks that are computed now
 
     @property
     def text(self) -> str:
         """The progress in one line."""
         failed = f", {self.failed} failed or skipped" if self.failed else ""
-        time_left = f", about {duration(self.left)} left" if self.left and self.done + self.failed < self.total else ""
-        now = f"; now {', '.join(self.running[:NAMED])}{' ...' * (len(self.running) > NAMED)}" if self.running else ""
+        time_left = (
+            f", about {duration(self.remaining)} left"
+            if self.remaining and self.done + self.failed < self.total
+            else ""
+        )
+        now = (
+            f"; now {', '.join(self.running[:TASKS_IN_LINE])}{' ...' * (len(self.running) > TASKS_IN_LINE)}"
+            if self.running
+            else ""
+        )
         return f"{self.done} of {self.total} tasks done{failed} after {duration(self.elapsed)}{time_left}{now}"
 
 
@@ -73,14 +81,14 @@ class Outcome:
         return all(results.is_complete for results in self.results.values())
 
 
-def compute(project: Project, folder: Path, pool: Pool, watch: Watch) -> Outcome:
+def compute_results(project: Project, folder: Path, pool: Pool, watch: Watch) -> Outcome:
     """Compute the tasks without a result and return the results of all; no tables are written.
 
     Results of tasks are stored in ``folder / "tasks"``.  `watch` is called as in `run_tasks`.
     """
-    store, code = Store(folder / "tasks"), environment.code_digest(environment.sources(), LEFT_OUT)
+    store, code = Store(folder / "tasks"), environment.code_digest(environment.sources(), NOT_IN_DIGEST)
     store.prepare()
-    nodes = open_nodes([part.plan for part in project.parts], code, store.sound)
+    nodes = open_nodes([part.plan for part in project.parts], code, store.is_sound)
     failures = run_tasks(nodes, store, pool, watch)
     results = {
         part.name: StudyResults.collect(folder / part.name, part.plan, code, store, failures) for part in project.parts
@@ -94,7 +102,7 @@ def run_tasks(nodes: Mapping[str, Node], store: Store, pool: Pool, watch: Watch)
     Results are written into the store, failures are returned by digest.  Blocks until all are done; `watch` is called
     with the progress whenever a task ends, and every second.
     """
-    ready, code, begin = Ready(nodes), code_of_tasks(), time.monotonic()
+    ready, code, begin = ReadyQueue(nodes), code_of_tasks(), time.monotonic()
     running: dict[Future[Failure | None], Node] = {}
     alone: deque[Node] = deque()
     done, failures = set[str](), dict[str, Failure]()
@@ -110,8 +118,8 @@ def run_tasks(nodes: Mapping[str, Node], store: Store, pool: Pool, watch: Watch)
             node = ready.pop()
             failed_need = next((digest for digest in node.needs.values() if digest in failures), None)
             if failed_need is not None:
-                failures[node.digest] = failures[failed_need].of_dependent(nodes[failed_need].task.key)
-                ready.done(node.digest)
+                failures[node.digest] = failures[failed_need].of_skipped(nodes[failed_need].task.key)
+                ready.mark_done(node.digest)
             elif node.task.alone:
                 alone.append(node)
             else:
@@ -121,23 +129,23 @@ def run_tasks(nodes: Mapping[str, Node], store: Store, pool: Pool, watch: Watch)
             wait(running)
         finished, _ = wait(running, timeout=WATCH_EVERY, return_when=FIRST_COMPLETED)
         for future in [future for future in running if future in finished]:
-            node, failure = running.pop(future), _failure(future)
+            node, failure = running.pop(future), _failure_of_future(future)
             if failure is None:
                 done.add(node.digest)
             else:
                 failures[node.digest] = failure
-            ready.done(node.digest)
+            ready.mark_done(node.digest)
         keys = [node.task.key for node in running.values()][: pool.slots]
         watch(_progress(nodes, done, failures, time.monotonic() - begin, keys))
     return failures
 
 
-def _failure(future: Future[Failure | None]) -> Failure | None:
+def _failure_of_future(future: Future[Failure | None]) -> Failure | None:
     """Return the failure of a submitted task, None if it is done; an error of the worker itself is a failure, too."""
     try:
         return future.result()
     except Exception as error:  # the machine could not even start a process, say
-        return Failure.of(error)
+        return Failure.from_error(error)
 
 
 def _progress(
@@ -146,8 +154,8 @@ def _progress(
     """Return the progress after `elapsed` seconds, while the tasks with these `keys` are computed."""
     cost_done = sum(nodes[digest].task.cost for digest in done)
     cost_left = sum(node.task.cost for digest, node in nodes.items() if digest not in done and digest not in failures)
-    left = elapsed * cost_left / cost_done if cost_done else None
-    return Progress(len(done), len(failures), len(nodes), elapsed, left, tuple(keys))
+    remaining = elapsed * cost_left / cost_done if cost_done else None
+    return Progress(len(done), len(failures), len(nodes), elapsed, remaining, tuple(keys))
 
 
 def save(project: Project, outcome: Outcome, folder: Path) -> list[Path]:
@@ -160,12 +168,12 @@ def save(project: Project, outcome: Outcome, folder: Path) -> list[Path]:
     for part in project.parts:
         results = outcome.results[part.name]
         tables = part.study.tables(results)
-        results.save(_summary(part.study.title, part.study.kind) | _of_study(part.study, results), tables)
+        results.save(_summary_head(part.study.title, part.study.kind) | _study_summary(part.study, results), tables)
         written += [results.folder / name for name in ("runs.csv", *filter(tables.get, tables))]
     if "" not in outcome.results:
         runs = tuple(record for name, results in outcome.results.items() for record in _rename_runs(name, results))
         StudyResults(folder, runs).save_summary(
-            _summary(project.title, project.kind) | {"studies": list(outcome.results)}
+            _summary_head(project.title, project.kind) | {"studies": list(outcome.results)}
         )
     return written
 
@@ -178,7 +186,7 @@ def _rename_runs(name: str, results: StudyResults) -> list[RunRecord]:
     ]
 
 
-def _of_study(study: StudyBase, results: StudyResults) -> dict[str, Any]:
+def _study_summary(study: StudyBase, results: StudyResults) -> dict[str, Any]:
     """Return what summary.json says of a study: its keys, what is published, and, if complete, its figures."""
     base = set(StudyBase.model_fields)
     keys = {name: value for name, value in study.model_dump(mode="json").items() if name not in base | FILES}
@@ -192,7 +200,7 @@ def _of_study(study: StudyBase, results: StudyResults) -> dict[str, Any]:
     }
 
 
-def _summary(title: str, kind: str) -> dict[str, Any]:
+def _summary_head(title: str, kind: str) -> dict[str, Any]:
     """Return what begins every summary.json: title, kind, versions, commit, date and machine."""
     return {
         "title": title,

@@ -40,22 +40,22 @@ CONTACTS = TypeAdapter(tuple[Contact, ...])
 #: Why the error of the mesh is not known.
 NO_FINER_MESH = "a finer one is made of beams with rigid walls alone"
 #: Number of luffing angles at each extension for whose contact forces there are attachment modes.
-ANSWERED = 3
+ANGLES_WITH_MODES = 3
 #: Number of postures in which the richer model's buckling factor is compared with that of full order.
-MEASURED = 5
+FULL_ORDER_POSTURES = 5
 #: Why limits are not compared with a richer model that has their quantity at other positions, or not at all.
-STRESS = "it depends on how walls bend at pads, loads and corners"
+WHY_NOT_STRESS = "it depends on how walls bend at pads, loads and corners"
 #: Errors because of which a richer structural model counts as not available, as in runs.
 UNKNOWN = (InputError, ConvergenceError, SimulationError, ValueError, ImportError)
 
 
-def postures(arguments: Arguments, needs: Needs) -> TaskResult:
+def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: compute the `Postures` of the reduced system of a chart and, with ``error``, of systems to compare it with.
 
     Arrays by the beginning of their names:
 
     - ``reduced.``; with ``error`` also ``richer.``, of `richer_system`, and for beams ``finer.``, of a finer mesh.
-    - ``mended``: the share of the mesh's error that the finer mesh removes; ``too_stiff``: that of `too_stiff`.
+    - ``mended``: the share of the mesh's error that the finer mesh removes; ``too_stiff``: `stiffness_excess`.
     - ``reach`` (P,): length of the boom in m; ``tip`` (P, 3): the undeformed tip in m in the axes of the ground.
     - ``bent.``, outputs of `Bent`; ``turned.<angle>``, loads of `acceleration_loads`; ``contacts``, those of the system
       as JSON.
@@ -83,17 +83,17 @@ def postures(arguments: Arguments, needs: Needs) -> TaskResult:
     if arguments["error"]:
         better = richer_system(scene, system, at, arguments["up_to"])
         arrays |= npz.arrays(Postures.of(scene, better, at), "richer.")
-        if (finer := on_finer_mesh(scene)) is not None:
+        if (finer := finer_mesh_system(scene)) is not None:
             arrays |= npz.arrays(Postures.of(scene, finer, at), "finer.")
             arrays["mended"] = np.array(1.0 - FINER**-ORDER)
         full = shared.full_system(scene)
-        arrays["too_stiff"] = np.array(too_stiff(scene, better, full, at, arguments["up_to"]))
+        arrays["too_stiff"] = np.array(stiffness_excess(scene, better, full, at, arguments["up_to"]))
     of_structures = [line for body in shared.bodies_of(scene).values() for line in warnings(body.structure)]
     lines = dict.fromkeys((*of_structures, *mesh.warnings(scene), *turning_warnings(scene, at.luffing)))
     return TaskResult(arrays=arrays, warnings=tuple(lines))
 
 
-def on_finer_mesh(scene: Scene) -> System | None:
+def finer_mesh_system(scene: Scene) -> System | None:
     """Return the reduced system of beams on elements half as long; None for other bodies, which take long."""
     from pmr.compare.accuracy.mesh import finer_beams, has_rigid_beams, once
 
@@ -103,7 +103,7 @@ def on_finer_mesh(scene: Scene) -> System | None:
     return shared.reduced_system(finer)
 
 
-def richer_system(scene: Scene, system: System, at: Stands, up_to: float) -> System:
+def richer_system(scene: Scene, system: System, positions: Stands, up_to: float) -> System:
     """Return the system with attachment modes for its contact forces, without a load and with half the largest.
 
     Half the load at which the boom buckles counts where that is less; further modes are for the contact forces of the
@@ -112,7 +112,7 @@ def richer_system(scene: Scene, system: System, at: Stands, up_to: float) -> Sys
     """
     from pmr.compare.estimate import system_with_attachment_modes
 
-    few = at.some(_sample_places(at))
+    few = positions.some(_sample_postures(positions))
     sample, half = Postures.of(scene, system, few), up_to / 2.0
     loaded = [Loaded(sample.at(k, dict.fromkeys(sample.parts, 0.0) | {WEIGHT: 1.0})) for k in range(few.count)]
     most = [min(half, equilibrium.state(0.0).form.critical / 2.0) for equilibrium in loaded]
@@ -128,14 +128,14 @@ def richer_system(scene: Scene, system: System, at: Stands, up_to: float) -> Sys
     return system_with_attachment_modes(system, places_of(system, few), bearing, loads)
 
 
-def too_stiff(scene: Scene, better: System, full: System, at: Stands, up_to: float) -> float:
+def stiffness_excess(scene: Scene, better: System, full: System, positions: Stands, up_to: float) -> float:
     """Return the largest share by which the richer system's buckling factor exceeds that of full order; 0 if none.
 
     It is taken in a few of the postures `at`, under half of `up_to` in kg.  A shape of few coordinates buckles later
     than that of all (Rayleigh's quotient), and the two models' errors of opposite sign may cancel in their difference.
     """
-    every = _sample_places(at)
-    few = at.some(every[np.linspace(0, len(every) - 1, min(MEASURED, len(every))).astype(int)])
+    every = _sample_postures(positions)
+    few = positions.some(every[np.linspace(0, len(every) - 1, min(FULL_ORDER_POSTURES, len(every))).astype(int)])
     factors = []
     for system in (better, full):
         assembly, x, (parts, _, c) = Assembly(system), places_of(system, few), unit_loads(scene, system, few)
@@ -147,19 +147,21 @@ def too_stiff(scene: Scene, better: System, full: System, at: Stands, up_to: flo
     return max(0.0, float(np.max(richer[finite] / exact[finite] - 1.0, initial=0.0)))
 
 
-def _sample_places(at: Stands) -> NDArray[np.int64]:
+def _sample_postures(positions: Stands) -> NDArray[np.int64]:
     """Return the numbers of the postures with the least, a middle and the largest luffing angle of each extension."""
     groups = dict[tuple[float, ...], list[int]]()
-    for k in range(at.count):
-        groups.setdefault(tuple(float(extension[k]) for extension in at.extensions.values()), []).append(k)
+    for k in range(positions.count):
+        groups.setdefault(tuple(float(extension[k]) for extension in positions.extensions.values()), []).append(k)
     selection = set[int]()
     for numbers in groups.values():
-        ordered = sorted(numbers, key=lambda k: float(at.luffing[k]))
-        selection |= {ordered[i] for i in np.linspace(0, len(ordered) - 1, min(ANSWERED, len(ordered))).astype(int)}
+        ordered = sorted(numbers, key=lambda k: float(positions.luffing[k]))
+        selection |= {
+            ordered[i] for i in np.linspace(0, len(ordered) - 1, min(ANGLES_WITH_MODES, len(ordered))).astype(int)
+        }
     return np.array(sorted(selection))
 
 
-def richer_model(arguments: Arguments, needs: Needs) -> TaskResult:
+def compute_richer_postures(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: compute the `Postures` of a richer structural model, arrays ``model.``, and what it is ``called``.
 
     Array ``reason`` says instead why there is none.  It is the model that runs are compared with
@@ -171,14 +173,14 @@ def richer_model(arguments: Arguments, needs: Needs) -> TaskResult:
     try:
         of_scene, other, called = model_comparison(scene)
         if any(sorted(force_names(of_scene)[kind]) != sorted(force_names(other)[kind]) for kind in ("pad", "cylinder")):
-            return _without(f"a {called} has other pads and cylinders")
+            return _missing_model(f"a {called} has other pads and cylinders")
         postures = Postures.of(other, shared.reduced_system(other), at)
     except UNKNOWN as error:
-        return _without(error.allowed if isinstance(error, InputError) else str(error))
+        return _missing_model(error.allowed if isinstance(error, InputError) else str(error))
     return TaskResult(arrays={**npz.arrays(postures, "model."), "called": np.array(called)})
 
 
-def _without(reason: str) -> TaskResult:
+def _missing_model(reason: str) -> TaskResult:
     """Return a task's result with the reason why there is no richer structural model."""
     return TaskResult(arrays={"reason": np.array(reason)})
 
@@ -188,12 +190,12 @@ class ComparedModel:
     """Postures of another model, what it is `called`, and the factor `share` from a difference to it to an error."""
 
     postures: Postures
-    called: str
+    label: str
     share: float
 
 
 @dataclass(frozen=True)
-class Models:
+class ChartModels:
     """Postures of the reduced model (`reduced`) and of the models that it is compared with, None where there is none.
 
     `better` is the reduced one with attachment modes, `finer` one on a finer mesh, `structural` a richer structural
@@ -201,46 +203,48 @@ class Models:
     """
 
     reduced: Postures
-    better: Postures | None
-    finer: Postures | None
+    enriched: Postures | None
+    finer_mesh: Postures | None
     structural: Postures | None
-    called: str  # what the richer structural model is called, or why there is none
-    mended: float  # share of the mesh's error that the finer mesh removes
-    above: float  # share by which the richer model's buckling factor is above that of full order
+    structural_label: str  # what the richer structural model is called, or why there is none
+    removed_mesh_error: float  # share of the mesh's error that the finer mesh removes
+    stiffness_excess: float  # share by which the richer model's buckling factor is above that of full order
     reach: Array  # (P,) m
 
     @classmethod
-    def of(cls, needs: Needs) -> Models:
-        """Collect the models from the results of the tasks `postures` and, if there is one, `richer_model`."""
+    def from_needs(cls, needs: Needs) -> ChartModels:
+        """Collect the models from the results of `compute_postures` and, if there is one, `compute_richer_postures`."""
         arrays, model_arrays = needs["postures"].arrays, needs["model"].arrays if "model" in needs else {}
         reduced = npz.record(Postures, arrays, "reduced.")
-        better, finer = (_postures(arrays, name) for name in ("richer", "finer"))
+        better, finer = (_read_postures(arrays, name) for name in ("richer", "finer"))
         mended, above = (float(arrays.get(name, np.nan)) for name in ("mended", "too_stiff"))
         called = str(model_arrays.get("called", model_arrays.get("reason", "")))
-        return cls(reduced, better, finer, _postures(model_arrays, "model"), called, mended, above, arrays["reach"])
+        return cls(
+            reduced, better, finer, _read_postures(model_arrays, "model"), called, mended, above, arrays["reach"]
+        )
 
     @property
-    def compared(self) -> dict[str, ComparedModel]:
+    def comparisons(self) -> dict[str, ComparedModel]:
         """Models with which the reduced one is compared, by the error that they indicate: of the model or the mesh."""
         by_part = dict[str, ComparedModel]()
         if self.structural is not None:
-            by_part["model"] = ComparedModel(self.structural, self.called, 1.0)
-        if self.finer is not None:
-            by_part["mesh"] = ComparedModel(self.finer, "finer mesh", 1.0 / self.mended)
+            by_part["model"] = ComparedModel(self.structural, self.structural_label, 1.0)
+        if self.finer_mesh is not None:
+            by_part["mesh"] = ComparedModel(self.finer_mesh, "finer mesh", 1.0 / self.removed_mesh_error)
         return by_part
 
     def not_covered(self, limits: Sequence[Limit]) -> list[str]:
         """Return the errors that the error bars of a chart with these limits do not cover, a clause each."""
-        if self.better is None:
+        if self.enriched is None:
             return ["any error: error_bars = false"]
-        of = sorted({limit.of for limit in limits if not limit.kind.in_richer})
-        model = f"the structural model: {self.called}" if self.structural is None else ""
+        of = sorted({limit.of for limit in limits if not limit.kind.in_richer_model})
+        model = f"the structural model: {self.structural_label}" if self.structural is None else ""
         if not model and of:
-            model = f"the structural model in limits of {' and '.join(of)}: {STRESS}"
-        mesh = "" if self.finer is not None else f"the mesh: {NO_FINER_MESH}"
+            model = f"the structural model in limits of {' and '.join(of)}: {WHY_NOT_STRESS}"
+        mesh = "" if self.finer_mesh is not None else f"the mesh: {NO_FINER_MESH}"
         return [*filter(None, (model, mesh)), f"large rotations in {STABILITY}"]
 
 
-def _postures(arrays: Mapping[str, NDArray[Any]], model: str) -> Postures | None:
+def _read_postures(arrays: Mapping[str, NDArray[Any]], model: str) -> Postures | None:
     """Return the postures of a model from a task's arrays; None where the task has not stored any."""
     return npz.record(Postures, arrays, f"{model}.") if f"{model}.K" in arrays else None

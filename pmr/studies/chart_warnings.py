@@ -18,8 +18,8 @@ from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.simulation.statics.loaded import State
 from pmr.simulation.statics.postures import HOOK, Postures
-from pmr.studies.allowed import BELOW, Place
-from pmr.studies.chart_models import Models
+from pmr.studies.allowed import JUST_BELOW, Place
+from pmr.studies.chart_models import ChartModels
 from pmr.system.contacts import Contact
 
 Array = NDArray[np.float64]
@@ -29,17 +29,17 @@ KINDS = {"tip": "tip", "pad": "pad_force", "cylinder": "cylinder_force", "suppor
 
 
 @dataclass(frozen=True)
-class AtRest:
+class Equilibrium:
     """The boom in equilibrium in one posture and load case (`place`) under a load in kg; `words` describe these."""
 
     place: Place
     load: float
-    words: str
+    description: str
 
     @property
     def state(self) -> State:
         """Outputs, contact forces and closed contacts in this equilibrium."""
-        return self.place.loaded.state(self.load)
+        return self.place.equilibria.state(self.load)
 
 
 @dataclass(frozen=True)
@@ -53,26 +53,26 @@ class RestingResponse(Response):
         return self.words[int(t)]
 
 
-def boom_at_rest(place: Place, load: float, reach: float) -> list[AtRest]:
+def stable_equilibria(place: Place, load: float, reach: float) -> list[Equilibrium]:
     """Return the equilibria at a place without a load and just below `load` in kg, leaving out those that are unstable.
 
     The second one is there only if `load` is positive; `reach` in m is for the description alone.
     """
-    at, k = place.at, place.k
+    at, k = place.postures, place.k
     where = f"at a reach of {reach:.4g} m, raised {np.rad2deg(at.luffing[k]):.4g} degrees"
     if at.slewing[k]:
         where += f", slewed {np.rad2deg(at.slewing[k]):.4g} degrees"
-    rests = [AtRest(place, 0.0, f"{where}, without a load")]
+    equilibria = [Equilibrium(place, 0.0, f"{where}, without a load")]
     if load > 0.0:
-        rests.append(AtRest(place, load * (1.0 - BELOW), f"{where}, under {load:.4g} kg"))
-    return [at_rest for at_rest in rests if at_rest.state.stands]
+        equilibria.append(Equilibrium(place, load * (1.0 - JUST_BELOW), f"{where}, under {load:.4g} kg"))
+    return [at_rest for at_rest in equilibria if at_rest.state.stands]
 
 
 def warnings_of_row(
     scene: Scene,
     contacts: Sequence[Contact],
     places: Callable[[Postures, int], Sequence[Place]],
-    models: Models,
+    models: ChartModels,
     loads: Array,
     cases: Array,
     first: int,
@@ -83,18 +83,20 @@ def warnings_of_row(
     that allow least; `first` is the number of the row's first point.  `places` is a function of a model's postures and
     of the number of a point; it returns a `Place` for each load case.
     """
-    reach, compared = models.reach, models.compared
-    rests, of_compared = list[AtRest](), {part: list[AtRest]() for part in compared}
+    reach, compared = models.reach, models.comparisons
+    equilibria, of_compared = list[Equilibrium](), {part: list[Equilibrium]() for part in compared}
     for k, (of_limits, of_cases) in enumerate(zip(loads, cases, strict=True), first):
         limit = int(of_limits.argmin())
         case = int(of_cases[limit])
-        standing = boom_at_rest(places(models.reduced, k)[case], float(of_limits[limit]), float(reach[k]))
-        rests += standing
+        standing = stable_equilibria(places(models.reduced, k)[case], float(of_limits[limit]), float(reach[k]))
+        equilibria += standing
         for part, other in compared.items():
-            of_compared[part] += [replace(rest, place=places(other.postures, k)[case]) for rest in standing]
-    if not rests:
+            of_compared[part] += [
+                replace(equilibrium, place=places(other.postures, k)[case]) for equilibrium in standing
+            ]
+    if not equilibria:
         return ()
-    response = _response(rests)
+    response = _response_at_equilibria(equilibria)
     parts = [
         Part(grave=pulled_rings(scene, contacts, response)),
         ropes_part(scene, response),
@@ -102,13 +104,13 @@ def warnings_of_row(
     ]
     budget = {}
     for part, other in compared.items():
-        beside = {"beside": other.called} if part == "model" else {}
-        budget[part] = _off(rests, of_compared[part], other.share) | beside
+        other_model = {"beside": other.label} if part == "model" else {}
+        budget[part] = _relative_errors(equilibria, of_compared[part], other.share) | other_model
     hints = [*unknown_forces(scene, response), *missing_reactions(scene)]
     return (*grave(parts), *budget_warnings(scene, budget), *hints)
 
 
-def left_out_loads(scene: Scene, cases: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+def unnamed_loads(scene: Scene, cases: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Yield a line for each load of a scene that acts in its runs and that no case names in its ``loads``."""
     named = {HOOK} | {name for case in cases for name in case["loads"]}
     for part in scene.sections:
@@ -117,11 +119,11 @@ def left_out_loads(scene: Scene, cases: Sequence[Mapping[str, Any]]) -> Iterator
                 yield f"load {load.name!r} acts in runs of this scene, but the chart lacks it: no load case names it"
 
 
-def _response(rests: Sequence[AtRest]) -> RestingResponse:
+def _response_at_equilibria(equilibria: Sequence[Equilibrium]) -> RestingResponse:
     """Return the tip's displacements and the contact forces in these equilibria, each at a time; all else is zero."""
-    at, states = rests[0].place.at, [at_rest.state for at_rest in rests]
-    t, nothing = np.arange(len(rests), dtype=float), np.zeros(len(rests))
-    tip = _numbers(at, "tip")[0]
+    at, states = equilibria[0].place.postures, [at_rest.state for at_rest in equilibria]
+    t, nothing = np.arange(len(equilibria), dtype=float), np.zeros(len(equilibria))
+    tip = _indices_of_kind(at, "tip")[0]
     return RestingResponse(
         t=t,
         x=np.zeros(len(tip)),
@@ -133,38 +135,42 @@ def _response(rests: Sequence[AtRest]) -> RestingResponse:
         seconds=0.0,
         output_names=tuple(at.output_names[n] for n in tip),
         force_names=tuple(map(force_of, at.force_names)),
-        words=tuple(at_rest.words for at_rest in rests),
+        words=tuple(at_rest.description for at_rest in equilibria),
     )
 
 
-def _off(rests: Sequence[AtRest], other: Sequence[AtRest], share: float) -> dict[str, Any]:
+def _relative_errors(
+    equilibria: Sequence[Equilibrium], counterparts: Sequence[Equilibrium], share: float
+) -> dict[str, Any]:
     """Return the relative error of each kind of output and contact force, by the name of its error.
 
-    It is `share` times the difference to another model, whose equilibria `other` are the counterparts of `rests`.
+    It is `share` times the difference to another model, whose equilibria `counterparts` are those of `equilibria`.
     Kinds that the models lack or number differently are left out.
     """
-    pairs = [(at_rest.state, counterpart.state) for at_rest, counterpart in zip(rests, other, strict=True)]
+    pairs = [(at_rest.state, counterpart.state) for at_rest, counterpart in zip(equilibria, counterparts, strict=True)]
     pairs = [(mine, theirs) for mine, theirs in pairs if theirs.stands]
     differences = dict[str, float]()
     for kind, called in KINDS.items():
         y, reference = (
-            np.array([_values(at_rest.place.at, pair[n], kind) for pair in pairs])
-            for n, at_rest in enumerate((rests[0], other[0]))
+            np.array([_values_of_kind(at_rest.place.postures, pair[n], kind) for pair in pairs])
+            for n, at_rest in enumerate((equilibria[0], counterparts[0]))
         )
         if y.size and y.shape == reference.shape and np.any(reference):
             differences[called] = share * relative_error(y, reference)
     return differences
 
 
-def _values(at: Postures, state: State, kind: str) -> list[float]:
+def _values_of_kind(at: Postures, state: State, kind: str) -> list[float]:
     """Return the outputs and contact forces of a kind in a state of the model `at`, sorted by their names."""
-    outputs, forces = _numbers(at, kind)
+    outputs, forces = _indices_of_kind(at, kind)
     named = [(at.output_names[n], state.outputs[n]) for n in outputs]
     named += [(at.force_names[n], state.forces[n]) for n in forces]
     return [float(value) for _, value in sorted(named)]
 
 
-def _numbers(at: Postures, kind: str) -> tuple[list[int], list[int]]:
+def _indices_of_kind(at: Postures, kind: str) -> tuple[list[int], list[int]]:
     """Return the indices of the outputs of a kind of the model `at`, and of its contacts of that kind."""
     outputs, forces = at.output_kinds, at.force_kinds
-    return [n for n, label in enumerate(outputs) if label == kind], [n for n, one in enumerate(forces) if one == kind]
+    return [n for n, label in enumerate(outputs) if label == kind], [
+        n for n, label in enumerate(forces) if label == kind
+    ]

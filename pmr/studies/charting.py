@@ -22,10 +22,10 @@ from pmr.simulation.statics.postures import (
 )
 from pmr.simulation.statics.swings import Rope, lift_off
 from pmr.studies import shared
-from pmr.studies.allowed import Place, allowed_loads, bent_further
-from pmr.studies.chart_models import CONTACTS, Models
-from pmr.studies.chart_warnings import left_out_loads, warnings_of_row
-from pmr.studies.governing import Stopping, chosen, details
+from pmr.studies.allowed import Place, allowed_loads, large_rotation_changes
+from pmr.studies.chart_models import CONTACTS, ChartModels
+from pmr.studies.chart_warnings import unnamed_loads, warnings_of_row
+from pmr.studies.governing import StopMotion, governing_details, largest_governed_rows
 from pmr.studies.limits import Limit
 from pmr.studies.tasks import Arguments, Needs, TaskResult
 
@@ -54,13 +54,13 @@ class Chart:
         """Return the k-th posture of the model `at` as one `Place` for each load case."""
         return [Place(at, k, amounts, self.gravity) for amounts in self.amounts]
 
-    def loads(self, places: Sequence[Place], near: Array | None = None, more: Sequence[Limit] = ()) -> Array:
+    def loads(self, places: Sequence[Place], guesses: Array | None = None, more: Sequence[Limit] = ()) -> Array:
         """Return the loads (c, l) in kg that the limits allow, one row for each of `places`; NaN if more than `up_to`.
 
         Columns are `limits`, then those of `more`, then stability.  `near` (c, l) holds loads in kg near which each
         search begins, NaN without one.
         """
-        nearby = [None] * len(places) if near is None else list(near)
+        nearby = [None] * len(places) if guesses is None else list(guesses)
         limits = [*self.limits, *more]
         return np.array([allowed_loads(limits, place, self.up_to, c) for place, c in zip(places, nearby, strict=True)])
 
@@ -71,63 +71,64 @@ class Chart:
         """
         is_passed = np.zeros((len(self.amounts), len(self.limits) + 1), dtype=bool)
         for row, place in zip(is_passed, self.places(at, k), strict=True):
-            state = place.loaded.state(0.0)
+            state = place.equilibria.state(0.0)
             row[-1] = not state.stands
-            row[:-1] = [state.stands and place.used(limit, state) > 1.0 for limit in self.limits]
+            row[:-1] = [state.stands and place.used_share(limit, state) > 1.0 for limit in self.limits]
         return is_passed
 
     def least_loads(self, loads: Array) -> Array:
         """Return for each limit the smallest of its loads (c, l) in kg over all cases, (l,); `up_to` if all are NaN."""
-        return np.asarray(np.nan_to_num(_least(loads)[1], nan=self.up_to))
+        return np.asarray(np.nan_to_num(_least_case(loads)[1], nan=self.up_to))
 
-    def of_reduction(self, models: Models, k: int, loads: Array) -> Array:
+    def reduction_errors(self, models: ChartModels, k: int, loads: Array) -> Array:
         """Return for each limit the error (l,) in kg that reduction causes in its smallest load over all cases.
 
         `loads` (c, l) in kg are those that the reduced model allows at the k-th posture.  The error is a margin times
-        the difference to the smallest load that the richer model `Models.better` allows.  For buckling and stability
-        that model is also taken to buckle by a share `Models.above` too late, and the larger difference counts.
+        the difference to the smallest load that the richer model `ChartModels.enriched` allows.  For buckling and
+        stability that model is also taken to buckle by a share `ChartModels.stiffness_excess` too late, and the larger
+        difference counts.
         """
-        assert models.better is not None
-        count, above = len(self.limits), models.above
+        assert models.enriched is not None
+        count, above = len(self.limits), models.stiffness_excess
         buckling = [number for number, limit in enumerate(self.limits) if limit.of == "buckling"]
         sooner = [self.limits[i].model_copy(update={"factor": self.limits[i].factor * (1.0 + above)}) for i in buckling]
         close = np.concatenate([loads[:, :count], loads[:, buckling], loads[:, count:]], axis=1)
         richer, reduced = (
-            self.least_loads(self.loads(self.places(models.better, k), close, sooner)),
+            self.least_loads(self.loads(self.places(models.enriched, k), close, sooner)),
             self.least_loads(loads),
         )
         other = np.append(richer[:count], richer[-1])
         before = other.copy()
         before[buckling] = np.minimum(richer[count:-1], other[buckling])
         before[-1] /= 1.0 + above * (before[-1] < self.up_to)  # of one that is not met nothing is known
-        margins = [MARGIN_OF_BUCKLING if limit.kind.directly else 2.0 * MARGIN for limit in self.limits]
+        margins = [MARGIN_OF_BUCKLING if limit.kind.eigenvalue_load else 2.0 * MARGIN for limit in self.limits]
         margins.append(MARGIN_OF_BUCKLING)
         return np.asarray(np.array(margins) * np.maximum(np.abs(other - reduced), np.abs(before - reduced)))
 
-    def of_other(self, models: Models, of: str, k: int, loads: Array) -> Array:
+    def comparison_errors(self, models: ChartModels, part: str, k: int, loads: Array) -> Array:
         """Return for each limit the error (l,) in kg that mesh or structural model cause in its smallest load.
 
         `loads` (c, l) in kg are those that the reduced model allows at the k-th posture; the smallest over all cases
-        counts.  The error is the difference to that of ``models.compared[of]``, `of` being ``"mesh"`` or ``"model"``,
-        times the share of this model.  NaN for limits that this model can't evaluate, and for all limits if there is no
-        such model.
+        counts.  The error is the difference to that of ``models.comparisons[part]``, `part` being ``"mesh"`` or
+        ``"model"``, times the share of this model.  NaN for limits that this model can't evaluate, and for all limits
+        if there is no such model.
         """
         error = np.full(loads.shape[1], np.nan)
-        if (other := models.compared.get(of)) is not None:
-            which = [n for n, limit in enumerate(self.limits) if of == "mesh" or limit.kind.in_richer]
+        if (other := models.comparisons.get(part)) is not None:
+            which = [n for n, limit in enumerate(self.limits) if part == "mesh" or limit.kind.in_richer_model]
             compared, columns = replace(self, limits=[self.limits[n] for n in which]), [*which, len(self.limits)]
             loads_of_other = compared.loads(compared.places(other.postures, k), loads[:, columns])
             error[columns] = other.share * np.abs(self.least_loads(loads_of_other) - self.least_loads(loads)[columns])
         return error
 
-    def of_rotation(self, places: Sequence[Place], loads: Array, reach: float) -> Array:
+    def rotation_errors(self, places: Sequence[Place], loads: Array, reach: float) -> Array:
         """Return for each limit the error (l,) in kg that large rotations cause in its smallest load over all cases.
 
         `loads` (c, l) in kg are those that the limits allow at `places`, one for each case; `reach` is the length of
-        the boom in m.  The error is that of `bent_further` in the case with the smallest load, times a margin.
+        the boom in m.  The error is the change of `large_rotation_changes` in the case of that load, times a margin.
         """
-        case, load = _least(loads)
-        by_case = {n: MARGIN * bent_further(self.limits, places[n], load, reach) for n in set(case.tolist())}
+        case, load = _least_case(loads)
+        by_case = {n: MARGIN * large_rotation_changes(self.limits, places[n], load, reach) for n in set(case.tolist())}
         return np.array([by_case[n][number] for number, n in enumerate(case.tolist())])
 
 
@@ -145,19 +146,19 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     - ``hoist`` (p,), only with ``hoist`` among the arguments: the largest force of the rope over the weight of the
       point's smallest load when that is hoisted off the ground, in the first case's amounts.
     - ``passed`` (p, c, l): whether the limit is exceeded without a load in a case out of service (argument ``left``).
-    - ``at.<name>``: arrays of `pmr.studies.governing.details` at the points ``at.place`` (l,), where each limit governs
-      the largest load of the row; -1 if it governs at none.
+    - ``at.<name>``: arrays of `pmr.studies.governing.governing_details` at the points ``at.place`` (l,), where each
+      limit governs the largest load of the row; -1 if it governs at none.
 
     Record: ``load.least`` and ``load.most``, the extremes over the points of the smallest load over all limits, in kg.
     """
-    models = Models.of(needs)
+    models = ChartModels.from_needs(needs)
     at, cases, gravity = models.reduced, arguments["cases"], arguments["gravity"]
     amounts = [[_amount(case, part) for part in at.parts] for case in cases]
     chart = Chart([Limit.model_validate(limit) for limit in arguments["limits"]], amounts, arguments["up_to"], gravity)
     rope = None if arguments.get("hoist") is None else Rope(*arguments["hoist"])
     first, last = arguments["rows"]
     idle = replace(chart, amounts=[[_amount(case, part) for part in at.parts] for case in arguments["left"]])
-    rows = [_at_place(chart, models, k, rope) | {"passed": idle.passed_limits(at, k)} for k in range(first, last)]
+    rows = [_point_arrays(chart, models, k, rope) | {"passed": idle.passed_limits(at, k)} for k in range(first, last)]
     arrays = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     governing = np.min(np.nan_to_num(arrays["load"], nan=np.inf), axis=1)
     finite = governing[np.isfinite(governing)]
@@ -166,39 +167,39 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     radius = tip[:, 0] * np.cos(slewing) + tip[:, 1] * np.sin(slewing)
     bent = npz.record(Bent, needs["postures"].arrays, "bent.")
     stops = [
-        Stopping(stop["of"], stop["speed"], stop["within"], needs["postures"].arrays[f"turned.{stop['of']}"])
+        StopMotion(stop["of"], stop["speed"], stop["within"], needs["postures"].arrays[f"turned.{stop['of']}"])
         for stop in arguments.get("stops", ())
     ]
-    best, case = chosen(arrays["load"]), arrays["case"]
+    best, case = largest_governed_rows(arrays["load"]), arrays["case"]
     at_best = [chart.places(at, first + k)[case[k, n]] if k >= 0 else None for n, k in enumerate(best.tolist())]
-    pages = details(chart.limits, at_best, arrays["load"][best, np.arange(len(best))], bent, stops)
+    pages = governing_details(chart.limits, at_best, arrays["load"][best, np.arange(len(best))], bent, stops)
     arrays |= {f"at.{name}": values for name, values in (pages | {"place": best}).items()}
     arrays["not_covered"] = np.array(["; ".join(models.not_covered(chart.limits))] * len(rows))
     scene, contacts = shared.scene_of(arguments), CONTACTS.validate_json(str(needs["postures"].arrays["contacts"]))
     loads, cases_of_loads = np.nan_to_num(arrays["load"], nan=chart.up_to), arrays["case"]
     of_places = warnings_of_row(scene, contacts, chart.places, models, loads, cases_of_loads, first)
     arrays["place"] = np.column_stack([radius, tip[:, 2]])
-    left_out = left_out_loads(scene, [*cases, *arguments["left"]])
+    left_out = unnamed_loads(scene, [*cases, *arguments["left"]])
     return TaskResult(record, arrays, warnings=(*of_places, *left_out, *needs["postures"].warnings))
 
 
-def _at_place(chart: Chart, models: Models, k: int, rope: Rope | None) -> dict[str, NDArray[Any]]:
+def _point_arrays(chart: Chart, models: ChartModels, k: int, rope: Rope | None) -> dict[str, NDArray[Any]]:
     """Return one point's row of the arrays ``load``, ``case``, ``error...`` and ``hoist`` of `allow_row`."""
     places = chart.places(models.reduced, k)
     loads = chart.loads(places)
-    case, load = _least(loads)
+    case, load = _least_case(loads)
     row: dict[str, NDArray[Any]] = {"load": load, "case": case}
     parts = dict.fromkeys((f"error.{of}" for of in PARTS), np.full(len(load), np.nan))
-    if models.better is not None:
-        parts["error.reduction"] = chart.of_reduction(models, k, loads)
-        parts["error.mesh"] = chart.of_other(models, "mesh", k, loads)
-        parts["error.model"] = chart.of_other(models, "model", k, loads)
-        parts["error.rotation"] = chart.of_rotation(places, loads, float(models.reach[k]))
+    if models.enriched is not None:
+        parts["error.reduction"] = chart.reduction_errors(models, k, loads)
+        parts["error.mesh"] = chart.comparison_errors(models, "mesh", k, loads)
+        parts["error.model"] = chart.comparison_errors(models, "model", k, loads)
+        parts["error.rotation"] = chart.rotation_errors(places, loads, float(models.reach[k]))
     sometimes = np.nan_to_num(parts["error.mesh"]) + np.nan_to_num(parts["error.model"])
     row |= parts | {"error": parts["error.reduction"] + sometimes + parts["error.rotation"]}
     if rope is not None:
         least = float(np.nanmin(np.append(load, np.inf)))
-        row["hoist"] = np.array(_hoist_factor(places[0].loaded, least, rope, chart.gravity))
+        row["hoist"] = np.array(_hoist_factor(places[0].equilibria, least, rope, chart.gravity))
     return row
 
 
@@ -209,7 +210,7 @@ def _hoist_factor(loaded: Loaded, load: float, rope: Rope, gravity: float) -> fl
     return lift_off(loaded.state(load).form, load, rope, gravity)
 
 
-def _least(loads: Array) -> tuple[NDArray[np.int64], Array]:
+def _least_case(loads: Array) -> tuple[NDArray[np.int64], Array]:
     """Return for each limit the number of the case with the smallest load, and that load, both (l,).
 
     `loads` are (c, l); the load is NaN only if those of all cases are.
@@ -235,19 +236,19 @@ def governing_limit(load: Array) -> NDArray[np.int64]:
     return np.where(np.isfinite(least.min(axis=1)), least.argmin(axis=1), -1)
 
 
-def lowest(load: Array, error: Array, up_to: float) -> Array:
+def lower_bounds(load: Array, error: Array, up_to: float) -> Array:
     """Return loads (P, l) in kg less their errors (P, l); a NaN load counts as `up_to` in kg, a NaN error as 0."""
     return np.asarray(np.nan_to_num(load, nan=up_to) - np.nan_to_num(error))
 
 
-def in_doubt(load: Array, error: Array, up_to: float) -> NDArray[np.bool_]:
+def limits_in_doubt(load: Array, error: Array, up_to: float) -> NDArray[np.bool_]:
     """Return which limits may govern within their error bars, (P, l); all false at points where only one may.
 
     `load` and `error` are (P, l) in kg at P points of l limits.  A limit may govern if its load less its error is at
     most the smallest sum of load and error of any limit at the point.  NaN loads mean that no load up to `up_to`
     reaches the limit: it may govern only if `up_to` less its error is below `up_to`.  NaN errors count as 0.
     """
-    low = lowest(load, error, up_to)
+    low = lower_bounds(load, error, up_to)
     low = np.where(np.isnan(load) & (low >= up_to), np.inf, low)
     high = np.where(np.isnan(load), np.inf, load + np.nan_to_num(error))
     may = (low <= high.min(axis=1)[:, None]) & np.isfinite(low)

@@ -37,7 +37,7 @@ class Collection(Section):
 
 
 @dataclass(frozen=True)
-class Part:
+class PlannedStudy:
     """One study of a call and its plan; `name` is its folder, empty for a study outside a collection."""
 
     name: str
@@ -51,14 +51,14 @@ class Project:
 
     title: str
     kind: str
-    parts: tuple[Part, ...]
+    parts: tuple[PlannedStudy, ...]
 
     @property
     def runs(self) -> tuple[str, ...]:
         """Names of all runs: their keys, in a collection ``<part>/<key>``."""
         return tuple(_run_name(part, run) for part in self.parts for run in part.plan.runs)
 
-    def only(self, names: Sequence[str]) -> Project:
+    def select_runs(self, names: Sequence[str]) -> Project:
         """Return the project with the named runs alone; raises InputError if there is no run of a name."""
         unknown = sorted(set(names) - set(self.runs))
         if unknown:
@@ -71,7 +71,7 @@ class Project:
         return replace(self, parts=tuple(part for part in parts if part.plan.runs))
 
 
-def _run_name(part: Part, run: Task) -> str:
+def _run_name(part: PlannedStudy, run: Task) -> str:
     """Return a run's key, in a collection with the part's name before it."""
     return f"{part.name}/{run.key}" if part.name else run.key
 
@@ -83,10 +83,10 @@ def kind_names() -> list[str]:
 
 def schemas() -> dict[str, dict[str, Any]]:
     """Return the JSON schema of each kind of study file."""
-    return {kind: _model(kind).model_json_schema() for kind in kind_names()}
+    return {kind: _study_class(kind).model_json_schema() for kind in kind_names()}
 
 
-def _model(kind: str) -> type[BaseModel]:
+def _study_class(kind: str) -> type[BaseModel]:
     """Return the class that validates study files of a kind."""
     if kind == COLLECTION:
         return Collection
@@ -102,7 +102,7 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Project:
     """
     file = _read(path, [override(text) for text in overrides])
     if file.data["kind"] != COLLECTION:
-        part = _part("", file)
+        part = _plan_study("", file)
         return Project(part.study.title, part.study.kind, (part,))
     collection = file.validate(Collection)
     names = [entry.stem for entry in collection.files]
@@ -118,7 +118,7 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Project:
         member = _read(entry, changes)
         if member.data["kind"] == COLLECTION:
             raise InputError(file.origin("files"), "files", str(entry), "a collection can't hold another one")
-        parts.append(_part(name, member))
+        parts.append(_plan_study(name, member))
     return Project(collection.title, collection.kind, tuple(parts))
 
 
@@ -137,12 +137,12 @@ def _read(path: str | Path, changes: Sequence[Change]) -> TomlFile:
     return file
 
 
-def _part(name: str, file: TomlFile) -> Part:
+def _plan_study(name: str, file: TomlFile) -> PlannedStudy:
     """Return the study of a file and its plan; an InputError of the plan names the file."""
-    study = file.validate(_model(file.data["kind"]))
+    study = file.validate(_study_class(file.data["kind"]))
     assert isinstance(study, StudyBase)  # collections are no parts
     try:
-        return Part(name, study, study.plan())
+        return PlannedStudy(name, study, study.plan())
     except InputError as error:
         if error.source != "study":
             raise

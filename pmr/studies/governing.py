@@ -15,7 +15,7 @@ from pmr.scene.keys import Section, Usual
 from pmr.simulation.statics.loaded import States
 from pmr.simulation.statics.postures import HOOK, Bent, Postures
 from pmr.simulation.statics.swings import Acting, stopping_swing
-from pmr.studies.allowed import BELOW, Place
+from pmr.studies.allowed import JUST_BELOW, Place
 from pmr.studies.limits import FIELD, Limit
 
 Array = NDArray[np.float64]
@@ -35,18 +35,18 @@ class Stop(Section):
 
 
 @dataclass(frozen=True)
-class Stopping:
+class StopMotion:
     """A stop of luffing or slewing (`of`) from a `speed` in rad/s to rest `within` seconds.
 
     `turned` (P, i) are the loads on i inputs by a unit of the angle's acceleration, at P postures.
     """
 
-    of: str
+    angle: str
     speed: float
-    within: float
-    turned: Array
+    duration: float
+    acceleration_loads: Array
 
-    def row(self, place: Place, load: float, limit: Limit | None) -> Array:
+    def stop_figures(self, place: Place, load: float, limit: Limit | None) -> Array:
         """Return five numbers (5,) of the boom at a place under a load in kg, which stops in this way.
 
         - First the largest displacement of the tip during and after the stop, over that under a lasting steady
@@ -57,16 +57,18 @@ class Stopping:
 
         If the boom is unstable all but the speed are NaN.
         """
-        none, state = np.array([*[np.nan] * 4, self.speed]), place.loaded.state(load)
-        swing = stopping_swing(state.form, load, self._acting_loads(place, load), self.within) if state.stands else None
+        none, state = np.array([*[np.nan] * 4, self.speed]), place.equilibria.state(load)
+        swing = (
+            stopping_swing(state.form, load, self._acting_loads(place, load), self.duration) if state.stands else None
+        )
         if swing is None:
             return none
-        tip = [n for n, kind in enumerate(place.at.output_kinds) if kind == "tip"]
+        tip = [n for n, kind in enumerate(place.postures.output_kinds) if kind == "tip"]
         steady = swing.steady[0][tip]
         factor = np.abs(swing.outputs[:, tip] @ steady).max() / (steady @ steady) if np.any(steady) else np.nan
         if limit is None:
             return np.append(factor, none[1:])
-        share, rate = place.share(limit), self.speed / self.within
+        share, rate = place.share(limit), self.speed / self.duration
 
         def most(outputs: Array, forces: Array) -> float:
             """Return the largest share of the limit when the boom stops in either direction."""
@@ -75,20 +77,22 @@ class Stopping:
             return float(share(States.beside(state, *extremes)).max())
 
         steadily = most(*(values[None] for values in swing.steady))
-        return np.array([factor, place.used(limit, state), steadily, most(swing.outputs, swing.forces), self.speed])
+        return np.array(
+            [factor, place.used_share(limit, state), steadily, most(swing.outputs, swing.forces), self.speed]
+        )
 
     def _acting_loads(self, place: Place, load: float) -> Acting:
         """Return the loads by a unit of the angle's acceleration, those on the suspended load in kg included."""
-        at, k = place.at, place.k
-        f = self.turned[k].copy()
-        if self.of == "luffing":  # the load hangs: what lifts its rope accelerates it, and nothing sideways
+        at, k = place.postures, place.k
+        f = self.acceleration_loads[k].copy()
+        if self.angle == "luffing":  # the load hangs: what lifts its rope accelerates it, and nothing sideways
             x, _, z = at.tip[k]
             lifted = float(at.up[k] @ [-z, 0.0, x])  # by a radian
             f += load * lifted / place.gravity * at.f[at.parts.index(HOOK), k]
         return Acting(at.B @ f, -at.H[k] @ f, np.vstack([at.direct, at.machine_loads[k]]) @ f)
 
 
-def chosen(load: Array) -> NDArray[np.int64]:
+def largest_governed_rows(load: Array) -> NDArray[np.int64]:
     """Return for each limit (l,) the row of `load` (p, l) in kg at which it governs the largest load; -1 if at none.
 
     A limit governs a row if its load is the smallest there; rows whose smallest load is 0 or NaN don't count.
@@ -103,8 +107,8 @@ def chosen(load: Array) -> NDArray[np.int64]:
     return numbers
 
 
-def details(
-    limits: Sequence[Limit], places: Sequence[Place | None], loads: Array, bent: Bent, stops: Sequence[Stopping]
+def governing_details(
+    limits: Sequence[Limit], places: Sequence[Place | None], loads: Array, bent: Bent, stops: Sequence[StopMotion]
 ) -> dict[str, NDArray[Any]]:
     """Return arrays that describe the boom at places, the n-th where the n-th limit governs, stability last.
 
@@ -117,15 +121,17 @@ def details(
     - ``stress`` (p, s) Pa: von Mises stress at probes.
     - ``used`` (p, l): used shares of all limits, and the load over the buckling load as the last one.
     - ``luffing`` (p,) rad.
-    - ``stops`` (p, stops, 5): numbers of `Stopping.row`.
+    - ``stops`` (p, stops, 5): numbers of `StopMotion.stop_figures`.
     - ``forces.names``, ``stress.names``, ``section.names``: names of contacts, probes, sections.
     """
-    at = next((place.at for place in places if place is not None), None)
+    at = next((place.postures for place in places if place is not None), None)
     if at is None:
         return {}
     governing_limits = [*limits, None]  # stability has no share that swings
     rows = [
-        None if place is None else _row(limits, place, load, bent) | _swings(governing_limits[n], place, load, stops)
+        None
+        if place is None
+        else _place_arrays(limits, place, load, bent) | _stop_arrays(governing_limits[n], place, load, stops)
         for n, (place, load) in enumerate(zip(places, loads.tolist(), strict=True))
     ]
     example_row = next(row for row in rows if row is not None)
@@ -133,7 +139,7 @@ def details(
     arrays = {name: np.array([(row or empty)[name] for row in rows]) for name in example_row}
     names = {
         "forces": at.force_names,
-        "stress": tuple(_probes(at)),
+        "stress": tuple(_stress_columns(at)),
         "direction": bent.direction,
         "section": bent.names,
     }
@@ -141,23 +147,24 @@ def details(
     return arrays | {"kinds": np.array(at.force_kinds, dtype=np.str_), "bent.x": bent.x, "bent.section": bent.section}
 
 
-def _probes(at: Postures) -> dict[str, dict[str, int]]:
+def _stress_columns(at: Postures) -> dict[str, dict[str, int]]:
     """Return the columns of each stress component by probe, without probes that limits of the field have added."""
     return {probe: components for probe, components in at.columns.stresses().items() if FIELD not in probe}
 
 
-def _row(limits: Sequence[Limit], place: Place, load: float, bent: Bent) -> dict[str, Array]:
-    """Return one place's row of the arrays of `details`, without ``stops``, under slightly less than `load` in kg.
+def _place_arrays(limits: Sequence[Limit], place: Place, load: float, bent: Bent) -> dict[str, Array]:
+    """Return one place's row of the arrays of `governing_details` without ``stops``, slightly below `load` in kg.
 
     At the limit of stability itself there is no equilibrium.
     """
-    at, load = place.at, load * (1.0 - BELOW)
-    state = place.loaded.state(load)
-    shape = Place(bent.measured(at), place.k, place.amounts, place.gravity).loaded.state(load)
+    at, load = place.postures, load * (1.0 - JUST_BELOW)
+    state = place.equilibria.state(load)
+    shape = Place(bent.measured(at), place.k, place.amounts, place.gravity).equilibria.state(load)
     stress = [
-        float(mises(state.outputs[list(components.values())], tuple(components))) for components in _probes(at).values()
+        float(mises(state.outputs[list(components.values())], tuple(components)))
+        for components in _stress_columns(at).values()
     ]
-    used = [place.used(limit, state) for limit in limits]
+    used = [place.used_share(limit, state) for limit in limits]
     return {
         "forces": state.forces,
         "bent": shape.outputs,
@@ -167,7 +174,7 @@ def _row(limits: Sequence[Limit], place: Place, load: float, bent: Bent) -> dict
     }
 
 
-def _swings(limit: Limit | None, place: Place, load: float, stops: Sequence[Stopping]) -> dict[str, Array]:
-    """Return one place's ``stops`` (stops, 5) of `details`, under slightly less than `load` in kg."""
-    stop_rows = [stop.row(place, load * (1.0 - BELOW), limit) for stop in stops]
+def _stop_arrays(limit: Limit | None, place: Place, load: float, stops: Sequence[StopMotion]) -> dict[str, Array]:
+    """Return one place's ``stops`` (stops, 5) of `governing_details`, under slightly less than `load` in kg."""
+    stop_rows = [stop.stop_figures(place, load * (1.0 - JUST_BELOW), limit) for stop in stops]
     return {"stops": np.array(stop_rows).reshape(-1, 5)}

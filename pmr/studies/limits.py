@@ -32,8 +32,8 @@ from pmr.scene.structures import Probe
 from pmr.simulation.statics.loaded import Form, States
 from pmr.simulation.statics.postures import Postures
 from pmr.studies import shared
-from pmr.studies.tipping import Mass, Tipping, area
-from pmr.studies.user_limits import amount_of, check_names, expression_of, function_of
+from pmr.studies.tipping import Mass, TippingMoments, area
+from pmr.studies.user_limits import amounts_of_states, check_names, expression_function, plugin_function
 from pmr.system.from_scene import force_names
 
 Array = NDArray[np.float64]
@@ -81,9 +81,9 @@ class Kind:
     share: Callable[[Limit, Postures, int, Sequence[float]], Share]
     usual: Usual | None = None
     names: Callable[[Scene], Sequence[str]] | None = None
-    directly: Callable[[Form, float, float, float], float] | None = None
+    eigenvalue_load: Callable[[Form, float, float, float], float] | None = None
     grows: bool = False
-    in_richer: bool = True
+    in_richer_model: bool = True
 
 
 def _share_of_quantity(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
@@ -99,25 +99,29 @@ def _share_of_quantity(limit: Limit, at: Postures, k: int, amounts: Sequence[flo
     return lambda states: share_of_unit * measure(np.hstack([states.outputs, states.forces]))
 
 
-def _share_of_users(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
+def _share_of_user_function(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
     """Return the function from states to the used shares (p,) of a limit on a user's function or expression.
 
     Its absolute value at the k-th posture of `at` counts.
     """
     is_function, text = limit.of == "function", limit.function or limit.expression or ""
-    evaluate = function_of(limit.name, text) if is_function else expression_of(text)
-    amount = amount_of(evaluate, f"limits.{limit.name}.{limit.of}", text, at, k)
+    evaluate = plugin_function(limit.name, text) if is_function else expression_function(text)
+    amount = amounts_of_states(evaluate, f"limits.{limit.name}.{limit.of}", text, at, k)
     return lambda states: limit.factor / limit.allowed_amount * np.abs(amount(states))
 
 
 def _share_of_buckling(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
     """Return the function from states to the used shares (p,) of a limit on the buckling factor."""
-    return lambda states: limit.allowed_amount * np.array([form.inverse_factor(load) for form, load in _each(states)])
+    return lambda states: (
+        limit.allowed_amount * np.array([form.inverse_factor(load) for form, load in _forms_and_loads(states)])
+    )
 
 
 def _share_of_frequency(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
     """Return the function from states to the used shares (p,) of a limit on the lowest natural frequency."""
-    return lambda states: np.array([_ratio(limit.allowed_amount, form.frequency(load)) for form, load in _each(states)])
+    return lambda states: np.array(
+        [_ratio(limit.allowed_amount, form.frequency(load)) for form, load in _forms_and_loads(states)]
+    )
 
 
 def _share_of_overturning(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
@@ -125,7 +129,7 @@ def _share_of_overturning(limit: Limit, at: Postures, k: int, amounts: Sequence[
 
     The machine stands at the k-th posture of `at`, whose parts act by `amounts` (w,).
     """
-    tipping = limit.tipping(at, k, amounts)
+    tipping = limit.tipping_moments(at, k, amounts)
     return lambda states: tipping.share(states, limit.factor)
 
 
@@ -151,14 +155,14 @@ NAMES: Mapping[str, Callable[[Scene], Sequence[str]]] = {
 }
 #: All kinds of limits: quantities that runs have too, and others.
 KINDS: Mapping[str, Kind] = {
-    key: Kind("most", q.unit, _share_of_quantity, USUAL.get(q.unit), NAMES.get(key), in_richer=q.unit != "Pa")
+    key: Kind("most", q.unit, _share_of_quantity, USUAL.get(q.unit), NAMES.get(key), in_richer_model=q.unit != "Pa")
     for key, q in LIMITED.items()
 } | {
-    "buckling": Kind("least", "", _share_of_buckling, directly=Form.load_of_factor, grows=True),
-    "frequency": Kind("least", "Hz", _share_of_frequency, directly=Form.load_of_frequency, grows=True),
+    "buckling": Kind("least", "", _share_of_buckling, eigenvalue_load=Form.load_of_factor, grows=True),
+    "frequency": Kind("least", "Hz", _share_of_frequency, eigenvalue_load=Form.load_of_frequency, grows=True),
     "overturning": Kind("", "", _share_of_overturning, grows=True),
-    "function": Kind("most", "", _share_of_users, in_richer=False),
-    "expression": Kind("most", "", _share_of_users, in_richer=False),
+    "function": Kind("most", "", _share_of_user_function, in_richer_model=False),
+    "expression": Kind("most", "", _share_of_user_function, in_richer_model=False),
 }
 if TYPE_CHECKING:
     KindName = str
@@ -211,7 +215,7 @@ class Limit(Section):
         return {"most": (self.most, usual)} if self.most is not None and usual is not None else {}
 
     @model_validator(mode="after")
-    def _complete(self) -> Self:
+    def _check_keys(self) -> Self:
         """Refuse keys that are missing for what is limited, and keys that belong to another limit."""
         needed = self.kind.amount
         for key in ("most", "least"):
@@ -227,7 +231,7 @@ class Limit(Section):
             if (getattr(self, key) is not None) != (self.of == key):
                 raise ValueError(f"{key} belongs to a limit of {key!r}, which needs one")
         if self.expression is not None:
-            expression_of(self.expression)
+            expression_function(self.expression)
         return self
 
     @property
@@ -251,27 +255,27 @@ class Limit(Section):
         Raises InputError if none of the columns belongs to the limit.
         """
         measure_of = LIMITED[self.of].measure
-        measure = measure_of and measure_of(columns, self.looks_at)
+        measure = measure_of and measure_of(columns, self.concerns)
         if measure is None:
             probes = [probe for probe in columns.stresses() if FIELD not in probe] if self.of == "stress" else []
             raise self._unknown_name(probes)
         return measure
 
-    def directly(self, form: Form, near: float, up_to: float) -> float | None:
+    def eigenvalue_load(self, form: Form, near: float, up_to: float) -> float | None:
         """Return the load in kg at which the eigenvalue of `form` reaches the limit while no contact opens or closes.
 
         None for a limit on something else than an eigenvalue; infinite if no load reaches it.  `near` is a load in kg
         near which it is expected, NaN without one; a load above `up_to` may be returned as infinite.
         """
-        directly = self.kind.directly
+        directly = self.kind.eigenvalue_load
         return None if directly is None else directly(form, self.allowed_amount, near, up_to)
 
-    def tipping(self, at: Postures, k: int, amounts: Sequence[float]) -> Tipping:
+    def tipping_moments(self, at: Postures, k: int, amounts: Sequence[float]) -> TippingMoments:
         """Return the moments about the edges of the support polygon at the k-th posture of `at`.
 
         `amounts` (w,) are those by which the parts ``at.parts`` act.
         """
-        return Tipping.of(self.polygon, self.height, self.machine, at, k, np.asarray(amounts))
+        return TippingMoments.compute(self.polygon, self.height, self.machine, at, k, np.asarray(amounts))
 
     def check(self, scene: Scene) -> None:
         """Raise InputError if the limit names a probe, contact, function or quantity that the scene lacks.
@@ -282,7 +286,7 @@ class Limit(Section):
             allowed = "a scene with frame.cylinder is allowed, which says where its hinges are"
             raise InputError("study", f"limits.{self.name}.of", self.of, allowed)
         if self.of == "function":
-            function_of(self.name, self.function)
+            plugin_function(self.name, self.function)
         if self.expression is not None:
             check_names(self.name, self.expression, scene)
         if self.of == "field" and not bodies_with_field(scene):
@@ -292,7 +296,7 @@ class Limit(Section):
             if not all(any(fits((pattern,), name) for name in names) for pattern in self.which):
                 raise self._unknown_name(names)
 
-    def looks_at(self, name: str) -> bool:
+    def concerns(self, name: str) -> bool:
         """Return whether the limit depends on the column, the probe or the point of the field with this name."""
         if self.of not in ("stress", "field"):
             return fits(self.which, name)
@@ -308,7 +312,7 @@ class Limit(Section):
         return InputError("study", f"limits.{self.name}.which", ", ".join(self.which), allowed)
 
 
-def _each(states: States) -> Iterator[tuple[Form, float]]:
+def _forms_and_loads(states: States) -> Iterator[tuple[Form, float]]:
     """Iterate over the states' forms and loads in kg."""
     return zip(states.forms, states.load.tolist(), strict=True)
 

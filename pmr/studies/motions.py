@@ -35,15 +35,15 @@ from pmr.system.system import System
 Array = NDArray[np.float64]
 
 #: Number of steps of the full motion from one snapshot of it to the next.
-EVERY = 5
+SNAPSHOT_INTERVAL = 5
 #: Rigid-body motions of a section, at most.
-RIGID = 6
+RIGID_MODES = 6
 #: Bases that sections may have: free modes, without the flexibility of those left out or with it.
-OF_SECTIONS = ("modes", "flexibility")
+SECTION_BASES = ("modes", "flexibility")
 
 
 @dataclass(frozen=True)
-class Case:
+class FullMotion:
     """A scene, its full models as one system, and the motion of that system."""
 
     scene: Scene
@@ -53,7 +53,7 @@ class Case:
     response: Response
 
     @classmethod
-    def of(cls, scene: Scene) -> Case:
+    def simulate(cls, scene: Scene) -> FullMotion:
         """Build the full models of a scene and simulate their motion."""
         is_alone = len(scene.sections) == 1
         full = System.of(modal_form(shared.body_of(scene)).body) if is_alone else shared.full_system(scene)
@@ -62,34 +62,36 @@ class Case:
         return cls(scene, full, excitation, run, with_forces_on_machine(scene, respond(full, run)))
 
 
-def displacement(scene: Scene, system: System, factor: float, every: int, rho_inf: float | None = None) -> Array:
+def simulate_displacement(
+    scene: Scene, system: System, step_factor: float, every: int, rho_inf: float | None = None
+) -> Array:
     """Return the displacements (T, o) in m of a system at each `every`-th step of its motion.
 
     Steps are `factor` times as long as the scene's; the spectral radius is `rho_inf`, or the scene's if it is None.
     """
     driven = Excitation.of(scene)
-    grid = replace(driven.stepping, step=factor * driven.stepping.step)
+    grid = replace(driven.stepping, step=step_factor * driven.stepping.step)
     grid = grid if rho_inf is None else replace(grid, rho_inf=rho_inf)
     return respond(system, run_from_start(system, driven.on_grid(grid), every)).displacement
 
 
 @dataclass(frozen=True)
-class Models:
+class ModelFamily:
     """Models of one basis as systems: `of` returns the one of a size from `smallest` to `largest`."""
 
-    of: Callable[[int], System]
+    system_of_size: Callable[[int], System]
     largest: int
     smallest: int = 1
 
 
-def reduced_to(scene: Scene, basis: str, largest: int) -> Scene:
+def with_basis(scene: Scene, basis: str, largest: int) -> Scene:
     """Return the scene with the reduction that a basis needs for models of up to the size `largest`.
 
     For a boom of sections goals of accuracy and budgets are removed, so that no size is searched.
     """
     solver = scene.sections[0].reduction.solver
     if len(scene.sections) > 1:
-        update = {"coordinates": RIGID + largest, "flexibility": True, "estimate": True}
+        update = {"coordinates": RIGID_MODES + largest, "flexibility": True, "estimate": True}
         parts = tuple(
             part.model_copy(update={"reduction": part.reduction.model_copy(update=update)}) for part in scene.sections
         )
@@ -103,55 +105,55 @@ def reduced_to(scene: Scene, basis: str, largest: int) -> Scene:
     return shared.with_reduction(scene, choice)
 
 
-def models(scene: Scene, basis: str) -> Models:
-    """Return the models of a scene that `reduced_to` made for a basis.
+def model_family(scene: Scene, basis: str) -> ModelFamily:
+    """Return the models of a scene that `with_basis` made for a basis.
 
     ``pod`` and ``visited`` are POD of eigenmodes with the sliders held, at all nodes or at nine positions that the path
     visits; ``modes`` are free modes without the flexibility of those left out, ``flexibility`` free modes with it.
     """
     if len(scene.sections) > 1:
-        return _models_of_sections(scene, basis)
+        return _section_family(scene, basis)
     from pmr.reduction.bodies import reduce_body
 
     longest = reduce_body(scene, shared.model_of(scene)).model
     if basis == "flexibility":
-        return _flexible_models(longest)
+        return _flexible_family(longest)
     if basis == "modes":
         longest = replace(longest, flexibility=None, enrichment=None)
-    return Models(lambda size: System.of(longest.leading(size)), longest.size)
+    return ModelFamily(lambda size: System.of(longest.leading(size)), longest.size)
 
 
-def _flexible_models(longest: ReducedModel) -> Models:
+def _flexible_family(longest: ReducedModel) -> ModelFamily:
     """Return models of free modes with flexibility, each with as many enrichment modes as the longest one has."""
     every = extend(longest) if longest.enrichment else longest
     more = every.size - longest.size
 
-    def of(size: int) -> System:
+    def system_of_size(size: int) -> System:
         """Return the system of a model with `size` free modes."""
         leading = every if size + more == every.size else replace(truncate(every, size + more), enrichment=None)
         return System.of(truncate(leading, size) if more else leading)
 
     omega2 = np.diagonal(longest.K)
     rigid = int(np.sum(omega2 <= MODAL * np.finfo(float).eps * omega2[-1]))  # which have no flexibility
-    return Models(of, longest.size, max(rigid, 1))
+    return ModelFamily(system_of_size, longest.size, max(rigid, 1))
 
 
-def models_of_motion(case: Case) -> Models:
+def pod_family(case: FullMotion) -> ModelFamily:
     """Return the models of a single body on the POD of its full motion's modal coordinates."""
     (body,) = case.full.reduced.values()
-    U, sigma, _ = np.linalg.svd(case.run.bodies[ALONE].q[::EVERY].T, full_matrices=False)
+    U, sigma, _ = np.linalg.svd(case.run.bodies[ALONE].q[::SNAPSHOT_INTERVAL].T, full_matrices=False)
     rank = int(np.sum(sigma > sigma[0] * 1e-13))
-    return Models(lambda size: System.of(projected(body, U[:, :size])), rank)
+    return ModelFamily(lambda size: System.of(projected(body, U[:, :size])), rank)
 
 
-def _models_of_sections(boom: Scene, basis: str) -> Models:
+def _section_family(boom: Scene, basis: str) -> ModelFamily:
     """Return models of a boom whose size is the number of elastic modes of each section."""
     from pmr.reduction.bodies import reduce_bodies
 
     bodies = reduce_bodies(boom, shared.bodies_of(boom))
     trials = trials_of(boom, {name: body.modal for name, body in bodies.items()})
 
-    def of(size: int) -> System:
+    def system_of_size(size: int) -> System:
         """Return the system with `size` elastic modes in each section."""
         modal = trials.models(trials.uniform(size))
         if basis == "modes":
@@ -159,7 +161,7 @@ def _models_of_sections(boom: Scene, basis: str) -> Models:
         stressed = any(frame_terms(boom))
         return system_of(boom, {name: as_simulated(model, stressed) for name, model in modal.items()})
 
-    return Models(of, trials.elastic(trials.most))
+    return ModelFamily(system_of_size, trials.elastic(trials.most))
 
 
 def _without_flexibility(model: ReducedModel) -> ReducedModel:

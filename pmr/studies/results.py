@@ -57,7 +57,7 @@ class Store:
             if file.is_file() and time.time() - file.stat().st_mtime > STALE_AFTER:
                 file.unlink(missing_ok=True)
 
-    def sound(self, digest: str) -> bool:
+    def is_sound(self, digest: str) -> bool:
         """Return whether the file of this digest is there and undamaged to the last byte."""
         try:
             self.read(digest)
@@ -81,7 +81,7 @@ class Store:
         }
         npz.write(self.path(digest), {f"array.{name}": array for name, array in result.arrays.items()}, header)
 
-    def headline(self, digest: str) -> TaskResult:
+    def read_without_arrays(self, digest: str) -> TaskResult:
         """Return the result with this digest without its arrays; raises DamagedError as `read` does."""
         return self.read(digest, only=(npz.HEADER,))
 
@@ -185,7 +185,10 @@ class StudyResults:
             if failure is not None:
                 record = RunRecord(task.key, failure.status, task.parameters, {}, {}, failure.reason, failure.detail)
             else:
-                done, file = store.headline(digest[task.key]), os.path.relpath(store.path(digest[task.key]), folder)
+                done, file = (
+                    store.read_without_arrays(digest[task.key]),
+                    os.path.relpath(store.path(digest[task.key]), folder),
+                )
                 record = RunRecord(
                     task.key, "done", task.parameters, done.record, done.seconds, warnings=done.warnings, file=file
                 )
@@ -233,15 +236,15 @@ class StudyResults:
         deleted, and so is an existing report, which shows the old results.
         """
         rows = [run.row for run in self.runs]
-        names = _names(rows)
+        names = _column_names(rows)
         with fresh(self.folder, (*TABLES, *REPORT, *(tables or {}))) as new:
             for name, text in (tables or {}).items():
                 if text:
                     _write(new / name, text)
-            _write(new / "runs.csv", _csv(rows))
+            _write(new / "runs.csv", _csv_of_rows(rows))
             npz.write(new / "runs.npz", {name: self.column(name) for name in names})
             times: list[dict[str, Scalar]] = [{"run": run.key} | dict(run.seconds) for run in self.runs]
-            _write(new / "seconds.csv", _csv(times))
+            _write(new / "seconds.csv", _csv_of_rows(times))
             _write(new / "summary.json", self._text(summary))
 
     def save_summary(self, summary: Mapping[str, Any]) -> None:
@@ -257,7 +260,7 @@ class StudyResults:
         return npz.json_text({**summary, "runs": runs}, indent=1)
 
 
-def _names(rows: Iterable[Mapping[str, Scalar]]) -> list[str]:
+def _column_names(rows: Iterable[Mapping[str, Scalar]]) -> list[str]:
     """Return the names of the columns of rows in the order of their first appearance, ``warnings`` last."""
     names = dict.fromkeys(name for row in rows for name in row)
     return sorted(names, key=lambda name: name == "warnings")
@@ -270,9 +273,9 @@ def csv_text(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return text.getvalue()
 
 
-def _csv(rows: Sequence[Mapping[str, Scalar]]) -> str:
+def _csv_of_rows(rows: Sequence[Mapping[str, Scalar]]) -> str:
     """Return the text of a CSV file of rows by column name; cells that a row lacks are empty."""
-    names = _names(rows)
+    names = _column_names(rows)
     return csv_text(names, [[_cell(row.get(name)) for name in names] for row in rows])
 
 

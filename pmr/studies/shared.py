@@ -87,11 +87,13 @@ def reduced_system(scene: Scene) -> System:
 
 def bodies_of(scene: Scene) -> Mapping[str, Built]:
     """Return a scene's full models and structures by body; they are stored for later tasks of this process."""
-    return _built(_without_loads(scene).model_copy(update={"title": "", "published": None, "damping": scene.damping}))
+    return _build_bodies(
+        _without_loads(scene).model_copy(update={"title": "", "published": None, "damping": scene.damping})
+    )
 
 
 @lru_cache(maxsize=4)
-def _built(scene: Scene) -> Mapping[str, Built]:
+def _build_bodies(scene: Scene) -> Mapping[str, Built]:
     """Build the full models of a scene's bodies and log their warnings."""
     from pmr.fullmodel.build import build_bodies, log_warnings
 
@@ -134,9 +136,12 @@ def modes_tasks(scene: Scene) -> dict[str, Task]:
         update = {"slider": scene.slider.model_copy(update={"path": NOTHING}), "time": TimeChoice(end=1.0, step=1.0)}
         plain = plain.model_copy(update=update)
     if not choice.uses_pod:
-        return {"modes0": _task(modes_released, "modes", f"{choice.basis}-{choice.coordinates}", plain)}
+        return {"modes0": _scene_task(compute_released_modes, "modes", f"{choice.basis}-{choice.coordinates}", plain)}
     named = f"modes-{choice.snapshots}x{choice.modes}"
-    return {f"modes{k}": _task(modes_at, "modes", f"{named}-{k}", plain, position=k) for k in range(choice.snapshots)}
+    return {
+        f"modes{k}": _scene_task(compute_held_modes, "modes", f"{named}-{k}", plain, position=k)
+        for k in range(choice.snapshots)
+    }
 
 
 def reference_task(scene: Scene, name: str) -> Task:
@@ -149,12 +154,12 @@ def reference_task(scene: Scene, name: str) -> Task:
             "compare": Compare(against=(name,), ancf_elements=scene.compare.ancf_elements if is_ancf else 1),
         }
     )
-    return _task(reference, name, name, alone, simulator=name)
+    return _scene_task(simulate_reference, name, name, alone, simulator=name)
 
 
 def frequencies_task(scene: Scene) -> Task:
     """Return the task that computes the full model's lowest frequencies over the path."""
-    return _task(frequencies, "frequencies", "frequencies", _without_loads(scene))
+    return _scene_task(compute_frequencies, "frequencies", "frequencies", _without_loads(scene))
 
 
 def snapshots_from(scene: Scene, needs: Needs) -> Snapshots:
@@ -175,7 +180,7 @@ def response_from(result: TaskResult) -> Response:
     return npz.record(Response, result.arrays)
 
 
-def modes_at(arguments: Arguments, needs: Needs) -> TaskResult:
+def compute_held_modes(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: eigenmodes with the slider held at the scene's position number ``position``.
 
     Arrays of k modes with n coordinates: ``phi`` (n, k), ``omega`` (k,) in rad/s, ``residuals`` (k,), ``s`` (k,), the
@@ -192,8 +197,8 @@ def modes_at(arguments: Arguments, needs: Needs) -> TaskResult:
     return TaskResult(arrays={"phi": modes.phi, "omega": modes.omega, "residuals": modes.residuals, "s": at})
 
 
-def modes_released(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: the modes of a scene whose basis needs no slider positions; arrays as those of `modes_at`."""
+def compute_released_modes(arguments: Arguments, needs: Needs) -> TaskResult:
+    """Task: the modes of a scene whose basis needs no slider positions; arrays as those of `compute_held_modes`."""
     from pmr.reduction.from_scene import take_snapshots
 
     scene = scene_of(arguments)
@@ -202,17 +207,17 @@ def modes_released(arguments: Arguments, needs: Needs) -> TaskResult:
     return TaskResult(arrays={"phi": phi, "omega": taken.omega, "residuals": taken.residuals, "s": taken.s})
 
 
-def reference(arguments: Arguments, needs: Needs) -> TaskResult:
+def simulate_reference(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: simulate the full model or the ANCF cable, as argument ``simulator`` says; arrays of the `Response`."""
     from pmr.pipeline.full_order import FullOrder
 
     scene = scene_of(arguments)
-    response = FullOrder.of(scene, {ALONE: model_of(scene)}).reference(arguments["simulator"])
+    response = FullOrder.join(scene, {ALONE: model_of(scene)}).reference(arguments["simulator"])
     assert response is not None
     return TaskResult(arrays=npz.arrays(response), seconds={"simulate": response.seconds})
 
 
-def frequencies(arguments: Arguments, needs: Needs) -> TaskResult:
+def compute_frequencies(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: the full model's f lowest frequencies ``omega`` (S, f) in rad/s at path coordinates ``s`` (S,) in m."""
     from pmr.compare.frequencies import CURVES, visited_positions
     from pmr.fullmodel.eigensolvers import lowest_frequencies
@@ -238,7 +243,7 @@ def _without_loads(scene: Scene) -> Scene:
     return with_reduction(unloaded, Reduction(solver=scene.sections[0].reduction.solver))
 
 
-def _task(function: TaskFunction, kind: str, name: str, scene: Scene, **more: Any) -> Task:
+def _scene_task(function: TaskFunction, kind: str, name: str, scene: Scene, **more: Any) -> Task:
     """Return a task of the scene, whose key is `name` and a digest of its arguments; `more` are further arguments."""
     arguments = scene_arguments(scene) | more
     digest = hashlib.sha256(json.dumps(arguments, sort_keys=True).encode()).hexdigest()[:12]

@@ -27,7 +27,7 @@ LONGEST = 120
 KEY = re.compile(rf"[A-Za-z0-9][A-Za-z0-9._=,+-]{{0,{LONGEST - 1}}}")
 
 
-def key_of(text: str) -> str:
+def task_key(text: str) -> str:
     """Return a task key that resembles `text`: ``_`` for characters that keys can't hold.
 
     The end of a text that is too long becomes a digest of it; a key that would begin with a sign begins with 0.
@@ -37,7 +37,7 @@ def key_of(text: str) -> str:
     return key if len(key) <= LONGEST else f"{key[: LONGEST - 9]}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 
 
-def number(value: Scalar) -> float:
+def cell_number(value: Scalar) -> float:
     """Return a table's cell as a float; raises TypeError if it is empty (None) or a text."""
     if value is None or isinstance(value, str):
         raise TypeError(f"{value!r} is no number")
@@ -68,11 +68,11 @@ class Failure:
     status: str = "failed"  # or "skipped"
 
     @classmethod
-    def of(cls, error: BaseException) -> Failure:
+    def from_error(cls, error: BaseException) -> Failure:
         """Return the failure by an error that was raised; `detail` is its traceback."""
         return cls(" ".join(f"{type(error).__name__}: {error}".split()), "".join(traceback.format_exception(error)))
 
-    def of_dependent(self, key: str) -> Failure:
+    def of_skipped(self, key: str) -> Failure:
         """Return the failure of a task that is skipped because it needs the task `key`, which has this failure."""
         reason = self.reason if self.status == "skipped" else f"needs {key}, which failed: {self.reason}"
         return Failure(reason, status="skipped")
@@ -172,7 +172,7 @@ def digests(plan: Plan, code: str) -> dict[str, str]:
     `code` is the digest of the code that tasks compute with.
     """
     tasks, digest_of_task = {task.key: task for task in plan}, dict[str, str]()
-    for key in _in_order({key: task.needs.values() for key, task in tasks.items()}):
+    for key in _topological_order({key: task.needs.values() for key, task in tasks.items()}):
         task = tasks[key]
         digest_of_task[key] = task.digest(code, {name: digest_of_task[need] for name, need in task.needs.items()})
     return digest_of_task
@@ -184,25 +184,25 @@ def open_nodes(plans: Sequence[Plan], code: str, is_done: Callable[[str], bool])
     These are the runs that are not done and those shared tasks that they need and that are not done; `is_done` tells of
     a digest whether its result is stored, `code` is the digest of the code.
     """
-    tasks, needs, wanted = dict[str, Task](), dict[str, dict[str, str]](), set[str]()
+    tasks, needs, needed = dict[str, Task](), dict[str, dict[str, str]](), set[str]()
     for plan in plans:
         digest = digests(plan, code)
         for task in plan:
             tasks.setdefault(digest[task.key], task)
             needs[digest[task.key]] = {name: digest[key] for name, key in task.needs.items()}
-        wanted |= {digest[run.key] for run in plan.runs}
-    order = _in_order({digest: of_task.values() for digest, of_task in needs.items()})
+        needed |= {digest[run.key] for run in plan.runs}
+    order = _topological_order({digest: of_task.values() for digest, of_task in needs.items()})
     urgency, of_dependents = dict[str, float](), dict[str, float]()
     for key in reversed(order):  # each before what it needs
-        if key in wanted and not is_done(key):
+        if key in needed and not is_done(key):
             urgency[key] = tasks[key].cost + of_dependents.get(key, 0.0)
-            wanted.update(needs[key].values())
+            needed.update(needs[key].values())
             for need in needs[key].values():
                 of_dependents[need] = max(of_dependents.get(need, 0.0), urgency[key])
     return {key: Node(key, tasks[key], needs[key], urgency[key]) for key in order if key in urgency}
 
 
-class Ready:
+class ReadyQueue:
     """Queue of the nodes whose needs are met, most urgent first."""
 
     def __init__(self, nodes: Mapping[str, Node]) -> None:
@@ -223,7 +223,7 @@ class Ready:
         """Remove the most urgent node and return it."""
         return self._nodes[heapq.heappop(self._heap)[1]]
 
-    def done(self, digest: str) -> None:
+    def mark_done(self, digest: str) -> None:
         """Queue the nodes that waited only for the one with this digest, which has ended: with a result or failed."""
         self._sorter.done(digest)
         self._add_ready()
@@ -234,7 +234,7 @@ class Ready:
             heapq.heappush(self._heap, (self._rank[digest], digest))
 
 
-def _in_order(needs: Mapping[str, Iterable[str]]) -> list[str]:
+def _topological_order(needs: Mapping[str, Iterable[str]]) -> list[str]:
     """Return keys in an order in which each follows all keys that it needs; raises ValueError for a circle."""
     try:
         return list(TopologicalSorter(needs).static_order())

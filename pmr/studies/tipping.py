@@ -43,16 +43,16 @@ class Mass(Section):
 
 
 @dataclass(frozen=True)
-class Tipping:
+class TippingMoments:
     """Moments about the e edges of a polygon at one posture; positive ones tip the machine, edges run anticlockwise."""
 
     machine: Array  # (e,) N m: moment of the machine's weight
     boom: Array  # (e, o): moment of boom and load together, by a unit of each of o outputs
-    tips: Array  # (e,) N m: moment of a kg of the load at the undeformed tip
-    moved: Array  # (e, o): change of `tips` by a unit of each output
+    tip_moment: Array  # (e,) N m: moment of a kg of the load at the undeformed tip
+    tip_derivative: Array  # (e, o): change of `tips` by a unit of each output
 
     @classmethod
-    def of(
+    def compute(
         cls,
         polygon: Sequence[tuple[float, float]],
         height: float,
@@ -60,7 +60,7 @@ class Tipping:
         at: Postures,
         k: int,
         amounts: Array,
-    ) -> Tipping:
+    ) -> TippingMoments:
         """Compute the moments at the k-th posture of `at`, about the edges between corners X, Y in m from the pivot.
 
         The pivot is `height` m above the corners; `machine` are masses below the boom; `amounts` (w,) are those by
@@ -68,7 +68,7 @@ class Tipping:
         at the pivot is not among the outputs.
         """
         turned = rotation(at.luffing[k : k + 1], at.slewing[k : k + 1])[0]
-        edges = _edges(tuple(polygon), height)
+        edges = _edge_rows(tuple(polygon), height)
         about = np.hstack([edges[:, :3] @ turned, edges[:, 3:] @ turned])  # of a wrench in the axes of the boom
         weight, up = amounts[at.parts.index(WEIGHT)] * at.gravity, turned @ at.up[k]
         resting = np.zeros(6)
@@ -82,9 +82,9 @@ class Tipping:
         moment = about[:, 3:] @ _cross_matrix(pull)
         return cls(
             machine=edges @ resting,
-            boom=about @ _at_pivot(at),
-            tips=about[:, :3] @ pull + moment @ at.tip[k],
-            moved=moment @ _tip(at.output_names, at.output_kinds),
+            boom=about @ _pivot_rows(at),
+            tip_moment=about[:, :3] @ pull + moment @ at.tip[k],
+            tip_derivative=moment @ _tip_rows(at.output_names, at.output_kinds),
         )
 
     def share(self, states: States, factor: float) -> Array:
@@ -92,16 +92,16 @@ class Tipping:
 
         Infinite where nothing resists.
         """
-        load = states.load[:, None] * (self.tips + states.outputs @ self.moved.T)
+        load = states.load[:, None] * (self.tip_moment + states.outputs @ self.tip_derivative.T)
         held = load - self.machine - states.outputs @ self.boom.T
         return np.asarray(np.where(held > 0.0, factor * load / np.where(held > 0.0, held, 1.0), np.inf).max(axis=1))
 
-    def moved_by(self, states: States, factor: float) -> float:
+    def overturning_load(self, states: States, factor: float) -> float:
         """Return the load in kg whose moment is that of the load, plus the boom's own divided by `factor`.
 
         Both are absolute moments about the worst edge; `states` hold one state.
         """
-        load = states.load[0] * (self.tips + states.outputs[0] @ self.moved.T)
+        load = states.load[0] * (self.tip_moment + states.outputs[0] @ self.tip_derivative.T)
         boom = states.outputs[0] @ self.boom.T - load
         held = -self.machine - boom
         worst = int(np.argmax(factor * load / np.where(held > 0.0, held, np.nan)))
@@ -115,7 +115,7 @@ def area(polygon: Sequence[tuple[float, float]]) -> float:
 
 
 @lru_cache(64)  # each place of a chart has the same
-def _edges(polygon: tuple[tuple[float, float], ...], height: float) -> Array:
+def _edge_rows(polygon: tuple[tuple[float, float], ...], height: float) -> Array:
     """Return rows (e, 6) whose product with a force and its moment about the pivot (6,) is the moment about each edge.
 
     Edges run anticlockwise, whichever way the corners are given.
@@ -134,7 +134,7 @@ def _cross_matrix(force: Array) -> Array:
     return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
 
 
-def _at_pivot(at: Postures) -> Array:
+def _pivot_rows(at: Postures) -> Array:
     """Return the rows (6, o) that select force and moment at the pivot from o outputs.
 
     Rows of y, rx and rz are zero for a planar boom; raises InputError if another direction is not among the outputs.
@@ -153,7 +153,7 @@ def _at_pivot(at: Postures) -> Array:
 
 
 @lru_cache(64)
-def _tip(names: tuple[str, ...], kinds: tuple[str, ...]) -> Array:
+def _tip_rows(names: tuple[str, ...], kinds: tuple[str, ...]) -> Array:
     """Return the rows (3, o) that select the tip's displacement along the boom's x, y and z from o outputs."""
     tips = [name if kind == "tip" else "" for name, kind in zip(names, kinds, strict=True)]
     return np.array([[name.endswith(axis) for name in tips] for axis in "xyz"], dtype=float)

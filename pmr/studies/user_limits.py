@@ -46,7 +46,7 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
 }
 
 
-def value_of(text: str, names: tuple[str, ...], tables: tuple[str, ...]) -> Value:
+def compile_expression(text: str, names: tuple[str, ...], tables: tuple[str, ...]) -> Value:
     """Compile an expression to a function that returns its value from a mapping of amounts.
 
     Allowed are numbers, + - * / **, `FUNCTIONS`, `names`, and entries of `tables` as table["name"]; a ValueError says
@@ -60,34 +60,34 @@ def value_of(text: str, names: tuple[str, ...], tables: tuple[str, ...]) -> Valu
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise ValueError("it is no arithmetic expression") from None
     try:
-        return _value(tree, names, tables)
+        return _compile_node(tree, names, tables)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
 
 
-def entries(text: str, table: str) -> list[str]:
-    """Return the names of the entries of a table that an expression accepted by `value_of` uses."""
+def entry_names(text: str, table: str) -> list[str]:
+    """Return the names of the entries of a table that an expression accepted by `compile_expression` uses."""
     subscripts = [node for node in ast.walk(ast.parse(text, mode="eval")) if isinstance(node, ast.Subscript)]
     of_table = [node for node in subscripts if isinstance(node.value, ast.Name) and node.value.id == table]
     return [str(node.slice.value) for node in of_table if isinstance(node.slice, ast.Constant)]
 
 
-def _value(node: ast.expr, names: tuple[str, ...], tables: tuple[str, ...]) -> Value:
+def _compile_node(node: ast.expr, names: tuple[str, ...], tables: tuple[str, ...]) -> Value:
     """Compile one node of an expression, and the nodes below it; ValueError if it is not allowed."""
     if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
         constant = _as_float(node.value)
         return lambda at: constant
     if isinstance(node, ast.Name) and node.id in names:
-        return _entry(node.id)
+        return _reader(node.id)
     if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name) and node.value.id in tables:
         if isinstance(node.slice, ast.Constant) and isinstance(node.slice.value, str):
-            return _entry(node.value.id, node.slice.value)
+            return _reader(node.value.id, node.slice.value)
     elif isinstance(node, (ast.BinOp, ast.UnaryOp)) and type(node.op) in OPERATORS:
         parts = [node.left, node.right] if isinstance(node, ast.BinOp) else [node.operand]
-        return _apply(OPERATORS[type(node.op)], [_value(part, names, tables) for part in parts])
+        return _operation(OPERATORS[type(node.op)], [_compile_node(part, names, tables) for part in parts])
     elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS:
         if node.args and not node.keywords:
-            return _apply(FUNCTIONS[node.func.id], [_value(part, names, tables) for part in node.args])
+            return _operation(FUNCTIONS[node.func.id], [_compile_node(part, names, tables) for part in node.args])
     listed = ", ".join([*names, *(f'{part}["name"]' for part in tables), *(f"{function}()" for function in FUNCTIONS)])
     raise ValueError(f"{ast.unparse(node)!r} is not allowed: numbers, + - * / **, {listed} are")
 
@@ -103,7 +103,7 @@ def _as_float(number: float) -> float:
     return value
 
 
-def _entry(name: str, entry: str | None = None) -> Value:
+def _reader(name: str, entry: str | None = None) -> Value:
     """Return a function that reads an amount, or an entry of a table of amounts."""
 
     def lookup(at: Amounts) -> float:
@@ -114,7 +114,7 @@ def _entry(name: str, entry: str | None = None) -> Value:
     return lookup
 
 
-def _apply(function: Callable[..., float], parts: list[Value]) -> Value:
+def _operation(function: Callable[..., float], parts: list[Value]) -> Value:
     """Return a function that applies an operator to the values of `parts`; it raises ValueError for a complex value."""
 
     def apply(at: Amounts) -> float:
@@ -141,10 +141,10 @@ class AtRest:
     forces: Mapping[str, float]  # N or N m of pads and cylinders by name, positive where they push
 
 
-Own = Callable[[AtRest], float]
+LimitFunction = Callable[[AtRest], float]
 
 
-def function_of(limit: str, name: str | None) -> Own:
+def plugin_function(limit: str, name: str | None) -> LimitFunction:
     """Return the function of the entry point `name`; InputError if no package offers it.
 
     `limit` is the name of the limit, for the error.
@@ -156,16 +156,16 @@ def function_of(limit: str, name: str | None) -> Own:
         raise InputError("study", f"limits.{limit}.function", name, f"{choices} is allowed")
     if not callable(function):
         raise environment.plugin_error("pmr.limits", name or "")
-    return cast(Own, function)
+    return cast(LimitFunction, function)
 
 
 @lru_cache(256)  # each place of a chart asks for the same
-def expression_of(text: str) -> Own:
+def expression_function(text: str) -> LimitFunction:
     """Compile an expression in ``load``, ``luffing``, ``slewing``, ``output["name"]`` and ``force["name"]``.
 
     A ValueError says what is not allowed in it.
     """
-    value: Value = value_of(text, ("load", "luffing", "slewing"), ("output", "force"))
+    value: Value = compile_expression(text, ("load", "luffing", "slewing"), ("output", "force"))
 
     def evaluate(at: AtRest) -> float:
         """Return the expression's value in one state."""
@@ -181,13 +181,15 @@ def check_names(limit: str, text: str, scene: Scene) -> None:
     tip = named(scene.names[-1], scene.sections[-1].observe.tip)
     probes = [named(body, probe.name) for body, part in scene.bodies.items() for probe in part.probes]
     for table, columns in (("force", forces), ("output", [*forces, tip, *probes])):
-        for name in entries(text, table):
+        for name in entry_names(text, table):
             if not any(name == column or (table == "output" and name.startswith(f"{column} ")) for column in columns):
                 allowed = f"{hint(name, columns)}{table} has {', '.join(columns)}"
                 raise InputError("study", f"limits.{limit}.expression", name, allowed)
 
 
-def amount_of(limit_function: Own, key: str, text: str | None, at: Postures, k: int) -> Callable[[States], Array]:
+def amounts_of_states(
+    limit_function: LimitFunction, key: str, text: str | None, at: Postures, k: int
+) -> Callable[[States], Array]:
     """Return a function from states to the values (p,) of a user's limit function at the k-th posture.
 
     It raises InputError with `key` and `text` (the function's name or the expression) if the limit function fails or

@@ -35,7 +35,7 @@ from pmr.studies.tasks import Failure, TaskResult
 #: Libraries read these when they are loaded.
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
 #: Beginnings of variables by which a process takes itself for a rank of its parent's MPI job.
-OF_MPI = ("OMPI_", "ORTE_", "PRTE_", "PMIX_", "PMI_", "PMI2_", "HYDI_", "HYDRA_", "MPI_LOCAL", "SLURM_")
+MPI_VARIABLES = ("OMPI_", "ORTE_", "PRTE_", "PMIX_", "PMI_", "PMI2_", "HYDI_", "HYDRA_", "MPI_LOCAL", "SLURM_")
 #: Beginnings of paths within pmr of code that no task computes with.
 NOT_COMPUTING = ("report/", "cli/")
 PATIENCE = 10.0  # s for a child to leave by itself
@@ -93,7 +93,7 @@ class Worker:
         if line:
             answer = json.loads(line)
             return None if answer is None else Failure(**answer)
-        return Failure(f"its process died ({_cause(child.wait())})", self._last_words())
+        return Failure(f"its process died ({_exit_cause(child.wait())})", self._last_output())
 
     def close(self) -> None:
         """End the child at once, or kill it after `PATIENCE` seconds; of a task that runs nothing is stored."""
@@ -109,7 +109,7 @@ class Worker:
 
     def _start(self) -> subprocess.Popen[str]:
         """Start a child with one thread a library and without variables of an MPI launcher."""
-        variables = {name: value for name, value in os.environ.items() if not name.startswith(OF_MPI)}
+        variables = {name: value for name, value in os.environ.items() if not name.startswith(MPI_VARIABLES)}
         variables |= dict.fromkeys(ONE_THREAD, "1")
         self._child = subprocess.Popen(
             [sys.executable, "-c", START, *self._path],
@@ -121,13 +121,13 @@ class Worker:
         )
         return self._child
 
-    def _last_words(self) -> str:
+    def _last_output(self) -> str:
         """Return the last lines that the child printed."""
         self._log.seek(0)
         return "\n".join(self._log.read().decode(errors="replace").splitlines()[-LAST_LINES:])
 
 
-def _cause(code: int) -> str:
+def _exit_cause(code: int) -> str:
     """Return in words why a process ended: its exit code, or the signal of a negative one."""
     if code >= 0:
         return f"exit code {code}"
@@ -178,7 +178,7 @@ def rank_pool() -> Iterator[Pool | None]:
             yield Pool(MPI.COMM_WORLD.size - 1, lambda order: executor.submit(run_on_rank, order, sys.path))
 
 
-def launched_ranks() -> int:
+def count_ranks() -> int:
     """Return the number of ranks that a launcher started, 1 without one; MPI is started only if there are several.
 
     Raises InputError if the launcher belongs to another MPI than mpi4py, so that each process would take itself for the
@@ -238,7 +238,7 @@ def serve() -> None:
     threading.Thread(target=listen, daemon=True).start()
     while (line := orders.get()) is not None:
         is_busy.set()
-        failure = _run(Order(**json.loads(line)), notes)
+        failure = _run_order(Order(**json.loads(line)), notes)
         is_busy.clear()
         try:
             print(json.dumps(failure and asdict(failure)), file=answers, flush=True)  # noqa: T201  (the answer)
@@ -246,7 +246,7 @@ def serve() -> None:
             os._exit(1)
 
 
-def _run(order: Order, notes: logging.handlers.BufferingHandler) -> Failure | None:
+def _run_order(order: Order, notes: logging.handlers.BufferingHandler) -> Failure | None:
     """Run an order and write its result into the store; return the failure, None without one.
 
     `notes` collects the warnings that are logged meanwhile, which join those of the result.
@@ -255,7 +255,7 @@ def _run(order: Order, notes: logging.handlers.BufferingHandler) -> Failure | No
         return Failure(OTHER_CODE)
     notes.flush()
     try:
-        needs = {name: _result(order.store, digest) for name, digest in order.needs.items()}
+        needs = {name: _read_result(order.store, digest) for name, digest in order.needs.items()}
         module, _, name = order.address.partition(":")
         function = getattr(importlib.import_module(module), name)
         begin = time.perf_counter()
@@ -268,11 +268,11 @@ def _run(order: Order, notes: logging.handlers.BufferingHandler) -> Failure | No
             order.digest, order.key, replace(result, seconds=seconds, warnings=tuple(warnings))
         )
     except (Exception, SystemExit) as error:
-        return Failure.of(error)
+        return Failure.from_error(error)
     return None
 
 
 @lru_cache(8)  # the next tasks may need the same
-def _result(store: str, digest: str) -> TaskResult:
+def _read_result(store: str, digest: str) -> TaskResult:
     """Read the result with this digest from the store in a folder."""
     return Store(Path(store)).read(digest)

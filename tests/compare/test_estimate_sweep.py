@@ -49,7 +49,7 @@ def case(seed: int) -> Case:
     scene = random_scene(seed)
     model = build(scene, MPI.COMM_SELF).model
     reduced = reduce_with(scene, model, take_snapshots(scene, model)).model
-    reference = FullOrder.of(scene, {ALONE: model}).reference("full")
+    reference = FullOrder.join(scene, {ALONE: model}).reference("full")
     assert reference is not None
     own, full = simulate(scene, reduced).displacement, reference.displacement
     found = estimate(reduced, Excitation.of(scene))

@@ -197,7 +197,7 @@ def test_both_simulators_of_full_order_rub_alike(at_rest: float) -> None:
         scene["compare"] = {"against": ["full"]}
         scene["simulation"] = {"full": simulator}
         one = Scene.model_validate(scene)
-        found[simulator] = FullOrder.of(one, models_of(build_bodies(one))).reference("full")
+        found[simulator] = FullOrder.join(one, models_of(build_bodies(one))).reference("full")
     march, petsc = found["march"], found["petsc"]
     assert march is not None and petsc is not None
     for one in (march, petsc):

@@ -229,7 +229,7 @@ def test_a_section_swings_on_a_winchs_rope_as_its_equation_says(simulator: str) 
     """Within the scheme's phase error, omega^3 h^2 t / 12."""
     if simulator == "full":
         scene = winch()
-        found = FullOrder.of(scene, models_of(build_bodies(scene))).reference("full")
+        found = FullOrder.join(scene, models_of(build_bodies(scene))).reference("full")
     else:
         scene = winch(simulator)
         found = pmr.simulate(scene, pmr.reduce(scene).system)

@@ -92,7 +92,7 @@ def test_every_rank_knows_that_there_is_none(load_scene, simulator: str) -> None
     fast = "slider.path={kind='ramp',times=[0.02,0.22,0.42],values=[0.7,4.2,0.7]}"
     few = ["time.end=0.3", "mesh.elements=8", fast, "reduction.coordinates=8", "time.rho_inf=0.999"]
     scene = load_scene("evolved_residual", [*few, f"simulation.full={simulator}"])
-    full = FullOrder.of(scene, {ALONE: full_model(scene)})
+    full = FullOrder.join(scene, {ALONE: full_model(scene)})
     found = full.references(steps=[0, 20])
     assert found.responses == found.states == {}
     assert "grows without bound" in found.missing["full"]
@@ -109,7 +109,7 @@ def test_a_cable_that_fails_is_no_reference_either(load_scene) -> None:
         "time.rho_inf=1.0",
     ]
     scene = load_scene("evolved_residual", case)
-    found = FullOrder.of(scene, {ALONE: full_model(scene)}).references()
+    found = FullOrder.join(scene, {ALONE: full_model(scene)}).references()
     assert found.responses == {}
     assert "ANCF" not in found.missing["ancf"]
     assert "rho_inf" in found.missing["ancf"]

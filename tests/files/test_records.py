@@ -106,4 +106,4 @@ def test_fields_checkpoints_and_results_of_version_1_are_read() -> None:
     assert stored.warnings == ("a note",)
     assert stored.record == {"error": 0.5, "name": "a"}
     assert np.array_equal(stored.arrays["t"], np.arange(3.0)) and stored.seconds == {"march": 0.1}
-    assert Store(EARLIER).sound("abc") and not Store(EARLIER).sound("reduced")
+    assert Store(EARLIER).is_sound("abc") and not Store(EARLIER).is_sound("reduced")

@@ -232,7 +232,7 @@ def test_full_order_of_second_order_is_the_same_by_both_simulators(file: Path, m
     tips = []
     for simulator in ("march", "petsc"):
         scene = scenes.load_any(file, [*changes, *LONG_PADS, f"simulation.full={simulator}"])
-        found = FullOrder.of(scene, {name: one.model for name, one in build_bodies(scene).items()}).reference("full")
+        found = FullOrder.join(scene, {name: one.model for name, one in build_bodies(scene).items()}).reference("full")
         if MPI.COMM_WORLD.rank == 0:
             assert found is not None
             tips.append(found.of("tip", body="fly"))

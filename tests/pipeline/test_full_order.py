@@ -28,7 +28,7 @@ SIMULATORS = ("march", "exudyn")
 
 
 def whole(scene: Scene) -> FullOrder:
-    return FullOrder.of(scene, {ALONE: full_model(scene)})
+    return FullOrder.join(scene, {ALONE: full_model(scene)})
 
 
 @pytest.mark.mpi
@@ -57,7 +57,7 @@ def test_the_cable_is_one_too(load_scene) -> None:
     full = whole(scene)
     found = full.references().responses
     assert list(found) == ["full", "ancf"]
-    np.testing.assert_array_equal(found["ancf"].x, full.whole.models[0].output_positions)
+    np.testing.assert_array_equal(found["ancf"].x, full.system.models[0].output_positions)
     assert whole(load_scene("paper_evolved", [*SHORT, "compare.against=[]"])).references().responses == {}
     assert full.reference("full") is not None
 
@@ -75,7 +75,7 @@ def test_states_are_the_same_by_all_that_know_them(load_scene) -> None:
         scene = load_scene("paper_evolved", [*SHORT, f"simulation.full={simulator}", "compare.against=['full']"])
         full = whole(scene)
         found[simulator] = full.references(steps=steps).states[ALONE].p
-        assert found[simulator].shape == (3, full.whole.models[0].M.getLocalSize()[0])
+        assert found[simulator].shape == (3, full.system.models[0].M.getLocalSize()[0])
     size = MPI.COMM_WORLD.allreduce(np.abs(found["march"]).max(), op=MPI.MAX)
     assert size > 1e-6
     np.testing.assert_allclose(found["petsc"], found["march"], rtol=0.0, atol=1e-6 * size)

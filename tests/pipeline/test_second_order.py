@@ -48,8 +48,8 @@ def load(*changes: str, file: Path = CANTILEVER) -> Scene:
 def natural(scene: Scene) -> Frequencies:
     """Of the reduced system, beside its full model."""
     made, excitation = pmr.reduce(scene), Excitation.of(scene)
-    full = FullOrder.of(scene, {name: one.model for name, one in made.built.items()})
-    at = places_on_way(scene, excitation, full.whole.size)
+    full = FullOrder.join(scene, {name: one.model for name, one in made.built.items()})
+    at = places_on_way(scene, excitation, full.system.size)
     c = excitation.amplitudes(list(excitation.terms), at.t)
     found = frequencies_on_way(scene, made.system, excitation, at)
     return replace(found, models={**found.models, "full": full.frequencies(at.s, at.count, c)})
@@ -118,10 +118,10 @@ def test_lanczos_iterations_find_the_frequencies_of_a_stressed_crane() -> None:
     fast = ("frame.slewing.values=[0.0, 450.0]", "compare.against=['full']")
     scene = load(*SMALL, *fast, file=CRANE)
     excitation = Excitation.of(scene)
-    dense = FullOrder.of(scene, {name: one.model for name, one in build_bodies(scene).items()})
-    at = places_on_way(scene, excitation, dense.whole.size)
+    dense = FullOrder.join(scene, {name: one.model for name, one in build_bodies(scene).items()})
+    at = places_on_way(scene, excitation, dense.system.size)
     c = excitation.amplitudes(list(excitation.terms), at.t)
-    sparse = FullOrder(scene, dense.whole, "petsc").frequencies(at.s, at.count, c)
+    sparse = FullOrder(scene, dense.system, "petsc").frequencies(at.s, at.count, c)
     found = dense.frequencies(at.s, at.count, c)
     unstressed = dense.frequencies(at.s, at.count, np.zeros_like(c))
     assert np.abs(found / unstressed - 1.0).max() > 1e-3  # it matters

@@ -21,7 +21,7 @@ from pmr.scene.model_ladder import model_comparison
 from pmr.simulation.statics.postures import Postures, Stands, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads
-from pmr.studies.chart_models import richer_model
+from pmr.studies.chart_models import compute_richer_postures
 from pmr.studies.limits import Limit
 from pmr.studies.results import StudyResults
 from pmr.studies.shared import scene_arguments
@@ -122,5 +122,5 @@ def test_a_chart_names_loads_of_runs_that_no_case_has(folder: Path) -> None:
 def test_without_a_richer_model_the_reason_is_said(folder: Path) -> None:
     scene = load_any(folder / "scene.toml", ["section.body.model=shell"])
     at = {"extensions": {"fly": [EXTENSION]}, "luffing": [ANGLE], "slewing": [0.0]}
-    arrays = richer_model(scene_arguments(with_hook(scene)) | {"at": at}, {}).arrays
+    arrays = compute_richer_postures(scene_arguments(with_hook(scene)) | {"at": at}, {}).arrays
     assert "a shell is the richest model there is" in str(arrays["reason"]) and "model.K" not in arrays

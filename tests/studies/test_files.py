@@ -108,10 +108,10 @@ def test_a_collection_plans_its_studies(folder: Path) -> None:
 def test_some_runs_of_a_collection_alone(folder: Path) -> None:
     project = files.load(study(folder, COLLECTION + "[change.two]\ngrid.reduction.modes = [5, 6]\n"))
     assert project.runs == ("one/paper_simple", "two/modes=5", "two/modes=6")
-    two = project.only(["two/modes=6"])
+    two = project.select_runs(["two/modes=6"])
     assert two.runs == ("two/modes=6",) and [part.name for part in two.parts] == ["two"]
     with pytest.raises(InputError, match=r"--only = 'two/modes=7': no such run; did you mean 'two/modes="):
-        project.only(["two/modes=7"])
+        project.select_runs(["two/modes=7"])
 
 
 @pytest.mark.parametrize(

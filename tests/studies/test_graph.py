@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 from study_tasks import add, square
 
-from pmr.studies.tasks import Plan, Ready, Task, digests, open_nodes
+from pmr.studies.tasks import Plan, ReadyQueue, Task, digests, open_nodes
 
 
 def nothing_done(digest: str) -> bool:
@@ -16,11 +16,11 @@ def task(key: str, *needs: str, cost: float = 1.0) -> Task:
 
 def order(plan: Plan) -> list[str]:
     """Keys in the order in which one worker would take them."""
-    ready, keys = Ready(open_nodes([plan], "", nothing_done)), []
+    ready, keys = ReadyQueue(open_nodes([plan], "", nothing_done)), []
     while ready:
         node = ready.pop()
         keys.append(node.task.key)
-        ready.done(node.digest)
+        ready.mark_done(node.digest)
     return keys
 
 
@@ -36,11 +36,11 @@ def test_equally_urgent_tasks_keep_the_order_of_the_plan() -> None:
 
 def test_a_task_waits_for_all_it_needs() -> None:
     plan = Plan((task("sum", "a", "b", cost=9.0), task("last")), (task("a"), task("b")))
-    ready = Ready(open_nodes([plan], "", nothing_done))
+    ready = ReadyQueue(open_nodes([plan], "", nothing_done))
     a, b = ready.pop(), ready.pop()
-    ready.done(a.digest)
+    ready.mark_done(a.digest)
     assert (a.task.key, b.task.key, ready.pop().task.key, bool(ready)) == ("a", "b", "last", False)
-    ready.done(b.digest)
+    ready.mark_done(b.digest)
     assert ready.pop().task.key == "sum"
 
 

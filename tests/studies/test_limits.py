@@ -24,9 +24,9 @@ from pmr.simulation import Excitation
 from pmr.simulation.native import systems
 from pmr.simulation.statics.postures import HOOK, WEIGHT, Bent, Postures, with_hook
 from pmr.studies import shared
-from pmr.studies.allowed import Place, allowed_loads, bent_further
-from pmr.studies.charting import MARGIN, governing_limit, in_doubt, lowest
-from pmr.studies.governing import Stopping, chosen, details
+from pmr.studies.allowed import Place, allowed_loads, large_rotation_changes
+from pmr.studies.charting import MARGIN, governing_limit, limits_in_doubt, lower_bounds
+from pmr.studies.governing import StopMotion, governing_details, largest_governed_rows
 from pmr.studies.limits import Limit, with_fields
 from pmr.studies.tipping import Mass
 from pmr.system.body import kinds_of
@@ -149,7 +149,7 @@ def test_large_rotations_are_within_their_part_of_the_error_bar(share: float) ->
     place, limits = Place(at, 0, [1.0] * len(at.parts), G), [Limit(name="b", of="deflection", most=share * L)]
     found = allowed_loads(limits, place, 1e9)
     exact = elastica(share) * E * I / L**2 / G
-    bar, _ = MARGIN * bent_further(limits, place, found, L)
+    bar, _ = MARGIN * large_rotation_changes(limits, place, found, L)
     assert found[0] < exact <= found[0] + bar <= found[0] + 2.0 * (exact - found[0])
 
 
@@ -163,7 +163,7 @@ def test_a_stop_of_luffing_swings_a_load_on_a_massless_boom() -> None:
     weight = mass * G * L**3 / (3.0 * E * I)
     for share in (0.1, 0.3, 0.5, 1.7):
         within = share * 2.0 * np.pi / omega
-        found = Stopping("luffing", speed, within, arrays["turned.luffing"]).row(place, mass, limit)
+        found = StopMotion("luffing", speed, within, arrays["turned.luffing"]).stop_figures(place, mass, limit)
         factor, steady = 2.0 * np.sin(min(share, 0.5) * np.pi), mass * speed / within * L**4 / (3.0 * E * I)
         assert found[0] == pytest.approx(factor, rel=2e-3)
         assert found[1:] == pytest.approx([weight, weight + steady, weight + factor * steady, speed], rel=2e-3)
@@ -206,7 +206,7 @@ def test_a_stop_of_slewing_swings_the_boom_sideways_and_leaves_the_load_behind(a
     place = Place(at, 0, [0.0 if part == WEIGHT else 1.0 for part in at.parts], G)
     down = berry(mass, angle)[0] if angle else mass * G * L**3 / (3.0 * E * I)
     for within in (0.01, 0.05, 0.3, 5.0):
-        found = Stopping("slewing", speed, within, arrays["turned.slewing"]).row(
+        found = StopMotion("slewing", speed, within, arrays["turned.slewing"]).stop_figures(
             place, mass, Limit(name="tip", of="deflection", most=1.0)
         )
         most, steady = lateral(mass * G * np.sin(angle), within)
@@ -253,7 +253,7 @@ def test_a_stop_that_is_simulated_moves_the_tip_as_the_chart_has_it(of: str, dir
     scene, mass, speed, at = turning(7850.0, 12), 400.0, 0.05, 0.05
     arrays, here = arrays_at_rest(scene, [0.0]), at_rest(scene, [0.0])
     place, limit = Place(here, 0, [1.0] * len(here.parts), G), Limit(name="tip", of="deflection", most=1.0)
-    found = Stopping(of, speed, within, arrays[f"turned.{of}"]).row(place, mass, limit)
+    found = StopMotion(of, speed, within, arrays[f"turned.{of}"]).stop_figures(place, mass, limit)
     pull = Load(name="load", on="tip", direction="z", axes="ground", signal=Constant(amount=-mass * G))
     hung = {"masses": (PointMass(name="load", on="tip", mass=mass),)} if of == "luffing" else {"loads": (pull,)}
     assert scene.frame is not None and scene.gravity is not None
@@ -382,7 +382,7 @@ def test_a_field_of_walls_is_that_of_probes_at_its_points() -> None:
     at = npz.record(Postures, resting, "reduced.")
     field = Limit(name="a", of="field", which=("fly",), most=100e6)
     load = loads([field], at)[0]
-    state = Place(at, 0, [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in at.parts], G).loaded.state(load)
+    state = Place(at, 0, [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in at.parts], G).equilibria.state(load)
     each = [
         mises(state.outputs[list(one.values())], tuple(one))
         for p, one in at.columns.stresses().items()
@@ -390,7 +390,7 @@ def test_a_field_of_walls_is_that_of_probes_at_its_points() -> None:
     ]
     assert len(each) == len(points) and max(each) == pytest.approx(100e6, rel=1e-6)
     place = Place(at, 0, [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in at.parts], G)
-    arrays = details([field], [place, None], np.array([load, np.nan]), npz.record(Bent, resting, "bent."), ())
+    arrays = governing_details([field], [place, None], np.array([load, np.nan]), npz.record(Bent, resting, "bent."), ())
     assert arrays["stress"].shape[1] == len(arrays["stress.names"])  # of the scene's own probes alone
     with pytest.raises(InputError, match="the scene has no field to look at"):
         field.check(crane())
@@ -438,10 +438,10 @@ def test_pads_of_a_rigid_boom_carry_what_statics_say(unilateral: bool) -> None:
 def test_another_limit_may_govern_within_the_error_bars() -> None:
     load, error = np.array([[10.0, 11.0, np.nan], [10.0, 20.0, np.nan]]), np.array([[1.0, 0.5, 0.0]] * 2)
     assert governing_limit(load).tolist() == [0, 0]
-    assert in_doubt(load, error, 100.0).tolist() == [[True, True, False], [False, False, False]]
+    assert limits_in_doubt(load, error, 100.0).tolist() == [[True, True, False], [False, False, False]]
     error[:, 2] = 90.5  # of a limit that is not reached up to 100 kg by one model, but by another one at 9.5 kg
-    assert in_doubt(load, error, 100.0).tolist() == [[True, True, True], [True, False, True]]
-    assert lowest(load, error, 100.0).tolist() == [[9.0, 10.5, 9.5], [9.0, 19.5, 9.5]]
+    assert limits_in_doubt(load, error, 100.0).tolist() == [[True, True, True], [True, False, True]]
+    assert lower_bounds(load, error, 100.0).tolist() == [[9.0, 10.5, 9.5], [9.0, 19.5, 9.5]]
     assert governing_limit(np.full((1, 2), np.nan)).tolist() == [-1]
 
 
@@ -450,4 +450,4 @@ def test_the_page_of_a_limit_shows_where_it_governs_the_largest_load() -> None:
     load = np.array(
         [[10.0, 20.0, np.nan], [30.0, 40.0, np.nan], [60.0, 8.0, 90.0], [90.0, 9.0, 90.0], [5.0, 50.0, 0.0]]
     )
-    assert chosen(load).tolist() == [1, 3, -1]
+    assert largest_governed_rows(load).tolist() == [1, 3, -1]

@@ -6,10 +6,10 @@ import pytest
 from turning_cylinder import Rigid, boom
 
 from pmr.scene.mechanism import CYLINDER
-from pmr.studies.motions import Case
+from pmr.studies.motions import FullMotion
 
 
 @pytest.mark.slow
 def test_full_order_knows_the_force_of_the_luffing_cylinder() -> None:
-    response = Case.of(boom(30.0, "beam2d", 1e9)).response
+    response = FullMotion.simulate(boom(30.0, "beam2d", 1e9)).response
     assert response.other(CYLINDER)[0] == pytest.approx(Rigid(0.5235987755982988).force, rel=1e-5)

@@ -26,20 +26,20 @@ def store(tmp_path: Path) -> Store:
 
 def test_what_was_written_is_read_again(store: Store) -> None:
     back = store.read("abc")
-    assert store.sound("abc") and back.warnings == ("a note",)
+    assert store.is_sound("abc") and back.warnings == ("a note",)
     assert back.record == RESULT.record and list(back.record) == ["a", "b", "c", "d"]
     assert back.seconds == {"task": 2.0} and list(back.arrays) == list(ARRAYS)
     for name, array in ARRAYS.items():
         assert np.array_equal(back.arrays[name], array)
         assert not back.arrays[name].flags.writeable  # shared by all tasks of a process
-    assert store.headline("abc").record == RESULT.record
+    assert store.read_without_arrays("abc").record == RESULT.record
 
 
 def test_no_part_of_a_result_is_taken_for_the_whole(store: Store) -> None:
     content = store.path("abc").read_bytes()
     for length in range(0, len(content), 97):
         store.path("abc").write_bytes(content[:length])
-        assert not store.sound("abc")
+        assert not store.is_sound("abc")
         with pytest.raises(DamagedError, match="abc.npz is missing or damaged"):
             store.read("abc")
 
@@ -53,7 +53,7 @@ def test_a_flipped_bit_anywhere_in_the_content_is_noticed(store: Store) -> None:
         flipped = bytearray(content)
         flipped[at] ^= 1
         store.path("abc").write_bytes(flipped)
-        assert not store.sound("abc")
+        assert not store.is_sound("abc")
         with pytest.raises(DamagedError):
             store.read("abc")
 
@@ -61,7 +61,7 @@ def test_a_flipped_bit_anywhere_in_the_content_is_noticed(store: Store) -> None:
 def test_objects_are_not_stored(store: Store) -> None:
     with pytest.raises(ValueError, match="allow_pickle"):
         store.write("def", "key", TaskResult(arrays={"x": np.array([{}])}))
-    assert not store.sound("def")
+    assert not store.is_sound("def")
 
 
 def test_equal_arrays_give_equal_files(tmp_path: Path) -> None:
@@ -90,4 +90,4 @@ def test_what_was_left_half_written_is_cleared_away_later(store: Store) -> None:
         file.write_bytes(b"PK")
     os.utime(stale, (0.0, time.time() - 2.0 * STALE_AFTER))
     store.prepare()
-    assert fresh.exists() and not stale.exists() and store.sound("abc")
+    assert fresh.exists() and not stale.exists() and store.is_sound("abc")

@@ -5,7 +5,7 @@ import math
 import pytest
 from study_tasks import add, square
 
-from pmr.studies.tasks import Plan, Task, key_of
+from pmr.studies.tasks import Plan, Task, task_key
 
 
 @pytest.mark.parametrize("key", ["", "a/b", "a b", ".hidden", "x" * 121, "ä", "a\n"])
@@ -28,11 +28,11 @@ def test_a_key_must_be_fit_for_a_file(key: str) -> None:
     ],
 )
 def test_every_text_has_a_key(text: str, key: str) -> None:
-    assert key_of(text) == key and Task(key, square).key == key
+    assert task_key(text) == key and Task(key, square).key == key
 
 
 def test_long_keys_that_differ_at_their_ends_still_differ() -> None:
-    one, other = (key_of(130 * "x" + end) for end in "ab")
+    one, other = (task_key(130 * "x" + end) for end in "ab")
     assert one != other and len(one) == len(other) == 120 and Task(one, square).key.startswith(110 * "x")
 
 

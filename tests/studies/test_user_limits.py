@@ -6,13 +6,13 @@ import math
 
 import pytest
 
-from pmr.studies.user_limits import value_of
+from pmr.studies.user_limits import compile_expression
 
 AT = {"load": 3.0, "force": {"fly tail top": -4.0, "ring": 2.0}}
 
 
 def of(text: str) -> float:
-    return value_of(text, ("load",), ("force",))(AT)
+    return compile_expression(text, ("load",), ("force",))(AT)
 
 
 def test_arithmetic_is_that_of_python() -> None:

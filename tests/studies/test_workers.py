@@ -63,7 +63,7 @@ def test_what_is_edited_while_a_study_runs_gives_no_result_under_the_name_of_the
     answers = [worker.run(order) for order in orders]
     worker.close()
     assert [answer and answer.reason for answer in answers] == [None, OTHER_CODE, OTHER_CODE]
-    assert [store.sound(order.digest) for order in orders] == [True, False, False]
+    assert [store.is_sound(order.digest) for order in orders] == [True, False, False]
 
 
 @pytest.mark.parametrize(("file", "counts"), [("report/blocks.py", False), ("kernel/src/scheme.c", True)])

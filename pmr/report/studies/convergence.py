@@ -9,7 +9,7 @@ from pmr.report.blocks import Block, Chapter, KeyNumber
 from pmr.report.figures.canvas import WIDE, dots, drawing, key, log_axis, log_x, sheet
 from pmr.report.numbers import length
 from pmr.report.studies.finished import FinishedStudy
-from pmr.studies.tasks import number
+from pmr.studies.tasks import cell_number
 
 APPROACHES = {"ancf": "ANCF cable", "full": "full model"}
 _NUMBERS = {"full": 0, "ancf": 2}  # of the colours in SERIES
@@ -24,7 +24,9 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
         "same approach, over the number of coordinates. Filled: as many elements as the scene asks for."
     )
     figure = drawing(f"{prefix}-errors", errors, caption, study)
-    finest = {name: max(number(run.parameters["elements"]) for run in study.runs(approach=name)) for name in approaches}
+    finest = {
+        name: max(cell_number(run.parameters["elements"]) for run in study.runs(approach=name)) for name in approaches
+    }
     compared = [
         f"{len(study.runs(approach=name))} of the {label} with up to {finest[name]:g} elements"
         for name, label in approaches.items()
@@ -35,7 +37,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
         title=study.title,
         headline=f"Meshes converge: {', '.join(reached)}.",
         key_numbers=[
-            KeyNumber(length(number(value)), f"{APPROACHES[name]}, as many elements as asked for")
+            KeyNumber(length(cell_number(value)), f"{APPROACHES[name]}, as many elements as asked for")
             for name, value in chosen.items()
             if value is not None
         ],
@@ -55,8 +57,8 @@ def errors(study: FinishedStudy) -> Figure:
         if not study.runs(approach=name):
             continue
         runs = [run for run in study.runs(approach=name) if run.figures.get("e_abs")]
-        x = [number(run.figures["coordinates"]) for run in runs]
-        y = [number(run.figures["e_abs"]) for run in runs]
+        x = [cell_number(run.figures["coordinates"]) for run in runs]
+        y = [cell_number(run.figures["e_abs"]) for run in runs]
         look = dots(_NUMBERS[name], 3.2)
         ax.plot(x, y, **look)
         error_at_choice = study.figures.get(f"chosen.{name}")

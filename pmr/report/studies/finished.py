@@ -13,7 +13,7 @@ from pmr.report.blocks import DIFFERENT, SAME, ErrorTable, Mark, Row, mark_for, 
 from pmr.report.numbers import SPACE, in_unit, plain, significant
 from pmr.studies.results import RunRecord, StudyResults
 from pmr.studies.study import Statement
-from pmr.studies.tasks import Scalar, number
+from pmr.studies.tasks import Scalar, cell_number
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class FinishedStudy:
 
     def figure(self, name: str) -> float:
         """Return the value of this name, which has to be a number."""
-        return number(self.figures[name])
+        return cell_number(self.figures[name])
 
     def runs(self, **parameters: Scalar) -> list[RunRecord]:
         """Return the runs whose parameters have these values."""
@@ -122,9 +122,9 @@ def format_figure(value: Scalar, kind: str) -> str:
     if isinstance(value, str):
         return combination(value)
     if kind == "ratio":
-        return f"{significant(number(value), 2)}{SPACE}×"
+        return f"{significant(cell_number(value), 2)}{SPACE}×"
     units = {"share": "%", "length": "m", "energy": "J", "seconds": "s"}
-    return in_unit(number(value), units[kind]) if kind in units else plain(round(number(value), 9))
+    return in_unit(cell_number(value), units[kind]) if kind in units else plain(round(cell_number(value), 9))
 
 
 def combination(key: str) -> str:
@@ -150,7 +150,7 @@ def _verdict(statement: Statement, figure: Scalar) -> tuple[Mark, str | None]:
     """
     if isinstance(statement.value, str) or isinstance(figure, str):
         return (SAME if figure == statement.value else DIFFERENT), None
-    published, value = number(statement.value), number(figure)
+    published, value = cell_number(statement.value), cell_number(figure)
     if value == published or not statement.words and round(value, _decimals(published)) == published:
         return SAME, None
     return mark_for(value, published, statement.is_error), signed_deviation(value, published)

@@ -30,7 +30,7 @@ from pmr.report.studies.tables import (
     value_words,
 )
 from pmr.studies.results import RunRecord
-from pmr.studies.tasks import number
+from pmr.studies.tasks import cell_number
 
 MOST_ROWS, MOST_COLUMNS, MOST_GRIDS, MOST_VALUES, MOST_PANELS = 60, 7, 3, 8, 4
 COORDINATES = "reduction.coordinates"
@@ -269,7 +269,7 @@ def over_parameter(done: Sequence[RunRecord], over: str, names: Sequence[str]) -
     unit = unit_of(over)
     for name, ax in zip(names, axes.flat, strict=False):
         for look, group in _curves(done, over):
-            x, y = _points(group, name, {run.key: number(run.parameters[over]) for run in group})
+            x, y = _points(group, name, {run.key: cell_number(run.parameters[over]) for run in group})
             ax.plot(x, y, **look)
         _value_axis(ax, name)
         ax.set_xlabel(f"{key_words(over).capitalize()} {f'in {unit}' if unit else '(–)'}")

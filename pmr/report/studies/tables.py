@@ -16,7 +16,7 @@ from pmr.scene.joints import Part
 from pmr.scene.keys import quantity_of as quantity_in
 from pmr.scene.scene import BodyFile
 from pmr.studies.results import RunRecord
-from pmr.studies.tasks import Scalar, number
+from pmr.studies.tasks import Scalar, cell_number
 
 TIME = "simulate.reduced"  # seconds of one simulation of the reduced model
 _PLACES = {
@@ -49,8 +49,8 @@ class Quantity:
         if isinstance(value, bool | str):
             return value_words(value)
         if self.missing:
-            return significant(max(1.0 - number(value), 0.0), 2)
-        return plain(value) if isinstance(value, int) else in_unit(number(value), self.unit)
+            return significant(max(1.0 - cell_number(value), 0.0), 2)
+        return plain(value) if isinstance(value, int) else in_unit(cell_number(value), self.unit)
 
 
 def key_words(key: str) -> str:
@@ -68,7 +68,7 @@ def value_words(value: Scalar) -> str:
         return "yes" if value else "no"
     if value in MODELS:
         return MODELS[str(value)].partition(" ")[2]
-    return value.replace("_", " ") if isinstance(value, str) else ("–" if value is None else plain(number(value)))
+    return value.replace("_", " ") if isinstance(value, str) else ("–" if value is None else plain(cell_number(value)))
 
 
 def unit_of(key: str) -> str:
@@ -154,7 +154,7 @@ def differs(runs: Iterable[RunRecord], name: str) -> bool:
 
 def value_of(run: RunRecord, name: str) -> float:
     """Return the value of this name in a run, which has to be a number."""
-    return number(run.figures[name])
+    return cell_number(run.figures[name])
 
 
 def number_of(value: Scalar) -> float | None:

@@ -13,9 +13,9 @@ from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
 from pmr.report.figures.canvas import WIDE, dots, drawing, log_axis, log_x, sheet
 from pmr.report.numbers import percent, plain, quantity
 from pmr.report.studies.finished import FinishedStudy
-from pmr.studies.kinds.trade import TOLERANCES, points
+from pmr.studies.kinds.trade import TOLERANCES, trade_points
 from pmr.studies.results import RunRecord
-from pmr.studies.tasks import number
+from pmr.studies.tasks import cell_number
 
 NAMES = {
     "pod": "POD, slider at nodes",
@@ -103,8 +103,8 @@ def _times_and_errors(run: RunRecord) -> list[tuple[float, float]]:
     """Simulation time in ms and error of each model and step of a method; a step takes as long whatever its length."""
     steps = run.figures.get("steps")
     return [
-        (1e3 * run.seconds[f"step.{r}"] * number(steps) / h, error)
-        for r, h, error in points(run.figures)
+        (1e3 * run.seconds[f"step.{r}"] * cell_number(steps) / h, error)
+        for r, h, error in trade_points(run.figures)
         if f"step.{r}" in run.seconds and steps is not None and 0.0 < error < 1.0
     ]
 
@@ -145,7 +145,8 @@ def _energies(study: FinishedStudy, scene: str) -> Grid:
         for run in study.runs(scene=scene, method=method):
             pairs = [(run.figures.get(f"reduction.{r}"), run.figures.get(f"energy.{r}")) for r in sizes]
             cells = (
-                "–" if a is None or b is None else f"{percent(number(a), 2)}, {percent(number(b), 2)}" for a, b in pairs
+                "–" if a is None or b is None else f"{percent(cell_number(a), 2)}, {percent(cell_number(b), 2)}"
+                for a, b in pairs
             )
             rows.append((name, *cells))
     return Grid(f"{scene.replace('_', ' ')}.", ("method", *(f"{r}" for r in sizes)), tuple(rows))

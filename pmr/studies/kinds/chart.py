@@ -20,8 +20,8 @@ from pmr.scene.tomlfiles import Change
 from pmr.simulation.statics.postures import HOOK, with_hook
 from pmr.studies import shared
 from pmr.studies.cases import CLASSES, LoadCase, hoisting_factor
-from pmr.studies.chart_models import postures, richer_model
-from pmr.studies.charting import allow_row, governing_limit, in_doubt, lowest
+from pmr.studies.chart_models import compute_postures, compute_richer_postures
+from pmr.studies.charting import allow_row, governing_limit, limits_in_doubt, lower_bounds
 from pmr.studies.governing import Stop
 from pmr.studies.limits import STABILITY, Limit
 from pmr.studies.results import StudyResults, csv_text
@@ -29,7 +29,7 @@ from pmr.studies.study import Count, StudyBase
 from pmr.studies.tasks import Plan, Scalar, Task
 
 #: Most points of a chart.
-MOST = 200_000
+MOST_POINTS = 200_000
 
 
 class Range(Section):
@@ -54,7 +54,7 @@ class Range(Section):
         """Evenly spaced values from `least` to `most`, `count` of them."""
         return tuple(np.linspace(self.least, self.most, self.count).tolist())
 
-    def of_sections(self, names: Sequence[str]) -> list[dict[str, float]]:
+    def section_rows(self, names: Sequence[str]) -> list[dict[str, float]]:
         """Return the extensions in m by section of each of the `count` rows.
 
         All sections telescope together, or one after the other in the order of `names`, as `order` says.
@@ -139,13 +139,13 @@ class Study(StudyBase):
 
     def plan(self) -> Plan:
         """Return a task for each row of extensions, and the tasks of all rows: postures and a richer model."""
-        scene, rows, size = self._scene, self._rows, self._size
+        scene, rows, size = self._scene, self._extension_rows, self._row_size
         for limit in self.limits:
             limit.check(scene)
-        if len(rows) * size > MOST:
-            raise InputError("study", "extensions", len(rows), f"at most {MOST} points are allowed in all")
+        if len(rows) * size > MOST_POINTS:
+            raise InputError("study", "extensions", len(rows), f"at most {MOST_POINTS} points are allowed in all")
         assert scene.frame is not None  # as `_scene` says
-        for key, angles in (("luffing", self._angles), ("slewing", self.slewing)):
+        for key, angles in (("luffing", self._luffing_angles), ("slewing", self.slewing)):
             scene.frame.refuse_without_unit(key, angles, "study")
         unit = np.pi / 180.0 if scene.frame is not None and scene.frame.unit == "degrees" else 1.0
         points = [(row, a * unit, b * unit) for row, a, b in self._points]
@@ -160,9 +160,9 @@ class Study(StudyBase):
         common |= {"fields": fields} if fields else {}
         turned = {"turned": sorted({stop.of for stop in self.stops})} if self.stops else {}
         boom = shared.scene_arguments(with_hook(scene))
-        common_tasks = {"postures": Task("postures", postures, boom | common | turned | {"at": at}, cost=10.0)}
+        common_tasks = {"postures": Task("postures", compute_postures, boom | common | turned | {"at": at}, cost=10.0)}
         if self.error_bars:
-            common_tasks["model"] = Task("model", richer_model, boom | {"at": at}, cost=20.0)
+            common_tasks["model"] = Task("model", compute_richer_postures, boom | {"at": at}, cost=20.0)
         needs = {name: task.key for name, task in common_tasks.items()}
         row_arguments: dict[str, Any] = {"up_to": self.up_to, "error": self.error_bars} | boom
         row_arguments |= {
@@ -184,7 +184,7 @@ class Study(StudyBase):
         """Return the numbers that the class lists under figures, of all points."""
         table = self.table(results)
         names, load = self.names, table["load"]
-        least, doubt = governing_limit(load), in_doubt(load, table["error"], self.up_to).any(axis=1)
+        least, doubt = governing_limit(load), limits_in_doubt(load, table["error"], self.up_to).any(axis=1)
         figures: dict[str, Scalar] = {"points": len(load), "limits": len(names), "in_doubt": int(doubt.sum())}
         for k, name in enumerate(names):
             figures |= {
@@ -208,13 +208,15 @@ class Study(StudyBase):
             hint = "" if self.limits else f"; it was looked for {STABILITY} alone, [[limits]] of the study adds others"
             return f"no limit is reached up to {self.up_to:g} kg at any of {points} points{hint}"
         low, high = float(np.nanmin(columns[0])), float(np.nanmax(columns[1]))
-        return f"it carries {low:.0f} to {high:.0f} kg at {points} points, by all limits{self._bars(results)}"
+        return (
+            f"it carries {low:.0f} to {high:.0f} kg at {points} points, by all limits{self._error_bar_clause(results)}"
+        )
 
-    def _bars(self, results: StudyResults) -> str:
+    def _error_bar_clause(self, results: StudyResults) -> str:
         """Return a clause: how far in kg error bars lower the loads at most, and which errors they do not cover."""
         table = self.table(results)
         load = np.nan_to_num(table["load"], nan=self.up_to).min(axis=1)
-        lower = np.maximum(lowest(table["load"], table["error"], self.up_to).min(axis=1), 0.0)
+        lower = np.maximum(lower_bounds(table["load"], table["error"], self.up_to).min(axis=1), 0.0)
         less = f", less error bars of up to {(load - lower).max():.3g} kg" if self.error_bars else ""
         return f"{less}; not covered: {self.not_covered(results)}"
 
@@ -257,7 +259,9 @@ class Study(StudyBase):
         done = [run.status == "done" for run in results.runs]
         if not any(done):
             return {"chart.csv": ""}
-        points = [point for point, is_done in zip(self._points, np.repeat(done, self._size), strict=True) if is_done]
+        points = [
+            point for point, is_done in zip(self._points, np.repeat(done, self._row_size), strict=True) if is_done
+        ]
         table = self.table(results)
         rows = [self._cells(table, k, *point) for k, point in enumerate(points)]
         cells = [[_cell(value) for _, value in row] for row in rows]
@@ -274,8 +278,8 @@ class Study(StudyBase):
         frame, names = self._scene.frame, np.array(self.names)
         angle = "degrees" if frame is not None and frame.unit == "degrees" else "rad"
         load, error = table["load"][k], table["error"][k]
-        lower = float(max(0.0, lowest(load[None], error[None], self.up_to).min()))
-        (which,), (doubt,) = governing_limit(load[None]), in_doubt(load[None], error[None], self.up_to)
+        lower = float(max(0.0, lower_bounds(load[None], error[None], self.up_to).min()))
+        (which,), (doubt,) = governing_limit(load[None]), limits_in_doubt(load[None], error[None], self.up_to)
         is_limited = which >= 0
         return [
             *((f"extension {name} [m]", extension) for name, extension in row.items()),
@@ -303,9 +307,9 @@ class Study(StudyBase):
         return str(self.table(results)["not_covered"][0])
 
     @property
-    def _size(self) -> int:
+    def _row_size(self) -> int:
         """Number of points in a row of the chart, which is a run of the study."""
-        return len(self._angles) * len(self.slewing)
+        return len(self._luffing_angles) * len(self.slewing)
 
     def hints(self) -> list[str]:
         """Return a line for each key of the study whose number lies outside the range that is usual for its scene."""
@@ -314,7 +318,7 @@ class Study(StudyBase):
     @property
     def _points(self) -> list[tuple[dict[str, float], float, float]]:
         """All points: extensions in m by section, luffing and slewing angle in the scene's unit."""
-        return [(row, a, b) for row in self._rows for a in self._angles for b in self.slewing]
+        return [(row, a, b) for row in self._extension_rows for a in self._luffing_angles for b in self.slewing]
 
     @cached_property
     def _scene(self) -> Scene:
@@ -336,13 +340,13 @@ class Study(StudyBase):
         return scene
 
     @cached_property
-    def _rows(self) -> list[dict[str, float]]:
+    def _extension_rows(self) -> list[dict[str, float]]:
         """Extensions in m by section of each row of the chart; InputError for one that is missing or out of range."""
         scene = self._scene
         names = scene.names[1:] if len(scene.sections) > 1 else ()
         extensions = self.extensions
         if isinstance(extensions, Range):
-            rows = extensions.of_sections(names)
+            rows = extensions.section_rows(names)
         else:
             rows = [
                 dict.fromkeys(names, extension) if isinstance(extension, float) else dict(extension)
@@ -361,7 +365,7 @@ class Study(StudyBase):
         return rows
 
     @cached_property
-    def _angles(self) -> tuple[float, ...]:
+    def _luffing_angles(self) -> tuple[float, ...]:
         """Luffing angles in the scene's unit; InputError if there is none."""
         angles = self.luffing.values if isinstance(self.luffing, Range) else self.luffing
         if not angles:

@@ -69,7 +69,7 @@ class Study(StudyBase):
 
     def _runs(self, scene: Scene, approach: str, elements: tuple[int, ...]) -> list[Task]:
         """Return the tasks of an approach, ``"ancf"`` or ``"full"``, for increasing numbers of elements."""
-        function = {"ancf": cable_tip, "full": full_tip}[approach]
+        function = {"ancf": simulate_cable_tip, "full": simulate_full_tip}[approach]
         runs = []
         for count in elements:
             arguments = shared.scene_arguments(with_elements(scene, count))
@@ -108,7 +108,7 @@ def with_elements(scene: Scene, count: int) -> Scene:
     return shared.with_reduction(scene.model_copy(update=update | {"sections": tuple(parts)}), Reduction())
 
 
-def full_tip(arguments: Arguments, needs: Needs) -> TaskResult:
+def simulate_full_tip(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: ``coordinates``, ``e_abs`` (m) and ``e_nrms`` of the full model's tip; array ``tip`` in m.
 
     The array holds the transverse displacement (T,) of a single beam, or all d directions (T, d) of a boom's tip.
@@ -124,7 +124,7 @@ def full_tip(arguments: Arguments, needs: Needs) -> TaskResult:
     return replace(result, warnings=warnings_of_response(scene, system, response))
 
 
-def cable_tip(arguments: Arguments, needs: Needs) -> TaskResult:
+def simulate_cable_tip(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: ``coordinates``, ``e_abs`` (m) and ``e_nrms`` of the ANCF cable's tip; array ``tip`` (T,) in m.
 
     Errors are those against the result ``finest``, which all tasks but the finest one need; None for that one.

@@ -26,14 +26,14 @@ from pmr.scene.model_ladder import candidates
 from pmr.scene.tomlfiles import Change
 from pmr.studies import shared
 from pmr.studies.study import StudyBase
-from pmr.studies.tasks import KEY, Arguments, Needs, Plan, Scalar, Task, TaskResult, key_of
+from pmr.studies.tasks import KEY, Arguments, Needs, Plan, Scalar, Task, TaskResult, task_key
 
 if TYPE_CHECKING:
     from pmr.pipeline.bodies import Precomputed
 
 Array = NDArray[np.float64]
 #: Beginning of the columns of section forces, by their units.
-BEAM_ROOMS = {"N": "beam_forces", "N m": "beam_moments"}
+BEAM_FORCE_COLUMNS = {"N": "beam_forces", "N m": "beam_moments"}
 #: Number of frequencies that are stated, and names of the path coordinates: the least, the middle and the largest one.
 FREQUENCIES, PLACES = 3, ("s_min", "s_middle", "s_max")
 #: Number of frequencies of a single body whose errors are stated.
@@ -41,7 +41,7 @@ COMPARED_FREQUENCIES = 3
 
 
 @dataclass(frozen=True)
-class Point:
+class ScenePoint:
     """One run: changes of a scene, words for them in the task's key, and their values by column of the table."""
 
     changes: tuple[Change, ...]
@@ -49,7 +49,7 @@ class Point:
     parameters: Mapping[str, Scalar]
 
 
-def grid_points(grid: Mapping[str, Any]) -> Iterator[Point]:
+def grid_points(grid: Mapping[str, Any]) -> Iterator[ScenePoint]:
     """Yield a point for each combination of a grid's lists, the last list varying fastest.
 
     An empty grid has one point, without changes.  ``{"reduction": {"modes": [4, 6], "coordinates": [10, 20]}}`` has
@@ -62,7 +62,7 @@ def grid_points(grid: Mapping[str, Any]) -> Iterator[Point]:
     names = [key if last[key.rpartition(".")[2]] > 1 else key.rpartition(".")[2] for key in lists]
     for numbered in itertools.product(*map(enumerate, lists.values())):
         values = {key: value for key, (_, value) in zip(lists, numbered, strict=True)}
-        yield Point(
+        yield ScenePoint(
             tuple(Change(_nest(key, value), "grid") for key, value in values.items()),
             tuple(f"{name}={_word(value, number)}" for name, (number, value) in zip(names, numbered, strict=True)),
             {key: value if _is_plain(value) else json.dumps(value) for key, value in values.items()},
@@ -121,7 +121,7 @@ class Study(StudyBase):
         """Return a task for each run, and for single bodies the eigenmodes, frequencies and references they share."""
         runs, common = [], dict[str, Task]()
         for file, point in self._points():
-            key = key_of(",".join(point.words) or file.stem)
+            key = task_key(",".join(point.words) or file.stem)
             scene = _varied_scene(file, point, key)
             arguments, needs = shared.scene_arguments(scene), dict[str, Task]()
             second_order = scene.frame is not None and scene.frame.second_order
@@ -133,7 +133,7 @@ class Study(StudyBase):
             runs.append(Task(key, run_case, arguments, keys, point.parameters))
         return Plan(tuple(runs), tuple(common.values()))
 
-    def _points(self) -> Iterator[tuple[Path, Point]]:
+    def _points(self) -> Iterator[tuple[Path, ScenePoint]]:
         """Yield the scene's file and the changes of each run."""
         for file in self.scenes:
             of_scene: dict[str, Scalar] = {"scene": file.stem} if len(self.scenes) > 1 else {}
@@ -143,10 +143,10 @@ class Study(StudyBase):
                 before += [Change(case.change, f"cases[{i}].change")] if case else []
                 for point in grid_points(self.grid):
                     words = (*map(str, named.values()), *point.words)
-                    yield file, Point((*before, *point.changes), words, {**named, **point.parameters})
+                    yield file, ScenePoint((*before, *point.changes), words, {**named, **point.parameters})
 
 
-def _varied_scene(file: Path, point: Point, key: str) -> Scene:
+def _varied_scene(file: Path, point: ScenePoint, key: str) -> Scene:
     """Return the scene of the run `key`: the file with the point's changes.
 
     An InputError for a value that the study sets names the key of the study.
@@ -172,7 +172,7 @@ def run_case(arguments: Arguments, needs: Needs) -> TaskResult:
     return run_scene(scene, Precomputed(shared.snapshots_from(scene, needs), references, frequencies))
 
 
-def figures_of(scene: Scene, response: Response, s: Array, frequencies: Array) -> dict[str, Scalar]:
+def motion_figures(scene: Scene, response: Response, s: Array, frequencies: Array) -> dict[str, Scalar]:
     """Return columns of the table about a simulated model, from its response and frequencies.
 
     `frequencies` (S, f) are in Hz at ascending path coordinates `s` (S,) in m.
@@ -209,7 +209,7 @@ def _extreme_figures(name: str, extremes: Extremes) -> dict[str, Scalar]:
     return {f"{name}.{key}": value for key, value in extremes.summary().items()}
 
 
-def stresses(summary: Mapping[str, Any]) -> dict[str, Scalar]:
+def stress_figures(summary: Mapping[str, Any]) -> dict[str, Scalar]:
     """Return ``stress.<region>.{max,t_max,x,y,z}``: the largest von Mises stress of the reduced model in each region.
 
     ``max`` is in Pa, its time ``t_max`` in s, its position in m.  `summary` is that of a run or of a recovery; a mesh
@@ -222,17 +222,17 @@ def stresses(summary: Mapping[str, Any]) -> dict[str, Scalar]:
     return record
 
 
-def of_bodies(summary: Mapping[str, Any]) -> dict[str, Scalar]:
+def body_figures(summary: Mapping[str, Any]) -> dict[str, Scalar]:
     """Return columns of the table about bodies, from the summary of a run.
 
-    - ``stress.<region>...``: those of `stresses`.
+    - ``stress.<region>...``: those of `stress_figures`.
     - ``mass`` in kg of all bodies with the masses attached to them, and ``mass.<body>`` of one.
     - ``damage.<probe>``: damage by fatigue.
     - ``utilisation``: the largest stress over the yield stress, at ``utilisation_t`` in s in ``utilisation_section`` at
       ``utilisation_{x,y,z}`` in m.
     - ``beam_forces.<quantity>.{min,t_min,x_min,max,...}``: section forces in N; ``beam_moments.<quantity>...`` in N m.
     """
-    record, masses = stresses(summary), {mass["name"]: mass for mass in summary.get("masses", ())}
+    record, masses = stress_figures(summary), {mass["name"]: mass for mass in summary.get("masses", ())}
     weights = {name: float(mass["mass"] + mass["attached"]) for name, mass in masses.items()}
     if weights:
         record["mass"] = sum(weights.values())
@@ -245,7 +245,7 @@ def of_bodies(summary: Mapping[str, Any]) -> dict[str, Scalar]:
         record |= {"utilisation_section": used["section"]} if used["section"] != ALONE else {}
     for name, part in parts_of(summary).items():
         for quantity, forces in part.get("section_forces", {}).get("reduced", {}).items():
-            if room := BEAM_ROOMS.get(forces["unit"]):
+            if room := BEAM_FORCE_COLUMNS.get(forces["unit"]):
                 figures = {key: value for key, value in forces.items() if key != "unit"}
                 record |= {f"{room}.{named(name, quantity)}.{key}": value for key, value in figures.items()}
     return record
@@ -256,8 +256,8 @@ def run_scene(scene: Scene, precomputed: Precomputed | None = None) -> TaskResul
 
     `precomputed` are eigenmodes, references and frequencies of a single body that need not be computed again.  Record:
     ``errors.<model>_vs_<reference>.<output>`` (e_NRMS), ``coordinates.full`` and ``.reduced``, ``max_displacement`` and
-    ``max_error`` (m), ``cylinders.<name>.{min,max}`` and ``ropes.<name>.{min,max}`` (N), those of `figures_of` and
-    `of_bodies`; ``largest_force`` of a boom is that of its pads.  For a single body also ``basis.kappa`` and
+    ``max_error`` (m), ``cylinders.<name>.{min,max}`` and ``ropes.<name>.{min,max}`` (N), those of `motion_figures` and
+    `body_figures`; ``largest_force`` of a boom is that of its pads.  For a single body also ``basis.kappa`` and
     ``frequency_error.<i>``, the largest relative error of the i-th frequency over the path.  Arrays: ``t`` (s), ``tip``
     (m), ``reach`` (path coordinates in m), ``frequencies.<model>`` (Hz), for a single body also ``singular_values``.
     """
@@ -277,7 +277,7 @@ def run_scene(scene: Scene, precomputed: Precomputed | None = None) -> TaskResul
     if (shapes := result.body.shapes) is not None:
         record |= {"basis.kappa": summary["basis"]["kappa"]} | _frequency_errors(frequencies)
         arrays["singular_values"] = shapes.singular_values
-    record |= figures_of(scene, response, frequencies.along, frequencies.models["reduced"]) | of_bodies(summary)
+    record |= motion_figures(scene, response, frequencies.along, frequencies.models["reduced"]) | body_figures(summary)
     if len(scene.sections) > 1 and summary["pads"]:
         record["largest_force"] = max(max(pad["max"], -pad["min"]) for pad in summary["pads"])
     cylinders, ropes = summary.get("cylinders", ()), summary.get("ropes", ())

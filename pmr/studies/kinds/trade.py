@@ -27,20 +27,20 @@ from pmr.compare.summary import warnings_of_response
 from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene
 from pmr.studies import shared
-from pmr.studies.motions import OF_SECTIONS, Case, displacement, models, models_of_motion, reduced_to
+from pmr.studies.motions import SECTION_BASES, FullMotion, model_family, pod_family, simulate_displacement, with_basis
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Count, StudyBase
-from pmr.studies.tasks import Arguments, Needs, Plan, Scalar, Task, TaskFunction, TaskResult, key_of, number
+from pmr.studies.tasks import Arguments, Needs, Plan, Scalar, Task, TaskFunction, TaskResult, cell_number, task_key
 from pmr.system.system import System
 
 #: Tolerances of the e_NRMS along the body.
 TOLERANCES = (0.05, 0.01, 0.001, 0.0001)
 
 
-def points(figures: Mapping[str, Scalar]) -> list[tuple[int, float, float]]:
+def trade_points(figures: Mapping[str, Scalar]) -> list[tuple[int, float, float]]:
     """Return coordinates, step as a multiple of the scene's, and error of each simulated model among `figures`."""
     split = [(name.split("."), value) for name, value in figures.items() if name.startswith("total.")]
-    return [(int(part[1]), float(".".join(part[2:])), number(value)) for part, value in split if value is not None]
+    return [(int(part[1]), float(".".join(part[2:])), cell_number(value)) for part, value in split if value is not None]
 
 
 def coarsest_within(figures: Mapping[str, Scalar], tolerance: float) -> tuple[int, float] | None:
@@ -49,9 +49,9 @@ def coarsest_within(figures: Mapping[str, Scalar], tolerance: float) -> tuple[in
     Steps are multiples of the scene's.  All shorter steps of `figures` have to hold it, too: errors of model and step
     that cancel each other are no merit.
     """
-    for r in sorted({r for r, _, _ in points(figures)}):
+    for r in sorted({r for r, _, _ in trade_points(figures)}):
         longest = None
-        for _, h, error in sorted(point for point in points(figures) if point[0] == r):
+        for _, h, error in sorted(point for point in trade_points(figures) if point[0] == r):
             if error > tolerance:
                 break
             longest = h
@@ -99,11 +99,11 @@ class Study(StudyBase):
             shared.refuse_second_order(scene)
             self._check_steps(scene.time.steps)
             common = shared.scene_arguments(scene) | {"steps": sorted(self.steps, reverse=True)}
-            truth = Task(key_of(f"truth-{name}-{common['hash']}"), reference, common, cost=5.0)
+            truth = Task(task_key(f"truth-{name}-{common['hash']}"), simulate_reference, common, cost=5.0)
             truths.append(truth)
             tasks = list[tuple[str, TaskFunction, Mapping[str, Any]]]()
-            for method in self.methods if is_alone else [basis for basis in self.methods if basis in OF_SECTIONS]:
-                reduced = shared.scene_arguments(reduced_to(scene, method, max(self.coordinates)))
+            for method in self.methods if is_alone else [basis for basis in self.methods if basis in SECTION_BASES]:
+                reduced = shared.scene_arguments(with_basis(scene, method, max(self.coordinates)))
                 sizes = {"method": method, "coordinates": sorted(self.coordinates)}
                 tasks.append((method, errors_of_method, common | reduced | sizes))
             if is_alone:
@@ -112,7 +112,7 @@ class Study(StudyBase):
                 tasks.append(("elements", errors_of_meshes, common | {"elements": list(self.elements)}))
             for of, function, arguments in tasks:
                 parameters, cost = {"scene": name, "method": of}, 5.0 if function is errors_of_method else 1.0
-                key, needs = key_of(f"{name},{of}"), {"truth": truth.key}
+                key, needs = task_key(f"{name},{of}"), {"truth": truth.key}
                 runs.append(Task(key, function, arguments, needs, parameters, cost))
         return Plan(tuple(runs), tuple(truths))
 
@@ -142,16 +142,16 @@ def without_axial(scene: Scene) -> Scene:
     return scene.model_copy(update={"body": scene.body.model_copy(update={"profile": profile})})
 
 
-def reference(arguments: Arguments, needs: Needs) -> TaskResult:
+def simulate_reference(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: ``y`` (T, o) in m, the full model's motion with a step `FINER` times the smallest that is tried.
 
     Record: ``step``, the estimated relative error that this step still causes.  Warnings are those of a run with the
     scene's step.
     """
-    case, steps = Case.of(shared.scene_of(arguments)), arguments["steps"]
+    case, steps = FullMotion.simulate(shared.scene_of(arguments)), arguments["steps"]
     finest = FINER * steps[-1]
     coarser, y = (
-        displacement(case.scene, case.full, factor * finest, round(steps[0] / (factor * finest)))
+        simulate_displacement(case.scene, case.full, factor * finest, round(steps[0] / (factor * finest)))
         for factor in (2.0, 1.0)
     )
     lines = warnings_of_response(case.scene, case.full, case.response)
@@ -171,12 +171,12 @@ def errors_of_method(arguments: Arguments, needs: Needs) -> TaskResult:
 
     Seconds: ``offline``, processor time to make all models; ``step.<r>`` and ``full``, time of one step.
     """
-    case, truth, method = Case.of(shared.scene_of(arguments)), needs["truth"], arguments["method"]
+    case, truth, method = FullMotion.simulate(shared.scene_of(arguments)), needs["truth"], arguments["method"]
     scene, steps, is_alone = case.scene, case.scene.time.steps, len(case.scene.sections) == 1
     begin = time.process_time()
-    of_basis = models_of_motion(case) if method == "trajectory" else models(scene, method)
+    of_basis = pod_family(case) if method == "trajectory" else model_family(scene, method)
     sizes = [r for r in arguments["coordinates"] if of_basis.smallest <= r <= of_basis.largest]
-    systems = {r: of_basis.of(r) for r in sizes}
+    systems = {r: of_basis.system_of_size(r) for r in sizes}
     seconds = {"offline": time.process_time() - begin, "full": case.run.seconds / steps}
     record: dict[str, Scalar] = {"reference": truth.record["step"], "scene step": scene.time.step, "steps": steps}
     for r, system in systems.items():
@@ -184,7 +184,7 @@ def errors_of_method(arguments: Arguments, needs: Needs) -> TaskResult:
         record |= dict.fromkeys((*names, f"reduction.{r}", *([f"energy.{r}"] if is_alone else [])))
         for factor, name in zip(arguments["steps"], names, strict=True):
             try:
-                y = displacement(scene, system, factor, round(arguments["steps"][0] / factor))
+                y = simulate_displacement(scene, system, factor, round(arguments["steps"][0] / factor))
             except (SimulationError, InputError):
                 continue
             record[name] = relative_error(y, truth.arrays["y"])
@@ -207,10 +207,10 @@ def errors_of_radii(arguments: Arguments, needs: Needs) -> TaskResult:
     The model is that of many free modes, so that its own error is small.
     """
     scene, truth, steps = shared.scene_of(arguments), needs["truth"].arrays["y"], arguments["steps"]
-    system, record = _many(scene), dict[str, Scalar]()
+    system, record = _system_of_many_modes(scene), dict[str, Scalar]()
     for radius in arguments["radii"]:
         for factor in steps:
-            y = displacement(scene, system, factor, round(steps[0] / factor), rho_inf=radius)
+            y = simulate_displacement(scene, system, factor, round(steps[0] / factor), rho_inf=radius)
             record[f"rho.{radius:g}.{factor:g}"] = relative_error(y, truth)
     return TaskResult(record, warnings=needs["truth"].warnings)
 
@@ -225,7 +225,7 @@ def errors_of_meshes(arguments: Arguments, needs: Needs) -> TaskResult:
     def tip(count: int) -> Array:
         """Return the tip's displacement (T, 1) in m with `count` elements."""
         finer = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"elements": count})})
-        return displacement(finer, _many(finer), 1.0, 1)[:, -1:]
+        return simulate_displacement(finer, _system_of_many_modes(finer), 1.0, 1)[:, -1:]
 
     finest, record = tip(2 * max(arguments["elements"])), dict[str, Scalar]()
     for count in arguments["elements"]:
@@ -236,9 +236,9 @@ def errors_of_meshes(arguments: Arguments, needs: Needs) -> TaskResult:
     return TaskResult(record, warnings=needs["truth"].warnings)
 
 
-def _many(scene: Scene) -> System:
+def _system_of_many_modes(scene: Scene) -> System:
     """Return a body's model of `MANY` free modes, of a coarse beam fewer, with the flexibility of all others."""
     from pmr.pipeline import reduce
 
     size = 2 * (scene.mesh.elements + 1) if scene.body.profile is not None else 10 * MANY
-    return System.of(reduce(reduced_to(scene, "flexibility", min(MANY, size // 2))).reduced)
+    return System.of(reduce(with_basis(scene, "flexibility", min(MANY, size // 2))).reduced)

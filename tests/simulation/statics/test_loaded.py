@@ -125,8 +125,8 @@ def found(used: Callable[[float], float], search: Search) -> tuple[float | None,
 
 def test_the_first_load_at_which_a_limit_is_met_is_found_or_said_not_to_be() -> None:
     assert found(lambda P: P / 7.0, first_load(10.0))[0] == pytest.approx(7.0)
-    assert found(lambda P: P / 7.0, first_load(10.0, grows=True, near=7.01))[0] == pytest.approx(7.0)
-    assert found(lambda P: P / 7.0, first_load(10.0, near=3.0))[0] == pytest.approx(7.0)
+    assert found(lambda P: P / 7.0, first_load(10.0, grows=True, guess=7.01))[0] == pytest.approx(7.0)
+    assert found(lambda P: P / 7.0, first_load(10.0, guess=3.0))[0] == pytest.approx(7.0)
     assert found(lambda P: P / 70.0, first_load(10.0))[0] is None
     assert found(lambda P: 1.0 + P, first_load(10.0))[0] == 0.0
     reached = found(lambda P: 1.0 / (10.0 - P) if P < 10.0 else np.inf, first_load(20.0, at_once=False))
@@ -149,7 +149,7 @@ def test_roots_lie_between_loads_that_use_less_and_more(
     used: Callable[[float], float], exact: float, near: float
 ) -> None:
     """To 1e-12 of the largest load; by quarters alone that takes 20 rounds, 4^-20 being 1e-12."""
-    load, asked = found(used, first_load(10.0, near=near * exact))
+    load, asked = found(used, first_load(10.0, guess=near * exact))
     assert load == pytest.approx(exact, abs=3e-12 * 10.0)
     assert asked <= 25
 

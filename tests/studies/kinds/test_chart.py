@@ -20,7 +20,7 @@ from pmr.errors.environment import plugin_objects
 from pmr.report.studies.document import page
 from pmr.scene import load_any
 from pmr.studies import files, shared
-from pmr.studies.call import Progress, compute, save
+from pmr.studies.call import Progress, compute_results, save
 from pmr.studies.kinds.chart import Study
 from pmr.studies.limits import Limit
 from pmr.studies.results import RunRecord, StudyResults
@@ -204,13 +204,13 @@ def test_cut_off_and_called_again_it_is_the_same_to_the_byte(folder: Path, tmp_p
             raise KeyboardInterrupt
 
     with local_pool(1) as pool, pytest.raises(KeyboardInterrupt):
-        compute(project, cut, pool, leave)
+        compute_results(project, cut, pool, leave)
     there = {file: file.stat().st_mtime_ns for file in (cut / "tasks").glob("*.npz")}
     assert 3 <= len(there) <= 4  # another row was on its way
     with local_pool(1) as pool:
-        again = compute(project, cut, pool, lambda progress: None)
+        again = compute_results(project, cut, pool, lambda progress: None)
         save(project, again, cut)
-        save(project, compute(project, made, pool, lambda progress: None), made)
+        save(project, compute_results(project, made, pool, lambda progress: None), made)
     assert again.computed == 6 - len(there) and again.is_complete
     assert {file: file.stat().st_mtime_ns for file in there} == there
     assert (cut / "chart.csv").read_bytes() == (made / "chart.csv").read_bytes()

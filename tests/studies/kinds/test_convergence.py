@@ -13,7 +13,7 @@ from pmr.scene import load
 from pmr.simulation import InitialState, TimeStepping
 from pmr.studies import files
 from pmr.studies.results import StudyResults
-from pmr.studies.tasks import number
+from pmr.studies.tasks import cell_number
 
 SMALL = """
 kind = "convergence"
@@ -40,7 +40,7 @@ def test_coordinates_are_those_of_beams_and_cables(small: StudyResults) -> None:
 def test_errors_fall_and_the_finest_has_none(small: StudyResults) -> None:
     errors = {run.key: run.figures["e_abs"] for run in small.runs}
     assert errors["full-20"] is None and errors["ancf-8"] is None
-    assert number(errors["full-4"]) > 3.0 * number(errors["full-8"]) > 0.0
+    assert cell_number(errors["full-4"]) > 3.0 * cell_number(errors["full-8"]) > 0.0
 
 
 @pytest.mark.slow

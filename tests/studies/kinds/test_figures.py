@@ -11,7 +11,7 @@ from pmr import scene as scenes
 from pmr.files.whole import users_folder
 from pmr.pipeline import run
 from pmr.results import Energy, Response
-from pmr.studies.kinds.scenes import figures_of, run_case
+from pmr.studies.kinds.scenes import motion_figures, run_case
 from pmr.studies.shared import scene_arguments
 
 WORKFLOWS = Path(__file__).parents[3] / "workflows"
@@ -27,7 +27,7 @@ def test_rows_hold_forces_frequencies_and_probes_with_times_and_places() -> None
         other_names=("weld stress along",), other_units=("Pa",),
     )  # fmt: skip
     s, frequencies = np.array([1.5, 2.0, 2.5]), np.array([[1.0, 4.0], [2.0, 5.0], [3.0, np.nan]])
-    found = figures_of(scene, response, s, frequencies)
+    found = motion_figures(scene, response, s, frequencies)
     assert found["largest_force"] == pytest.approx(100.0)
     top = {key: found[f"forces.mouth top.{key}"] for key in ("min", "t_min", "s_min", "max", "t_max", "s_max")}
     assert top == pytest.approx(

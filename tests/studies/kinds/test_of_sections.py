@@ -12,7 +12,7 @@ from finished import WORKFLOWS, finished
 from pmr.report.studies.finished import FinishedStudy
 from pmr.studies import kinds
 from pmr.studies.results import StudyResults
-from pmr.studies.tasks import number
+from pmr.studies.tasks import cell_number
 
 #: What is changed in a scene of two sections.
 CHANGES = {
@@ -57,7 +57,7 @@ def test_a_mesh_of_sections_converges(tmp_path: Path) -> None:
     found = finished(tmp_path, text("convergence", tmp_path))
     errors = {run.key: run.figures["e_abs"] for run in found.runs}
     assert all("pull" in " ".join(run.warnings) for run in found.runs)
-    assert number(errors["full-2"]) > 3.0 * number(errors["full-4"]) > 0.0 and errors["full-16"] is None
+    assert cell_number(errors["full-2"]) > 3.0 * cell_number(errors["full-4"]) > 0.0 and errors["full-16"] is None
     reported("convergence", tmp_path, found)
 
 
@@ -66,8 +66,10 @@ def test_sizes_and_steps_of_sections_are_traded(tmp_path: Path) -> None:
     found = finished(tmp_path, text("trade", tmp_path))
     modes, flexible = (run.figures for run in found.runs)
     assert all("pull" in " ".join(run.warnings) for run in found.runs)
-    assert number(flexible["total.3.1"]) < number(flexible["total.3.2"])
-    assert number(flexible["reduction.3"]) < number(flexible["reduction.1"]) < number(modes["reduction.1"])
+    assert cell_number(flexible["total.3.1"]) < cell_number(flexible["total.3.2"])
+    assert (
+        cell_number(flexible["reduction.3"]) < cell_number(flexible["reduction.1"]) < cell_number(modes["reduction.1"])
+    )
     reported("trade", tmp_path, found)
 
 
@@ -82,7 +84,7 @@ def test_a_coarse_mesh_leaves_enough_to_tell_rigid_overlaps_apart(tmp_path: Path
         scene = scene.replace(old, new)
     (tmp_path / "two.toml").write_text(scene)
     modes, flexible = (run.figures for run in finished(tmp_path, study).runs)
-    assert number(flexible["reduction.3"]) < 0.01 * number(modes["reduction.3"])
+    assert cell_number(flexible["reduction.3"]) < 0.01 * cell_number(modes["reduction.3"])
 
 
 @pytest.mark.slow

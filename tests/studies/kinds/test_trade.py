@@ -17,7 +17,7 @@ from pmr.simulation.modal import modal_form
 from pmr.studies import files, shared
 from pmr.studies.kinds import trade
 from pmr.studies.results import StudyResults
-from pmr.studies.tasks import number
+from pmr.studies.tasks import cell_number
 
 pytestmark = pytest.mark.slow
 
@@ -44,7 +44,7 @@ def figures(small: StudyResults) -> dict[str, dict]:
 
 
 def test_methods_differ_as_they_should(small: StudyResults) -> None:
-    found = {method: number(figures(small)[method]["reduction.4"]) for method in trade.METHODS}
+    found = {method: cell_number(figures(small)[method]["reduction.4"]) for method in trade.METHODS}
     assert found["flexibility"] < 0.5 * found["modes"]
     assert found["flexibility"] < found["visited"]
 
@@ -60,14 +60,14 @@ def test_the_reference_is_the_full_model_with_a_far_shorter_step(small: StudyRes
         ).y
         for h in (0.125, 1 / 32)
     ]
-    assert number(figures(small)["pod"]["reference"]) == pytest.approx(nrms(*runs), rel=0.5)
+    assert cell_number(figures(small)["pod"]["reference"]) == pytest.approx(nrms(*runs), rel=0.5)
 
 
 def test_errors_of_many_modes_are_those_of_the_step(small: StudyResults) -> None:
-    steps = [number(figures(small)["radii"][f"rho.0.9.{h:g}"]) for h in (2.0, 1.0, 0.5)]
+    steps = [cell_number(figures(small)["radii"][f"rho.0.9.{h:g}"]) for h in (2.0, 1.0, 0.5)]
     assert np.all(np.diff(steps) < 0.0)
-    assert number(figures(small)["radii"]["rho.0.5.1"]) > steps[1]
-    errors = [number(figures(small)["elements"][f"tip.{n}"]) for n in (4, 8)]
+    assert cell_number(figures(small)["radii"]["rho.0.5.1"]) > steps[1]
+    errors = [cell_number(figures(small)["elements"][f"tip.{n}"]) for n in (4, 8)]
     assert errors[0] > errors[1]
 
 
