@@ -70,31 +70,29 @@ uint64_t pmr_checksum(const void *bytes, size_t count)
 
 static const array_head *heads(const pmr_system *y) { return (const array_head *)(y->block + sizeof(file_head)); }
 
-/* The array with a name; NULL, said in `why`, if it is missing or has not `count` entries (less than 0: any number). */
-const void *pmr_block_take(const pmr_system *y, const char *name, int kind, int64_t count, char *why)
+static const array_head *find_array(const pmr_system *y, const char *name)
 {
     const file_head *head = (const file_head *)y->block;
     int32_t k;
-    for (k = 0; k < head->arrays; k++) {
-        const array_head *array = heads(y) + k;
-        if (strcmp(array->name, name)) continue;
-        if (array->kind != kind || (count >= 0 && array->count != count)) {
-            pmr_say(why, "array %s has %lld entries of kind %d", name, (long long)array->count, (int)array->kind);
-            return NULL;
-        }
-        return y->block + array->offset;
-    }
-    pmr_say(why, "array %s is missing", name);
+    for (k = 0; k < head->arrays; k++)
+        if (!strcmp(heads(y)[k].name, name)) return heads(y) + k;
+    return NULL;
+}
+
+/* The array with a name; NULL, said in `why`, if it is missing or has not `count` entries (less than 0: any number). */
+const void *pmr_block_take(const pmr_system *y, const char *name, int kind, int64_t count, char *why)
+{
+    const array_head *array = find_array(y, name);
+    if (!array) return pmr_say(why, "array %s is missing", name), NULL;
+    if (array->kind == kind && (count < 0 || array->count == count)) return y->block + array->offset;
+    pmr_say(why, "array %s has %lld entries of kind %d", name, (long long)array->count, (int)array->kind);
     return NULL;
 }
 
 int64_t pmr_block_count(const pmr_system *y, const char *name)
 {
-    const file_head *head = (const file_head *)y->block;
-    int32_t k;
-    for (k = 0; k < head->arrays; k++)
-        if (!strcmp(heads(y)[k].name, name)) return heads(y)[k].count;
-    return 0;
+    const array_head *array = find_array(y, name);
+    return array ? array->count : 0;
 }
 
 static int all_finite(const double *values, int64_t count)

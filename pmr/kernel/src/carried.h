@@ -31,11 +31,6 @@ typedef struct {
     int32_t rates_known, slope_known, rows_known;
 } machine_past;
 
-/* A number in time, with its first and second rate. */
-typedef struct {
-    double at, rate, second;
-} moved;
-
 /* A motion that a step may end with. */
 typedef struct {
     double b[18], felt[6], left[6];
@@ -54,8 +49,9 @@ struct pmr_carried {
     int32_t *giving, count, orders; /* contacts that give way; rates of moments that are asked for, and one */
     int32_t failed;                 /* PMR_DEPENDENT where these depend on each other */
     moved *paths;
+    moved_tables tables; /* of the contacts that give way, with their rates */
     double *saved, *motions, *inertia, *inertia_smooth, *new_inertia, *new_smooth, *u, *u_old, *accelerations;
-    double *C[3], *H[3], *F[3], *factor, *lambda, *right, *product;
+    double *factor, *lambda, *right, *product;
     double *inertial[3]; /* (ip): displacements of inputs' points by inertia alone, with their rates */
 };
 

@@ -146,23 +146,31 @@ static int settle(problem *c)
     return PMR_UNSETTLED;
 }
 
+/* That of a state's contacts where they stand, without a factor. */
+static problem problem_of(pmr_state *st, const double *excess, double *lambda, double *closed)
+{
+    const pmr_system *y = st->system;
+    return (problem){.rows = y->contacts,
+                     .stride = y->mp,
+                     .A = st->A,
+                     .pushes = y->pushes,
+                     .excess = excess,
+                     .lambda = lambda,
+                     .closed = closed,
+                     .factor = st->factor,
+                     .entries = st->entries,
+                     .numbers = st->numbers,
+                     .wrong = st->wrong,
+                     .factored = -1};
+}
+
 /* Multipliers of a state's contacts from their motion. */
 static int settle_state(pmr_state *st)
 {
     const pmr_system *y = st->system;
-    problem c = {.rows = y->contacts,
-                 .stride = y->mp,
-                 .A = st->A,
-                 .pushes = y->pushes,
-                 .excess = st->excess,
-                 .lambda = st->lambda,
-                 .closed = st->closed,
-                 .factor = st->factor,
-                 .entries = st->entries,
-                 .numbers = st->numbers,
-                 .wrong = st->wrong,
-                 .factored = st->factored};
+    problem c = problem_of(st, st->excess, st->lambda, st->closed);
     int failed, k;
+    c.factored = st->factored;
     for (k = 0; k < y->contacts; k++) st->excess[k] = st->motion[k] - y->clearance[k];
     failed = settle(&c);
     st->factored = c.factored;

@@ -14,23 +14,12 @@
 /* x of F x = x among the closed contacts that give way, where the rows stand without a step; zero at the others. */
 static int solve_giving(pmr_state *st, double *x)
 {
-    const pmr_system *y = st->system;
-    int count = 0, k, l;
-    for (k = 0; k < y->contacts; k++) {
-        if (st->closed[k] == 0.0 || is_rigid(st, k)) continue;
-        st->numbers[count] = k;
-        for (l = 0; l <= count; l++) st->entries[l] = st->A[k * y->mp + st->numbers[l]];
-        if (!factorise(st->entries, st->factor, count, y->mp)) {
-            st->trouble = k;
-            return PMR_DEPENDENT;
-        }
-        count++;
-    }
-    for (l = 0; l < count; l++) st->entries[l] = x[st->numbers[l]];
-    solve(st->factor, count, y->mp, st->entries);
-    for (k = 0; k < y->contacts; k++) x[k] = 0.0;
-    for (l = 0; l < count; l++) x[st->numbers[l]] = st->entries[l];
-    return PMR_DONE;
+    problem c = problem_of(st, x, x, st->before_closed);
+    int failed, k;
+    for (k = 0; k < c.rows; k++) c.closed[k] = st->closed[k] != 0.0 && !is_rigid(st, k);
+    failed = solve_closed(&c);
+    if (failed) st->trouble = c.trouble;
+    return failed;
 }
 
 /* Rows and loads under `at`, with all that has to be known of a state at z and v but its multipliers. */
@@ -149,19 +138,6 @@ static int find_changes(pmr_state *st, const double *at, const double *seed_at, 
     copy(st->shown, st->values + y->op, y->reactions);
     if (to->further && y->motions) pmr_frame_outputs(y, at, seed_at, st->values, all, st->shown, to->further);
     return PMR_DONE;
-}
-
-/* The state is where it was afterwards, with its rows. */
-static int return_to(pmr_state *st, const pmr_progress *progress, int failed)
-{
-    const int trouble = st->trouble;
-    int failed_back;
-    memcpy(st->mark, st->began, st->saved * sizeof(double));
-    st->progress = *progress;
-    st->factored = -1;
-    failed_back = stand(st);
-    st->trouble = trouble;
-    return failed ? failed : failed_back;
 }
 
 static int evaluate_along(pmr_state *st, const double *at, const double *seed_at, const double *dz, const double *dv,

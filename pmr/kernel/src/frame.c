@@ -57,73 +57,61 @@ static angle angle_of(const course *c, int which)
     return (angle){motion(c, n, 0), motion(c, n, 1), motion(c, n, 2)};
 }
 
-/* Raised by phi, then slewed by psi: R = R_Z(psi) R_Y(-phi). */
-static turning raise_and_slew(angle phi, angle psi)
+/* Turned by an angle about axis k. */
+static turning about(int k, angle by)
 {
-    const number s = sine(phi.at), c = cosine(phi.at), sz = sine(psi.at), cz = cosine(psi.at),
-                 both = times(psi.rate, phi.rate);
-    const turning found = {.R = {{times(cz, c), negative(sz), negative(times(cz, s))},
-                                 {times(sz, c), cz, negative(times(sz, s))},
-                                 {s, constant(0.0), c}},
-                           .velocity = {times(psi.rate, s), negative(phi.rate), times(psi.rate, c)},
-                           .acceleration = {plus(times(psi.second, s), times(both, c)), negative(phi.second),
-                                            minus(times(psi.second, c), times(both, s))}};
-    return found;
+    const number c = cosine(by.at), s = sine(by.at);
+    const int i = (k + 1) % 3, j = (k + 2) % 3;
+    turning turned = {0};
+    turned.R[k][k].at = 1.0;
+    turned.R[i][i] = turned.R[j][j] = c;
+    turned.R[i][j] = negative(s);
+    turned.R[j][i] = s;
+    turned.velocity[k] = by.rate;
+    turned.acceleration[k] = by.second;
+    return turned;
 }
 
-static void multiply(number A[3][3], number B[3][3], number C[3][3])
+/* Turned as `on`, within a frame that is turned as `base`. */
+static turning turn_on(const turning *base, const turning *on)
 {
+    turning turned = {0};
     int i, j, k;
     for (i = 0; i < 3; i++)
-        for (j = 0; j < 3; j++) {
-            C[i][j] = constant(0.0);
-            for (k = 0; k < 3; k++) C[i][j] = plus(C[i][j], times(A[i][k], B[k][j]));
+        for (k = 0; k < 3; k++) {
+            for (j = 0; j < 3; j++)
+                turned.R[i][k] = plus(turned.R[i][k], times(base->R[i][j], on->R[j][k]));
+            turned.velocity[k] = plus(turned.velocity[k], times(on->R[i][k], base->velocity[i]));
+            turned.acceleration[k] = plus(turned.acceleration[k], times(on->R[i][k], base->acceleration[i]));
         }
+    for (k = 0; k < 3; k++) {
+        const int a = (k + 1) % 3, b = (k + 2) % 3;
+        const number crossed = minus(times(turned.velocity[a], on->velocity[b]), times(turned.velocity[b], on->velocity[a]));
+        turned.acceleration[k] = plus(plus(turned.acceleration[k], crossed), on->acceleration[k]);
+    }
+    for (k = 0; k < 3; k++) turned.velocity[k] = plus(turned.velocity[k], on->velocity[k]);
+    return turned;
 }
 
-/* A base that rolls by a, pitches by b and yaws by c, R_Z(c) R_Y(b) R_X(a), in its own axes. */
-static turning rock(angle a, angle b, angle c)
+/* A base that yaws, pitches and rolls, R_Z R_Y R_X. */
+static turning rock(const course *c)
 {
-    const number sa = sine(a.at), ca = cosine(a.at), sb = sine(b.at), cb = cosine(b.at), zero = constant(0.0);
-    const number ab = times(a.rate, b.rate), bc = times(b.rate, c.rate), ac = times(a.rate, c.rate);
-    turning turned = raise_and_slew((angle){negative(b.at), negative(b.rate), negative(b.second)}, c), base;
-    number roll[3][3] = {{constant(1.0), zero, zero}, {zero, ca, negative(sa)}, {zero, sa, ca}};
-    multiply(turned.R, roll, base.R);
-    base.velocity[0] = minus(a.rate, times(c.rate, sb));
-    base.velocity[1] = plus(times(b.rate, ca), product(c.rate, sa, cb));
-    base.velocity[2] = minus(product(c.rate, ca, cb), times(b.rate, sa));
-    base.acceleration[0] = minus(minus(a.second, times(c.second, sb)), times(bc, cb));
-    base.acceleration[1] =
-        minus(plus(minus(times(b.second, ca), times(ab, sa)), plus(product(c.second, sa, cb), product(ac, ca, cb))),
-              product(bc, sa, sb));
-    base.acceleration[2] = minus(minus(product(c.second, ca, cb), product(ac, sa, cb)),
-                                 plus(product(bc, ca, sb), plus(times(b.second, sa), times(ab, ca))));
-    return base;
+    const turning roll = about(0, angle_of(c, 2)), pitch = about(1, angle_of(c, 3)), yaw = about(2, angle_of(c, 4)),
+                  bent = turn_on(&yaw, &pitch);
+    return turn_on(&bent, &roll);
 }
 
+/* A boom that is raised by phi, then slewed by psi, R_Z(psi) R_Y(-phi), on its base. */
 static turning turn(const course *c)
 {
     const int32_t *angles = c->system->frame_angles;
-    turning boom = raise_and_slew(angle_of(c, 0), angle_of(c, 1)), found = boom, base;
-    number velocity[3], acceleration[3];
-    int j, k;
+    const angle phi = angle_of(c, 0);
+    const turning raised = about(1, (angle){negative(phi.at), negative(phi.rate), negative(phi.second)}),
+                  slewed = about(2, angle_of(c, 1)), boom = turn_on(&slewed, &raised);
+    turning base;
     if (angles[2] < 0 && angles[3] < 0 && angles[4] < 0) return boom;
-    base = rock(angle_of(c, 2), angle_of(c, 3), angle_of(c, 4));
-    for (k = 0; k < 3; k++) {
-        velocity[k] = acceleration[k] = constant(0.0);
-        for (j = 0; j < 3; j++) {
-            velocity[k] = plus(velocity[k], times(boom.R[j][k], base.velocity[j]));
-            acceleration[k] = plus(acceleration[k], times(boom.R[j][k], base.acceleration[j]));
-        }
-    }
-    for (k = 0; k < 3; k++) {
-        const int a = (k + 1) % 3, b = (k + 2) % 3;
-        const number crossed = minus(times(velocity[a], boom.velocity[b]), times(velocity[b], boom.velocity[a]));
-        found.velocity[k] = plus(velocity[k], boom.velocity[k]);
-        found.acceleration[k] = plus(plus(acceleration[k], crossed), boom.acceleration[k]);
-    }
-    multiply(base.R, boom.R, found.R);
-    return found;
+    base = rock(c);
+    return turn_on(&base, &boom);
 }
 
 static void read_turning(const turning *from, pmr_turning *to)
@@ -139,7 +127,7 @@ static void read_turning(const turning *from, pmr_turning *to)
 void pmr_frame_turning(const pmr_system *y, const double *motions, pmr_turning *boom, pmr_turning *base)
 {
     const course c = {y, motions, NULL};
-    const turning of_boom = turn(&c), of_base = rock(angle_of(&c, 2), angle_of(&c, 3), angle_of(&c, 4));
+    const turning of_boom = turn(&c), of_base = rock(&c);
     read_turning(&of_boom, boom);
     read_turning(&of_base, base);
 }

@@ -133,6 +133,11 @@ typedef struct {
     int32_t *in_pairs;  /* (pairs, 2) */
 } pmr_scheme;
 
+/* A number in time, with its first and second rate. */
+typedef struct {
+    double at, rate, second;
+} moved;
+
 /* What a state is saved with besides its numbers. */
 typedef struct {
     int64_t step;
@@ -165,6 +170,7 @@ struct pmr_state {
     /* workspace */
     double *began, *peak;
     double *s, *s_rates, *x; /* (P), (P), (blocks): paths, their rates at the start, places in blocks' intervals */
+    moved *moved_paths;      /* (P) */
     int32_t *interval;
     double *C, *H, *A, *factor;
     double *weighted, *excess, *entries, *motion, *pushed;

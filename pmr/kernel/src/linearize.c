@@ -10,18 +10,6 @@
    z' at the end of the step, friction from multipliers and paths, with pads that stick or slide going on so and what
    they remember of the step before staying as it is; both are found by the same iteration as in the step. */
 
-/* Derivative of a polynomial (powers, stride), the highest power first. */
-INLINE double slope_at(const double *c, int powers, int stride, double x)
-{
-    double value = 0.0, slope = 0.0;
-    int p;
-    for (p = 0; p < powers; p++) {
-        slope = slope * x + value;
-        value = value * x + c[(size_t)p * stride];
-    }
-    return slope;
-}
-
 /* Room of what changes with one path. */
 typedef struct {
     double *C, *H, *A; /* (rows, r'), (rows, ip), (rows, mp): the lower half */
@@ -38,82 +26,21 @@ static path_slopes slopes_of(const pmr_state *st, int path)
     return of_path;
 }
 
-static void slope_block(pmr_state *st, int number, const double *of_A)
-{
-    const pmr_system *y = st->system;
-    const pmr_block *b = y->block_list + number;
-    const path_slopes to = slopes_of(st, b->path);
-    const int32_t *on = y->block_rows + b->at_rows, *staying = on + b->rows;
-    const int m = b->rows, w = b->modes, g = PMR_UP(m), t = PMR_UP(b->stays), i = PMR_UP(b->inputs);
-    const double *C = in_interval(st, number, y->table_C, b->at_C, b->powers_C, m * w), x = st->x[number];
-    const double *H = in_interval(st, number, y->table_H, b->at_H, b->powers_H, m * i),
-                 *of_S = of_A + (size_t)b->powers_G * m * g;
-    int k, n;
-    for (k = 0; k < m; k++) {
-        for (n = 0; n < w; n++)
-            to.C[(size_t)on[k] * y->modes + b->first_mode + n] += slope_at(C + k * w + n, b->powers_C, m * w, x);
-        for (n = 0; n < b->inputs; n++)
-            to.H[(size_t)on[k] * y->ip + b->first_input + n] += slope_at(H + k * i + n, b->powers_H, m * i, x);
-        for (n = 0; n <= k; n++)
-            *lower(to.A, y->mp, on[k], on[n]) +=
-                slope_at(of_A + k * g + n, b->powers_G, m * g, x) * (k != n && on[k] == on[n] ? 2.0 : 1.0);
-        for (n = 0; n < b->stays; n++)
-            *lower(to.A, y->mp, on[k], staying[n]) +=
-                slope_at(of_S + k * t + n, b->powers_S, m * t, x) * (on[k] == staying[n] ? 2.0 : 1.0);
-    }
-}
-
-static void slope_pair(pmr_state *st, int number, const double *tables)
-{
-    const pmr_system *y = st->system;
-    const pmr_pair *pair = y->pair_list + number;
-    const pmr_block *one = y->block_list + pair->first, *two = y->block_list + pair->second;
-    const int p1 = one->powers_C, p2 = two->powers_C;
-    const double s = st->x[pair->first], t = st->x[pair->second];
-    const path_slopes by_s = slopes_of(st, one->path), by_t = slopes_of(st, two->path);
-    int k, l, p, q;
-    for (k = 0; k < one->rows; k++)
-        for (l = 0; l < two->rows; l++) {
-            const int a = y->block_rows[one->at_rows + k], b = y->block_rows[two->at_rows + l];
-            const double *table = tables + (size_t)(k * two->rows + l) * p1 * p2, twice = a == b ? 2.0 : 1.0;
-            double sum = 0.0, of_s = 0.0, of_t = 0.0;
-            for (p = 0; p < p1; p++) {
-                double value = 0.0, slope = 0.0;
-                for (q = 0; q < p2; q++) {
-                    slope = slope * t + value;
-                    value = value * t + table[q * p1 + p];
-                }
-                of_s = of_s * s + sum;
-                sum = sum * s + value;
-                of_t = of_t * s + slope;
-            }
-            *lower(by_s.A, y->mp, a, b) += twice * of_s;
-            *lower(by_t.A, y->mp, a, b) += twice * of_t;
-        }
-}
-
 /* How C, H and A change with each path where the rows stand; beyond the ends of a path nothing changes. */
 static void find_slopes(pmr_state *st, const pmr_scheme *c)
 {
     const pmr_system *y = st->system;
-    const double *of_A = c->of_blocks, *of_pair = c->of_pairs;
-    int k, n;
+    int p;
     memset(st->slopes, 0, (size_t)y->paths * slope_room(y) * sizeof(double));
-    for (k = 0; k < y->blocks; k++) {
-        slope_block(st, k, of_A);
-        of_A += block_room(y->block_list + k);
-    }
-    for (k = 0; k < y->pairs; k++) {
-        slope_pair(st, k, of_pair);
-        of_pair += pair_size(y->block_list + y->pair_list[k].first, y->block_list + y->pair_list[k].second);
-    }
-    for (k = 0; k < y->paths; k++) { /* beyond an end the rows stay where they are */
-        const double *ends = y->path_ends + 2 * k;
-        if (st->s[k] < ends[0] || st->s[k] > ends[1]) memset(slopes_of(st, k).C, 0, slope_room(y) * sizeof(double));
-    }
-    for (k = 0; k < y->ropes; k++) {
-        double *A = slopes_of(st, y->rope_paths[k]).A;
-        for (n = 0; n < y->rows * y->mp; n++) A[n] += y->rope_slopes[(size_t)k * y->rows * y->mp + n];
+    memset(st->moved_paths, 0, y->paths * sizeof(moved));
+    for (p = 0; p < y->paths; p++) {
+        const double *ends = y->path_ends + 2 * p;
+        const path_slopes by = slopes_of(st, p);
+        const moved_tables to = {.C = {NULL, by.C}, .H = {NULL, by.H}, .A = {NULL, by.A}};
+        if (st->s[p] < ends[0] || st->s[p] > ends[1]) continue;
+        st->moved_paths[p].rate = 1.0;
+        move_rows(st, c, st->moved_paths, &to);
+        st->moved_paths[p].rate = 0.0;
     }
 }
 
@@ -340,11 +267,6 @@ static int linearize(pmr_state *st, const double *u, const pmr_jacobian *jacobia
 {
     const int level = st->progress.active < 0 ? 0 : st->progress.active;
     const pmr_progress progress = st->progress;
-    int failed, failed_back;
     memcpy(st->began, st->mark, st->saved * sizeof(double));
-    failed = linearize_part(st, st->scheme + level, u, jacobian);
-    memcpy(st->mark, st->began, st->saved * sizeof(double));
-    st->progress = progress;
-    failed_back = stand(st);
-    return failed ? failed : failed_back;
+    return return_to(st, &progress, linearize_part(st, st->scheme + level, u, jacobian));
 }

@@ -290,9 +290,9 @@ static void lay_out_carried(pmr_carried *ms, const pmr_state *st, const pmr_mach
     ROOM(u_old, y->drivers);
     ROOM(accelerations, y->modes);
     for (o = 0; o < 3; o++) {
-        ROOM(C[o], (size_t)y->rows * y->modes);
-        ROOM(H[o], (size_t)y->rows * y->ip);
-        ROOM(F[o], (size_t)y->rows * y->mp);
+        ROOM(tables.C[o], (size_t)y->rows * y->modes);
+        ROOM(tables.H[o], (size_t)y->rows * y->ip);
+        ROOM(tables.A[o], (size_t)y->rows * y->mp);
         ROOM(inertial[o], y->ip);
     }
     ROOM(factor, (size_t)y->rows * y->mp);

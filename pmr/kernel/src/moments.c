@@ -39,6 +39,54 @@ static void solve_three(const double *A, int transposed, const double *b, double
     if (solve_dense(3, matrix, x, room)) x[0] = x[1] = x[2] = NAN;
 }
 
+/* Rows of the contacts where the paths stand at step k, with their rates as the paths move; F of those that give way is
+   factorised: `failed` where these depend on each other. */
+static void place_moving(pmr_carried *ms, int64_t k)
+{
+    pmr_state *st = ms->state;
+    const pmr_system *y = st->system;
+    const pmr_machine *m = ms->machine;
+    const pmr_scheme *still = st->still;
+    const double *motions = m->motions + (size_t)k * 3 * y->motions, *rates = m->rates + (size_t)k * y->motions;
+    const size_t r = y->modes, i = y->ip, mp = y->mp, rows = y->rows;
+    moved *at = ms->paths;
+    int same = ms->past.rows_known, a, b, p;
+    for (p = 0; p < y->paths; p++) {
+        const int32_t motion = y->frame_paths[p];
+        const moved now = {motions[motion], rates[motion], motions[2 * y->motions + motion]};
+        same = same && at[p].at == now.at && at[p].rate == now.rate && at[p].second == now.second;
+        at[p] = now;
+        st->u_begun[p] = now.at;
+    }
+    if (same || !y->contacts) return;
+    ms->past.rows_known = 1;
+    st->placed = 0;
+    (void)place(st, still, st->u_begun); /* its tables; F of rigid contacts is singular */
+    for (p = 0; p < 3; p++) {
+        memset(ms->tables.C[p], 0, rows * r * sizeof(double));
+        memset(ms->tables.H[p], 0, rows * i * sizeof(double));
+        memset(ms->tables.A[p], 0, rows * mp * sizeof(double));
+    }
+    memcpy(ms->tables.C[0], y->C0, rows * r * sizeof(double));
+    memcpy(ms->tables.H[0], y->H0, rows * i * sizeof(double));
+    for (a = 0; a < y->rows && !y->whole; a++)
+        for (b = 0; b <= a; b++) ms->tables.A[0][a * mp + b] = ms->tables.A[0][b * mp + a] = y->F0[a * mp + b];
+    move_rows(st, still, at, &ms->tables);
+    ms->count = 0;
+    for (a = 0; a < y->contacts; a++)
+        if (!is_rigid(st, a)) ms->giving[ms->count++] = a;
+    st->placed = 0; /* a step has another A */
+    st->trouble = -1;
+    ms->failed = PMR_DONE;
+    for (a = 0; a < ms->count && !ms->failed; a++) {
+        for (b = 0; b <= a; b++) ms->right[b] = ms->tables.A[0][ms->giving[a] * mp + ms->giving[b]];
+        if (!factorise(ms->right, ms->factor, a, (int)mp)) {
+            ms->failed = PMR_DEPENDENT;
+            st->trouble = ms->giving[a];
+        }
+    }
+}
+
 /* Derivatives of a product: of an order, by how often the second factor is differentiated. */
 static const double BINOMIAL[3][3] = {{1.0, 0.0, 0.0}, {1.0, 1.0, 0.0}, {1.0, 2.0, 1.0}};
 
@@ -53,9 +101,9 @@ static void answer(pmr_carried *ms, const double *const z[3])
             const int row = ms->giving[a];
             double sum = 0.0;
             for (j = 0; j <= order; j++) { /* the derivative of C z - F lambda */
-                sum += BINOMIAL[order][j] * dot(ms->C[order - j] + (size_t)row * y->modes, z[j], 0, y->modes);
+                sum += BINOMIAL[order][j] * dot(ms->tables.C[order - j] + (size_t)row * y->modes, z[j], 0, y->modes);
                 for (b = 0; j < order && b < ms->count; b++)
-                    sum -= BINOMIAL[order][j] * ms->F[order - j][(size_t)row * y->mp + ms->giving[b]] *
+                    sum -= BINOMIAL[order][j] * ms->tables.A[order - j][(size_t)row * y->mp + ms->giving[b]] *
                            ms->lambda[j * y->mp + b];
             }
             lambda[a] = sum;
@@ -74,7 +122,7 @@ static void find_inertial(pmr_carried *ms, const double *const z[3])
         for (l = 0; l < y->inputs; l++) values[l] = dot(y->B + (size_t)l * y->modes, z[order], 0, y->modes);
         for (a = 0; a < ms->count; a++)
             for (j = 0; j <= order; j++)
-                add_share(values, ms->H[order - j] + (size_t)ms->giving[a] * y->ip,
+                add_share(values, ms->tables.H[order - j] + (size_t)ms->giving[a] * y->ip,
                           -BINOMIAL[order][j] * ms->lambda[j * y->mp + a], y->ip);
     }
 }
@@ -101,15 +149,15 @@ static void steiner(const double *A, double *inertia)
             inertia[3 * i + j] = (i == j ? 2.0 * (A[0] + A[4] + A[8]) : 0.0) - A[3 * i + j] - A[3 * j + i];
 }
 
-/* First moments of the sections (3, 3), where each moves by `along` and its points by mu_{., order}. */
-static void first_moments(const pmr_carried *ms, int order, int with_length, double *A)
+/* First moments of the sections (3, 3), where each moves along and its points by mu, at rates of an order. */
+static void first_moments(const pmr_carried *ms, int order, double *A)
 {
     const int S = ms->machine->sections;
     int k, l, j;
     for (l = 0; l < 9; l++) A[l] = 0.0;
     for (k = 0; k < S; k++) {
         const carried_section *c = ms->of + k;
-        const double along = with_length ? c->length[order] : 0.0;
+        const double along = c->length[order];
         for (l = 0; l < 3; l++) {
             A[3 * l] += along * c->own[l];
             for (j = 0; j < 3; j++) A[3 * l + j] += c->d[l] * c->mu[order][0][j] + c->mu[order][1 + l][j];
@@ -127,7 +175,7 @@ static void find_boom(pmr_carried *ms, int64_t k, const double *const z[3])
     boom_moments *boom = &ms->boom;
     double length[3] = {0.0, 0.0, 0.0}, A[9], second[9], rate[9];
     int n, i, j, l, o;
-    move_rows(ms, k);
+    place_moving(ms, k);
     answer(ms, z);
     find_inertial(ms, z);
     for (n = 0; n < m->sections; n++) {
@@ -178,9 +226,9 @@ static void find_boom(pmr_carried *ms, int64_t k, const double *const z[3])
             boom->s[2][j] += c->mu[2][0][j] + (j ? 0.0 : m->masses[n] * c->length[2]);
         }
     }
-    first_moments(ms, 1, 1, A);
+    first_moments(ms, 1, A);
     turning_of(A, boom->h);
-    first_moments(ms, 2, 1, A);
+    first_moments(ms, 2, A);
     turning_of(A, boom->h_rate);
     for (j = 0; j < 3; j++) {
         multiply_modes(m->rotating + (size_t)j * r * r, z[0], r, ms->product);

@@ -80,40 +80,27 @@ static void over_S(const pmr_system *y, const pmr_scheme *c, const double *x, in
     }
 }
 
-/* Inverse of a symmetric positive definite matrix (n, n) by Gauss and Jordan; 1 if it is singular. */
-static int invert(double *A, int n, double *inverse)
-{
-    int i, j, k;
-    memset(inverse, 0, (size_t)n * n * sizeof(double));
-    for (i = 0; i < n; i++) inverse[(size_t)i * n + i] = 1.0;
-    for (k = 0; k < n; k++) {
-        double *pivot = A + (size_t)k * n, *unit = inverse + (size_t)k * n, factor = 1.0 / pivot[k];
-        if (!(pivot[k] > 0.0)) return 1;
-        for (j = 0; j < n; j++) pivot[j] *= factor, unit[j] *= factor;
-        for (i = 0; i < n; i++) {
-            double *row = A + (size_t)i * n, *other = inverse + (size_t)i * n, share = row[k];
-            if (i == k || share == 0.0) continue;
-            for (j = 0; j < n; j++) row[j] -= share * pivot[j], other[j] -= share * unit[j];
-        }
-    }
-    for (i = 0; i < n; i++)
-        for (j = 0; j < i; j++) {
-            const double mean = 0.5 * (inverse[(size_t)i * n + j] + inverse[(size_t)j * n + i]);
-            inverse[(size_t)i * n + j] = inverse[(size_t)j * n + i] = mean;
-        }
-    return 0;
-}
-
-/* S^-1 of damping that couples modes, with `work` (r', r'); 1 if S is singular. */
+/* S^-1 of damping that couples modes, with `work` (2, r', r'); 1 if S is singular. */
 static int set_inverse(const pmr_system *y, pmr_scheme *c, double *work)
 {
     const size_t r = y->modes;
+    double *factor = work + r * r;
     size_t k, n;
     for (k = 0; k < r; k++)
         for (n = 0; n < r; n++)
             work[k * r + n] = y->damping[k * r + n] * (y->inertia[n] == 0.0 ? c->z_gain / c->h : c->v_gain);
     for (n = 0; n < r; n++) work[n * r + n] += is_fill(y, (int)n) ? 1.0 : y->inertia[n] + y->omega2[n] * c->z_gain;
-    return invert(work, (int)r, c->inverse);
+    for (k = 0; k < r; k++)
+        if (!factorise(work + k * r, factor, (int)k, (int)r)) return 1;
+    memset(c->inverse, 0, r * r * sizeof(double));
+    for (k = 0; k < r; k++) {
+        c->inverse[k * r + k] = 1.0;
+        solve(factor, (int)r, (int)r, c->inverse + k * r);
+    }
+    for (k = 0; k < r; k++)
+        for (n = 0; n < k; n++)
+            c->inverse[k * r + n] = c->inverse[n * r + k] = 0.5 * (c->inverse[k * r + n] + c->inverse[n * r + k]);
+    return 0;
 }
 
 static int set_scheme(const pmr_system *y, pmr_scheme *c, double h, double rho, double *work)

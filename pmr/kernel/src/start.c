@@ -349,48 +349,25 @@ static int is_resting(pmr_state *st, const double *free, double *x)
 static int find_giving(pmr_state *st, const double *free)
 {
     const pmr_system *y = st->system;
-    int32_t *giving = st->numbers;
-    double *F = st->scratch, *b = st->held, *lambda = b + y->mp, *factor;
-    int count = 0, k, l, failed;
-    problem c = {.pushes = st->wrong,
-                 .excess = b,
-                 .lambda = lambda,
-                 .closed = st->before_closed,
-                 .entries = st->entries,
-                 .factored = -1};
+    double *motion = st->held, *lambda = motion + y->mp;
+    problem c = problem_of(st, motion, lambda, st->before_closed);
+    int k, failed = PMR_DONE;
+    if (y->pushing || !is_resting(st, free, lambda)) {
+        for (k = 0; k < y->contacts; k++) { /* rigid ones stay open, as nothing is as far from its end */
+            const double *row = st->C + k * y->modes;
+            const int rigid = is_rigid(st, k);
+            c.closed[k] = !rigid && !y->pushes[k];
+            motion[k] = rigid ? -INFINITY : dot(row, st->z, 0, y->modes) + st->pushed[k] - y->clearance[k];
+        }
+        failed = settle(&c);
+    }
     for (k = 0; k < y->contacts; k++) {
-        st->lambda[k] = 0.0;
-        st->closed[k] = !y->pushes[k];
-        if (!is_rigid(st, k)) giving[count++] = k;
+        const int rigid = is_rigid(st, k);
+        st->lambda[k] = rigid || failed ? 0.0 : lambda[k];
+        st->closed[k] = rigid || failed || !y->pushing ? !y->pushes[k] : c.closed[k];
     }
-    if (!count) return PMR_DONE;
-    if (!y->pushing && is_resting(st, free, lambda)) {
-        for (k = 0; k < count; k++) st->lambda[giving[k]] = lambda[giving[k]];
-        return PMR_DONE;
-    }
-    factor = F + (size_t)count * count;
-    for (k = 0; k < count; k++) {
-        const double *row = st->C + giving[k] * y->modes;
-        b[k] = dot(row, st->z, 0, y->modes) + st->pushed[giving[k]] - y->clearance[giving[k]];
-        for (l = 0; l <= k; l++) F[(size_t)k * count + l] = st->A[giving[k] * y->mp + giving[l]];
-        st->wrong[k] = y->pushes[giving[k]];
-        st->before_closed[k] = !y->pushes[giving[k]];
-    }
-    c.rows = c.stride = count;
-    c.A = F;
-    c.factor = factor;
-    c.numbers = (int32_t *)(factor + (size_t)count * count);
-    c.wrong = c.numbers + count;
-    failed = settle(&c);
-    if (failed) {
-        st->trouble = failed == PMR_DEPENDENT ? giving[c.trouble] : -1;
-        return failed;
-    }
-    for (k = 0; k < count; k++) {
-        st->lambda[giving[k]] = lambda[k];
-        st->closed[giving[k]] = st->before_closed[k];
-    }
-    return PMR_DONE;
+    if (failed) st->trouble = failed == PMR_DEPENDENT ? c.trouble : -1;
+    return failed;
 }
 
 /* Of rigid contacts x with C C^T x = right (rows), zero at the others. */

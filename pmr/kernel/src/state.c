@@ -128,6 +128,7 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(s, y->paths);
     NUMBERS(s_rates, y->paths);
     NUMBERS(x, y->blocks);
+    st->moved_paths = take_room(r, y->paths, sizeof(moved));
     INTEGERS(interval, y->blocks);
     NUMBERS(C, m * n);
     NUMBERS(H, m * y->ip);
@@ -313,6 +314,19 @@ static int stand(pmr_state *st)
     find_load_energy(st);
     keep_end(st);
     return PMR_DONE;
+}
+
+/* Put a state back where it was, as `began` and `progress` have it, and return what has failed. */
+static int return_to(pmr_state *st, const pmr_progress *progress, int failed)
+{
+    const int trouble = st->trouble;
+    int failed_back;
+    memcpy(st->mark, st->began, st->saved * sizeof(double));
+    st->progress = *progress;
+    st->factored = -1;
+    failed_back = stand(st);
+    st->trouble = trouble;
+    return failed ? failed : failed_back;
 }
 
 static int state_restore(pmr_state *st, const void *bytes, size_t count, char *why)

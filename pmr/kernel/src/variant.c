@@ -7,10 +7,9 @@
 #include <string.h>
 
 #include "vectors.h"
-#include "carried.h"
 
-#include "scheme.c"
 #include "contact.c"
+#include "scheme.c"
 #include "rows.c"
 
 static void free_motion(pmr_state *st, const pmr_scheme *c);
@@ -27,10 +26,11 @@ INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums
 #include "substeps.c"
 #include "outputs.c"
 #include "state.c"
+#include "moving_rows.c"
 #include "linearize.c"
 #include "start.c"
 #include "advance.c"
-#include "moving_rows.c"
+#include "carried.h"
 #include "moments.c"
 #include "whole.c"
 #include "machine.c"
