@@ -42,11 +42,15 @@ HEIGHT = 1.5
 
 @dataclass(frozen=True)
 class Chart:
-    """Limits at one point, the loads that they allow, and error bars, in kg and (`bar`) as shares of the limits."""
+    """Limits at one point, the loads that they allow, and error bars, in kg and (`bar`) as shares of the limits.
+
+    `reduction` is the part of `error` that is due to reduction.
+    """
 
     limits: Sequence[Limit]
     load: Array
     error: Array
+    reduction: Array
     bar: Array
 
 
@@ -100,7 +104,7 @@ def chart(
     asked["limits"] = [one.model_dump(mode="json") for one in limits]
     cases = [{"weight": 1.0, "load": 1.0, "loads": {"wind": wind}}]
     found = allow_row(asked | {"cases": cases, "left": []}, {"postures": made}).arrays
-    load, error = found["load"][0][: len(limits)], found["error"][0][: len(limits)]
+    load, error, reduction = (found[name][0][: len(limits)] for name in ("load", "error", "error.reduction"))
     bar = np.full(len(limits), np.nan)
     for k, limit in enumerate(limits):
         if load[k] > 0.0:
@@ -109,7 +113,7 @@ def chart(
             if all(one.stands for one in pair):
                 low, high = place.share(limit)(States.of(pair))
                 bar[k] = abs(high - low) * error[k] / step
-    return Chart(limits, load, error, bar)
+    return Chart(limits, load, error, reduction, bar)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from pmr.errors import ConvergenceError, InputError, SimulationError
 from pmr.files import npz
 from pmr.scene import Scene
 from pmr.scene.model_ladder import model_comparison
+from pmr.scene.structures import PointMass
 from pmr.simulation.statics.equilibrium import buckling_factors
 from pmr.simulation.statics.loaded import Loaded
 from pmr.simulation.statics.postures import (
@@ -54,7 +55,8 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
 
     Arrays by the beginning of their names:
 
-    - ``reduced.``; with ``error`` also ``richer.``, of `richer_system`, and for beams ``finer.``, of a finer mesh.
+    - ``reduced.``; with ``error`` also ``richer.``, of `richer_system`, ``mass.``, of `postures_with_tip_mass`, and
+      for beams ``finer.``, of a finer mesh.
     - ``mended``: the share of the mesh's error that the finer mesh removes; ``too_stiff``: `stiffness_excess`.
     - ``reach`` (P,): length of the boom in m; ``tip`` (P, 3): the undeformed tip in m in the axes of the ground.
     - ``bent.``, outputs of `Bent`; ``turned.<angle>``, loads of `acceleration_loads`; ``contacts``, those of the system
@@ -83,6 +85,7 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
     if arguments["error"]:
         better = richer_system(scene, system, at, arguments["up_to"])
         arrays |= npz.arrays(Postures.of(scene, better, at), "richer.")
+        arrays |= npz.arrays(postures_with_tip_mass(scene, at, arguments["up_to"]), "mass.")
         if (finer := finer_mesh_system(scene)) is not None:
             arrays |= npz.arrays(Postures.of(scene, finer, at), "finer.")
             arrays["mended"] = np.array(1.0 - FINER**-ORDER)
@@ -126,6 +129,24 @@ def richer_system(scene: Scene, system: System, positions: Stands, up_to: float)
         loads.append(np.zeros_like(weight))
     bearing = [np.nan_to_num(contact_forces) for contact_forces in forces]
     return system_with_attachment_modes(system, places_of(system, few), bearing, loads)
+
+
+def postures_with_tip_mass(scene: Scene, positions: Stands, mass: float) -> Postures:
+    """Return the postures of the reduced model that a run has if its scene carries a `mass` in kg at its tip.
+
+    Its modes move that mass, so it has an error of its own.  The weight of the mass is taken out: the load of the
+    chart, `HOOK`, acts in its place.  The mass matrix keeps the mass.
+    """
+    last = scene.sections[-1]
+    masses = (*last.masses, PointMass(name=HOOK, on="tip", mass=mass))
+    with_mass = scene.model_copy(
+        update={"sections": (*scene.sections[:-1], last.model_copy(update={"masses": masses}))}
+    )
+    postures = Postures.of(with_mass, shared.reduced_system(with_mass), positions)
+    loads = {name: getattr(postures, name).copy() for name in ("f", "c", "machine_parts")}
+    for load_parts in loads.values():
+        load_parts[postures.parts.index(WEIGHT)] -= mass * load_parts[postures.parts.index(HOOK)]
+    return replace(postures, **loads)
 
 
 def stiffness_excess(scene: Scene, better: System, full: System, positions: Stands, up_to: float) -> float:
@@ -198,12 +219,13 @@ class ComparedModel:
 class ChartModels:
     """Postures of the reduced model (`reduced`) and of the models that it is compared with, None where there is none.
 
-    `better` is the reduced one with attachment modes, `finer` one on a finer mesh, `structural` a richer structural
-    model.
+    `enriched` is the reduced one with attachment modes, `with_tip_mass` that of a run with a mass at the tip,
+    `finer_mesh` one on a finer mesh, `structural` a richer structural model.
     """
 
     reduced: Postures
     enriched: Postures | None
+    with_tip_mass: Postures | None
     finer_mesh: Postures | None
     structural: Postures | None
     structural_label: str  # what the richer structural model is called, or why there is none
@@ -216,12 +238,11 @@ class ChartModels:
         """Collect the models from the results of `compute_postures` and, if there is one, `compute_richer_postures`."""
         arrays, model_arrays = needs["postures"].arrays, needs["model"].arrays if "model" in needs else {}
         reduced = npz.record(Postures, arrays, "reduced.")
-        better, finer = (_read_postures(arrays, name) for name in ("richer", "finer"))
+        enriched, with_tip_mass, finer = (_read_postures(arrays, name) for name in ("richer", "mass", "finer"))
         mended, above = (float(arrays.get(name, np.nan)) for name in ("mended", "too_stiff"))
-        called = str(model_arrays.get("called", model_arrays.get("reason", "")))
-        return cls(
-            reduced, better, finer, _read_postures(model_arrays, "model"), called, mended, above, arrays["reach"]
-        )
+        structural = _read_postures(model_arrays, "model")
+        label = str(model_arrays.get("called", model_arrays.get("reason", "")))
+        return cls(reduced, enriched, with_tip_mass, finer, structural, label, mended, above, arrays["reach"])
 
     @property
     def comparisons(self) -> dict[str, ComparedModel]:

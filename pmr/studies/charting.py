@@ -32,7 +32,6 @@ from pmr.studies.tasks import Arguments, Needs, TaskResult
 Array = NDArray[np.float64]
 
 #: Factors on the error that another model indicates; the second one where buckling decides (docs/load_chart.md).
-#: The error of reduction is doubled: a run with the load as a mass has other modes, and as large an error of its own.
 MARGIN, MARGIN_OF_BUCKLING = 1.25, 2.0
 #: Parts of an error bar.
 PARTS = ("reduction", "mesh", "model", "rotation")
@@ -84,11 +83,12 @@ class Chart:
         """Return for each limit the error (l,) in kg that reduction causes in its smallest load over all cases.
 
         `loads` (c, l) in kg are those that the reduced model allows at the k-th posture.  The error is a margin times
-        the difference to the smallest load that the richer model `ChartModels.enriched` allows.  For buckling and
-        stability that model is also taken to buckle by a share `ChartModels.stiffness_excess` too late, and the larger
-        difference counts.
+        the difference to the smallest load that the richer model `ChartModels.enriched` allows; for limits that are no
+        eigenvalues that to the load of `ChartModels.with_tip_mass` is added, times the margin.  For buckling and
+        stability the richer model is also taken to buckle by a share `ChartModels.stiffness_excess` too late, and the
+        larger difference counts.
         """
-        assert models.enriched is not None
+        assert models.enriched is not None and models.with_tip_mass is not None
         count, above = len(self.limits), models.stiffness_excess
         buckling = [number for number, limit in enumerate(self.limits) if limit.of == "buckling"]
         sooner = [self.limits[i].model_copy(update={"factor": self.limits[i].factor * (1.0 + above)}) for i in buckling]
@@ -101,9 +101,12 @@ class Chart:
         before = other.copy()
         before[buckling] = np.minimum(richer[count:-1], other[buckling])
         before[-1] /= 1.0 + above * (before[-1] < self.up_to)  # of one that is not met nothing is known
-        margins = [MARGIN_OF_BUCKLING if limit.kind.eigenvalue_load else 2.0 * MARGIN for limit in self.limits]
-        margins.append(MARGIN_OF_BUCKLING)
-        return np.asarray(np.array(margins) * np.maximum(np.abs(other - reduced), np.abs(before - reduced)))
+        at_rest = [n for n, limit in enumerate(self.limits) if limit.kind.eigenvalue_load is None]
+        margins = np.full(count + 1, MARGIN_OF_BUCKLING)
+        margins[at_rest] = MARGIN
+        error = margins * np.maximum(np.abs(other - reduced), np.abs(before - reduced))
+        error[at_rest] += MARGIN * self._differences(models.with_tip_mass, at_rest, k, loads)[:-1]
+        return np.asarray(error)
 
     def comparison_errors(self, models: ChartModels, part: str, k: int, loads: Array) -> Array:
         """Return for each limit the error (l,) in kg that mesh or structural model cause in its smallest load.
@@ -116,10 +119,17 @@ class Chart:
         error = np.full(loads.shape[1], np.nan)
         if (other := models.comparisons.get(part)) is not None:
             which = [n for n, limit in enumerate(self.limits) if part == "mesh" or limit.kind.in_richer_model]
-            compared, columns = replace(self, limits=[self.limits[n] for n in which]), [*which, len(self.limits)]
-            loads_of_other = compared.loads(compared.places(other.postures, k), loads[:, columns])
-            error[columns] = other.share * np.abs(self.least_loads(loads_of_other) - self.least_loads(loads)[columns])
+            error[[*which, -1]] = other.share * self._differences(other.postures, which, k, loads)
         return error
+
+    def _differences(self, other: Postures, which: Sequence[int], k: int, loads: Array) -> Array:
+        """Return the differences in kg of the smallest loads of the limits `which`, then of stability, of two models.
+
+        `loads` (c, l) in kg are those that the reduced model allows at the k-th posture; `other` is the second model.
+        """
+        compared, columns = replace(self, limits=[self.limits[n] for n in which]), [*which, len(self.limits)]
+        loads_of_other = compared.loads(compared.places(other, k), loads[:, columns])
+        return np.asarray(np.abs(self.least_loads(loads_of_other) - self.least_loads(loads)[columns]))
 
     def rotation_errors(self, places: Sequence[Place], loads: Array, reach: float) -> Array:
         """Return for each limit the error (l,) in kg that large rotations cause in its smallest load over all cases.

@@ -39,6 +39,20 @@ def test_the_allowed_load_in_a_run_has_the_limits_value(seed: int) -> None:
     assert [(kind, off, bar) for kind, _, off, bar in rows if not abs(off) <= bar + 1e-6] == []
 
 
+def test_the_bar_of_the_reduction_covers_a_run_whose_modes_move_the_load() -> None:
+    """A run with the load as a mass has other modes, so an error of its own: more of it than the chart."""
+    plain, extensions, angle = random_machine(11)
+    for part in plain["sections"]:
+        part["reduction"] = {"coordinates": 8}
+    found = chart(plain, extensions, angle, 200.0, 900.0)
+    number = next(k for k, one in enumerate(found.limits) if one.of == "stress")
+    limit, load = found.limits[number], float(found.load[number])
+    share, more = (run(plain, 200.0, mass).value(limit) / float(limit.most or 1.0) for mass in (load, 1.001 * load))
+    off = (share - 1.0) / (more - share) * 0.001 * load
+    assert 1e-3 < abs(off) <= found.reduction[number]
+    assert found.reduction[number] < 5.0 * abs(off)
+
+
 def planar(angle: float, base: float = 0.0) -> dict[str, Any]:
     """Two slender planar sections on a pin and a luffing cylinder, with many stations."""
     pads = [{"at": 0.2, "stiffness": 2e8, "unilateral": False}]
