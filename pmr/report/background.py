@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Sequence
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, ThreadPoolExecutor
@@ -17,6 +18,8 @@ from pmr.errors import environment
 from pmr.report.blocks import Figures, ReportFiles
 from pmr.results import RunResult
 
+#: A copy of this process has all that this one has imported; elsewhere than on Linux libraries forbid copies.
+START = "fork" if sys.platform == "linux" else "spawn"
 #: Results and their figures, in the order in which the second process drew them; empty in the first process.
 _drawings = list[tuple[RunResult, Figures]]()
 
@@ -39,7 +42,7 @@ class BackgroundReport:
         If no process can be started, this one draws in `write`.
         """
         if has_free_core():
-            pool = ProcessPoolExecutor(1, get_context("spawn"), _follow_parent)
+            pool = ProcessPoolExecutor(1, get_context(START), _follow_parent)
             with suppress(OSError):  # no process can be started: this one draws
                 self._turns.submit(pool.submit(_load).result)
                 self._pool = pool

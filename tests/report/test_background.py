@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
-import multiprocessing.context
+import multiprocessing.process
 import os
 import signal
 import subprocess
@@ -106,7 +106,7 @@ def test_where_no_process_can_be_started_this_one_writes_the_report(
     def refuse(process: object) -> None:
         raise BlockingIOError("Resource temporarily unavailable")
 
-    monkeypatch.setattr(multiprocessing.context.SpawnProcess, "start", refuse)
+    monkeypatch.setattr(multiprocessing.process.BaseProcess, "start", refuse)
     with BackgroundReport() as report:
         report.draw(boom)
         assert report.write([boom], tmp_path).html.is_file()

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import pytest
 
 from pmr.report import document, errors, sentences
-from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNumber, Picture
+from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNumber, Picture, Table
 from pmr.report.document import page as render
 from pmr.report.document import with_date, write_report
 from pmr.report.sections import chapter as case
@@ -346,3 +346,21 @@ def test_on_paper_figures_are_images_and_text_stays_as_it_is(monkeypatch: pytest
     shown = ElementTree.fromstring(base64.b64decode(image[1]))
     assert [element.tag.rpartition("}")[2] for element in shown.iter()] == ["svg", "path", "text"]
     assert ".pair embed {" in text and "<p>svg {</p>" in text and "<svg" not in text
+
+
+@pytest.mark.parametrize(
+    ("heights", "is_page", "columns"),
+    [
+        ((12, 7, 9, 8, 7, 11), False, (2, 2, 2)),
+        ((5, 5), False, (1, 1, 0)),
+        ((30, 1, 1), False, (1, 2, 0)),
+        ((9, 9), True, (1, 1)),
+    ],
+)
+def test_tables_stand_in_columns_in_their_order(
+    heights: tuple[int, ...], is_page: bool, columns: tuple[int, ...]
+) -> None:
+    tables = [Table(f"{k}", (("name", "value"),) * height) for k, height in enumerate(heights)]
+    found = Block("Provenance", tables=tables, page=is_page).columns
+    assert tuple(map(len, found)) == columns
+    assert [table for column in found for table in column] == tables
