@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 
 #: Ratio of a cylinder's largest stiffness about the pivot to its smallest above which a support is no stand-in for it.
 TURNED = 1.1
+#: Share of a cylinder's force across the boom that its force along the boom exceeds before a support lacks it.
+LEANING = 0.1
 
 #: Share of a pad's largest push, or of a tenth of the largest force of any pad if that is more, above which its pull is
 #: warned of.
@@ -359,21 +361,35 @@ def luffing_part(scene: Scene, response: Response) -> Part:
 
 
 def turning_warnings(scene: Scene, angles: Array) -> list[str]:
-    """A warning if a support with a stiffness stands in for a luffing cylinder whose stiffness varies; else nothing.
+    """A warning if a support with a stiffness stands in for a luffing cylinder that turns or leans; else nothing.
 
-    It is given if the cylinder's stiffness about the pivot varies by more than a factor of `TURNED` over the luffing
-    `angles` (T,) in rad.
+    The cylinder turns if its stiffness about the pivot varies by more than a factor of `TURNED` over the luffing
+    `angles` (T,) in rad.  It leans if its force along the boom exceeds `LEANING` times that across it.
     """
+    if scene.frame is None or scene.frame.cylinder is None:
+        return []
     names = [support.name for support in scene.sections[0].supports if support.stiffness != "rigid"]
     across = [name for name in supports_at_lug(scene) if name in names]
-    if not across or scene.frame is None or scene.frame.cylinder is None:
+    if not across:
         return []
     arm = np.abs(scene.frame.cylinder.length(angles)[1])
     factor = float(arm.max() / arm.min()) ** 2
-    if not factor > TURNED:
+    force_along, force_across = np.abs(scene.frame.cylinder.direction(angles)).T
+    leaning = float(np.max(force_along / np.maximum(force_across, 1e-9)))
+    differences = list[str]()
+    if factor > TURNED:
+        differences.append(
+            "is as stiff at all angles, where a cylinder's stiffness about the pivot changes by "
+            f"a factor of {factor:.2g}: deflections and frequencies are right at one angle alone"
+        )
+    if leaning > LEANING:
+        differences.append(
+            f"lacks the cylinder's force along the boom, up to {leaning:.2g} times that across it: normal and shear "
+            "forces of the base up to the lug are off, and so is its stress"
+        )
+    if not differences:
         return []
     return [
-        f"the support {across[0]!r} is as stiff at all angles, where a cylinder's stiffness about the pivot changes by "
-        f"a factor of {factor:.2g}: deflections and frequencies are right at one angle alone; "
-        "frame.cylinder.stiffness, in place of the support, turns with the boom"
+        f"the support {across[0]!r} {'; it '.join(differences)}; frame.cylinder.stiffness, in place of the support, "
+        "turns with the boom"
     ]

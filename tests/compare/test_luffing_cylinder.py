@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import turning_cylinder
 from turning_cylinder import Rigid, boom
 
 import pmr
@@ -82,7 +83,10 @@ def test_its_arm_is_what_the_length_grows_by() -> None:
 
 
 def test_a_support_in_its_place_has_a_warning_where_the_arm_changes() -> None:
-    """Arms of the triangle of pivot, foot and lug at both angles; none where the cylinder itself gives way."""
+    """Arms of the triangle of pivot, foot and lug at both angles; none where the cylinder itself gives way.
+
+    At any angle but a right one the cylinder presses along the boom, as a support across it does not.
+    """
     plain = boom(30.0, "beam2d", 1e7).model_dump(mode="json")
     turning = Scene.model_validate(plain)
     plain["frame"]["cylinder"]["stiffness"] = None
@@ -91,7 +95,18 @@ def test_a_support_in_its_place_has_a_warning_where_the_arm_changes() -> None:
     low, high = sorted(Rigid(angle).arm for angle in angles.tolist())
     (line,) = turning_warnings(Scene.model_validate(plain), angles)
     assert "'luff'" in line and f"by a factor of {(high / low) ** 2:.2g}:" in line
-    assert turning_warnings(turning, angles) == [] == turning_warnings(Scene.model_validate(plain), angles[:1])
+    assert turning_warnings(turning, angles) == []
+    (line,) = turning_warnings(Scene.model_validate(plain), angles[:1])
+    cylinder = (turning_cylinder.LUG * np.exp(1j * angles[0]) - turning_cylinder.FOOT) * np.exp(
+        -1j * angles[0]
+    )  # m, in axes of the boom
+    assert (
+        f"'luff' lacks the cylinder's force along the boom, up to {abs(cylinder.real / cylinder.imag):.2g} times"
+        in line
+    )
+    plain["frame"]["cylinder"]["foot"] = [1.5, -1.5]  # below the lug
+    plain["frame"]["cylinder"]["lug"] = [1.5, -0.3]
+    assert turning_warnings(Scene.model_validate(plain), np.zeros(1)) == []
 
 
 @pytest.mark.parametrize(("foot", "lug"), [([-1.0, 0.0], [1.0, 0.0]), ([0.5, -1.0], [0.0, 0.0])])
