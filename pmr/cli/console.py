@@ -96,8 +96,23 @@ def no_report(error: Exception, folder: Path) -> str:
 
 
 def ensure_writable(folder: Path, ours: Sequence[str] = ()) -> None:
-    """Create a folder if need be; raise InputError unless it, and files in it that match `ours`, can be written."""
+    """Create a folder if need be; raise InputError unless it, and files in it that match `ours`, can be written.
+
+    Where there are such files, it is not the root of the file system either.  A folder for a run's results, scene.json
+    among them, has results of a run or no file that a pattern among `ours` matches, for old ones are removed.
+    """
     try:
+        if ours and folder.resolve() == folder.resolve().parent:
+            raise InputError(
+                "command line", "--out", str(folder), "a folder below the root of the file system is allowed"
+            )
+        if "scene.json" in ours and not (folder / "scene.json").exists():
+            wide = [pattern for pattern in ours if "*" in pattern]
+            if other := next((file for pattern in wide for file in folder.glob(pattern)), None):
+                allowed = (
+                    f"a folder without files of others is allowed: results would replace {other.relative_to(folder)}"
+                )
+                raise InputError("command line", "--out", str(folder), allowed)
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass

@@ -244,7 +244,7 @@ def chart(
 
     file = scene_file(scene)
     folder = out_dir or Path("reports", f"chart_{scene.resolve().name if scene.is_dir() else file.stem}")
-    ensure_writable(folder)
+    ensure_writable(folder, (STUDY, "tasks/*.npz"))
     written = folder / STUDY
     if not written.exists():
         written.write_text(_study(file, load_any(file), up_to), encoding="utf-8")

@@ -64,6 +64,7 @@ OPTION = "--set"
 DEEPEST = 40
 LARGEST = 10**8  # bytes of a file
 LONGEST = 2**63  # TOML's integers have 64 bits
+TOO_LARGE = "integers of 64 bits are allowed"
 #: A dotted key of more words than `DEEPEST`, for which tomllib takes memory by the square of their number.
 _DEEP_KEY = re.compile(
     rf"""(?:^|[{{,])[ \t]*(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){{{DEEPEST}}}""", re.MULTILINE | re.ASCII
@@ -236,15 +237,20 @@ def tables(path: Path, what: str) -> dict[str, Any]:
 def _parse(text: str) -> dict[str, Any]:
     """Return the tables of a TOML text; raises ValueError if it is not TOML, or too deep or long."""
     with suppress(RecursionError):
-        if not _DEEP_KEY.search(text) and not _is_too_deep(data := tomllib.loads(text)):
-            return data
+        try:
+            if not _DEEP_KEY.search(text) and not _is_too_deep(data := tomllib.loads(text)):
+                return data
+        except tomllib.TOMLDecodeError:
+            raise
+        except ValueError:  # of Python, for integers of over 4300 digits
+            raise ValueError(TOO_LARGE) from None
     raise ValueError(f"at most {DEEPEST} tables or lists within each other are allowed")
 
 
 def _is_too_deep(data: Any, depth: int = DEEPEST) -> bool:
     """Whether tables and lists are nested more than `depth` deep; raises ValueError for integers of over 64 bits."""
     if isinstance(data, int) and not -LONGEST <= data < LONGEST:
-        raise ValueError("integers of 64 bits are allowed")
+        raise ValueError(TOO_LARGE)
     inner = data.values() if isinstance(data, dict) else data if isinstance(data, list) else None
     return inner is not None and (depth < 0 or any(_is_too_deep(entry, depth - 1) for entry in inner))
 

@@ -152,6 +152,10 @@ BAD = [
     (["run", SIMPLE, "--set", "reduction.snapshots=51", "--set", "time.end=0.1"], "at most 50"),
     (["run", SIMPLE, "--set", "mesh.elements=2", "--set", "reduction.modes=10"], "6 free coordinates; ask for fewer"),
     (["run", SIMPLE, "--out", "pyproject.toml"], "a folder that can be written to"),
+    (["run", SIMPLE, "--out", "/"], "--out = '/': a folder below the root of the file system is allowed"),
+    (["chart", "crane", "--up-to", "1e4", "--out", "/"], "a folder below the root of the file system is allowed"),
+    (["run", SIMPLE, "--set", f"time.end={'9' * 400}"], "integers of 64 bits are allowed"),
+    (["run", SIMPLE, "--set", f"time.end={'9' * 5000}"], "integers of 64 bits are allowed"),
     (["run", SIMPLE, SIMPLE], "names must differ"),
     (["export", "nowhere.npz"], "nowhere.npz: no such file"),
     (["export", SIMPLE], "not a system written by pmr"),
@@ -166,6 +170,15 @@ BAD = [
     (["--set", "a=1"], "No such option: --set"),
     (["frob"], "No such command 'frob'"),
 ]
+
+
+def test_tables_of_others_are_not_replaced(tmp_path: Path, monkeypatch, capsys) -> None:
+    """Old tables of a run are removed, so that a folder with tables and no run is another's."""
+    (tmp_path / "tables").mkdir()
+    (tmp_path / "tables" / "mine.csv").write_text("a,b\n")
+    done = called(monkeypatch, capsys, "run", SIMPLE, "--out", str(tmp_path))
+    assert done.returncode == 2 and "results would replace tables/mine.csv" in done.stderr
+    assert (tmp_path / "tables" / "mine.csv").read_text() == "a,b\n"
 
 
 @pytest.mark.parametrize(("arguments", "says"), BAD, ids=[" ".join(a)[:60] for a, _ in BAD])
