@@ -10,19 +10,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from benchmarks.scale import own_memory
-from pmr.report.figures.canvas import SERIES, WIDE, dots, key, log_axis, log_x, octave_axis, sheet
+from pmr.report.figures.canvas import SERIES, WIDE, add_legend, curve_style, log_axis, log_x, make_sheet, octave_axis
 from pmr.report.numbers import power_of_ten
 
 
 def growth(found: Mapping[str, Any]) -> Figure:
     """Draw the time of a step over the number of modes, and over the number of coordinates of the full beam."""
-    figure, axes = sheet(WIDE, 2.4, columns=2, gridspec_kw={"wspace": 0.22})
+    figure, axes = make_sheet(WIDE, 2.4, columns=2, gridspec_kw={"wspace": 0.22})
     for ax, name, above, label in (
         (axes[0, 0], "modes", 32, "Modes r (–)"),
         (axes[0, 1], "full", 100, "Coordinates of the full beam n (–)"),
     ):
         size, ns = np.array(found[name]["size"], float), np.array(found[name]["ns"])
-        ax.plot(size, ns, **(dots(0, 3.2) | {"linewidth": 0.0}))
+        ax.plot(size, ns, **(curve_style(0, 3.2) | {"linewidth": 0.0}))
         fitted = size[size >= above]
         line = np.exp(np.polyval(np.polyfit(np.log(fitted), np.log(ns[size >= above]), 1), np.log(fitted)))
         ax.plot(fitted, line, color=SERIES[0][0], linewidth=1.0)
@@ -34,14 +34,14 @@ def growth(found: Mapping[str, Any]) -> Figure:
 
 def offline(found: Mapping[str, Any]) -> Figure:
     """Draw the seconds of each stage over the number of coordinates, on one rank and on two."""
-    figure, axes = sheet(WIDE, 2.8)
+    figure, axes = make_sheet(WIDE, 2.8)
     ax, handles = axes[0, 0], []
     for number, stage in enumerate(("assemble", "snapshots", "pod", "project")):
         for ranks in sorted({record["ranks"] for record in found["records"]}):
             known = [(r["size"], r["seconds"][stage]) for r in found["records"]
                      if r["ranks"] == ranks and stage in r["seconds"]]  # fmt: skip
             if known:
-                look = dots(number, 3.2) | (
+                look = curve_style(number, 3.2) | (
                     {"markerfacecolor": SERIES[number][0]} if ranks == 1 else {"linestyle": ":"}
                 )
                 lines = ax.plot(*np.array(known).T, label={"pod": "POD"}.get(stage, stage), **look)
@@ -52,20 +52,22 @@ def offline(found: Mapping[str, Any]) -> Figure:
     log_axis(ax, float(seconds.min()), float(seconds.max()))
     ax.set_xlabel("Coordinates of the full model (–)")
     ax.set_ylabel("Time (s)")
-    key(figure, handles)
+    add_legend(figure, handles)
     return figure
 
 
 def scale(found: Mapping[str, Any]) -> Figure:
     """Draw the seconds of each stage and the memory over the number of coordinates, on one rank and on two."""
-    figure, axes = sheet(WIDE, 2.8, columns=2, gridspec_kw={"wspace": 0.22})
+    figure, axes = make_sheet(WIDE, 2.8, columns=2, gridspec_kw={"wspace": 0.22})
     done, handles = [record for record in found["records"] if record["seconds"]], []
     seconds = {"assembly": "assembly", "modes": "free modes", "flexibility": "flexibility"}
     for ranks in sorted({record["ranks"] for record in done}):
         records = [record for record in done if record["ranks"] == ranks]
         size = [record["size"] for record in records]
         for number, (stage, name) in enumerate({**seconds, "memory": "memory"}.items()):
-            look = dots(number, 3.2) | ({"markerfacecolor": SERIES[number][0]} if ranks == 1 else {"linestyle": ":"})
+            look = curve_style(number, 3.2) | (
+                {"markerfacecolor": SERIES[number][0]} if ranks == 1 else {"linestyle": ":"}
+            )
             value = [own_memory(r) / 1024.0 if stage == "memory" else r["seconds"][stage] for r in records]
             lines = axes[0, int(stage == "memory")].plot(size, value, label=name, **look)
             handles += lines if ranks == 1 else []
@@ -78,7 +80,7 @@ def scale(found: Mapping[str, Any]) -> Figure:
         log_axis(ax, float(values.min()), float(values.max()))
         ax.set_xlabel("Coordinates of the full model (–)")
         ax.set_ylabel(label)
-    key(figure, handles)
+    add_legend(figure, handles)
     return figure
 
 

@@ -9,7 +9,7 @@ from benchmarks import figures, messages
 from benchmarks.scale import own_memory
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
 from pmr.report.figures.canvas import drawing
-from pmr.report.numbers import SPACE, plain, quantity, significant
+from pmr.report.numbers import SPACE, format_input, format_quantity, significant
 
 STAGES = {
     "mesh": "mesh",
@@ -44,9 +44,11 @@ def scale(found: Mapping[str, Any], prefix: str) -> Chapter:
         anchor=prefix,
         title="",
         headline=f"{_memory(sum(largest['peak_MB']))} and {_took(largest['seconds']['total'])} from the mesh to the "
-        f"reduced model for {plain(largest['size'])} coordinates.",
+        f"reduced model for {format_input(largest['size'])} coordinates.",
         key_numbers=[
-            KeyNumber(_took(largest["seconds"]["total"]), f"{plain(largest['size'])} coordinates, {_ranks(largest)}"),
+            KeyNumber(
+                _took(largest["seconds"]["total"]), f"{format_input(largest['size'])} coordinates, {_ranks(largest)}"
+            ),
             KeyNumber(_memory(sum(largest["peak_MB"])), "peak memory of all its ranks"),
             KeyNumber(_each(largest), "for each coordinate"),
         ],
@@ -85,14 +87,14 @@ def shares(found: Mapping[str, Any], prefix: str) -> Chapter:
     share = messages.share(last)
     stages = [stage for stage in (*STAGES, "rest") if stage in share]
     by_stage = Grid(
-        f"Of the rank with most, {plain(last['size'])} coordinates on {last['ranks']} ranks.",
+        f"Of the rank with most, {format_input(last['size'])} coordinates on {last['ranks']} ranks.",
         ("stage", "columns solved", "messages", "collective calls", "sent"),
         tuple(
             (
                 STAGES.get(stage, stage),
-                plain(share[stage]["columns"]),
-                plain(share[stage]["messages"]),
-                plain(share[stage]["collectives"]),
+                format_input(share[stage]["columns"]),
+                format_input(share[stage]["messages"]),
+                format_input(share[stage]["collectives"]),
                 _sent(share[stage]["message_bytes"] + share[stage]["collective_bytes"]),
             )
             for stage in stages
@@ -104,8 +106,8 @@ def shares(found: Mapping[str, Any], prefix: str) -> Chapter:
         ("coordinates", "columns solved", "messages", "collective calls", "sent", *columns, "memory", "model"),
         tuple(
             (
-                f"{plain(record['size'])} {_on(record)}",
-                *(plain(messages.total(record, kind)) for kind in ("columns", "messages", "collectives")),
+                f"{format_input(record['size'])} {_on(record)}",
+                *(format_input(messages.total(record, kind)) for kind in ("columns", "messages", "collectives")),
                 _sent(messages.sent(record)),
                 *(
                     _took(messages.seconds(record, *network)) if record["ranks"] > 1 else ""
@@ -120,13 +122,14 @@ def shares(found: Mapping[str, Any], prefix: str) -> Chapter:
     return Chapter(
         anchor=prefix,
         title="",
-        headline=f"A rank of {last['ranks']} sends {_sent(messages.sent(last))} for {plain(last['size'])} coordinates.",
+        headline=f"A rank of {last['ranks']} sends {_sent(messages.sent(last))} for {format_input(last['size'])} "
+        "coordinates.",
         paragraphs=[
             "Messages, bytes and solved columns are counted, and memory is measured; nothing here depends on how many "
             "cores there are or how busy they are. Times are what all of a rank's messages take one after the other, "
             "with an assumed delay of each and an assumed speed of the network: "
             + "; ".join(
-                f"{name}: {quantity(latency, 's')}, {_sent(int(speed))} a second"
+                f"{name}: {format_quantity(latency, 's')}, {_sent(int(speed))} a second"
                 for name, (latency, speed) in messages.NETWORKS.items()
             )
             + ". A collective call counts as log2 of the ranks messages.",
@@ -138,14 +141,14 @@ def shares(found: Mapping[str, Any], prefix: str) -> Chapter:
 
 def _sent(amount: int) -> str:
     """Format a number of bytes."""
-    return quantity(float(amount), "B")
+    return format_quantity(float(amount), "B")
 
 
 def _seconds(done: Sequence[Mapping[str, Any]]) -> Grid:
     """Build the table of each stage's wall time."""
     rows = tuple(
         (
-            f"{plain(record['size'])} {_on(record)}",
+            f"{format_input(record['size'])} {_on(record)}",
             *(_took(record["seconds"][stage]) for stage in STAGES),
             _took(record["processor"]),
             " to ".join(significant(load, 2) for load in record["load"]),
@@ -159,7 +162,7 @@ def _peaks(done: Sequence[Mapping[str, Any]]) -> Grid:
     """Build the table of peak memory after each stage, by rank, and for each coordinate."""
     rows = tuple(
         (
-            f"{plain(record['size'])} {_on(record)}",
+            f"{format_input(record['size'])} {_on(record)}",
             *(_memory(sum(record["peak_MB_after"][stage])) for stage in STAGES if stage != "total"),
             _memory(max(record["peak_MB"])),
             _memory(sum(record["peak_MB"])),
@@ -188,7 +191,7 @@ def _exponents(found: Mapping[str, Mapping[str, float]]) -> Grid:
 
 def _agreement(found: Sequence[Mapping[str, Any]]) -> Grid:
     """Build the table of differences between the models of one rank and of two."""
-    rows = tuple((plain(one["size"]), *(significant(one[name], 2) for name in COMPARED)) for one in found)
+    rows = tuple((format_input(one["size"]), *(significant(one[name], 2) for name in COMPARED)) for one in found)
     caption = (
         "Largest relative difference between the models of one rank and of two: frequencies; modes; tables of the "
         "rows' flexibility G, of rows and inputs H, of outputs and rows X, over the largest "
@@ -201,7 +204,7 @@ def _agreement(found: Sequence[Mapping[str, Any]]) -> Grid:
 def _unfinished(records: Sequence[Mapping[str, Any]]) -> list[str]:
     """Sentences on the runs that did not finish or have notes."""
     return [
-        f"Cells of {plain(1e3 * record['cells'])}{SPACE}mm, {_ranks(record)}: {'; '.join(record['notes'])}."
+        f"Cells of {format_input(1e3 * record['cells'])}{SPACE}mm, {_ranks(record)}: {'; '.join(record['notes'])}."
         for record in records
         if record.get("notes")
     ]
@@ -219,7 +222,7 @@ def _ranks(record: Mapping[str, Any]) -> str:
 
 def _took(seconds: float) -> str:
     """Format a time given in s, from ten minutes on in min."""
-    return quantity(seconds, "s") if seconds < 600.0 else f"{significant(seconds / 60.0)}{SPACE}min"
+    return format_quantity(seconds, "s") if seconds < 600.0 else f"{significant(seconds / 60.0)}{SPACE}min"
 
 
 def _memory(megabytes: float) -> str:

@@ -10,7 +10,7 @@ from benchmarks.page_of_scale import scale, shares
 from benchmarks.waited_for import allowed
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
 from pmr.report.figures.canvas import drawing
-from pmr.report.numbers import SPACE, percent, plain, quantity, significant
+from pmr.report.numbers import SPACE, format_input, format_percent, format_quantity, significant
 
 WAYS = {
     "callbacks": "Exudyn, callbacks (the paper's way)",
@@ -33,12 +33,17 @@ def approaches(found: Mapping[str, Any], prefix: str) -> Chapter:
             grids.append(_ways(name, size, case))
     small = found["small"]
     rows = tuple(
-        (name, quantity(t["min"], "s"), quantity(t["median"], "s"), quantity(t["min"] / small["steps"], "s"))
+        (
+            name,
+            format_quantity(t["min"], "s"),
+            format_quantity(t["median"], "s"),
+            format_quantity(t["min"] / small["steps"], "s"),
+        )
         for name, t in small["seconds"].items()
     )
     caption = (
-        f"Six coordinates, evolved case: {plain(small['span'])}{SPACE}s in {plain(small['steps'])} steps, every step's "
-        "outputs kept."
+        f"Six coordinates, evolved case: {format_input(small['span'])}{SPACE}s in {format_input(small['steps'])} "
+        "steps, every step's outputs kept."
     )
     grids.append(Grid(caption, ("basis and outputs", "least", "median", "a step"), rows))
     grids.append(_in_exudyn(found["in_exudyn"]))
@@ -65,10 +70,10 @@ def _in_exudyn(found: Mapping[str, Any]) -> Grid:
         (
             WAYS.get(way, way),
             str(found["coordinates"][way]),
-            quantity(t["min"], "s"),
-            quantity(t["median"], "s"),
+            format_quantity(t["min"], "s"),
+            format_quantity(t["median"], "s"),
             _times(found["ratio"][way]["of_median"]) if way in found["ratio"] else "–",
-            percent(found["error"][way]),
+            format_percent(found["error"][way]),
         )
         for way, t in found["seconds"].items()
     ]
@@ -86,14 +91,16 @@ def _ways(name: str, size: str, case: Mapping[str, Any]) -> Grid:
         rows.append(
             (
                 WAYS[way],
-                quantity(times["min"], "s"),
-                quantity(times["median"], "s"),
+                format_quantity(times["min"], "s"),
+                format_quantity(times["median"], "s"),
                 _times(times["median"] / base["median"]),
-                "–" if difference is None else quantity(difference, "m", 2),
+                "–" if difference is None else format_quantity(difference, "m", 2),
             )
         )
     part = min(shares.values())
-    note = f" Callbacks: eight stretches that make up {percent(part)} of the time span, extrapolated." * (part < 1.0)
+    note = f" Callbacks: eight stretches that make up {format_percent(part)} of the time span, extrapolated." * (
+        part < 1.0
+    )
     repeats = max(times["repeats"] for times in found["seconds"].values())
     caption = f"{name.capitalize()} case, {case['coordinates'][size]} coordinates, {repeats} repeats.{note}"
     return Grid(caption, ("way", "least", "median", "over march", "difference"), tuple(rows))
@@ -102,19 +109,19 @@ def _ways(name: str, size: str, case: Mapping[str, Any]) -> Grid:
 def latency(found: Mapping[str, Any], prefix: str) -> Chapter:
     """Build the chapter about the time of one step from Python."""
     rows = tuple(
-        (name, *(quantity(1e-9 * times[q], "s") for q in ("median", "p99", "p99.9", "worst")))
+        (name, *(format_quantity(1e-9 * times[q], "s") for q in ("median", "p99", "p99.9", "worst")))
         for name, times in found["ns"].items()
     )
-    caption = f"Called from Python, {plain(found['calls'])} steps, the clock's own time taken off."
+    caption = f"Called from Python, {format_input(found['calls'])} steps, the clock's own time taken off."
     columns = ("model and outputs", "median", "99 %", "99.9 %", "worst")
     first = found["ns"]["r = 20, tip"]
     return Chapter(
         anchor=prefix,
         title="",
-        headline=f"{quantity(1e-9 * first['median'], 's', 2)} a step with 20 coordinates.",
+        headline=f"{format_quantity(1e-9 * first['median'], 's', 2)} a step with 20 coordinates.",
         key_numbers=[
-            KeyNumber(quantity(1e-9 * first["median"], "s"), "one step, 20 coordinates, median"),
-            KeyNumber(quantity(1e-9 * first["p99"], "s"), "99 of 100 steps take less"),
+            KeyNumber(format_quantity(1e-9 * first["median"], "s"), "one step, 20 coordinates, median"),
+            KeyNumber(format_quantity(1e-9 * first["p99"], "s"), "99 of 100 steps take less"),
             KeyNumber(_times(1e6 / first["median"]), "faster than the step of 1 ms"),
         ],
         paragraphs=[
@@ -128,16 +135,19 @@ def latency(found: Mapping[str, Any], prefix: str) -> Chapter:
 
 def fmu(found: Mapping[str, Any], prefix: str) -> Chapter:
     """Build the chapter about the time of one communication step of FMUs."""
-    rows = tuple((name, quantity(t["min"], "s"), quantity(t["median"], "s")) for name, t in found["seconds"].items())
+    rows = tuple(
+        (name, format_quantity(t["min"], "s"), format_quantity(t["median"], "s"))
+        for name, t in found["seconds"].items()
+    )
     caption = (
-        f"Seconds of the processor, {plain(found['steps'])} internal steps in a row: all inputs set, one step done, "
-        "all displacements read."
+        f"Seconds of the processor, {format_input(found['steps'])} internal steps in a row: all inputs set, one "
+        "step done, all displacements read."
     )
     name, first = next(iter(found["seconds"].items()))
     return Chapter(
         anchor=prefix,
         title="",
-        headline=f"{quantity(first['median'], 's', 2)} an internal step of the {name}.",
+        headline=f"{format_quantity(first['median'], 's', 2)} an internal step of the {name}.",
         blocks=[Block("FMI 2.0, called from C", grids=(Grid(caption, ("model", "least", "median"), rows),))],
     )
 
@@ -150,12 +160,12 @@ def growth(found: Mapping[str, Any], prefix: str) -> Chapter:
         "of more and more elements. Lines: fitted to the larger sizes."
     )
     rows = tuple(
-        (f"{size} {what}", f"{quantity(1e-9 * ns, 's')}", f"{quantity(1e-9 * ns / size, 's')}")
+        (f"{size} {what}", f"{format_quantity(1e-9 * ns, 's')}", f"{format_quantity(1e-9 * ns / size, 's')}")
         for what, key in (("modes", "modes"), ("coordinates (full beam)", "full"))
         for size, ns in zip(found[key]["size"], found[key]["ns"], strict=True)
     )
     others = tuple(
-        (f"{size} {what}", quantity(1e-9 * ns, "s"), quantity(1e-9 * (ns - found[key]["ns"][0]), "s"))
+        (f"{size} {what}", format_quantity(1e-9 * ns, "s"), format_quantity(1e-9 * (ns - found[key]["ns"][0]), "s"))
         for what, key in ((f"rows, {found['rows']['coordinates']} modes", "rows"),
                           (f"outputs, {found['outputs']['coordinates']} modes", "outputs"))
         for size, ns in zip(found[key]["size"], found[key]["ns"], strict=True)
@@ -164,7 +174,8 @@ def growth(found: Mapping[str, Any], prefix: str) -> Chapter:
     counts = zip(*(booms[key] for key in ("sections", "contacts", "coordinates")), strict=True)
     times = zip(*booms["seconds"].values(), strict=True)
     sections = tuple(
-        (*map(str, sizes), *(quantity(one, "s") for one in taken)) for sizes, taken in zip(counts, times, strict=True)
+        (*map(str, sizes), *(format_quantity(one, "s") for one in taken))
+        for sizes, taken in zip(counts, times, strict=True)
     )
     powers = ", ".join(f"{significant(power, 2)} ({name})" for name, power in booms["exponents"].items())
     said = (
@@ -204,14 +215,18 @@ def peer(found: list[Mapping[str, Any]], prefix: str) -> Chapter:
     blocks = []
     for one in known:
         rows = tuple(
-            (f"{'POD' if step == 'pod' else 'projection'}: {way}", quantity(t["min"], "s"), quantity(t["median"], "s"))
+            (
+                f"{'POD' if step == 'pod' else 'projection'}: {way}",
+                format_quantity(t["min"], "s"),
+                format_quantity(t["median"], "s"),
+            )
             for step, ways in one["seconds"].items()
             for way, t in ways.items()
         )
         agreement = tuple(
             (
                 {"qr_svd": "QR and SVD", "method_of_snapshots": "method of snapshots"}[method],
-                plain(a["modes"]),
+                format_input(a["modes"]),
                 significant(a["sigma"], 2),
                 significant(a["sigma_last"], 2),
                 significant(a["angle"], 2),
@@ -227,7 +242,7 @@ def peer(found: list[Mapping[str, Any]], prefix: str) -> Chapter:
             ("pyMOR's method", "modes", "σ / σ(1)", "last σ", "angle"),
             agreement,
         )
-        heading = f"{one['snapshots']} snapshots of {plain(one['size'])} coordinates"
+        heading = f"{one['snapshots']} snapshots of {format_input(one['size'])} coordinates"
         blocks.append(Block(heading, grids=(times, apart)))
     return Chapter(
         anchor=prefix,
@@ -249,7 +264,7 @@ def waited_for(found: Mapping[str, Mapping[str, Any]], prefix: str) -> Chapter:
         before = one["earlier"]
         figures = [_in_unit(one[key], one["unit"]) for key in ("before", "asked", "here")]
         quicker = [_in_unit(before, one["unit"]), _times(before / one["here"])] if before else ["–", "–"]
-        return (*figures, quantity(one["wall"], "s"), quantity(one["processor"], "s"), *quicker)
+        return (*figures, format_quantity(one["wall"], "s"), format_quantity(one["processor"], "s"), *quicker)
 
     held = {name: one["here"] <= allowed(one) for name, one in found.items()}
     rows = tuple(
@@ -274,13 +289,13 @@ def waited_for(found: Mapping[str, Mapping[str, Any]], prefix: str) -> Chapter:
 
 def _in_unit(value: float, unit: str) -> str:
     """Format a value with its unit."""
-    return quantity(value, unit) if unit else _times(value)
+    return format_quantity(value, unit) if unit else _times(value)
 
 
 def chart(found: Mapping[str, Mapping[str, float]], prefix: str) -> Chapter:
     """Build the chapter about the wall time of a load chart, report included."""
     columns = ("wall", "processor", "asked")
-    rows = tuple((name, *(quantity(one[column], "s") for column in columns)) for name, one in found.items())
+    rows = tuple((name, *(format_quantity(one[column], "s") for column in columns)) for name, one in found.items())
     cores = min(one["cores"] for one in found.values())
     text = (
         "A crane of three sections as beams in space at 40 extensions and 20 angles, with ten limits and error bars. "
@@ -297,14 +312,14 @@ def offline(found: Mapping[str, Any], prefix: str) -> Chapter:
     caption = "Seconds of each stage against the full model's coordinates; filled: one rank, open: two."
     rows = []
     for record in found["records"]:
-        seconds = (quantity(record["seconds"][s], "s") if s in record["seconds"] else "–" for s in STAGES)
+        seconds = (format_quantity(record["seconds"][s], "s") if s in record["seconds"] else "–" for s in STAGES)
         error = record.get("first_frequency_error")
         memory = record.get("peak_MB_a_rank")
         rows.append(
             (
-                f"{plain(record['size'])} on {record['ranks']}",
+                f"{format_input(record['size'])} on {record['ranks']}",
                 *seconds,
-                "–" if memory is None else f"{plain(round(memory))}{SPACE}MB",
+                "–" if memory is None else f"{format_input(round(memory))}{SPACE}MB",
                 "–" if error is None else significant(error, 2),
             )
         )

@@ -10,7 +10,7 @@ from typing import Any
 from benchmarks import pages
 from pmr.report.blocks import Block, Chapter, Grid, Table
 from pmr.report.document import render
-from pmr.report.numbers import SPACE, plain, quantity, significant
+from pmr.report.numbers import SPACE, format_input, format_quantity, significant
 
 #: Load of the machine, in processes that want to run, from which on times are called disturbed.
 BUSY = 0.5
@@ -75,14 +75,14 @@ def _requirements(judged: list[dict[str, Any]]) -> Grid:
 
 def _value(value: float, unit: str) -> str:
     """Format a value with its unit; ``ratio`` is printed with ×."""
-    return f"{significant(value, 3)}{SPACE}×" if unit == "ratio" else quantity(value, unit)
+    return f"{significant(value, 3)}{SPACE}×" if unit == "ratio" else format_quantity(value, unit)
 
 
 def _provenance(results: Mapping[str, Any]) -> list[Table]:
     """Build tables of the machine, and of the time taken and the machine's load by section."""
     about = results["about"]
-    took = tuple((pages.PAGES[name][0], quantity(one["seconds"], "s")) for name, one in about.items())
-    load = tuple((pages.PAGES[name][0], plain(round(one["load_before"], 2))) for name, one in about.items())
+    took = tuple((pages.PAGES[name][0], format_quantity(one["seconds"], "s")) for name, one in about.items())
+    load = tuple((pages.PAGES[name][0], format_input(round(one["load_before"], 2))) for name, one in about.items())
     commits = sorted({str(one["commit"]) for one in about.values()})
     machine = tuple(results["machine"].items()) + (("commit", ", ".join(commits)),)
     return [Table("Machine", machine), Table("Time taken", took), Table("Load when a section began", load)]

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from benchmarks.waited_for import allowed
-from pmr.report.numbers import plain
+from pmr.report.numbers import format_input
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,9 @@ def _scale(found: Mapping[str, Any]) -> Iterator[Requirement]:
     """Yield the requirements that models of one rank and of two agree."""
     for one in found["agreement"]:
         worst = max(value for name, value in one.items() if name != "size")
-        yield Requirement(f"shell of {plain(one['size'])} coordinates: one rank and two agree", worst, 1e-8, False, "")
+        yield Requirement(
+            f"shell of {format_input(one['size'])} coordinates: one rank and two agree", worst, 1e-8, False, ""
+        )
 
 
 def _latency(found: Mapping[str, Any]) -> Iterator[Requirement]:

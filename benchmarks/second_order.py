@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pmr
 from pmr import scene as scenes
-from pmr.compare.simulated import excitation_in
+from pmr.compare.simulated import excitation_of_scene
 from pmr.simulation.native import systems
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
@@ -28,7 +28,7 @@ def measure(scene: Path, changes: Sequence[str]) -> tuple[float, float]:
     """Seconds of a step of a scene with these settings, and its speed as a multiple of real time."""
     asked = scenes.load_any(scene, tuple(changes))
     system = pmr.reduce(asked).system
-    excitation = excitation_in(asked, system)
+    excitation = excitation_of_scene(asked, system)
     start = systems.start_of(system, excitation)
     seconds = min(systems.simulate(system, excitation, start).seconds for _ in range(TIMES))
     return seconds / excitation.stepping.steps, excitation.stepping.end / seconds

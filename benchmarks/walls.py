@@ -184,7 +184,7 @@ def moved(scene: Scene) -> Motion:
         reduction = part.reduction.model_copy(update={"coordinates": MODES})
         parts.append(part.model_copy(update={"reduction": reduction}))
     finer = comparable_scene(scene).model_copy(update={"sections": tuple(parts)})
-    return Motion.of(finer, reduced(finer))
+    return Motion.compute(finer, reduced(finer))
 
 
 def off(true: Mapping[str, Any], stated: Mapping[str, Any]) -> str:
@@ -201,7 +201,7 @@ def auto(first: int = 0, last: int = BOXES) -> None:
         start, outcome = time.process_time(), run(random_box(seed, {"model": "auto"}))
         assert outcome is not None  # as there is one rank
         result = outcome.result
-        own = Motion.of(result.scene, outcome.system, result.responses["reduced"])
+        own = Motion.compute(result.scene, outcome.system, result.responses["reduced"])
         true = model_budget(result.scene, own, moved(random_box(seed, SHELL)), "shell")
         held += largest_model_error(true) <= WITHIN
         chosen, stated = result.summary["chosen_model"], result.summary.get("budget", {}).get("model", {})

@@ -17,7 +17,7 @@ from pmr.system.system import System
 
 def estimate(model: ReducedModel, excitation: Excitation) -> estimates.Estimate:
     """Estimate the error of a reduced model of a body alone."""
-    return estimates.estimate({ALONE: model}, System.of(model), excitation)
+    return estimates.estimate_error({ALONE: model}, System.of(model), excitation)
 
 
 def step_error(body: SlidingBody, excitation: Excitation) -> steps.StepError:

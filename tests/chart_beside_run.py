@@ -13,7 +13,7 @@ from random_machines import G, random_machine
 
 from pmr.compare.forces import rope_forces
 from pmr.compare.moving_frame import second_order_effect
-from pmr.compare.responses import respond
+from pmr.compare.responses import evaluate_motion
 from pmr.files import npz
 from pmr.reduction.bodies import join_bodies, reduce_bodies
 from pmr.results import Response
@@ -146,7 +146,7 @@ class Run:
         if limit.of == "support":
             return self._support()
         if limit.of == "buckling":
-            return second_order_effect(self.scene, self.system.bodies).factor
+            return second_order_effect(self.scene, self.system.bodies).least_factor
         if limit.of == "frequency":
             excitation = Excitation.of(self.scene)
             x, c = places(self.system, excitation)[0], excitation.amplitudes(self.system.term_names)[0]
@@ -243,7 +243,7 @@ def run(plain: Mapping[str, Any], wind: float, mass: float) -> Run:
     system = join_bodies(scene, reduce_bodies(scene, shared.bodies_of(scene)))
     excitation = Excitation.of(scene)
     moved = systems.simulate(system, excitation, systems.start_of(system, excitation))
-    return Run(scene, system, with_forces_on_machine(scene, respond(system, moved)), mass)
+    return Run(scene, system, with_forces_on_machine(scene, evaluate_motion(system, moved)), mass)
 
 
 def beside(seed: int) -> list[tuple[str, float, float, float]]:

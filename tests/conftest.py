@@ -126,13 +126,13 @@ def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(drawing, "__code__", empty.__code__)  # many modules have the function itself
     monkeypatch.setattr(background, "has_free_core", lambda: False)  # another process would draw
-    monkeypatch.setattr(album, "develop", lambda shots: [b""] * len(shots))
+    monkeypatch.setattr(album, "render_shots", lambda shots: [b""] * len(shots))
 
 
 @pytest.fixture
 def undrawn(without_figures: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Replace PDFs by empty files too."""
-    monkeypatch.setattr(document, "print_page", lambda text, file: file.touch())
+    monkeypatch.setattr(document, "write_pdf", lambda text, file: file.touch())
 
 
 @pytest.fixture

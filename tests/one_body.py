@@ -122,7 +122,7 @@ def respond(body: SlidingBody, found: Trajectory, path_rate: Array, loads: Array
         surplus=found.surplus,
         rates=np.asarray(path_rate)[:, None],
     )
-    return evaluation.respond(system, whole)
+    return evaluation.evaluate_motion(system, whole)
 
 
 def displacement(body: SlidingBody, q: Array, s: Array, multipliers: Array, loads: Array) -> Array:

@@ -21,7 +21,7 @@ PETSC = ("petsc4py", "slepc4py", "mpi4py", "dolfinx_solver")  # which sets up th
 COMMAND = "import sys; from pmr.cli import main; sys.argv[0] = 'pmr'; main()"
 _NO_FIGURES = (
     "from pmr.report import album, background, blocks\nfrom pmr.report.figures import canvas\n"
-    "album.develop = lambda shots: [b''] * len(shots)\n"
+    "album.render_shots = lambda shots: [b''] * len(shots)\n"
     "background.has_free_core = lambda: False\n"  # another process would draw
     "canvas.drawing = lambda name, draw, caption, *_: blocks.Drawing(name, '<svg></svg>', caption)\n"
 )

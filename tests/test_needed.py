@@ -109,11 +109,11 @@ def test_libraries_of_weasyprint_are_looked_for_only_where_they_are_not_found_by
         return "found"
 
     monkeypatch.setattr(ctypes.util, "find_library", looked)
-    assert document.weasyprint().__file__.startswith(str(tmp_path)) and asked == ["pango"]
+    assert document.import_weasyprint().__file__.startswith(str(tmp_path)) and asked == ["pango"]
     assert ctypes.util.find_library is looked
     del sys.modules["weasyprint"]
     (tmp_path / "hidden" / "weasyprint.py").write_text("import ctypes.util\nctypes.util.find_library('pango')\n")
-    assert document.weasyprint().__file__.startswith(str(tmp_path)) and asked == ["pango"]
+    assert document.import_weasyprint().__file__.startswith(str(tmp_path)) and asked == ["pango"]
     assert ctypes.util.find_library is looked
     del sys.modules["weasyprint"]
 

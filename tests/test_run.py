@@ -44,7 +44,7 @@ def test_a_run_gives_its_result_on_rank_0(load_scene, tmp_path) -> None:
     assert set(summary["seconds"]["simulate"]) == {"march", "exudyn", "full", "ancf"}
     assert summary["estimate"]["by"] == "other model"
     assert 1.0 <= summary["estimate"]["beam"] / summary["errors"]["reduced_vs_full"]["beam"] < 2.0
-    assert result.tip_error is not None and result.tip_error.shape == (len(result.along), 1)
+    assert result.tip_error is not None and result.tip_error.shape == (len(result.abscissa), 1)
     assert all("change their sign with every step" in line for line in summary["warnings"])  # forces, behind kinks
     assert set(summary["agreement"]) == {"march_vs_exudyn"} and 0.0 < summary["agreement"]["march_vs_exudyn"] < 1e-11
     assert summary["simulators"] == {"reduced": "march", "full": "march"}

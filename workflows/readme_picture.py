@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from pmr.report.figures.canvas import style
-from pmr.report.figures.histories import Timeline, curves
+from pmr.report.figures.histories import Timeline, history_figure
 from pmr.results import RunResult
 
 REPORTS = Path(__file__).parents[1] / "reports"
@@ -12,5 +12,5 @@ with style():
     result = RunResult.load(REPORTS / "paper" / "paper_evolved")
     time = Timeline(result)
     tip = time.signals(lambda response: response.tip)
-    figure = curves(time, tip, "Displacement", "m", time.detail(tip))
+    figure = history_figure(time, tip, "Displacement", "m", time.detail(tip))
     figure.savefig(REPORTS / "readme.png", dpi=160, facecolor="white")

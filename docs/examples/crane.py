@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 import pmr
 from pmr.cli.app import app
-from pmr.report.document import page
+from pmr.report.document import render_runs
 from pmr.report.sections import chapter
 
 hooks = [150.0, 2400.0]  # kg
@@ -44,4 +44,4 @@ plt.show()
 # %%
 # The page of the last run's report, with the boom in its true position, to play.
 
-report = page([chapter(result, "crane")])
+report = render_runs([chapter(result, "crane")])

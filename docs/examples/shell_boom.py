@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import pmr
-from pmr.report.document import page
+from pmr.report.document import render_runs
 from pmr.report.sections import chapter
 
 coarse = ["mesh.size=0.15", "mesh.along=0.4", "time.end=3.0", "slider.path.times=[0.5, 1.5, 2.5]", "recovery.frames=31"]
@@ -42,4 +42,4 @@ plt.show()
 # %%
 # The page of the run's report, to play and to turn.
 
-report = page([chapter(result, "boom")])
+report = render_runs([chapter(result, "boom")])

@@ -206,8 +206,8 @@ def simulate(
     from pmr.compare.saved_model import simulate_saved
     from pmr.report import errors
     from pmr.results import RESULT_FILES
-    from pmr.results.tables import reactions
-    from pmr.results.tables import write as write_tables
+    from pmr.results.tables import reaction_table
+    from pmr.results.tables import write_tables as write_tables
     from pmr.system.system import System
 
     finish_swap(model.parent)
@@ -228,11 +228,11 @@ def simulate(
     table.add_row("largest displacement", f"{1e3 * summary['max_displacement']:.4g} mm")
     for name, force in zip(response.force_names, response.slider_force.T, strict=False):
         table.add_row(visible(name), f"{force.min():.4g} to {force.max():.4g} N")
-    for _, support, unit, least, _, _, most, *_ in reactions(result).rows:
+    for _, support, unit, least, _, _, most, *_ in reaction_table(result).rows:
         table.add_row(visible(f"reaction of {support}"), f"{least:.4g} to {most:.4g} {unit}")
     table.add_row("simulated in", ", ".join(f"{name} {s:.3g} s" for name, s in summary["seconds"]["simulate"].items()))
     out.print(table)
-    for sentence in filter(None, (errors.estimate(result), errors.step(result))):
+    for sentence in filter(None, (errors.estimate_sentence(result), errors.step_sentence(result))):
         tell(out, sentence)
     for warning in summary["warnings"]:
         tell(out, f"warning: {warning}")

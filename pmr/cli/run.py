@@ -188,7 +188,7 @@ def _save(folder: Path, of_all: Path, report: BackgroundReport, outcome: Outcome
     from pmr.report.blocks import REPORT_FILES
     from pmr.results import RESULT_FILES
     from pmr.results.pads import pads_over_time
-    from pmr.results.tables import write as write_tables
+    from pmr.results.tables import write_tables as write_tables
 
     result = outcome.result
     report.draw(result)
@@ -201,7 +201,7 @@ def _save(folder: Path, of_all: Path, report: BackgroundReport, outcome: Outcome
         outcome.save(new)
         bodies = {
             name: Travelling(fields, along, result.pose(fields.t))
-            for name, (fields, along) in result.travelling.items()
+            for name, (fields, along) in result.moving_fields.items()
         }
         if recovery is not None and recovery.series and bodies:
             write_series(new, "fields", bodies, pads_over_time(result))
@@ -233,10 +233,10 @@ def _print(outcome: Outcome) -> None:
 
     result, summary = outcome.result, outcome.result.summary
     sentences_of_run = [
-        errors.estimate(result),
-        errors.step(result),
-        errors.mesh(result),
-        errors.model(result),
+        errors.estimate_sentence(result),
+        errors.step_sentence(result),
+        errors.mesh_sentence(result),
+        errors.model_sentences(result),
     ]
     out.print(visible(result.scene.title), style="bold")
     carried = Table.grid(padding=(0, 2))
@@ -270,7 +270,7 @@ def _print_errors(error_rows: Sequence[Row]) -> None:
         above = row.comparison
         mark = f"{row.mark.symbol} {row.mark.text}" if row.mark else ""
         called = broken(f"  {row.place}" if row.place else row.comparison, NAMES + 12, "    ")
-        table.add_row(called, visible(row.here), *([row.published or "", mark] if published else []))
+        table.add_row(called, visible(row.value), *([row.published or "", mark] if published else []))
     out.print(table)
 
 

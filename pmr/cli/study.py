@@ -164,13 +164,13 @@ def _watch() -> Iterator[Watch]:
 
 def _tell(project: Project, outcome: Outcome) -> None:
     """Print the table, summary and warnings of each study that has results."""
-    from pmr.report.studies.runs import overview
+    from pmr.report.studies.runs import terminal_grid
 
     for part in project.parts:
         results = outcome.results[part.name]
         if all(run.status != "done" for run in results.runs):
             continue
-        grid = overview(results.runs, out.width // COLUMN, SHOWN_RUNS)
+        grid = terminal_grid(results.runs, out.width // COLUMN, SHOWN_RUNS)
         table = Table(title=visible(part.study.title), title_justify="left", caption=grid.caption, title_style="bold")
         for number, head in enumerate(grid.head):
             table.add_column(visible(head), justify="right" if number else "left", vertical="bottom")

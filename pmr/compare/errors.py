@@ -29,7 +29,7 @@ from pmr.system.body import SlidingBody, force_outputs, length_outputs, other_ou
 Array = NDArray[np.float64]
 #: Error of a signal against a reference of the same shape.
 Measure = Callable[[Array, Array], float]
-Observed = Callable[[Response], Array]
+ResponseFunction = Callable[[Response], Array]
 Pair = tuple[Array, Array]
 #: Of two responses, that of the model which comes later here is the reference.
 ORDER = ("reduced", "full", "ancf")
@@ -69,18 +69,18 @@ def relative_error(signal: Array, reference: Array) -> float:
         raise ValueError(f"shapes {signal.shape} and {reference.shape} differ")
     with np.errstate(over="ignore", invalid="ignore"):  # the difference may be infinite
         difference = signal - reference
-        scale, error = _lengths(reference), _lengths(difference)
+        scale, error = _norms_over_time(reference), _norms_over_time(difference)
         if not (np.isfinite(error).all() and LEAST < np.max(scale, initial=0.0) < np.inf):
-            unit = float(largest(reference, None))
-            refuse_infinite(np.array([unit, largest(signal, None)]))
+            unit = float(largest_absolute(reference, None))
+            refuse_infinite(np.array([unit, largest_absolute(signal, None)]))
             if unit == 0.0:
                 return float(np.any(signal))
-            scale, error = _lengths(reference / unit), _lengths(difference / unit)
+            scale, error = _norms_over_time(reference / unit), _norms_over_time(difference / unit)
     counted = scale > RELATIVE_FLOOR * float(scale.max())
     return float(np.mean(error[counted] / scale[counted]))
 
 
-def _lengths(values: Array) -> Any:
+def _norms_over_time(values: Array) -> Any:
     """Euclidean norm (...) over all T steps of each component of `values` (T, ...)."""
     return np.sqrt(np.einsum("t...,t...->...", values, values))
 
@@ -100,11 +100,11 @@ def absolute_error(signal: Array, reference: Array) -> float:
 
 def refuse_infinite(*values: Array) -> None:
     """Raise a SimulationError if any value in any of the arrays is NaN or infinite."""
-    if not all(np.isfinite(largest(array, None)) for array in values):
+    if not all(np.isfinite(largest_absolute(array, None)) for array in values):
         raise SimulationError("what was simulated is not finite: loads or motions are too large to be computed with")
 
 
-def largest(values: Array, axis: int | None = 0) -> Any:
+def largest_absolute(values: Array, axis: int | None = 0) -> Any:
     """Largest absolute value along `axis` (0: of each column), or of all entries if `axis` is None; NaN if one is NaN.
 
     It is computed from the maximum and the minimum, which saves the memory that an array of absolute values would take.
@@ -112,7 +112,7 @@ def largest(values: Array, axis: int | None = 0) -> Any:
     return np.maximum(values.max(axis=axis, initial=0.0), -values.min(axis=axis, initial=0.0))
 
 
-def observed_quantities(tips: int, along: slice) -> Mapping[str, Observed]:
+def observed_quantities(tips: int, along: slice) -> Mapping[str, ResponseFunction]:
     """Functions of a response that return the compared quantities of a body alone, (T, k) each, by name.
 
     ``tip`` is the last `tips` columns of the displacements in m, ``beam`` the columns `along` (these may include the
@@ -126,14 +126,14 @@ def observed_quantities(tips: int, along: slice) -> Mapping[str, Observed]:
 
 
 #: Compared quantities of a planar beam that is observed at its nodes, the last of which is its tip.
-AT_NODES = observed_quantities(1, slice(None))
+NODE_QUANTITIES = observed_quantities(1, slice(None))
 
 
 def errors_between(
     responses: Mapping[str, Response],
     measure: Measure = nrms,
     order: tuple[str, ...] = ORDER,
-    quantities: Mapping[str, Observed] = AT_NODES,
+    quantities: Mapping[str, ResponseFunction] = NODE_QUANTITIES,
 ) -> dict[str, dict[str, float]]:
     """Errors of all pairs of models, as ``{"reduced_vs_full": {"tip": ..., "beam": ..., "pad_force": ...}, ...}``.
 
@@ -156,7 +156,7 @@ def errors_of_pairs(pairs_of_models: Mapping[str, Mapping[str, Pair]], measure: 
 def compared_pairs(
     responses: Mapping[str, Response],
     order: tuple[str, ...] = ORDER,
-    quantities: Mapping[str, Observed] = AT_NODES,
+    quantities: Mapping[str, ResponseFunction] = NODE_QUANTITIES,
 ) -> dict[str, dict[str, Pair]]:
     """Pairs (signal, reference), each (T, o), which `errors_between` compares, by ``<a>_vs_<b>`` and quantity.
 
@@ -174,11 +174,11 @@ def compared_pairs(
         pairs_of_models[f"{a}_vs_{b}"] = {
             name: (what(compared_response), what(reference)) for name, what in quantities.items()
         }
-        pairs_of_models[f"{a}_vs_{b}"] |= _others(responses[a], responses[b], least_force)
+        pairs_of_models[f"{a}_vs_{b}"] |= _other_pairs(responses[a], responses[b], least_force)
     return pairs_of_models
 
 
-def _others(response: Response, reference: Response, force: float) -> dict[str, Pair]:
+def _other_pairs(response: Response, reference: Response, force: float) -> dict[str, Pair]:
     """Pairs (signal, reference), (T,) each, of probes, reactions and other outputs that both responses have, by name.
 
     A pair is replaced by zeros where neither of the two exceeds `RELATIVE_FLOOR` times the largest output in the same
@@ -186,7 +186,7 @@ def _others(response: Response, reference: Response, force: float) -> dict[str, 
     """
     units = dict(zip(response.other_names, response.other_units, strict=True))
     pairs = {name: (response.other(name), reference.other(name)) for name in units if name in reference.other_names}
-    sizes = {name: max(float(largest(values)) for values in pair) for name, pair in pairs.items()}
+    sizes = {name: max(float(largest_absolute(values)) for values in pair) for name, pair in pairs.items()}
     for name, pair in pairs.items():
         least = RELATIVE_FLOOR * max(size for other_name, size in sizes.items() if units[other_name] == units[name])
         least = max(least, force) if units[name] in ("N", "N m") else least
@@ -218,7 +218,7 @@ def _without_round_off(
     largest force.
     """
     x, y = zero_round_off(compared_response.displacement, reference.displacement, least)
-    size = max(float(largest(response.slider_force, None)) for response in (compared_response, reference))
+    size = max(float(largest_absolute(response.slider_force, None)) for response in (compared_response, reference))
     f, g = zero_round_off(compared_response.slider_force, reference.slider_force, max(force, ROUND_OFF * size))
     return replace(compared_response, displacement=x, slider_force=f), replace(
         reference, displacement=y, slider_force=g
@@ -230,7 +230,7 @@ def zero_round_off(signal: Array, reference: Array, round_off: float | Array) ->
 
     `round_off` is one value, or one for each column (o,), in the unit of the signals.
     """
-    moves = np.maximum(largest(signal), largest(reference)) > round_off
+    moves = np.maximum(largest_absolute(signal), largest_absolute(reference)) > round_off
     if moves.all():
         return signal, reference
     return np.where(moves, signal, 0.0), np.where(moves, reference, 0.0)
@@ -268,7 +268,7 @@ def _largest_motions(bodies: Mapping[str, SlidingBody], loads: Array, end: float
     for body in bodies.values():
         chosen, last = which(body), first + body.B.shape[1]
         A = _dynamic_stiffness(body, end)
-        reach += np.inf if A is None else _reach(A, body, loads[:, first:last])
+        reach += np.inf if A is None else _load_norm(A, body, loads[:, first:last])
         sizes.append(np.zeros(np.count_nonzero(chosen)) if A is None else _norms(A, dense(body.outputs)[chosen]))
         first = last
     sizes_of_outputs = np.concatenate(sizes)
@@ -292,7 +292,7 @@ def force_round_off(body: SlidingBody, loads: Array, end: float, s: float) -> fl
         give = give + np.diag(body.flexibility.rows(s))[rows]
     stiff = 1.0 / np.sqrt(give[give > 0.0])
     forces = _norms(A, dense(body.outputs)[force_outputs(body)])
-    return float(ROUND_OFF * np.concatenate([stiff, forces]).max(initial=0.0) * _reach(A, body, loads))
+    return float(ROUND_OFF * np.concatenate([stiff, forces]).max(initial=0.0) * _load_norm(A, body, loads))
 
 
 def _dynamic_stiffness(body: SlidingBody, end: float) -> Array | None:
@@ -314,7 +314,7 @@ def _norms(A: Array, rows: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(np.einsum("rn,nr->r", rows, np.linalg.solve(A, rows.T)), 0.0)))
 
 
-def _reach(A: Array, body: SlidingBody, loads: Array) -> float:
+def _load_norm(A: Array, body: SlidingBody, loads: Array) -> float:
     """Sum over all inputs i of the largest absolute load of `loads` (T, i) in N times the norm of its column of B.
 
     The norm is that of `_norms` with the matrix A.
@@ -376,7 +376,7 @@ def force_errors(
     return errors
 
 
-def band(y: Array, step: float) -> float:
+def band_limit(y: Array, step: float) -> float:
     """Frequency in Hz above which 1 % of signals y (T, o) lies, by their RMS; 0 if all of them are constant.
 
     `step` is the time between samples in s.
@@ -391,16 +391,16 @@ def band(y: Array, step: float) -> float:
     return float(np.flatnonzero(above > 1e-4 * above[0])[-1] / (count * step))
 
 
-def band_of(response: Response) -> float:
-    """Band in Hz of the motion of a response: `band` of the last displacement, which is the tip's.
+def band_of_response(response: Response) -> float:
+    """Band in Hz of the motion of a response: `band_limit` of the last displacement, which is the tip's.
 
     It is that of all displacements if the tip moves by no more than round-off, as on a support.
     """
     tip, step = response.displacement[:, -1:], float(response.t[1] - response.t[0])
-    return band(tip if np.ptp(tip) > response.round_off else response.displacement, step)
+    return band_limit(tip if np.ptp(tip) > response.round_off else response.displacement, step)
 
 
-def error_below(signal: Array, reference: Array, step: float, highest: float) -> float:
+def error_below_frequency(signal: Array, reference: Array, step: float, highest: float) -> float:
     """`relative_error` of a signal (T, o) against a reference, both without what they have above `highest` in Hz.
 
     `step` is the time between samples in s.

@@ -27,26 +27,26 @@ from numpy.typing import NDArray
 from pmr.compare.errors import ROUND_OFF, errors_between, relative_error
 from pmr.compare.outputs import (
     OUTPUT_KINDS,
-    Floors,
     Outputs,
-    along_path,
+    RoundOffBounds,
+    boom_quantities,
     differences,
-    impulsive,
-    in_parts,
+    divide_steps,
+    has_impulsive_force,
+    only_body_motion,
     outputs_of_response,
     probe_differences,
-    quantities_of_boom,
     run_from_start,
 )
-from pmr.compare.responses import respond
+from pmr.compare.responses import evaluate_motion
 from pmr.compare.trust import (
     LOAD_JUMPS,
     ROWS_LEFT_OUT,
     SLIDER_IMPACTS,
     SLIDER_RINGING,
     UNSETTLED_KINDS,
-    jumps_damped,
-    rings,
+    has_damped_jump,
+    is_ringing,
 )
 from pmr.constraints.polynomials import columns, evaluate
 from pmr.constraints.rows import Row
@@ -94,19 +94,19 @@ class Estimate:
     unknown: Mapping[str, str] = field(default_factory=dict)  # kinds without an estimate, and why, in words
     scatter: str = ""  # sentence about peak forces (`describe_scatter`) where these are not settled, else empty
 
-    def of(self, kind: str) -> float:
+    def error_of(self, kind: str) -> float:
         """Error of one kind of output, a fraction with margin; 0 where there is no estimate of it."""
         return self.errors.get(kind, 0.0)
 
     @property
     def beam(self) -> float:
         """Error over all displacements, a fraction with margin."""
-        return self.of("beam")
+        return self.error_of("beam")
 
     @property
     def tip(self) -> float:
         """Error of the tip's displacements, a fraction with margin."""
-        return self.of("tip")
+        return self.error_of("tip")
 
     @property
     def largest(self) -> float:
@@ -114,15 +114,22 @@ class Estimate:
         return float(MARGIN * np.abs(self.error).max())
 
 
-def no_estimate(models: Models) -> str | None:
+def reason_without_estimate(models: Models) -> str | None:
     """Why errors of bodies with these models can't be estimated, in words; None if they can.
 
     `models` are by body.
     """
-    return next((f"{name}: {why}" if name else why for name, model in models.items() if (why := _defect(model))), None)
+    return next(
+        (
+            f"{name}: {why}" if name else why
+            for name, model in models.items()
+            if (why := _reason_without_estimate_of(model))
+        ),
+        None,
+    )
 
 
-def _defect(model: ReducedModel) -> str | None:
+def _reason_without_estimate_of(model: ReducedModel) -> str | None:
     """Why the error of one model can't be estimated, in words; None if it can."""
     if model.flexibility is None:
         return (
@@ -140,7 +147,7 @@ def _defect(model: ReducedModel) -> str | None:
 
 
 @dataclass(frozen=True)
-class _Simulated:
+class _Simulation:
     """A system, its motion in a run, the response to that motion and its outputs."""
 
     system: System
@@ -149,16 +156,16 @@ class _Simulated:
     outputs: Outputs
 
     @classmethod
-    def of(
+    def simulate(
         cls,
         system: System,
         excitation: Excitation,
         run: SystemTrajectory | None = None,
         response: Response | None = None,
-    ) -> _Simulated:
+    ) -> _Simulation:
         """Simulate the system under the excitation and evaluate its outputs; `run` and `response` are not repeated."""
         run = run or run_from_start(system, excitation)
-        response = response or respond(system, run)
+        response = response or evaluate_motion(system, run)
         return cls(system, run, response, outputs_of_response(system, run, excitation, response))
 
 
@@ -169,15 +176,17 @@ class _Difference:
     In doubt are kinds in which two richer models disagree.
     """
 
-    missing: Outputs  # of the richer model minus those of the model
-    better: _Simulated
+    difference: Outputs  # of the richer model minus those of the model
+    richer: _Simulation
     enrichment: int  # modes of each body that it has more, at most
-    named: Mapping[str, float] = field(default_factory=dict)  # errors by name (`_errors_by_name`), without margin
+    errors_by_name: Mapping[str, float] = field(
+        default_factory=dict
+    )  # errors by name (`_errors_by_name`), without margin
     unsettled: Collection[str] = ()  # kinds in which two richer models disagree
     scatter: str = ""  # as in `Estimate`
 
 
-def estimate(
+def estimate_error(
     models: Models,
     system: System,
     excitation: Excitation,
@@ -189,16 +198,16 @@ def estimate(
     `models` are the reduced models by body, on their modes alone; `system` has further coordinates where there are
     cylinders (`pmr.reduced.attachment`).  Its `run` under the excitation and its `response` are computed unless they
     are passed.  The second run, and a third one where pads lift off, divide each step into the same parts as `run`.
-    Raises ValueError if there is no estimate (`no_estimate`); InputError or SimulationError as for
+    Raises ValueError if there is no estimate (`reason_without_estimate`); InputError or SimulationError as for
     `pmr.simulation.Simulator`; SimulationError too if the two richer models disagree on the motion after an impact.
     """
     begin = time.perf_counter()
-    if why := no_estimate(models):
+    if why := reason_without_estimate(models):
         raise ValueError(f"no estimate: {why}")
-    first = _Simulated.of(system, excitation, run, response)
-    outputs_of_run, floors = first.outputs, Floors.of(system, excitation, first.run.forces)
+    first = _Simulation.simulate(system, excitation, run, response)
+    outputs_of_run, floors = first.outputs, RoundOffBounds.for_system(system, excitation, first.run.forces)
     difference = _attachment_difference(models, first, excitation, floors)
-    better = outputs_of_run.plus(difference.missing)
+    better = outputs_of_run.plus(difference.difference)
     kinds = [kind for kind in dict.fromkeys((*OUTPUT_KINDS, *outputs_of_run.kinds)) if kind != "probe"]
     largest, of_probes = (
         differences(outputs_of_run, better, floors, kinds),
@@ -206,17 +215,17 @@ def estimate(
     )
     largest |= {"probe": float(of_probes.max())} if len(of_probes) else {}
     unknown = {kind: UNSETTLED_KINDS[kind] for kind in difference.unsettled}
-    indicator, error = None, difference.missing.displacement
+    indicator, error = None, difference.difference.displacement
     for model in [models[ALONE]] if ALONE in models else []:
-        if why := _no_forces(model, excitation, outputs_of_run, better):
+        if why := _reason_without_forces(model, excitation, outputs_of_run, better):
             unknown.setdefault("pad_force", why)
-        body, motion = along_path(difference.better.system, difference.better.run, excitation)
+        body, motion = only_body_motion(difference.richer.system, difference.richer.run, excitation)
         indicator = chi(body, motion, excitation.forces(body.input_names), model.size)
     probes = dict(zip(_probes(system), (MARGIN * of_probes).tolist(), strict=True))
     return Estimate(
         errors={
             name: MARGIN * size
-            for name, size in {**difference.named, **largest}.items()
+            for name, size in {**difference.errors_by_name, **largest}.items()
             if name.removesuffix("_between_kinks") not in unknown
         },
         probes={} if "probe" in unknown else probes,
@@ -226,25 +235,27 @@ def estimate(
         by="attachment",
         enrichment=difference.enrichment,
         chi=indicator,
-        bodies=_errors_along(system, outputs_of_run.displacement, error),
+        bodies=_errors_by_section(system, outputs_of_run.displacement, error),
         unknown=unknown,
         scatter=difference.scatter,
     )
 
 
-def _no_forces(model: ReducedModel, excitation: Excitation, of_run: Outputs, better: Outputs) -> str | None:
+def _reason_without_forces(model: ReducedModel, excitation: Excitation, of_run: Outputs, better: Outputs) -> str | None:
     """Why forces of sliders and pads of a body alone have no estimate, in words; None if they have one.
 
     `of_run` are the outputs of the model, `better` those of the richer one.
     """
-    if impulsive(model, excitation):
+    if has_impulsive_force(model, excitation):
         return SLIDER_IMPACTS
-    if model.moving and jumps_damped(model, excitation.signals, excitation.stepping.end):
+    if model.moving and has_damped_jump(model, excitation.signals, excitation.stepping.end):
         return LOAD_JUMPS
-    return SLIDER_RINGING if of_run.force.size and rings(of_run.force, better.force) else None
+    return SLIDER_RINGING if of_run.force.size and is_ringing(of_run.force, better.force) else None
 
 
-def _attachment_difference(models: Models, first: _Simulated, excitation: Excitation, floors: Floors) -> _Difference:
+def _attachment_difference(
+    models: Models, first: _Simulation, excitation: Excitation, floors: RoundOffBounds
+) -> _Difference:
     """Simulate the richer model, with enrichment and attachment modes, and return its difference to the first run.
 
     Attachment modes are for the contact forces and loads of the first run, whose parts of each step are used again.  If
@@ -254,19 +265,19 @@ def _attachment_difference(models: Models, first: _Simulated, excitation: Excita
     displacements.
     """
     if not excitation.stepping.schedule:
-        excitation = in_parts(first.system, excitation, first.run)
-    loads = loads_carried(first.system, first.run)
+        excitation = divide_steps(first.system, excitation, first.run)
+    loads = carried_loads(first.system, first.run)
 
     count = max(0 if model.enrichment is None else model.enrichment.count for model in models.values())
     left_out = LEFT_OUT
 
-    def richer(count: int) -> _Simulated:
+    def richer(count: int) -> _Simulation:
         """Simulate models with up to `count` enrichment modes of each body."""
         bodies = {
             name: with_attachment_modes(_with_enrichment(model, count), loads[name], left_out)
             for name, model in models.items()
         }
-        return _Simulated.of(first.system.with_bodies(bodies), excitation)
+        return _Simulation.simulate(first.system.with_bodies(bodies), excitation)
 
     while True:
         try:
@@ -288,14 +299,14 @@ def _attachment_difference(models: Models, first: _Simulated, excitation: Excita
     errors_of_first, apart = (
         differences(richer_run.outputs, better.outputs, floors, kinds) for richer_run in (first, other)
     )
-    unknown = [kind for kind in kinds if not settled(errors_of_first[kind], apart[kind])]
+    unknown = [kind for kind in kinds if not are_settled(errors_of_first[kind], apart[kind])]
     if "pad_force" not in unknown:  # which all other forces balance
         unknown = [kind for kind in unknown if kind in OUTPUT_KINDS]
     peaks = [float(richer_run.run.forces[:, pushing].max()) for richer_run in (first, better, other)]
     # Where they disagree on forces, what they differ by in displacements has to be within the estimate's margin.
     stricter = SETTLED / (MARGIN - 1.0) if "pad_force" in unknown else 1.0
     for kind in ("beam", "tip"):
-        if not settled(errors_of_first[kind], stricter * apart[kind]):
+        if not are_settled(errors_of_first[kind], stricter * apart[kind]):
             raise UnsettledError(errors_of_first[kind], apart[kind], peaks)
     scatter_text = describe_scatter(peaks) if "pad_force" in unknown else ""
     return _Difference(missing, better, count, named, unknown, scatter_text)
@@ -312,11 +323,11 @@ def _errors_by_name(response: Response, better: Response, excitation: Excitation
 
     They include reactions and probes by name, and forces of each kind between kinks of extensions.
     """
-    responses, measured = {"reduced": response, "full": better}, quantities_of_boom(excitation, response)
+    responses, measured = {"reduced": response, "full": better}, boom_quantities(excitation, response)
     return errors_between(responses, relative_error, quantities=measured)["reduced_vs_full"]
 
 
-def _errors_along(system: System, displacement: Array, error: Array) -> dict[str, float]:
+def _errors_by_section(system: System, displacement: Array, error: Array) -> dict[str, float]:
     """Error along each body by its name, a fraction with margin; empty for a body alone.
 
     `displacement` (T, o) in m are those of all bodies, `error` (T, o) in m what is missing in them.
@@ -333,21 +344,23 @@ def _probes(system: System) -> list[str]:
     return [named(name, probe) for name, body in system.bodies.items() for probe in column_names(body).others]
 
 
-def by_other(system: System, better: ReducedModel, excitation: Excitation) -> Estimate:
+def estimate_by_other_model(system: System, better: ReducedModel, excitation: Excitation) -> Estimate:
     r"""Estimate the error of a body alone on any basis by another model of the same body whose error can be estimated.
 
     .. math:: \lVert y - y_r \rVert \le \lVert y_b - y_r \rVert + \lVert y - y_b \rVert
 
     with the exact outputs y, the outputs y_r of `system`, and y_b those of `better`, a model on free modes with
     residual flexibility; the last term is the estimate for `better`.  Raises ValueError, InputError and SimulationError
-    as `estimate` of the other model does.
+    as `estimate_error` of the other model does.
     """
     begin = time.perf_counter()
     terms = () if system.terms_of is None else system.terms_of({ALONE: better})
     systems = [system, replace(System.of(better), terms=terms)]
-    of_better = estimate({ALONE: better}, systems[1], excitation)
-    of_model, other, lacking = _with_common_forces(*(_Simulated.of(simulated, excitation) for simulated in systems))
-    floors, errors_of_better = Floors.of(systems[1], excitation), dict(of_better.errors)
+    of_better = estimate_error({ALONE: better}, systems[1], excitation)
+    of_model, other, lacking = _with_common_forces(
+        *(_Simulation.simulate(simulated, excitation) for simulated in systems)
+    )
+    floors, errors_of_better = RoundOffBounds.for_system(systems[1], excitation), dict(of_better.errors)
     apart = differences(of_model, other, floors)
     of_probes = dict(zip(_probes(systems[0]), probe_differences(of_model, other, floors).tolist(), strict=True))
     left_out = {"left out": ROWS_LEFT_OUT.format(", ".join(lacking))} if lacking else {}
@@ -362,7 +375,7 @@ def by_other(system: System, better: ReducedModel, excitation: Excitation) -> Es
     )
 
 
-def _with_common_forces(first_run: _Simulated, second_run: _Simulated) -> tuple[Outputs, Outputs, list[str]]:
+def _with_common_forces(first_run: _Simulation, second_run: _Simulation) -> tuple[Outputs, Outputs, list[str]]:
     """Outputs of both runs with only the forces that occur in both, and the names of all other forces.
 
     A force occurs in one run only if a basis does not move the row of its contact, which is then left out of the model.
@@ -408,7 +421,7 @@ SETTLED = 0.5
 ANSWERED_STEPS = 20_000
 
 
-def loads_carried(system: System, run: SystemTrajectory) -> dict[str, sp.csr_matrix]:
+def carried_loads(system: System, run: SystemTrajectory) -> dict[str, sp.csr_matrix]:
     """Forces of contacts and loads on the carriers and inputs of each body in a run, (S, K + i) in N, by body.
 
     S is the number of steps, at most `ANSWERED_STEPS`; K is the number of carriers of the body, i that of its inputs.
@@ -463,7 +476,7 @@ def lifts_off(forces: Array) -> bool:
     return bool(np.any(pushed.any(axis=0) & ~pushed.all(axis=0)))
 
 
-def settled(error: float, apart: float) -> bool:
+def are_settled(error: float, apart: float) -> bool:
     """Whether two richer models differ little enough, by `apart`, for an estimate of the error `error`; fractions.
 
     They do if `apart` is at most `SETTLED` times the error, or if the error is round-off.
@@ -519,17 +532,17 @@ def system_with_attachment_modes(system: System, x: Array, forces: Sequence[Arra
     Raises
     ------
     InputError
-        If the models don't hold what attachment modes need (`no_estimate`).
+        If the models don't hold what attachment modes need (`reason_without_estimate`).
     """
     models = system.modal
-    if why := no_estimate(models):
+    if why := reason_without_estimate(models):
         raise InputError(
             "scene", "reduction.estimate", None, f"models with an estimate of their error are allowed: {why}"
         )
     bodies, first = {}, 0
     for name, model in models.items():
         last, carriers = first + len(model.input_names), model.carriers
-        assert carriers is not None  # as `no_estimate` says
+        assert carriers is not None  # as `reason_without_estimate` says
         on = system.sides_of(name)
         rows = [system.row(system.sides[number].place) for number in on]
         pressing = [

@@ -11,10 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from pmr.compare.estimate import MARGIN, Estimate, UnsettledError, by_other, estimate, no_estimate
-from pmr.compare.model_part import FREQUENCIES, frequency_error, steps_of
-from pmr.compare.outputs import OUTPUT_KINDS, impulsive, is_recorded, run_from_start
-from pmr.compare.responses import Simulations, respond
+from pmr.compare.estimate import (
+    MARGIN,
+    Estimate,
+    UnsettledError,
+    estimate_by_other_model,
+    estimate_error,
+    reason_without_estimate,
+)
+from pmr.compare.model_part import FREQUENCIES, evenly_spaced_steps, frequency_error
+from pmr.compare.outputs import OUTPUT_KINDS, fits_in_memory, has_impulsive_force, run_from_start
+from pmr.compare.responses import Simulations, evaluate_motion
 from pmr.compare.step_error import StepError, step_error, step_summary, step_warnings, with_band
 from pmr.compare.trust import (
     AWAY_FROM_PROBES,
@@ -24,8 +31,8 @@ from pmr.compare.trust import (
     SLIDER_IMPACTS,
     coverage_warnings,
     effects_not_covered,
-    figures_not_covered,
-    unsettled_forces,
+    quantities_not_covered,
+    unsettled_force_clauses,
 )
 from pmr.errors import InputError, SimulationError
 from pmr.errors.environment import Clock
@@ -34,7 +41,7 @@ from pmr.reduced.attachment import knows_matrices
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extend
 from pmr.results import Response
-from pmr.results.run import Part
+from pmr.results.run import SummaryPart
 from pmr.scene import Reduction, Scene
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation, TimeStepping
@@ -62,7 +69,7 @@ _FIGURES = ("probes", "by", "chi", "largest", "seconds", "not_covered")
 class ReductionError:
     """Part of a summary with ``estimate``, the estimated error of the reduction, and its band and sections."""
 
-    part: Part
+    part: SummaryPart
     band: Array | None = None  # error of each displacement of the tip over time, (T, d) in m, with margin
     sections: Mapping[str, float] = field(default_factory=dict)  # along each section of a boom, fractions
 
@@ -71,12 +78,12 @@ class ReductionError:
         return {"estimate": self.sections[name]} if name in self.sections else {}
 
 
-def asks_for_other(scene: Scene, reduced: ReducedModel) -> bool:
-    """Whether the scene wants an estimate that needs another model of the body (`pmr.compare.estimate.by_other`)."""
-    return scene.reduction.estimate and no_estimate({ALONE: reduced}) is not None
+def needs_other_model(scene: Scene, reduced: ReducedModel) -> bool:
+    """Whether the scene wants an estimate that needs another model of the body (`estimate_by_other_model`)."""
+    return scene.reduction.estimate and reason_without_estimate({ALONE: reduced}) is not None
 
 
-def other_of(scene: Scene, reduced: ReducedModel) -> Scene:
+def other_model_scene(scene: Scene, reduced: ReducedModel) -> Scene:
     """The scene with the other model's reduction: free modes with residual flexibility, no fewer coordinates."""
     choice = scene.reduction
     other = Reduction(basis="free_modes", coordinates=max(FEWEST, reduced.size), solver=choice.solver)
@@ -102,24 +109,24 @@ def reduction_error(
     def make() -> Estimate:
         """Compute the estimate, or return the one that is known."""
         if other is not None:
-            return by_other(system, other, excitation)
-        return estimated or estimate(models, system, excitation, simulated.run, simulated.response)
+            return estimate_by_other_model(system, other, excitation)
+        return estimated or estimate_error(models, system, excitation, simulated.run, simulated.response)
 
     failed, scattered = "", list[str]()
-    if is_wanted and no_estimate(telling) is None:
-        estimated, failed, scattered = _attempt(clock, make)
+    if is_wanted and reason_without_estimate(telling) is None:
+        estimated, failed, scattered = _try_estimate(clock, make)
     if estimated is None:
-        figures = dict.fromkeys((*OUTPUT_KINDS, *_FIGURES)) | {"reason": failed or no_estimate(models)}
+        figures = dict.fromkeys((*OUTPUT_KINDS, *_FIGURES)) | {"reason": failed or reason_without_estimate(models)}
         messages = estimate_warnings(models, excitation.stepping, None) + scattered
-        return ReductionError(Part({"estimate": figures} if is_wanted else {}, messages))
+        return ReductionError(SummaryPart({"estimate": figures} if is_wanted else {}, messages))
     held = any(body.reactions is not None for body in system.bodies.values())
-    left_out = [*_left_out(telling, system, excitation, estimated.enrichment), *[RIGID_REACTIONS] * held]
+    left_out = [*_effects_left_out(telling, system, excitation, estimated.enrichment), *[RIGID_REACTIONS] * held]
     left_out += [*[MACHINE_MOTION] * moves_by_itself(scene), *estimated.unknown.values()]
     messages = estimate_warnings(models, excitation.stepping, estimated) + coverage_warnings(left_out)
     messages += [estimated.scatter] if estimated.scatter else []
     figures = estimate_summary(estimated, left_out) | {"frequency": _frequency_error(models, system, excitation)}
-    part = Part({"estimate": figures} if is_wanted else {}, messages)
-    return ReductionError(part, envelope(MARGIN * estimated.error[:, list(estimated.tips)]), estimated.bodies)
+    part = SummaryPart({"estimate": figures} if is_wanted else {}, messages)
+    return ReductionError(part, error_envelope(MARGIN * estimated.error[:, list(estimated.tips)]), estimated.bodies)
 
 
 def _frequency_error(models: Mapping[str, ReducedModel], system: System, excitation: Excitation) -> float | None:
@@ -127,9 +134,9 @@ def _frequency_error(models: Mapping[str, ReducedModel], system: System, excitat
 
     None if there is no estimate (`no_estimate`) or nothing vibrates.
     """
-    if no_estimate(models) is not None:
+    if reason_without_estimate(models) is not None:
         return None
-    steps = steps_of(excitation)
+    steps = evenly_spaced_steps(excitation)
     x, c = places(system, excitation)[steps], excitation.amplitudes(system.term_names)[steps]
     richer = system.with_bodies({name: extend(model) for name, model in models.items()})
     lowest, better = (Assembly(compared_system).frequencies(x, FREQUENCIES, c) for compared_system in (system, richer))
@@ -137,7 +144,7 @@ def _frequency_error(models: Mapping[str, ReducedModel], system: System, excitat
     return None if apart is None else MARGIN * apart
 
 
-def _left_out(
+def _effects_left_out(
     models: Mapping[str, ReducedModel], system: System, excitation: Excitation, count: int | None
 ) -> list[str]:
     """Effects that an estimate with up to `count` enrichment modes leaves out, a clause each."""
@@ -152,29 +159,29 @@ def _left_out(
 class SimulatedSystem:
     """A system of reduced bodies, its excitation, and its motion.
 
-    The motion is simulated again if it was not kept, `given` being None then.
+    The motion is simulated again if it was not kept, `recorded_run` being None then.
     """
 
     system: System
     excitation: Excitation
-    given: SystemTrajectory | None = None
+    recorded_run: SystemTrajectory | None = None
     response: Response | None = None  # response to that motion, if known
 
     @classmethod
-    def of(cls, system: System, excitation: Excitation, simulations: Simulations) -> SimulatedSystem:
+    def from_simulations(cls, system: System, excitation: Excitation, simulations: Simulations) -> SimulatedSystem:
         """The system with the motion and response of the scene's first simulator, and its parts of each step."""
         run = simulations.first.run
         if run is None:
             return cls(system, excitation)
-        return cls(system, excitation.with_stepping(simulations.made), run, simulations.first.own)
+        return cls(system, excitation.with_stepping(simulations.time_grid), run, simulations.first.own_response)
 
     @cached_property
     def run(self) -> SystemTrajectory:
         """Motion of the system at all steps."""
-        return self.given or run_from_start(self.system, self.excitation)
+        return self.recorded_run or run_from_start(self.system, self.excitation)
 
 
-def _attempt(clock: Clock, make: Callable[[], Estimate]) -> tuple[Estimate | None, str, list[str]]:
+def _try_estimate(clock: Clock, make: Callable[[], Estimate]) -> tuple[Estimate | None, str, list[str]]:
     """The estimate that `make` returns, an empty reason and no warnings.
 
     If it fails, None, the reason, and warnings about forces that scatter.
@@ -203,7 +210,7 @@ def estimate_warnings(
 
     `models` are by body; `estimated` is None if there is no estimate.
     """
-    beam, chi = (0.0, 0.0) if estimated is None else (estimated.of("beam"), estimated.chi or 0.0)
+    beam, chi = (0.0, 0.0) if estimated is None else (estimated.error_of("beam"), estimated.chi or 0.0)
     messages = []
     if beam > 0.0 and chi > REACHED:
         messages.append(f"load or slide excite the first truncated mode (chi = {chi:.2f}): more coordinates help most")
@@ -217,7 +224,7 @@ def estimate_warnings(
     return messages
 
 
-def envelope(error: Array) -> Array:
+def error_envelope(error: Array) -> Array:
     """Largest absolute value (T, o) of errors (T, o) within two periods of their oscillation around each time."""
     signs = np.signbit(error)
     crossings = np.count_nonzero(signs[1:] != signs[:-1], axis=0)
@@ -228,7 +235,9 @@ def envelope(error: Array) -> Array:
     return width
 
 
-def step_part(scene: Scene, simulated: SimulatedSystem, natural: Array, step_estimate: StepError | None = None) -> Part:
+def step_part(
+    scene: Scene, simulated: SimulatedSystem, natural: Array, step_estimate: StepError | None = None
+) -> SummaryPart:
     """``step`` of summary.json: the time step's error, with warnings.
 
     `natural` (S, f) in Hz are f natural frequencies in S positions on the way.  `step_estimate`, if it is passed, is
@@ -237,20 +246,22 @@ def step_part(scene: Scene, simulated: SimulatedSystem, natural: Array, step_est
     system, excitation = simulated.system, simulated.excitation
     if scene.simulation.simulators[0] != "march":
         simulated = SimulatedSystem(system, excitation := Excitation.of(scene))
-    impacts = ALONE in system.reduced and impulsive(system.reduced[ALONE], excitation)
+    impacts = ALONE in system.reduced and has_impulsive_force(system.reduced[ALONE], excitation)
     complete = None if impacts else partial(with_forces_on_machine, scene)
     try:
-        run = simulated.run if step_estimate is None and is_recorded(system, excitation.stepping) else None
+        run = simulated.run if step_estimate is None and fits_in_memory(system, excitation.stepping) else None
         step_estimate = step_estimate or step_error(system, excitation, run, complete=complete)
         if step_estimate.band is None:
             step_estimate = with_band(step_estimate, system, excitation)
     except (SimulationError, InputError) as error:
         messages = [f"the error of the time step is not known: {error}"]
-        return Part({"step": step_summary(None, str(error))}, messages)
+        return SummaryPart({"step": step_summary(None, str(error))}, messages)
     searched = scene.accuracy is not None
     messages = [] if searched else step_warnings(step_estimate, excitation.stepping, excitation.signals, natural)
-    response = simulated.response or respond(system, simulated.run)
+    response = simulated.response or evaluate_motion(system, simulated.run)
     exact = ("frequency", *["pad_force"] * impacts)  # no step is in frequencies, and impacts have a line of their own
-    lacking = figures_not_covered(scene, with_forces_on_machine(scene, response), step_estimate.others, exact)
-    lacking = [SLIDER_IMPACTS] * impacts + lacking + unsettled_forces(step_estimate.unsettled)
-    return Part({"step": step_summary(step_estimate, not_covered=lacking)}, messages)
+    lacking = quantities_not_covered(
+        scene, with_forces_on_machine(scene, response), step_estimate.further_errors, exact
+    )
+    lacking = [SLIDER_IMPACTS] * impacts + lacking + unsettled_force_clauses(step_estimate.unsettled)
+    return SummaryPart({"step": step_summary(step_estimate, not_covered=lacking)}, messages)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pmr.results import Response
 from pmr.results.quantities import with_unit
 from pmr.results.response import Extremes
-from pmr.results.run import Part
+from pmr.results.run import SummaryPart
 from pmr.results.tables import reaction_extremes
 from pmr.scene import Scene
 from pmr.scene.built import PadRing, force_of, friction_of, reaction_of
@@ -38,7 +38,7 @@ LEANING = 0.1
 PULLED = 0.01
 
 
-def forces_part(scene: Scene, system: System, response: Response) -> Part:
+def forces_part(scene: Scene, system: System, response: Response) -> SummaryPart:
     """``pads``, ``cylinders`` and ``reactions`` of summary.json: smallest and largest force of each, when and where.
 
     Cylinders also have the largest ``friction`` in N that they overcome, what friction has ``dissipated`` in J, and
@@ -47,22 +47,28 @@ def forces_part(scene: Scene, system: System, response: Response) -> Part:
     joined, along, figures = len(scene.sections) > 1, scene.along(response.t), dict[str, Any]()
     if joined or scene.pads:
         figures["pads"] = [
-            {"name": name, **extremes.summary()} for name, extremes in pad_loads(scene, response).items()
+            {"name": name, **extremes.summary()} for name, extremes in pad_extremes(scene, response).items()
         ]
     if joined:
-        figures["cylinders"] = list(_cylinders(scene, system, response))
-    warnings = _kink_warnings(figures.get("cylinders", ())) + unknown_forces(scene, response) + missing_reactions(scene)
-    return Part(figures | reactions(scene, response, along), warnings, pulled_rings(scene, system.contacts, response))
+        figures["cylinders"] = list(_cylinder_rows(scene, system, response))
+    warnings = (
+        _kink_warnings(figures.get("cylinders", ()))
+        + unknown_force_warnings(scene, response)
+        + missing_reaction_warnings(scene)
+    )
+    return SummaryPart(
+        figures | reaction_rows(scene, response, along), warnings, pulled_pad_warnings(scene, system.contacts, response)
+    )
 
 
-def pad_loads(scene: Scene, response: Response) -> dict[str, Extremes]:
+def pad_extremes(scene: Scene, response: Response) -> dict[str, Extremes]:
     """Extremes in N, positive where a pad pushes the body inwards, of all pads whose force the response holds, by name.
 
     Of a body alone they are in the order of its rings; of sections they are those of all contacts and springs but
     cylinders.
     """
     along = scene.along(response.t)
-    names = [name for ring in _rings(scene) for name, _, _ in ring.places]
+    names = [name for ring in _pad_rings(scene) for name, _, _ in ring.places]
     if len(scene.sections) > 1:
         cylinders = set(map(cylinder_of, scene.names))
         names = [
@@ -70,22 +76,27 @@ def pad_loads(scene: Scene, response: Response) -> dict[str, Extremes]:
             for force_name in response.force_names
             if (name := force_name.removeprefix(force_of(""))) not in cylinders
         ]
-    forces = {name: _force(response, name) for name in names}
-    return {name: Extremes.of(force, response.t, along) for name, force in forces.items() if force is not None}
+    forces = {name: _pad_force(response, name) for name in names}
+    return {
+        name: Extremes.from_history(force, response.t, along) for name, force in forces.items() if force is not None
+    }
 
 
-def _rings(scene: Scene) -> tuple[PadRing, ...]:
+def _pad_rings(scene: Scene) -> tuple[PadRing, ...]:
     """Rings of pads of a body alone; none of a boom of several sections."""
     return scene.pads if len(scene.sections) == 1 else ()
 
 
-def _cylinders(scene: Scene, system: System, response: Response) -> Iterator[dict[str, Any]]:
+def _cylinder_rows(scene: Scene, system: System, response: Response) -> Iterator[dict[str, Any]]:
     """Rows of ``cylinders`` in summary.json: the extremes of each cylinder's force, its friction and its kinks."""
-    at_kinks, along = impulses(scene, system), scene.along(response.t)
+    at_kinks, along = cylinder_impulses(scene, system), scene.along(response.t)
     driven = {force_of(cylinder_of(name)): name for name in scene.names[1:]}
     for force in response.force_names:
         if (body := driven.get(force)) is not None:
-            row = {"name": cylinder_of(body), **Extremes.of(response.force(force, 0), response.t, along).summary()}
+            row = {
+                "name": cylinder_of(body),
+                **Extremes.from_history(response.force(force, 0), response.t, along).summary(),
+            }
             if friction_of(body) in response.other_names:
                 row |= _friction_figures(scene, system, response, body)
             yield row | ({"kinks": kinks} if (kinks := at_kinks[cylinder_of(body)]) else {})
@@ -110,7 +121,7 @@ def _friction_figures(scene: Scene, system: System, response: Response, body: st
     return {"friction": float(np.abs(f).max()), "dissipated": max(0.0, float(dissipated))}
 
 
-def reactions(scene: Scene, response: Response, path: Array) -> dict[str, object]:
+def reaction_rows(scene: Scene, response: Response, path: Array) -> dict[str, object]:
     """``reactions`` of summary.json, rows with ``name``, ``unit`` and `Extremes.summary`; empty if there are none.
 
     They are those of all supports, rigid or not.  In a boom their names begin with the section's.  `path` (T,) in m is
@@ -121,12 +132,12 @@ def reactions(scene: Scene, response: Response, path: Array) -> dict[str, object
     for body, part in zip(scene.names, scene.sections, strict=True):
         for name, unit in part.springs.items():
             if (force := named(body, force_of(name))) in response.force_names:
-                extremes = Extremes.of(response.force(force, 0), response.t, path)
+                extremes = Extremes.from_history(response.force(force, 0), response.t, path)
                 rows.append({"name": named(body, name), "unit": unit, **extremes.summary()})
     return {"reactions": rows} if rows else {}
 
 
-def missing_reactions(scene: Scene) -> list[str]:
+def missing_reaction_warnings(scene: Scene) -> list[str]:
     """Warnings about reactions that the models do not compute.
 
     These are reactions along x of beams without axial coordinates, and forces of supports with ``points = "all"``.
@@ -155,7 +166,7 @@ def missing_reactions(scene: Scene) -> list[str]:
     return [of_bodies] * bool(bodies_without_axial) + [of_supports] * bool(supports_of_all_points)
 
 
-def _force(response: Response, name: str) -> Array | None:
+def _pad_force(response: Response, name: str) -> Array | None:
     """Force (T,) in N of a pad; None if it is unknown.
 
     A rigid pad that does not move is a support: its force is the reaction.
@@ -165,40 +176,40 @@ def _force(response: Response, name: str) -> Array | None:
     return response.other(reaction_of(name)) if reaction_of(name) in response.other_names else None
 
 
-def pulled_rings(scene: Scene, contacts: Sequence[Contact], response: Response) -> list[str]:
+def pulled_pad_warnings(scene: Scene, contacts: Sequence[Contact], response: Response) -> list[str]:
     """Warnings about pads that hold both ways and are pulled: one for each ring of a body alone, one for all joints.
 
     Each says how many pads pull, which one most, and which key to set.  Points that hold a planar beam both ways are
     meant to pull, so only pads count.
     """
-    loads, lines = pad_loads(scene, response), list[str]()
+    loads, lines = pad_extremes(scene, response), list[str]()
     largest = max((max(load.most, -load.least) for load in loads.values()), default=0.0)
     pulling = {
         name: load
         for name, load in loads.items()
         if -load.least > max(PULLED * max(load.most, 0.1 * largest), response.force_round_off)
     }
-    for ring in _rings(scene):
+    for ring in _pad_rings(scene):
         of_ring = {name: pulling[name] for name, _, _ in ring.places if name in pulling and not ring.unilateral}
-        lines += [_of_ring(ring, of_ring, response)] if of_ring else []
+        lines += [_ring_warning(ring, of_ring, response)] if of_ring else []
     held = [
         contact
         for contact in contacts
         if contact.inner.body in scene.names[1:] and contact.clearance is None and contact.name in pulling
     ]
-    return [*lines, _of_joints(held, pulling, response)] if held else lines
+    return [*lines, _joints_warning(held, pulling, response)] if held else lines
 
 
-def unknown_forces(scene: Scene, response: Response) -> list[str]:
+def unknown_force_warnings(scene: Scene, response: Response) -> list[str]:
     """A warning that names the rigid pads that do not move and whose force the model doesn't contain; else nothing.
 
     Such a pad is held by the choice of coordinates.
     """
     names = [
         name
-        for ring in _rings(scene)
+        for ring in _pad_rings(scene)
         for name, face, _ in ring.places
-        if ring.stiffness == "rigid" and not ring.moving and _force(response, name) is None
+        if ring.stiffness == "rigid" and not ring.moving and _pad_force(response, name) is None
     ]
     if not names or not response.force_names:
         return []
@@ -206,7 +217,7 @@ def unknown_forces(scene: Scene, response: Response) -> list[str]:
     return [f"{pads} rigid and stay on the body: their forces are unknown; give them a stiffness in N/m"]
 
 
-def _of_ring(ring: PadRing, pulling: Mapping[str, Extremes], response: Response) -> str:
+def _ring_warning(ring: PadRing, pulling: Mapping[str, Extremes], response: Response) -> str:
     """Warning about the pads of one ring that pull; `pulling` has the extremes of their forces by name."""
     most = min(pulling, key=lambda name: pulling[name].least)
     load = pulling[most]
@@ -218,12 +229,12 @@ def _of_ring(ring: PadRing, pulling: Mapping[str, Extremes], response: Response)
     return f"{pads} the body outwards, {most_of_all}{worst}; if they can only push, set unilateral = true in this ring"
 
 
-def _of_joints(held: Sequence[Contact], pulling: Mapping[str, Extremes], response: Response) -> str:
-    """Warning about the pads of all joints that pull; `held` are their contacts, `pulling` the extremes by name."""
-    pad = min((contact.name for contact in held), key=lambda name: pulling[name].least)
-    sections = list(dict.fromkeys(contact.inner.body for contact in held))
-    more = f", and {len(held) - 1} more" if len(held) > 1 else ""
-    at_tail = {contact.inner.path is None for contact in held}  # pads at the tail travel with the inner section
+def _joints_warning(contacts: Sequence[Contact], pulling: Mapping[str, Extremes], response: Response) -> str:
+    """Warning about the pads of all joints that pull; `contacts` are their contacts, `pulling` the extremes by name."""
+    pad = min((contact.name for contact in contacts), key=lambda name: pulling[name].least)
+    sections = list(dict.fromkeys(contact.inner.body for contact in contacts))
+    more = f", and {len(contacts) - 1} more" if len(contacts) > 1 else ""
+    at_tail = {contact.inner.path is None for contact in contacts}  # pads at the tail travel with the inner section
     keys = " and ".join(f"joint.{end}" for end, is_tail in (("tail", True), ("mouth", False)) if is_tail in at_tail)
     joints, these = ("joints", "these sections") if len(sections) > 1 else ("joint", "this section")
     return (
@@ -233,7 +244,7 @@ def _of_joints(held: Sequence[Contact], pulling: Mapping[str, Extremes], respons
     )
 
 
-def impulses(boom: Scene, system: System) -> dict[str, list[dict[str, float]]]:
+def cylinder_impulses(boom: Scene, system: System) -> dict[str, list[dict[str, float]]]:
     r"""Impulses of each cylinder by its name at each kink of any extension: ``t`` in s, ``impulse`` in N s.
 
     .. math:: I_i = \sum_{k \ge i} m_k\, \Delta \dot X_k, \qquad \Delta \dot X_k = \sum_{j \le k} \Delta \dot s_j
@@ -243,7 +254,7 @@ def impulses(boom: Scene, system: System) -> dict[str, list[dict[str, float]]]:
     lean on it.
     """
     jumps = [path.kinks(boom.time.end) for path in boom.paths.values()]
-    masses = [_moved_mass(system.bodies[name]) for name in boom.names[1:]]
+    masses = [_accelerated_mass(system.bodies[name]) for name in boom.names[1:]]
     kinks_of_cylinders = dict[str, list[dict[str, float]]]()
     for i, name in enumerate(boom.names[1:]):
         at = {t: 0.0 for kinks in jumps for t in sorted(kinks)}
@@ -254,7 +265,7 @@ def impulses(boom: Scene, system: System) -> dict[str, list[dict[str, float]]]:
     return kinks_of_cylinders
 
 
-def _moved_mass(body: SlidingBody) -> float:
+def _accelerated_mass(body: SlidingBody) -> float:
     """Mass in kg of a body that an extension accelerates; 0 if the body has no input for that."""
     along = [k for k, name in enumerate(body.input_names) if name in (EXTENSION, INERTIA + "x")]
     if not along:
@@ -304,7 +315,7 @@ def rope_forces(scene: Scene, response: Response) -> dict[str, Array]:
     return {name: row @ forces_of_all for name, row in drive_rows(scene, cylinders).items() if name in shares}
 
 
-def ropes_part(scene: Scene, response: Response) -> Part:
+def ropes_part(scene: Scene, response: Response) -> SummaryPart:
     """``ropes`` of summary.json: ``name``, the section that it ``follows`` or None, and the extremes of its ``force``.
 
     The force is in N.  A section that follows none has also the ``power`` in W that moves it and all sections that
@@ -312,17 +323,17 @@ def ropes_part(scene: Scene, response: Response) -> Part:
     length, of all strands together.  Ropes that would have to push are warned of.
     """
     if len(scene.sections) < 2:
-        return Part()
+        return SummaryPart()
     along, rows, slack = scene.along(response.t), list[Mapping[str, Any]](), list[str]()
     round_off = response.force_floor
     for name, force in rope_forces(scene, response).items():
         number = scene.names.index(name)
         follows = scene.joint(number).follows
-        extremes = Extremes.of(force, response.t, along)
+        extremes = Extremes.from_history(force, response.t, along)
         row: dict[str, Any] = {"name": name, "follows": follows, "force": extremes.summary()}
         if follows is None:
             power = force * scene.paths[name].rate(response.t)
-            row["power"] = Extremes.of(power, response.t, along).summary()
+            row["power"] = Extremes.from_history(power, response.t, along).summary()
         if (rope := scene.joint(number).rope) is not None:
             length = longest(scene, number)
             row |= {"length": length, "stiffness": rope.strands * rope.EA / length}
@@ -333,10 +344,10 @@ def ropes_part(scene: Scene, response: Response) -> Part:
                 f"the rope of {name} would have to push with up to {most}: the model holds both ways, as with a second "
                 "rope that pulls the section in"
             )
-    return Part({"ropes": rows} if rows else {}, grave=slack)
+    return SummaryPart({"ropes": rows} if rows else {}, grave=slack)
 
 
-def luffing_part(scene: Scene, response: Response) -> Part:
+def luffing_part(scene: Scene, response: Response) -> SummaryPart:
     r"""``luffing_cylinder`` of summary.json: extremes of ``force`` N, ``length`` m, ``speed`` m/s and ``power`` W.
 
     .. math::
@@ -348,14 +359,18 @@ def luffing_part(scene: Scene, response: Response) -> Part:
     angle, whatever holds the base in the scene.  Empty without such a cylinder.
     """
     if scene.frame is None or scene.frame.cylinder is None or CYLINDER not in response.other_names:
-        return Part()
+        return SummaryPart()
     t, along = response.t, scene.along(response.t)
     angle, force = scene.frame.angles[0], response.other(CYLINDER)
     length, arm = scene.frame.cylinder.length(angle.value(t))
     speed = arm * angle.rate(t)
     histories = {"force": force, "length": length, "speed": speed, "power": force * speed}
-    return Part(
-        {"luffing_cylinder": {key: Extremes.of(history, t, along).summary() for key, history in histories.items()}},
+    return SummaryPart(
+        {
+            "luffing_cylinder": {
+                key: Extremes.from_history(history, t, along).summary() for key, history in histories.items()
+            }
+        },
         warnings=turning_warnings(scene, angle.value(t)),
     )
 

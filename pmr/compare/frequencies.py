@@ -26,7 +26,7 @@ from pmr.compare.outputs import tip_names
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
 from pmr.results import Frequencies, FrequencyMap, FrequencyResponse, Paths
-from pmr.results.run import Part
+from pmr.results.run import SummaryPart
 from pmr.scene import Scene
 from pmr.scene.choice import is_pinned_beam
 from pmr.scene.keys import ALONE, LUFFING, SLIDER
@@ -46,7 +46,7 @@ RESPONSES, RESPONSE_FREQUENCIES = 5, 400
 _UNITS = {"N": "m/N", "m/s^2": "m/(m/s²)"}
 
 
-def visited_positions(scene: Scene, size: int) -> Array:
+def comparison_positions(scene: Scene, size: int) -> Array:
     """Path coordinates (S,) in m, evenly over the path, at which frequencies of a model are compared.
 
     There are `POSITIONS`, fewer if the model has a `size` of more than `LARGE` coordinates, one if nothing moves.
@@ -98,10 +98,10 @@ def bending_frequencies(s: float, length: float, bending_stiffness: float, mass_
     roots: list[float] = []
     while len(roots) < count:
         x = _STEP * np.arange(first, first + _AT_ONCE + 1)
-        values = _residual(x, share)
+        values = _characteristic(x, share)
         sign_changes = np.flatnonzero((values[:-1] == 0.0) | (values[:-1] * values[1:] < 0.0))
         for i in sign_changes[: count - len(roots)]:
-            root = x[i] if values[i] == 0.0 else brentq(_residual, x[i], x[i + 1], args=(share,), xtol=1e-14)
+            root = x[i] if values[i] == 0.0 else brentq(_characteristic, x[i], x[i + 1], args=(share,), xtol=1e-14)
             roots.append(float(root))
         first += _AT_ONCE
     beta = np.array(roots) / length
@@ -118,7 +118,7 @@ def axial_frequencies(length: float, axial_stiffness: float, mass_per_length: fl
     return (2 * n - 1) * np.pi / (2.0 * length) * np.sqrt(axial_stiffness / mass_per_length)
 
 
-def _residual(x: Any, share: float) -> Any:
+def _characteristic(x: Any, share: float) -> Any:
     r"""Characteristic function of a beam of length L that is pinned at 0, supported at s and free at L.
 
     Its roots in x are beta L of the natural frequencies; `share` is s / L.  It is
@@ -187,14 +187,14 @@ def frequency_response(
     )
 
 
-def frequency_part(response: FrequencyResponse | None) -> Part:
+def frequency_part(response: FrequencyResponse | None) -> SummaryPart:
     """``frequency_response`` of summary.json; nothing if `response` is None.
 
     For each load and each position s in m: the ``static`` gain, the ``largest`` gain (None without damping) and the
     frequency ``at`` which it occurs, in Hz.
     """
     if response is None:
-        return Part()
+        return SummaryPart()
     figures: dict[str, Any] = {"s": response.s.tolist(), "damped": response.damped, "gain": {}}
     for k, name in enumerate(response.inputs):
         peak = response.gain[:, :, k].argmax(axis=1)
@@ -205,7 +205,7 @@ def frequency_part(response: FrequencyResponse | None) -> Part:
             "largest": response.gain[np.arange(len(peak)), peak, k].tolist() if response.damped else None,
             "at": response.f[peak].tolist(),
         }
-    return Part({"frequency_response": figures})
+    return SummaryPart({"frequency_response": figures})
 
 
 #: Number of coordinates of full sections above which only `FEWER_PLACES_OF_BOOM` positions are computed.
@@ -213,7 +213,7 @@ LARGE_SYSTEM = 1200
 
 
 @dataclass(frozen=True)
-class Visited:
+class WayPoints:
     """Positions on the way of a scene, S of them on P paths, and how many frequencies are compared in each."""
 
     along: Array  # (S,) m: the path coordinate of a body alone, the reach of sections
@@ -226,13 +226,13 @@ class Visited:
         return system.coordinates(dict(zip(system.paths, self.s.T, strict=True)))
 
 
-def shown_paths(scene: Scene, excitation: Excitation) -> Paths:
+def result_paths(scene: Scene, excitation: Excitation) -> Paths:
     """Paths of a result: those of sections or of a body alone, without the angle that a luffing cylinder turns with."""
     count = len(scene.paths)
     return Paths(tuple(scene.paths), excitation.s[:, :count], excitation.rates[:, :count])
 
 
-def places_on_way(scene: Scene, excitation: Excitation, size: int) -> Visited:
+def way_points(scene: Scene, excitation: Excitation, size: int) -> WayPoints:
     """Positions from one end of the way to the other at which frequencies are compared.
 
     `size` is the number of coordinates of the full model, 0 if there is none; large models have fewer positions.  If
@@ -247,26 +247,26 @@ def places_on_way(scene: Scene, excitation: Excitation, size: int) -> Visited:
         s = np.column_stack([path.value(t) for path in excitation.paths.values()])
         if not np.ptp(np.hstack([s, excitation.amplitudes(list(excitation.terms), t)]), axis=0).any():
             t, s = t[:1], s[:1]
-        return Visited(s[:, 0] if alone else scene.reach(t), s, CURVES if alone else CURVES_OF_BOOM, t)
+        return WayPoints(s[:, 0] if alone else scene.reach(t), s, CURVES if alone else CURVES_OF_BOOM, t)
     if alone:
-        along = visited_positions(scene, size)
-        return Visited(along, along[:, None], CURVES, _first_there(excitation, along))
-    return _first_reached(scene, excitation, count)
+        along = comparison_positions(scene, size)
+        return WayPoints(along, along[:, None], CURVES, _first_times(excitation, along))
+    return _way_points_by_reach(scene, excitation, count)
 
 
-def _first_there(excitation: Excitation, s: Array) -> Array:
+def _first_times(excitation: Excitation, s: Array) -> Array:
     """Times (S,) in s at which the only path is closest to each path coordinate s (S,) in m for the first time."""
     return np.array([excitation.times[np.argmin(np.abs(excitation.s[:, 0] - at))] for at in s])
 
 
-def _first_reached(scene: Scene, excitation: Excitation, count: int) -> Visited:
+def _way_points_by_reach(scene: Scene, excitation: Excitation, count: int) -> WayPoints:
     """Positions, `count` at most, at which the sections first have evenly spaced reaches."""
-    steps = on_the_way(scene, excitation.times, count)
+    steps = evenly_reached_steps(scene, excitation.times, count)
     t = excitation.times[steps]
-    return Visited(scene.reach(t), excitation.s[steps], CURVES_OF_BOOM, t)
+    return WayPoints(scene.reach(t), excitation.s[steps], CURVES_OF_BOOM, t)
 
 
-def frequencies_on_way(scene: Scene, system: System, excitation: Excitation, at: Visited) -> Frequencies:
+def frequencies_on_way(scene: Scene, system: System, excitation: Excitation, at: WayPoints) -> Frequencies:
     """Natural frequencies in Hz of the reduced system in the positions `at`, with every contact closed.
 
     Terms have the amplitudes of the times `at.t`.  For a body alone without terms the closed form is included, if there
@@ -287,9 +287,9 @@ def response_on_way(scene: Scene, system: System, excitation: Excitation) -> Fre
         return None
     if ALONE in system.bodies:
         s = np.unique(np.linspace(*scene.path_bounds, RESPONSES))
-        at = Visited(s, s[:, None], CURVES, _first_there(excitation, s))
+        at = WayPoints(s, s[:, None], CURVES, _first_times(excitation, s))
     else:
-        at = _first_reached(scene, excitation, RESPONSES)
+        at = _way_points_by_reach(scene, excitation, RESPONSES)
     c = excitation.amplitudes(system.term_names, at.t)
     return frequency_response(system, at.sides(system), at.along, tip_names(scene), c)
 
@@ -302,7 +302,7 @@ MAPPED = 9
 BESIDE = 1e-4
 
 
-def on_the_way(boom: Scene, t: Array, count: int) -> NDArray[np.int64]:
+def evenly_reached_steps(boom: Scene, t: Array, count: int) -> NDArray[np.int64]:
     """Steps (S,), `count` at most, at which the boom first has evenly spaced reaches from its shortest to its longest.
 
     `t` (T,) are the times of all steps in s.
@@ -318,7 +318,9 @@ def frequency_map(boom: Scene, system: System) -> FrequencyMap | None:
     Every contact is closed.  All other joints with paths of their own are at their start; joints that follow others
     move with them.  None if fewer than two joints move.  With second order the boom rests at its steepest angle.
     """
-    ends = {name: path.bounds(0.0, boom.time.end) for name, path in boom.paths.items() if not _follows(boom, name)}
+    ends = {
+        name: path.bounds(0.0, boom.time.end) for name, path in boom.paths.items() if not _follows_other(boom, name)
+    }
     moving = [name for name, (low, high) in ends.items() if high - low > 1e-9 * high]
     if len(moving) < 2:
         return None
@@ -340,13 +342,13 @@ def frequency_map(boom: Scene, system: System) -> FrequencyMap | None:
     return FrequencyMap((first, second), a, b, lowest.reshape(MAPPED, MAPPED))
 
 
-def _follows(boom: Scene, name: str) -> bool:
+def _follows_other(boom: Scene, name: str) -> bool:
     """Whether the joint of a section follows that of another one."""
     joint = boom.sections[boom.names.index(name)].joint
     return joint is not None and joint.follows is not None
 
 
-def published_part(boom: Scene, frequencies: Frequencies) -> Part:
+def published_part(boom: Scene, frequencies: Frequencies) -> SummaryPart:
     """``published_frequencies`` of summary.json: the published first frequency at each reach, and that of each model.
 
     Frequencies of models are interpolated in the reach.  Published ones beyond this boom's reach are left out, and a
@@ -367,4 +369,4 @@ def published_part(boom: Scene, frequencies: Frequencies) -> Part:
     warning = (
         f"published frequencies at a reach of {beyond} m are left out: this boom reaches {low:.6g} to {high:.6g} m"
     )
-    return Part({"published_frequencies": rows} if rows else {}, [warning] if beyond else [])
+    return SummaryPart({"published_frequencies": rows} if rows else {}, [warning] if beyond else [])

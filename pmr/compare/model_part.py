@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare.errors import ForceHistories, force_errors, force_histories
-from pmr.compare.moving_frame import as_made
-from pmr.compare.responses import march_once, refused_growth
+from pmr.compare.moving_frame import with_choice_of_terms
+from pmr.compare.responses import march_once, refuse_growth
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.simulation import Excitation
@@ -55,21 +55,21 @@ class Motion:
     """Frequencies, motions of modes and response of one model in a run: P positions, f modes."""
 
     frequencies: Array  # (P, f) Hz
-    moved: Array  # (P, 3, f): sums of the squared displacements of all outputs along x, y, z in each mode
+    mode_motions: Array  # (P, 3, f): sums of the squared displacements of all outputs along x, y, z in each mode
     response: Response
 
     @classmethod
-    def of(cls, scene: Scene, system: System, response: Response | None = None) -> Motion:
+    def compute(cls, scene: Scene, system: System, response: Response | None = None) -> Motion:
         """Compute the frequencies at up to `PLACES` positions, and simulate the response unless it is passed.
 
         Raises an `InputError` if the motion grows without bound.
         """
-        scene = as_made(scene, system.terms)
+        scene = with_choice_of_terms(scene, system.terms)
         excitation = Excitation.of(scene)
-        steps = steps_of(excitation)
+        steps = evenly_spaced_steps(excitation)
         x, c = places(system, excitation)[steps], excitation.amplitudes(system.term_names)[steps]
         if response is None:
-            with refused_growth(scene):
+            with refuse_growth(scene):
                 response = march_once(scene, system, excitation)
         assembly, kinds = Assembly(system), [kind for body in system.bodies.values() for kind in body.output_kinds]
         frequencies, motions, along = list[Array](), list[Array](), assembly.along(x)
@@ -81,14 +81,14 @@ class Motion:
             motions.append(np.array([(shapes[which] ** 2).sum(axis=0) for which in rows]))
         return cls(np.array(frequencies), np.array(motions), response)
 
-    def lowest(self, directions: Array) -> Array:
+    def lowest_frequencies(self, directions: Array) -> Array:
         """The lowest frequencies (P, `FREQUENCIES`) in Hz of modes that move most in the directions of the mask (3,).
 
         Where there are fewer such modes, the rest is NaN.  If the model moves in no other direction, all modes count.
         """
-        every, share = self.moved.sum(axis=1), self.moved[:, directions].sum(axis=1)
+        every, share = self.mode_motions.sum(axis=1), self.mode_motions[:, directions].sum(axis=1)
         mine = (share >= KNOWN * every) & (share > NO_MOTION * share.max(axis=1, keepdims=True))
-        if not self.moved[:, ~directions].any():
+        if not self.mode_motions[:, ~directions].any():
             mine[:] = True  # torsion, too, which moves no output
         lowest_of_places = np.full((len(mine), FREQUENCIES), np.nan)
         for k, of_place in enumerate(mine):
@@ -108,7 +108,7 @@ class Motion:
         peaks = response.slider_force if response.force_peaks is None else response.force_peaks
         return force_histories(replace(response, slider_force=peaks))
 
-    def at_places_of(self, other: Motion) -> dict[str, Array]:
+    def displacements_at(self, other: Motion) -> dict[str, Array]:
         """Displacements (T,) of this motion at the positions of another motion's outputs, by the names of these.
 
         They are interpolated linearly between this motion's own positions on the same body, in the same direction.
@@ -134,7 +134,7 @@ class Motion:
         return displacements
 
 
-def steps_of(excitation: Excitation) -> list[int]:
+def evenly_spaced_steps(excitation: Excitation) -> list[int]:
     """Steps, without repetitions, at which the sum of all path coordinates is closest to evenly spaced values.
 
     These are `PLACES` values from the smallest sum to the largest.
@@ -144,29 +144,29 @@ def steps_of(excitation: Excitation) -> list[int]:
     return list(dict.fromkeys(int(np.argmin(np.abs(reach - place))) for place in at))
 
 
-def model_budget(scene: Scene, of_scene: Motion, richer: Motion, called: str) -> dict[str, Any]:
-    """``budget.model`` of summary.json: errors of a model against a `richer` one, which is `called` so.
+def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str) -> dict[str, Any]:
+    """``budget.model`` of summary.json: errors of a model against a `richer` one, called `richer_name`.
 
     Kinds of outputs in which the richer model does not move are None.
     """
     shares: dict[str, float | None] = {}
     for kind in ("beam", "tip"):
-        histories = of_scene.histories(kind), richer.histories(kind)
+        histories = motion.histories(kind), richer.histories(kind)
         if kind == "beam":
-            histories = histories[0] | of_scene.at_places_of(richer), histories[1]
+            histories = histories[0] | motion.displacements_at(richer), histories[1]
         names = [name for name in histories[0] if name in histories[1]]
         if names:
             y, reference = (np.array([of[name] for name in names]) for of in histories)
-            shares[kind] = _off(y, reference)
-    shares |= force_errors(of_scene.forces, richer.forces)
-    directions = of_scene.moved.any(axis=(0, 2))
-    f = {"own": of_scene.lowest(directions), "richer": richer.lowest(directions)}
+            shares[kind] = _relative_difference(y, reference)
+    shares |= force_errors(motion.forces, richer.forces)
+    directions = motion.mode_motions.any(axis=(0, 2))
+    f = {"own": motion.lowest_frequencies(directions), "richer": richer.lowest_frequencies(directions)}
     pushing = any(ring.unilateral for part in scene.sections for ring in part.pads)
     pushing |= any(ring.unilateral for part in scene.sections if part.joint for ring in part.joint.rings)
     return {
-        "beside": called,
+        "beside": richer_name,
         **shares,
-        "largest": _off(np.array(_largest(of_scene)), np.array(_largest(richer))),
+        "largest": _relative_difference(np.array(_largest(motion)), np.array(_largest(richer))),
         "frequency": frequency_error(f["own"], f["richer"]),
         "frequencies": {name: values.tolist() for name, values in f.items()},
         "not_covered": [STRESS, *[IMPACTS] * pushing],
@@ -192,7 +192,7 @@ def _largest(motion: Motion) -> float:
     return float(np.abs(motion.response.displacement).max())
 
 
-def _off(y: Array, reference: Array) -> float | None:
+def _relative_difference(y: Array, reference: Array) -> float | None:
     """Norm of the difference over that of the reference, a fraction; None if the reference is zero.
 
     Both are divided by the largest value of the reference first, so that squares don't overflow.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pmr.compare.outputs import run_from_start
 from pmr.errors import InputError
 from pmr.results import Frequencies
-from pmr.results.run import Part
+from pmr.results.run import SummaryPart
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA, BaseMotion, Frame
 from pmr.scene.keys import input_of
@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 ACROSS = 1e-9
 
 
-def frame_part(scene: Scene, system: System, excitation: Excitation, frequencies: Frequencies) -> Part:
+def frame_part(scene: Scene, system: System, excitation: Excitation, frequencies: Frequencies) -> SummaryPart:
     r"""``frame`` and ``buckling`` of summary.json; empty without a frame.
 
     ``gyroscopic`` is :math:`2 |\omega| / \omega_1` and ``centrifugal`` :math:`(|\omega| / \omega_1)^2` with the largest
@@ -51,15 +51,15 @@ def frame_part(scene: Scene, system: System, excitation: Excitation, frequencies
     ``limit`` second order matters.
     """
     if scene.frame is None:
-        return Part()
+        return SummaryPart()
     luffing, slewing = scene.frame.angles
     t = excitation.times
     speed = float(np.linalg.norm(Turning.of(luffing, slewing, t, scene.frame.rocking).velocity, axis=1).max())
     lowest = 2.0 * np.pi * float(np.nanmin(frequencies.models["reduced"][:, 0]))  # 0 past the buckling load
     figures = {
-        "luffing": _range(luffing.value(t)),
-        "slewing": _range(slewing.value(t)),
-        **({} if scene.frame.base is None else {"base": _ranges(scene.frame.base, t)}),
+        "luffing": _signal_range(luffing.value(t)),
+        "slewing": _signal_range(slewing.value(t)),
+        **({} if scene.frame.base is None else {"base": _base_ranges(scene.frame.base, t)}),
         "angular_velocity": speed,
         "second_order": scene.frame.second_order,
         "gyroscopic": 2.0 * speed / lowest if lowest else None,
@@ -71,24 +71,27 @@ def frame_part(scene: Scene, system: System, excitation: Excitation, frequencies
     except InputError:
         if scene.frame.second_order:
             raise
-        return Part({"frame": figures})
+        return SummaryPart({"frame": figures})
     factors = [factor if np.isfinite(factor) else None for factor in stresses.factors.tolist()]
     buckling = {
-        "factor": stresses.factor if np.isfinite(stresses.factor) else None,
-        "t": stresses.at,
+        "factor": stresses.least_factor if np.isfinite(stresses.least_factor) else None,
+        "t": stresses.t_least_factor,
         "over": {"t": stresses.t.tolist(), "factor": factors},
-        "share": stresses.share,
-        "share_t": stresses.share_at,
+        "share": stresses.largest_share,
+        "share_t": stresses.t_largest_share,
         "limit": SECOND_ORDER_LIMIT,
     }
-    return Part(
+    return SummaryPart(
         {"frame": figures, "buckling": buckling},
-        [*_second_order_left_out(scene.frame.second_order is not False, stresses), *_in_plane(scene, system)],
-        _past_buckling(scene.frame.second_order is not False, stresses),
+        [
+            *_left_out_warnings(scene.frame.second_order is not False, stresses),
+            *_plane_buckling_warnings(scene, system),
+        ],
+        _past_buckling_warnings(scene.frame.second_order is not False, stresses),
     )
 
 
-def _in_plane(scene: Scene, system: System) -> list[str]:
+def _plane_buckling_warnings(scene: Scene, system: System) -> list[str]:
     """A warning that names the bodies in which buckling across the plane of luffing is not seen; else nothing.
 
     In these no load acts across the plane, so the reduced model does not move there.
@@ -112,36 +115,35 @@ def _in_plane(scene: Scene, system: System) -> list[str]:
     ]
 
 
-def _past_buckling(is_included: bool, stresses: Stressed) -> list[str]:
+def _past_buckling_warnings(is_included: bool, stresses: SecondOrderEffect) -> list[str]:
     """A warning if the boom is past its buckling load, in words that depend on `is_included`; else nothing.
 
     `is_included` says whether second order is simulated.
     """
-    past = (
-        f"the boom is past its buckling load: at {stresses.at:g} s {stresses.factor:.3g} of the axial forces bends it "
-    )
+    past = f"the boom is past its buckling load: at {stresses.t_least_factor:g} s {stresses.least_factor:.3g} of the "
+    past += "axial forces bends it "
     past += "without limit" if is_included else "without limit, which is not simulated without second order"
-    return [past] if stresses.factor <= 1.0 else []
+    return [past] if stresses.least_factor <= 1.0 else []
 
 
-def _second_order_left_out(is_included: bool, stresses: Stressed) -> list[str]:
+def _left_out_warnings(is_included: bool, stresses: SecondOrderEffect) -> list[str]:
     """A warning if second order is left out although it matters; else nothing."""
-    size = f"by {100.0 * stresses.share:.2g} % at {stresses.share_at:g} s"
+    size = f"by {100.0 * stresses.largest_share:.2g} % at {stresses.t_largest_share:g} s"
     left_out = f"second order is left out: axial forces and the frame's speed change the stiffness {size}, so static "
     left_out += "deflections are off by as much, vibrations drift out of phase; frame.second_order = true includes it"
-    return [] if is_included or stresses.factor <= 1.0 or not stresses.matters else [left_out]
+    return [] if is_included or stresses.least_factor <= 1.0 or not stresses.matters else [left_out]
 
 
-def _ranges(base: BaseMotion, t: Array) -> dict[str, dict[str, float]]:
+def _base_ranges(base: BaseMotion, t: Array) -> dict[str, dict[str, float]]:
     """Smallest and largest value of each motion of the base, in m or the frame's unit of angles.
 
     Accelerations that the scene prescribes are included, as ``acceleration.<axis>``.
     """
     accelerations = {f"acceleration.{axis}": signal for axis, signal in base.accelerations.items()}
-    return {key: _range(signal.value(t)) for key, signal in (base.motions | accelerations).items()}
+    return {key: _signal_range(signal.value(t)) for key, signal in (base.motions | accelerations).items()}
 
 
-def _range(angle: Array) -> dict[str, float]:
+def _signal_range(angle: Array) -> dict[str, float]:
     """Smallest and largest value of a signal (T,), as ``min`` and ``max``."""
     return {"min": float(angle.min()), "max": float(angle.max())}
 
@@ -154,7 +156,7 @@ SECOND_ORDER_LIMIT = 2e-3
 
 
 @dataclass(frozen=True)
-class Stressed:
+class SecondOrderEffect:
     """Effect of axial forces and of the frame's speed on stiffness at some times of a run."""
 
     t: Array  # (T,) s
@@ -162,32 +164,32 @@ class Stressed:
     shares: Array  # (T,) by which the stiffness changes (`second_order_effect`)
 
     @property
-    def factor(self) -> float:
+    def least_factor(self) -> float:
         """Smallest buckling factor at these times."""
         return float(self.factors.min())
 
     @property
-    def at(self) -> float:
+    def t_least_factor(self) -> float:
         """Time in s of the smallest buckling factor."""
         return float(self.t[np.argmin(self.factors)])
 
     @property
-    def share(self) -> float:
+    def largest_share(self) -> float:
         """Largest share by which the stiffness changes at these times."""
         return float(self.shares.max())
 
     @property
-    def share_at(self) -> float:
+    def t_largest_share(self) -> float:
         """Time in s of the largest share by which the stiffness changes."""
         return float(self.t[np.argmax(self.shares)])
 
     @property
     def matters(self) -> bool:
         """Whether second order changes the stiffness by more than `SECOND_ORDER_LIMIT`; true for NaN."""
-        return not self.share <= SECOND_ORDER_LIMIT
+        return not self.largest_share <= SECOND_ORDER_LIMIT
 
 
-def second_order_effect(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Stressed:
+def second_order_effect(scene: Scene, bodies: Mapping[str, SlidingBody]) -> SecondOrderEffect:
     r"""Effect of second order in a scene with a frame, with all contacts closed.
 
     Axial forces and the frame's speed add :math:`\sum_k c_k G_k` to the stiffness K, with the amplitude c_k and the
@@ -208,7 +210,7 @@ def second_order_effect(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Stre
     signals, excitation = term_signals(scene, terms), Excitation.of(_with_second_order(scene, False))
     assembly, x = Assembly(system), places(system, excitation)
     axial = [term.name for term in terms if term.of in AXIAL]
-    steps = _looked_at(excitation)
+    steps = _second_order_steps(excitation)
     rows = assembly.along(x[steps])
     factors, shares = np.full(len(steps), np.inf), np.zeros(len(steps))
     for k, step in enumerate(steps):
@@ -220,10 +222,10 @@ def second_order_effect(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Stre
         factors[k] = held.factors({name: c[name] for name in axial})[0]
         either = [held.factors({name: way * amount for name, amount in c.items()}) for way in (1, -1)]
         shares[k] = 1.0 / np.min(either)
-    return Stressed(excitation.times[steps], factors, shares)
+    return SecondOrderEffect(excitation.times[steps], factors, shares)
 
 
-def _looked_at(excitation: Excitation) -> NDArray[np.int64]:
+def _second_order_steps(excitation: Excitation) -> NDArray[np.int64]:
     """Numbers of the steps at which second order is computed, `STRESSED_TIMES` at most.
 
     Steps near a kink of an extension are left out: its acceleration lasts one step and is no lasting load.
@@ -246,11 +248,11 @@ def decide_second_order(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Scen
     except InputError:  # what nothing holds: no stiffness to compare with
         return _with_second_order(scene, True)
     chosen = "kept" if effect.matters else "left out"
-    _log.info("second order is %s: stiffness changes by %.2g %%", chosen, 100.0 * effect.share)
+    _log.info("second order is %s: stiffness changes by %.2g %%", chosen, 100.0 * effect.largest_share)
     return _with_second_order(scene, effect.matters)
 
 
-def as_made(scene: Scene, terms: Any) -> Scene:
+def with_choice_of_terms(scene: Scene, terms: Any) -> Scene:
     """The scene with the choice of second order of a system with these `terms`, if its own is ``auto``."""
     open_ = scene.frame is not None and scene.frame.second_order == "auto"
     return _with_second_order(scene, bool(terms)) if open_ else scene
@@ -267,7 +269,7 @@ OVER = ("", "x", "y", "z")
 
 
 @dataclass(frozen=True)
-class InSpace:
+class SpaceEnergy:
     """Energy in J of a boom in space at the times t in s, and work in J since the start, (T,) each.
 
     `drives` is the work of the frame's drives, `others` that of everything else.
@@ -275,16 +277,16 @@ class InSpace:
 
     t: Array
     energy: Array
-    drives: Array
-    others: Array
+    drive_work: Array
+    other_work: Array
 
     @property
     def residual_energy(self) -> Array:
         """Change of energy, (T,) in J, that no work accounts for: damping takes it, or it is an error of the step."""
-        return self.energy - self.energy[0] - self.drives - self.others
+        return self.energy - self.energy[0] - self.drive_work - self.other_work
 
 
-def in_space(scene: Scene, system: System, excitation: Excitation, run: SystemTrajectory) -> InSpace:
+def energy_in_space(scene: Scene, system: System, excitation: Excitation, run: SystemTrajectory) -> SpaceEnergy:
     r"""Energy of a scene with a frame, and work of its drives, beyond those of the same boom when rigid.
 
     The work of a step is that of the mean forces over it, which is of second order in the step.
@@ -306,7 +308,7 @@ def in_space(scene: Scene, system: System, excitation: Excitation, run: SystemTr
     needed.  With second order u includes the lengths by which sections and cylinders get shorter along the axis as they
     bend; without it the integrals with two u but that of |u'|^2 are left out, as in the equations of motion.
     """
-    account = _Account(scene, run)
+    account = _EnergyBalance(scene, run)
     for name, body in system.bodies.items():
         account.add_fields(name, body, system)
     terms, amplitudes = {term.name: term for term in frame_terms(scene)}, excitation.amplitudes(system.term_names)
@@ -314,23 +316,23 @@ def in_space(scene: Scene, system: System, excitation: Excitation, run: SystemTr
         account.add_term(terms[term.name], term, c)
     for number, name in enumerate(scene.names):
         account.add_momentum(number, account.moments[name])
-    return InSpace(run.t, account.energy, _since_start(account.drives), _since_start(account.others))
+    return SpaceEnergy(run.t, account.energy, _cumulative_work(account.drives), _cumulative_work(account.others))
 
 
-def energy_part(scene: Scene, system: System, excitation: Excitation, run: SystemTrajectory | None) -> Part:
+def energy_part(scene: Scene, system: System, excitation: Excitation, run: SystemTrajectory | None) -> SummaryPart:
     """``energy`` of summary.json in J, changes from the start to the end; empty without a frame.
 
     If `run` is None, because its states were not kept, it is simulated again, which takes microseconds a step.
     """
     if scene.frame is None:
-        return Part()
-    energies = in_space(scene, system, excitation, run or run_from_start(system, excitation))
+        return SummaryPart()
+    energies = energy_in_space(scene, system, excitation, run or run_from_start(system, excitation))
     ends = {
         "change": energies.energy[-1] - energies.energy[0],
-        "drives": energies.drives[-1],
-        "others": energies.others[-1],
+        "drives": energies.drive_work[-1],
+        "others": energies.other_work[-1],
     }
-    return Part(
+    return SummaryPart(
         {"energy": {key: float(value) for key, value in ends.items()} | {"lost": -float(energies.residual_energy[-1])}}
     )
 
@@ -346,14 +348,14 @@ class _Moments:
     rate: Array
 
 
-class _Account:
+class _EnergyBalance:
     """Energy (T,) and work of each step (T - 1,) in J: bodies, terms and momenta are added in this order."""
 
     def __init__(self, scene: Scene, run: SystemTrajectory) -> None:
-        assert scene.frame is not None  # `in_space` is for scenes with a frame
+        assert scene.frame is not None  # `energy_in_space` is for scenes with a frame
         self._scene, self._run = scene, run
         self._turning = Turning.of(*scene.frame.angles, run.t, scene.frame.rocking)
-        self._base = np.einsum("tji,tj->ti", self._turning.rotation, _of_base(scene.frame, run.t))
+        self._base = np.einsum("tji,tj->ti", self._turning.rotation, _pivot_velocity(scene.frame, run.t))
         none = np.zeros((len(run.t), len(OVER), 3))
         self.moments = {name: _Moments(none.copy(), none.copy()) for name in scene.names}
         self.energy, self.drives, self.others = run.energy.copy(), np.zeros(len(run.t) - 1), np.diff(run.work)
@@ -372,51 +374,55 @@ class _Account:
                 load = self._run.loads[:, system.input_names.index(input_of(name, of_input))]
                 self.others -= mean(load) * np.diff(moments.u[at])
 
-    def add_term(self, of: FrameTerm, term: Term, c: Array) -> None:
+    def add_term(self, frame_term: FrameTerm, term: Term, c: Array) -> None:
         """Add energy and work of a term of second order, whose amplitudes are c (T,).
 
         Terms of loads are skipped: their work is that of the loads.
         """
-        if of.of in ("load", "cylinder load"):  # their work is that of the loads
+        if frame_term.of in ("load", "cylinder load"):  # their work is that of the loads
             return
         q, v = (np.hstack([getattr(self._run.bodies[name], what) for name in term.bodies]) for what in "qv")
         G, V = ((0.0 * q.T if A is None else A @ q.T).T for A in (term.stiffness, term.damping))
         damped = 0.0 * q if term.damping is None else (term.damping @ v.T).T
         self.others += dot(mean(c[:, None] * (G + damped)), np.diff(q, axis=0))
-        if of.of in ("field", "cylinder"):
-            self._shorten(of, c, dot(q, G) / 2.0, dot(v, G))
-        elif of.of == "rotation":
+        if frame_term.of in ("field", "cylinder"):
+            self._add_shortening(frame_term, c, dot(q, G) / 2.0, dot(v, G))
+        elif frame_term.of == "rotation":
             self.energy += c / 2.0 * dot(v, V)
             self.drives += mean(c) / 2.0 * dot(np.diff(v, axis=0), mean(V))
-        elif of.of == "carried":
+        elif frame_term.of == "carried":
             self.energy -= c / 2.0 * dot(q, G)
             self.drives -= 2.0 * mean(c) * dot(np.diff(q, axis=0), mean(G)) + np.diff(c) / 2.0 * dot(mean(q), mean(G))
 
-    def _shorten(self, of: FrameTerm, c: Array, bent: Array, rate: Array) -> None:
+    def _add_shortening(self, frame_term: FrameTerm, c: Array, bent: Array, rate: Array) -> None:
         """Add the displacements along the axis of a section that bends, or of one whose cylinder leans, to the moments.
 
         `bent` and `rate` (T,) are q^T G q / 2 and its rate, with the amplitude c (T,) and the matrix G of the term.
         """
-        if of.of == "cylinder":  # it is shorter along the axis the shorter it is
+        if frame_term.of == "cylinder":  # it is shorter along the axis the shorter it is
             length, longer = (
-                getattr(self._scene.extension(of.number), what)(self._run.t) for what in ("value", "rate")
+                getattr(self._scene.extension(frame_term.number), what)(self._run.t) for what in ("value", "rate")
             )
             self.drives -= mean(c * bent * longer / length) * np.diff(self._run.t)
             bent, rate = -bent / length, -rate / length + bent * longer / length**2
-        moments, over = self.moments[of.carried or of.bodies[0]], OVER.index(of.component[1:])
+        moments, over = self.moments[frame_term.carried or frame_term.bodies[0]], OVER.index(frame_term.component[1:])
         moments.u[:, over, 0] += bent
         moments.rate[:, over, 0] += rate
 
-    def add_momentum(self, number: int, of: _Moments) -> None:
+    def add_momentum(self, number: int, moments: _Moments) -> None:
         """Add energy and work that are linear in the displacements of the section with that number."""
         t, omega, gravity = self._run.t, self._turning.velocity, self._scene.gravity
         weight = (gravity.signal.value(t) if gravity else 0.0 * t)[:, None] * self._turning.up
         V = _speeds(self._scene, omega, number, t)
         V[:, 0] += self._base
         c = np.cross(V, omega[:, None])
-        self.energy += _sum(V, of.rate) + _sum(c, of.u) + dot(weight, of.u[:, 0])
-        self.drives += _sum(mean(V), np.diff(of.rate, axis=0)) + 2.0 * _sum(mean(c), np.diff(of.u, axis=0))
-        self.drives += _sum(np.diff(c, axis=0), mean(of.u)) + dot(np.diff(weight, axis=0), mean(of.u[:, 0]))
+        self.energy += _contract(V, moments.rate) + _contract(c, moments.u) + dot(weight, moments.u[:, 0])
+        self.drives += _contract(mean(V), np.diff(moments.rate, axis=0)) + 2.0 * _contract(
+            mean(c), np.diff(moments.u, axis=0)
+        )
+        self.drives += _contract(np.diff(c, axis=0), mean(moments.u)) + dot(
+            np.diff(weight, axis=0), mean(moments.u[:, 0])
+        )
 
 
 def _speeds(scene: Scene, omega: Array, number: int, t: Array) -> Array:
@@ -434,7 +440,7 @@ def _speeds(scene: Scene, omega: Array, number: int, t: Array) -> Array:
     return np.stack([tail, *(np.cross(omega, axis) for axis in np.eye(3))], axis=1)
 
 
-def _of_base(frame: Frame, t: Array) -> Array:
+def _pivot_velocity(frame: Frame, t: Array) -> Array:
     """Velocity (T, 3) in m/s of the pivot along the axes of the ground; accelerations are integrated."""
     velocity = np.zeros((len(t), 3))
     if frame.base is not None:
@@ -442,15 +448,15 @@ def _of_base(frame: Frame, t: Array) -> Array:
             if axis in frame.base.motions:
                 velocity[:, k] += frame.base.motions[axis].rate(t)
             if axis in frame.base.accelerations:
-                velocity[:, k] += _since_start(mean(frame.base.accelerations[axis].value(t)) * np.diff(t))
+                velocity[:, k] += _cumulative_work(mean(frame.base.accelerations[axis].value(t)) * np.diff(t))
     return velocity
 
 
-def _sum(a: Array, b: Array) -> Array:
+def _contract(a: Array, b: Array) -> Array:
     """Sum over the last two axes of the products of entries, (T,)."""
     return np.asarray(np.einsum("tij,tij->t", a, b))
 
 
-def _since_start(work: Array) -> Array:
+def _cumulative_work(work: Array) -> Array:
     """Sum (T,) of the work of all steps, (T - 1,), up to each time."""
     return np.append(0.0, np.cumsum(work))

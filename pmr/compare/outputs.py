@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from pmr.compare.errors import (
     RELATIVE_FLOOR,
-    Observed,
+    ResponseFunction,
     force_round_off,
     probe_round_off,
     refuse_infinite,
@@ -66,7 +66,7 @@ class Outputs:
     tips: tuple[int, ...]  # numbers of the displacements that are the tip's
     forces: tuple[str, ...] = ()  # kind of each force, (p,); empty: all are forces of sliders and pads
 
-    def of(self, kind: str) -> Array:
+    def of_kind(self, kind: str) -> Array:
         """Outputs of one kind, one of `OUTPUT_KINDS` or `CYLINDER_FORCE`: (T, number of outputs of that kind)."""
         if kind == "tip":
             return self.displacement[:, list(self.tips)]
@@ -83,9 +83,11 @@ class Outputs:
     @property
     def kinds(self) -> tuple[str, ...]:
         """Kinds of which there are outputs; ``velocity`` is always among them, even if no velocities were computed."""
-        return tuple(kind for kind in (*OUTPUT_KINDS, CYLINDER_FORCE) if kind == "velocity" or self.of(kind).shape[1])
+        return tuple(
+            kind for kind in (*OUTPUT_KINDS, CYLINDER_FORCE) if kind == "velocity" or self.of_kind(kind).shape[1]
+        )
 
-    def moved_at(self, places: Sequence[int]) -> Outputs:
+    def select_displacements(self, places: Sequence[int]) -> Outputs:
         """Outputs with only those displacements, and their velocities, whose numbers are in `places`, in that order."""
         which, rates = list(places), self.velocity.shape[1] > 0
         tips = tuple(which.index(tip) for tip in self.tips if tip in which)
@@ -106,7 +108,7 @@ class Outputs:
 
 
 @dataclass(frozen=True)
-class Floors:
+class RoundOffBounds:
     """Largest round-off of a displacement (m), of a force (N) and of each probe (k,)."""
 
     displacement: float
@@ -114,7 +116,7 @@ class Floors:
     probe: Array
 
     @classmethod
-    def of(cls, system: System, excitation: Excitation, forces: Array | None = None) -> Floors:
+    def for_system(cls, system: System, excitation: Excitation, forces: Array | None = None) -> RoundOffBounds:
         """Bounds of the round-off of a system's outputs under these loads (`pmr.compare.errors.round_off`).
 
         For several bodies the bound of forces is `RELATIVE_FLOOR` times the largest of the contact forces `forces` (T,
@@ -130,7 +132,7 @@ class Floors:
 
 
 def differences(
-    outputs: Outputs, reference: Outputs, floors: Floors, kinds: Sequence[str] = OUTPUT_KINDS
+    outputs: Outputs, reference: Outputs, floors: RoundOffBounds, kinds: Sequence[str] = OUTPUT_KINDS
 ) -> dict[str, float]:
     """Error of outputs against a reference by kind (`pmr.compare.errors.relative_error`), as fractions.
 
@@ -152,12 +154,12 @@ def differences(
                 continue
             case _:
                 still = ~np.any(moves[0], axis=0) & ~np.any(moves[1], axis=0)
-                pair = np.where(still, 0.0, outputs.of(kind)), np.where(still, 0.0, reference.of(kind))
+                pair = np.where(still, 0.0, outputs.of_kind(kind)), np.where(still, 0.0, reference.of_kind(kind))
         errors[kind] = relative_error(*pair)
     return errors
 
 
-def probe_differences(outputs: Outputs, reference: Outputs, floors: Floors) -> Array:
+def probe_differences(outputs: Outputs, reference: Outputs, floors: RoundOffBounds) -> Array:
     r"""Error of each probe, (k,) fractions; probes that are round-off in both count as zero.
 
     .. math:: \mathrm{rms}(y_k - r_k) / \max(\mathrm{rms}(r_k),\ 0.01 \max_j \mathrm{rms}(r_j))
@@ -176,7 +178,7 @@ def probe_differences(outputs: Outputs, reference: Outputs, floors: Floors) -> A
     return np.asarray(np.where(none, error > 0.0, error / np.where(none, 1.0, scale)))
 
 
-def impulsive(model: ReducedModel, excitation: Excitation) -> bool:
+def has_impulsive_force(model: ReducedModel, excitation: Excitation) -> bool:
     """Whether the path has a kink before the end and a rigid slider moves on it, so that its force has no limit.
 
     At a kink a rigid slider strikes the body.  The shorter the step, the larger the force of that impact, and no two
@@ -197,7 +199,7 @@ STRAIGHT = "straight"
 BESIDE_KINK = 2.0
 
 
-def quantities_of_boom(excitation: Excitation, response: Response) -> Mapping[str, Observed]:
+def boom_quantities(excitation: Excitation, response: Response) -> Mapping[str, ResponseFunction]:
     """Functions of a response that return the compared quantities of a boom, (T, k) each, by name.
 
     ``tip`` returns the displacements of the last section's tip in m, ``beam`` all displacements in m, and each kind of
@@ -209,18 +211,18 @@ def quantities_of_boom(excitation: Excitation, response: Response) -> Mapping[st
     last, t, stepping = response.outputs[len(response.output_names) - 1].body, response.t, excitation.stepping
     at = [kink for path in excitation.paths.values() for kink in path.kinks(stepping.end)]
     away = np.all([np.abs(t - kink) > BESIDE_KINK * stepping.step for kink in at], axis=0)
-    measures: dict[str, Observed] = {
+    measures: dict[str, ResponseFunction] = {
         "tip": lambda response: response.of("tip", body=last),
         "beam": lambda response: response.displacement,
     }
     for kind in dict.fromkeys(force_kinds(response)):
-        measures[kind] = partial(_forces, kind, slice(None))
+        measures[kind] = partial(_forces_at_steps, kind, slice(None))
         if at:
-            measures[f"{kind}_between_kinks"] = partial(_forces, kind, away)
+            measures[f"{kind}_between_kinks"] = partial(_forces_at_steps, kind, away)
     return measures
 
 
-def _forces(kind: str, steps: slice | NDArray[np.bool_], response: Response) -> Array:
+def _forces_at_steps(kind: str, steps: slice | NDArray[np.bool_], response: Response) -> Array:
     """Forces of one kind at `steps`, (S, k) in N; those that are negligible against the largest of any kind are 0.
 
     Negligible is a force, such as that of a cylinder that holds still, of at most `RELATIVE_FLOOR` times the largest
@@ -282,7 +284,7 @@ def tip_names(boom: Scene) -> set[str]:
     return {named(last.name, last.observe.tip_along(direction)) for direction in "yz"}
 
 
-def columns_of(section: str, response: Response) -> list[int]:
+def section_columns(section: str, response: Response) -> list[int]:
     """Numbers of the displacements in a response that belong to a section, its tip's included."""
     return [k for k, output in enumerate(response.outputs) if output.body == section and output.kind in ("beam", "tip")]
 
@@ -371,13 +373,13 @@ def run_from_start(system: System | SystemForm, excitation: Excitation, every: i
     return systems.simulate_form(form, excitation, every=every)
 
 
-def is_recorded(system: System, stepping: TimeStepping) -> bool:
+def fits_in_memory(system: System, stepping: TimeStepping) -> bool:
     """Whether the states and multipliers at all steps are few enough, `MOST_RECORDED` numbers, to be kept in memory."""
     bodies, contacts = system.bodies.values(), len(system.contacts)
     return stepping.steps * (2 * sum(body.size for body in bodies) + contacts) <= MOST_RECORDED
 
 
-def in_parts(system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> Excitation:
+def divide_steps(system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> Excitation:
     """Excitation whose steps are divided into the parts that a run of the system divides them into.
 
     `run` is simulated if it is None.  The excitation is returned unchanged if no contact only pushes, or if its time
@@ -393,7 +395,10 @@ def in_parts(system: System, excitation: Excitation, run: SystemTrajectory | Non
 def outputs_of_run(system: System, run: SystemTrajectory, excitation: Excitation, every: int = 1) -> Outputs:
     """Outputs, with velocities, at every `every`-th step of a run, which has all steps of the excitation."""
     y, stride = np.hstack(list(systems.displacements(system, run).values())), slice(None, None, every)
-    sampled, displacement = outputs_from(system, y[stride], run.forces[stride]), y[:, _displacement_mask(system)]
+    sampled, displacement = (
+        outputs_from_columns(system, y[stride], run.forces[stride]),
+        y[:, _displacement_mask(system)],
+    )
     return replace(sampled, velocity=displacement_rates(system, run, excitation, displacement)[stride])
 
 
@@ -415,10 +420,10 @@ def outputs_of_response(system: System, run: SystemTrajectory, excitation: Excit
 def outputs_without_rates(system: System, run: SystemTrajectory) -> Outputs:
     """Outputs at all steps of a run without velocities, which are expensive to compute."""
     y = np.hstack(list(systems.displacements(system, run).values()))
-    return outputs_from(system, y, run.forces)
+    return outputs_from_columns(system, y, run.forces)
 
 
-def between_kinks(system: System, sampled: Outputs, excitation: Excitation, times: Array, step: float) -> Outputs:
+def without_kink_forces(system: System, sampled: Outputs, excitation: Excitation, times: Array, step: float) -> Outputs:
     """Outputs `sampled` at `times` (T,) in s with all forces set to 0 near kinks of the extensions.
 
     Near is within `BESIDE_KINK` times `step` in s.  There forces have no limit: the shorter the steps, the larger they
@@ -435,7 +440,7 @@ def away_from_kinks(excitation: Excitation, times: Array, step: float) -> NDArra
     return np.asarray(np.all([np.ones(len(times), bool), *(np.abs(times - t) > BESIDE_KINK * step for t in kinks)], 0))
 
 
-def outputs_from(system: System, y: Array, forces: Array) -> Outputs:
+def outputs_from_columns(system: System, y: Array, forces: Array) -> Outputs:
     """Outputs, without velocities, from all output columns y (T, o) of the bodies and contact forces (T, m) in N.
 
     The forces in the result are those of springs, then of pads, sliders and cylinders (`output_contacts`).
@@ -466,8 +471,8 @@ def displacement_rates(system: System, run: SystemTrajectory, excitation: Excita
     For a body on one path with tables of residual flexibility they are `output_rates`.  For several bodies, and with
     attachment modes, they are :math:`O \dot q` plus central differences of the rest of the displacements, y - O q.
     """
-    if system.on_one_path and all(map(_by_tables, system.bodies.values())):
-        body, motion = along_path(system, run, excitation)
+    if system.on_one_path and all(map(_has_rate_tables, system.bodies.values())):
+        body, motion = only_body_motion(system, run, excitation)
         return output_rates(body, motion, excitation.on_slider)[:, length_outputs(body)]
     rates, first = list[Array](), 0
     for name, model in system.bodies.items():
@@ -479,13 +484,13 @@ def displacement_rates(system: System, run: SystemTrajectory, excitation: Excita
     return np.hstack(rates)
 
 
-def _by_tables(body: SlidingBody) -> bool:
+def _has_rate_tables(body: SlidingBody) -> bool:
     """Whether the rates of a body's outputs follow from tables of flexibility: it has these and no attachment modes."""
     attached = body.carriers is not None and getattr(body.carriers, "inertia", None) is None
     return body.flexibility is not None and not attached
 
 
-def along_path(system: System, run: SystemTrajectory, excitation: Excitation) -> tuple[ReducedModel, Trajectory]:
+def only_body_motion(system: System, run: SystemTrajectory, excitation: Excitation) -> tuple[ReducedModel, Trajectory]:
     """The only body, with no rows but those of its contacts, and its motion with one path coordinate s (T,) in m."""
     (body,), (motion,) = system.reduced.values(), run.bodies.values()
     rows = [body.row_names.index(contact.inner.row) for contact in system.contacts]

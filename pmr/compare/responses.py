@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pmr.compare.errors import Observed, force_round_off, observed_quantities, refuse_infinite, round_off
-from pmr.compare.outputs import is_recorded, output_contacts, quantities_of_boom
+from pmr.compare.errors import ResponseFunction, force_round_off, observed_quantities, refuse_infinite, round_off
+from pmr.compare.outputs import boom_quantities, fits_in_memory, output_contacts
 from pmr.errors import GrowthError, InputError, environment
 from pmr.errors.environment import Clock, needed
 from pmr.reduced.model import ReducedModel
@@ -53,29 +53,29 @@ SHORT = 0.1
 
 
 @dataclass(frozen=True)
-class Simulated:
+class Simulation:
     """Response of one simulation, with the states that were recorded."""
 
     response: Response
     states: Mapping[str, BodyStates]  # of each body, at the steps for which they were wanted
     parts: Indices | None  # (T,): number of parts of each step; None if not known
     run: SystemTrajectory | None  # the motion at all steps; None where it was not kept
-    own: Response  # the response of the system alone, without forces and motions of the scene's machine
+    own_response: Response  # the response of the system alone, without forces and motions of the scene's machine
 
 
 @dataclass(frozen=True)
 class Simulations:
     """Responses and solver times of all simulators of a scene."""
 
-    first: Simulated  # by the one that the scene names first
+    first: Simulation  # by the one that the scene names first
     seconds: Mapping[str, float]  # of each simulator's solver, the first one's first
     agreement: Mapping[str, float]  # largest difference in displacements between each two of them, m (`agreement`)
-    made: TimeStepping  # the time grid, with the first one's parts of each step where contacts only push
-    again: Callable[[], Mapping[str, float]]  # repeat the simulations as the scene says; least seconds of each
+    time_grid: TimeStepping  # the time grid, with the first one's parts of each step where contacts only push
+    repeat: Callable[[], Mapping[str, float]]  # repeat the simulations as the scene says; least seconds of each
 
     def with_least_seconds(self) -> Simulations:
         """Repeat short simulations and return these with the shortest solver time of each simulator."""
-        least = self.again()
+        least = self.repeat()
         response = replace(self.first.response, seconds=next(iter(least.values())))
         return replace(self, first=replace(self.first, response=response), seconds=least)
 
@@ -93,13 +93,15 @@ def simulate(
     """
     clock, names = clock or Clock(), scene.simulation.simulators
     omega, stepping = contact_step.contact_frequency(system, excitation), excitation.stepping
-    results, prepared = dict[str, Simulated](), dict[str, Prepared]()
+    results, prepared = dict[str, Simulation](), dict[str, PreparedSimulation]()
     for name in names:
-        with clock.stage("reduced" if len(names) == 1 else f"reduced, {name}") as done, refused_growth(scene):
+        with clock.stage("reduced" if len(names) == 1 else f"reduced, {name}") as done, refuse_growth(scene):
             scheduled = excitation.with_stepping(stepping)
-            prepared[name] = _prepare(system, scheduled, name, np.asarray(steps, np.int64))
+            prepared[name] = _prepare_simulation(system, scheduled, name, np.asarray(steps, np.int64))
             result = prepared[name].run(done)
-            results[name] = replace(result, response=with_machine(scene, with_forces_on_machine(scene, result.own)))
+            results[name] = replace(
+                result, response=append_machine(scene, with_forces_on_machine(scene, result.own_response))
+            )
         if names[0] == "march" or name == names[-1]:
             stepping = contact_step.as_made(excitation.stepping, results[names[0]].parts, omega)
     responses = {name: one.response for name, one in results.items()}
@@ -107,7 +109,7 @@ def simulate(
 
     def again() -> dict[str, float]:
         """Repeat short simulations and return the least seconds of each simulator."""
-        return {name: one.least(seconds[name], scene.simulation.repeats) for name, one in prepared.items()}
+        return {name: one.least_seconds(seconds[name], scene.simulation.repeats) for name, one in prepared.items()}
 
     return Simulations(results[names[0]], seconds, agreement(responses), stepping, again)
 
@@ -119,15 +121,15 @@ def simulate_by(
     simulator: str,
     steps: Sequence[int] = (),
     done: Progress | None = None,
-) -> Simulated:
+) -> Simulation:
     """Simulate by one simulator; short simulations are repeated as the scene says, and the shortest time is reported.
 
     States are recorded at the `steps`.
     """
-    prepared = _prepare(system, excitation, simulator, np.asarray(steps, np.int64))
+    prepared = _prepare_simulation(system, excitation, simulator, np.asarray(steps, np.int64))
     result = prepared.run(done)
-    seconds = prepared.least(result.own.seconds, scene.simulation.repeats)
-    return replace(result, response=replace(with_forces_on_machine(scene, result.own), seconds=seconds))
+    seconds = prepared.least_seconds(result.own_response.seconds, scene.simulation.repeats)
+    return replace(result, response=replace(with_forces_on_machine(scene, result.own_response), seconds=seconds))
 
 
 def march_once(scene: Scene, system: System, excitation: Excitation) -> Response:
@@ -145,7 +147,7 @@ def agreement(responses: Mapping[str, Response]) -> dict[str, float]:
 
 
 @contextmanager
-def refused_growth(scene: Scene) -> Iterator[None]:
+def refuse_growth(scene: Scene) -> Iterator[None]:
     """Context in which a motion of the reduced model that grows without bound raises an InputError for the user.
 
     It names the key to change, `time.step` or `time.rho_inf`.
@@ -168,13 +170,13 @@ def check_installed(scene: Scene) -> None:
         environment.check_installed(str(package))
 
 
-def compared_quantities(scene: Scene, response: Response) -> Mapping[str, Observed]:
+def compared_quantities(scene: Scene, response: Response) -> Mapping[str, ResponseFunction]:
     """Functions of a response that return the compared quantities, by name, for this scene and responses like this one.
 
     They are `observed_quantities` of a body alone and `quantities_of_boom` of a boom.
     """
     if ALONE not in scene.bodies:
-        return quantities_of_boom(Excitation.of(scene), response)
+        return boom_quantities(Excitation.of(scene), response)
     tips = len(transverse(member_at(scene)))
     return observed_quantities(tips, slice(None) if scene.observe.stations is None else slice(-tips))
 
@@ -187,13 +189,13 @@ def full_simulator(scene: Scene, size: int) -> str:
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedSimulation:
     """A simulation whose set-up is done, so that it can be repeated."""
 
-    run: Callable[[Progress | None], Simulated]
+    run: Callable[[Progress | None], Simulation]
     seconds: Callable[[int], list[float]]  # repeat the solver alone that many times; seconds of each
 
-    def least(self, first: float, repeats: int) -> float:
+    def least_seconds(self, first: float, repeats: int) -> float:
         """The shortest solver time in s of `repeats` runs, of which the `first` took that many seconds.
 
         Runs are repeated only if the first one took no more than `SHORT`.
@@ -201,7 +203,7 @@ class Prepared:
         return min([first, *(self.seconds(repeats - 1) if first <= SHORT else [])])
 
 
-def _prepare(system: System, excitation: Excitation, simulator: str, steps: Indices) -> Prepared:
+def _prepare_simulation(system: System, excitation: Excitation, simulator: str, steps: Indices) -> PreparedSimulation:
     """Prepare a simulator so that repeated runs of the system under the excitation share its set-up.
 
     States are recorded at the `steps`.  The motion at all steps is kept as well, except for full bodies with ``march``,
@@ -210,24 +212,26 @@ def _prepare(system: System, excitation: Excitation, simulator: str, steps: Indi
     alone = ALONE in system.bodies and not system.terms
     if simulator == "march":
         reduced = all(isinstance(body, ReducedModel) for body in system.bodies.values())
-        every = reduced and (not alone or is_recorded(system, excitation.stepping))
+        every = reduced and (not alone or fits_in_memory(system, excitation.stepping))
         return _prepare_march(system, excitation, steps, np.arange(len(excitation.times)) if every else steps)
     start, formulation = systems.start_of(system, excitation), exudyn.FORMULATIONS[simulator]
 
-    def run(done: Progress | None) -> Simulated:
+    def run(done: Progress | None) -> Simulation:
         """Simulate by Exudyn and evaluate the response."""
         trajectory = exudyn.simulate_system(system, excitation, start, done, formulation)
-        states, response = states_of(system, trajectory, steps), respond(system, trajectory)
-        return Simulated(response, states, trajectory.parts, None if alone else trajectory, response)
+        states, response = states_of(system, trajectory, steps), evaluate_motion(system, trajectory)
+        return Simulation(response, states, trajectory.parts, None if alone else trajectory, response)
 
     def again(count: int) -> list[float]:
         """Repeat the simulation by Exudyn `count` times and return the solver's seconds of each."""
         return [exudyn.simulate_system(system, excitation, start, None, formulation).seconds for _ in range(count)]
 
-    return Prepared(run, again)
+    return PreparedSimulation(run, again)
 
 
-def _prepare_march(system: System, excitation: Excitation, steps: Indices, recorded_steps: Indices) -> Prepared:
+def _prepare_march(
+    system: System, excitation: Excitation, steps: Indices, recorded_steps: Indices
+) -> PreparedSimulation:
     """Prepare the compiled simulator; the response is evaluated block by block.
 
     The motion is kept at the `recorded_steps`; states are returned at the `steps`, which are all recorded.
@@ -236,7 +240,7 @@ def _prepare_march(system: System, excitation: Excitation, steps: Indices, recor
     f, every = excitation.forces(system.input_names), len(recorded_steps) == len(excitation.times)
     march = cache(lambda: March(form, excitation))
 
-    def run(done: Progress | None) -> Simulated:
+    def run(done: Progress | None) -> Simulation:
         """Simulate, evaluate the response block by block, and record states."""
         evaluation, recorder = Evaluation(system, excitation.times, f), Recorder(recorded_steps)
         parts = np.ones(len(excitation.times), np.int64)
@@ -252,9 +256,9 @@ def _prepare_march(system: System, excitation: Excitation, steps: Indices, recor
         trajectory = recorder.trajectory(ended)
         numbers = steps if every else np.arange(len(recorded_steps))
         response, states = evaluation.response(ended), states_of(system, trajectory, numbers)
-        return Simulated(response, states, parts, trajectory if every else None, response)
+        return Simulation(response, states, parts, trajectory if every else None, response)
 
-    return Prepared(run, lambda count: [march().again() for _ in range(count)])
+    return PreparedSimulation(run, lambda count: [march().again() for _ in range(count)])
 
 
 Array = NDArray[np.float64]
@@ -265,7 +269,7 @@ RESPONSE_HISTORIES = (
 )  # fmt: skip
 
 
-def respond(system: System, trajectory: SystemTrajectory) -> Response:
+def evaluate_motion(system: System, trajectory: SystemTrajectory) -> Response:
     """Response to a motion: displacements of all bodies, forces of contacts, springs and supports, and energies.
 
     Raises SimulationError if outputs, forces or energies overflow.
@@ -290,7 +294,7 @@ class Evaluation:
     def __call__(self, first: int, part: SystemTrajectory) -> None:
         """Evaluate the block `part`, whose first step has the number `first`.
 
-        Raises SimulationError as `respond` does.
+        Raises SimulationError as `evaluate_motion` does.
         """
         response, rows = _evaluate(self._system, part), slice(first, first + len(part.t))
         arrays = {name: getattr(response, name) for name in RESPONSE_HISTORIES}
@@ -339,10 +343,10 @@ def _evaluate(system: System, part: SystemTrajectory) -> Response:
         energy = Energy(kinetic, part.energy - kinetic, external)
     refuse_infinite(*outputs.values(), part.forces, energy.kinetic, energy.strain, energy.external)
     peaks = part.peaks if ALONE not in system.bodies or not np.isnan(system.clearance).all() else None
-    response = response_of(system, part.t, MotionOutputs(outputs, part.forces, peaks, energy))
+    response = response_to_motion(system, part.t, MotionOutputs(outputs, part.forces, peaks, energy))
     position, velocity = (np.abs(values).max(axis=1, initial=0.0) for values in (violation, drift))
     response = replace(response, residual_position=position, residual_velocity=velocity)
-    return with_friction(with_support_reactions(response, system, part), system, part.friction)
+    return append_friction(with_support_reactions(response, system, part), system, part.friction)
 
 
 def _residuals(body: SlidingBody, motion: Trajectory, part: SystemTrajectory) -> tuple[Array, Array]:
@@ -377,7 +381,7 @@ class MotionOutputs:
     energy: Energy
 
 
-def with_friction(response: Response, system: Joined[Any], friction: Array | None) -> Response:
+def append_friction(response: Response, system: Joined[Any], friction: Array | None) -> Response:
     """Append each joint's total friction force in N to the other outputs, from that of each of n pads (T, n) in N.
 
     The response is returned unchanged without friction.
@@ -389,7 +393,7 @@ def with_friction(response: Response, system: Joined[Any], friction: Array | Non
     return response.with_others(joint_friction.totals(friction), added)
 
 
-def response_of(system: Joined[Any], t: Array, motion: MotionOutputs) -> Response:
+def response_to_motion(system: Joined[Any], t: Array, motion: MotionOutputs) -> Response:
     """Response to any simulator's motion at the times t (T,) in s; its solver time and residuals are NaN."""
     displacements, springs, other_outputs = list[Array](), list[Array](), list[Array]()
     other_names, other_units = list[str](), list[str]()
@@ -437,7 +441,7 @@ def response_of(system: Joined[Any], t: Array, motion: MotionOutputs) -> Respons
 MACHINE = "machine"
 
 
-def with_machine(scene: Scene, response: Response) -> Response:
+def append_machine(scene: Scene, response: Response) -> Response:
     """Append displacements, rates and forces of a machine that moves by itself to the response of a scene.
 
     Displacements are in m or rad, rates in m/s or rad/s.  Forces are those of springs, dampers and constraints in N or
@@ -522,7 +526,7 @@ def check_memory(scene: Scene, size: int, outputs: int, free: int | None, tell: 
             _log.warning("%s", message)
 
 
-def cable_of(scene: Scene) -> ancf.Cable:
+def ancf_cable(scene: Scene) -> ancf.Cable:
     """The scene's beam as an ANCF cable; raises InputError if Exudyn is not installed."""
     needed("exudyn")
     from pmr.simulation.exudyn import ancf
@@ -546,7 +550,7 @@ def simulate_cable(
     Raises InputError if Exudyn is not installed, and as for `pmr.simulation.exudyn.ancf.simulate`; SimulationError if a
     step fails or a result is not finite.
     """
-    cable = cable_of(scene)
+    cable = ancf_cable(scene)
     from pmr.simulation.exudyn import ancf
 
     return ancf.simulate(cable, scene.alone.load_places, excitation, np.asarray(x, dtype=float), done)
@@ -565,7 +569,7 @@ def cable_response(scene: Scene, x: ArrayLike, done: Progress | None = None) -> 
         t=motion.t,
         x=motion.x,
         displacement=motion.displacement,
-        energy=ancf.energy(cable_of(scene), motion),
+        energy=ancf.energy(ancf_cable(scene), motion),
         slider_force=motion.slider_force[:, None],
         residual_position=unknown,
         residual_velocity=unknown,

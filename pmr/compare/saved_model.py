@@ -10,13 +10,13 @@ from pmr.compare.estimated import ReductionError, SimulatedSystem, reduction_err
 from pmr.compare.frequencies import (
     frequencies_on_way,
     frequency_part,
-    places_on_way,
     response_on_way,
-    shown_paths,
+    result_paths,
+    way_points,
 )
-from pmr.compare.moving_frame import as_made
+from pmr.compare.moving_frame import with_choice_of_terms
 from pmr.compare.responses import check_installed, simulate
-from pmr.compare.simulated import excitation_in, with_models_of
+from pmr.compare.simulated import excitation_of_scene, with_models_of
 from pmr.compare.summary import (
     origin_part,
     parts_of_motion,
@@ -28,7 +28,7 @@ from pmr.compare.summary import (
 from pmr.compare.trust import reduction_warnings
 from pmr.errors.environment import Clock
 from pmr.results import BodyResult, Loads, RunResult, Shapes
-from pmr.results.run import Part, combine_parts
+from pmr.results.run import SummaryPart, combine_parts
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
 from pmr.system.from_scene import with_terms_of
@@ -51,15 +51,18 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
     SimulationError
         If a step fails.
     """
-    scene = as_made(scene, system.terms)
+    scene = with_choice_of_terms(scene, system.terms)
     check_installed(scene)
     scene = with_models_of(scene, system)
     system = with_terms_of(scene, system)
-    clock, excitation, models = Clock(), excitation_in(scene, system), system.reduced
+    clock, excitation, models = Clock(), excitation_of_scene(scene, system), system.reduced
     results = simulate(scene, system, excitation, clock).with_least_seconds()
     responses, response = {"reduced": results.first.response}, results.first.response
-    natural = frequencies_on_way(scene, system, excitation, places_on_way(scene, excitation, 0))
-    motion, by_frequency = SimulatedSystem.of(system, excitation, results), response_on_way(scene, system, excitation)
+    natural = frequencies_on_way(scene, system, excitation, way_points(scene, excitation, 0))
+    motion, by_frequency = (
+        SimulatedSystem.from_simulations(system, excitation, results),
+        response_on_way(scene, system, excitation),
+    )
     error = _error(scene, motion, clock)
 
     with clock.stage("step"):
@@ -68,7 +71,7 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
     sizes = {name: {"reduced": model.size} for name, model in models.items()}
     parts = [
         origin_part(scene),
-        Part(
+        SummaryPart(
             {
                 "model": {name: system.provenance.get(name) for name in ("scene_hash", "basis", "versions")},
                 "max_displacement": float(np.abs(response.displacement).max()),
@@ -79,7 +82,7 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
         simulation_part(results.seconds, results.agreement, {}),
         sections_part(scene, responses, sizes, {name: error.of_section(name) for name in models}),
         error.part,
-        Part(warnings=reduction_warnings(error.part.figures)),
+        SummaryPart(warnings=reduction_warnings(error.part.figures)),
         *parts_of_motion(scene, motion, results, natural, step),
         frequency_part(by_frequency),
         reliability_part({}, responses, system),
@@ -91,7 +94,7 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
         scene,
         combine_parts(parts),
         responses,
-        shown_paths(scene, excitation),
+        result_paths(scene, excitation),
         Loads(system.input_names, system.input_units, excitation.forces(system.input_names)),
         natural,
         {name: BodyResult(shapes) for name in models},
@@ -106,5 +109,5 @@ def _error(scene: Scene, simulated: SimulatedSystem, clock: Clock) -> ReductionE
     error = reduction_error(scene, simulated, clock)
     bodies, estimated = simulated.system.reduced.items(), all(part.reduction.estimate for part in scene.sections)
     if estimated and any(model.cylinder_modes and name not in simulated.system.on_modes for name, model in bodies):
-        return ReductionError(Part({"estimate": error.part.figures["estimate"] | {"reason": EARLIER}}))
+        return ReductionError(SummaryPart({"estimate": error.part.figures["estimate"] | {"reason": EARLIER}}))
     return error

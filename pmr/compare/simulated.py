@@ -11,8 +11,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from pmr.compare.moving_frame import as_made, decide_second_order
-from pmr.compare.responses import Simulated, refused_growth, simulate_by, with_machine
+from pmr.compare.moving_frame import decide_second_order, with_choice_of_terms
+from pmr.compare.responses import Simulation, append_machine, refuse_growth, simulate_by
 from pmr.errors import InputError
 from pmr.errors.environment import Clock
 from pmr.reduced.model import ReducedModel
@@ -48,7 +48,7 @@ def simulate(scene: Any, reduced: System | ReducedModel | Mapping[str, ReducedMo
 
 def simulate_with_states(
     scene: Any, reduced: System | ReducedModel | Mapping[str, ReducedModel], steps: Sequence[int] | None = None
-) -> Simulated:
+) -> Simulation:
     """Response of a reduced model or system, and the states of each body at some steps of the scene's time grid.
 
     Parameters
@@ -67,22 +67,24 @@ def simulate_with_states(
     steps = range(scene.time.steps + 1) if steps is None else steps
     scene = with_models_of(scene, reduced)
     system = reduced if isinstance(reduced, System) else join_models(scene, reduced)
-    scene = as_made(scene, system.terms)
-    with Clock().stage("reduced"), refused_growth(scene):
+    scene = with_choice_of_terms(scene, system.terms)
+    with Clock().stage("reduced"), refuse_growth(scene):
         if scene.frame is not None and scene.frame.machine is not None:
-            check_fits(scene, system)
+            check_scene_fits(scene, system)
             scene, system = with_machine_moved(scene, system)
-        simulated = simulate_by(scene, system, excitation_in(scene, system), scene.simulation.simulators[0], steps)
-        return replace(simulated, response=with_machine(scene, simulated.response))
+        simulated = simulate_by(
+            scene, system, excitation_of_scene(scene, system), scene.simulation.simulators[0], steps
+        )
+        return replace(simulated, response=append_machine(scene, simulated.response))
 
 
-def excitation_in(scene: Any, system: System) -> Excitation:
+def excitation_of_scene(scene: Any, system: System) -> Excitation:
     """Paths, loads and time grid of a `pmr.scene.Scene` for a system.
 
-    An InputError is raised as by `check_fits`, or where a path leaves the rows of the system.
+    An InputError is raised as by `check_scene_fits`, or where a path leaves the rows of the system.
     """
-    scene = as_made(scene, system.terms)
-    check_fits(scene, system)
+    scene = with_choice_of_terms(scene, system.terms)
+    check_scene_fits(scene, system)
     alone = ALONE in system.bodies
     excitation = Excitation.of(scene)
     for (name, path), s in zip(excitation.paths.items(), excitation.s.T, strict=True):
@@ -95,7 +97,7 @@ def excitation_in(scene: Any, system: System) -> Excitation:
     return excitation
 
 
-def check_fits(scene: Any, system: System) -> None:
+def check_scene_fits(scene: Any, system: System) -> None:
     """Raise an InputError if a scene has other bodies, joints or loads than those that a system was made from."""
     parts = scene.bodies
     if tuple(parts) != tuple(system.bodies):
@@ -125,7 +127,7 @@ def check_fits(scene: Any, system: System) -> None:
     if second != bool(system.terms):
         allowed = f"{str(not second).lower()} is allowed: the system was reduced so"
         raise InputError("scene", "frame.second_order", second, allowed)
-    check_made_for(system, scene)
+    check_same_scene(system, scene)
 
 
 def join_models(scene: Any, reduced: ReducedModel | Mapping[str, ReducedModel]) -> System:
@@ -148,7 +150,7 @@ def join_models(scene: Any, reduced: ReducedModel | Mapping[str, ReducedModel]) 
         if model.section is None or model.section.name != name:
             is_of = "a whole body" if model.section is None else f"section {model.section.name}"
             raise InputError("pmr.simulate", f"models.{name}", is_of, f"the model of section {name} is allowed")
-        check_made_for(model, scene, number)
+        check_same_scene(model, scene, number)
     ordered_models = {name: models[name] for name in names}
     return system_of(decide_second_order(scene, ordered_models), ordered_models)
 
@@ -160,14 +162,14 @@ FREE = frozenset({
 })  # fmt: skip
 
 
-class Made(Protocol):
+class HasProvenance(Protocol):
     """A model or system with the provenance of the scene that it was made from; the provenance may be empty."""
 
     @property
     def provenance(self) -> dict[str, Any]: ...
 
 
-def with_models_of(scene: Scene, models: Made | Mapping[str, Made]) -> Scene:
+def with_models_of(scene: Scene, models: HasProvenance | Mapping[str, HasProvenance]) -> Scene:
     """The scene in which bodies whose structural model is ``auto`` have that of the reduced `models`.
 
     Measurements chose it when these were reduced.  `models` are a system, a model of a body alone, or a model of each
@@ -185,7 +187,7 @@ def with_models_of(scene: Scene, models: Made | Mapping[str, Made]) -> Scene:
     return scene.model_copy(update={"sections": tuple(parts)})
 
 
-def check_made_for(model: Made, scene: Scene, number: int | None = None) -> None:
+def check_same_scene(model: HasProvenance, scene: Scene, number: int | None = None) -> None:
     """Raise an InputError if a model was made from another scene: the first key that differs, and the model's value.
 
     Compared are bodies, supports, pads, joints, damping, observed outputs, and positions and directions of loads, of a
@@ -197,21 +199,29 @@ def check_made_for(model: Made, scene: Scene, number: int | None = None) -> None
         return
     files = model.provenance.get("files") or {}
     alone = number is not None or len(scene.sections) == 1
-    differing = _of_body(recorded_scene, member_at(scene, number or 0)) if alone else _of_scene(recorded_scene, scene)
+    differing = (
+        _body_differences(recorded_scene, member_at(scene, number or 0))
+        if alone
+        else _scene_differences(recorded_scene, scene)
+    )
     read = scene.sections[number or 0].files if alone else scene.files_read
-    for key, value, of_model in (*_of_gravity(recorded_scene, scene), *differing, *_of_files(files, read)):
+    for key, value, of_model in (
+        *_gravity_differences(recorded_scene, scene),
+        *differing,
+        *_file_differences(files, read),
+    ):
         shown = list(value) if isinstance(value, tuple) else value
         where = scene.key_of(number or 0, key) if alone else key
         raise InputError("scene", where, shown, f"that of the model is allowed: {of_model!r}")
 
 
-def _of_gravity(recorded_scene: Mapping[str, Any], scene: Scene) -> Iterator[tuple[str, Any, Any]]:
+def _gravity_differences(recorded_scene: Mapping[str, Any], scene: Scene) -> Iterator[tuple[str, Any, Any]]:
     """Differences in gravity: key, value in the scene, value in the model."""
     if recorded_scene.get("gravity") and scene.gravity:
         yield from _part_differences(recorded_scene["gravity"], scene.gravity, "gravity")
 
 
-def _of_body(recorded_scene: Mapping[str, Any], member: Member) -> Iterator[tuple[str, Any, Any]]:
+def _body_differences(recorded_scene: Mapping[str, Any], member: Member) -> Iterator[tuple[str, Any, Any]]:
     """Differences in one body: key, value in the scene, value in the model."""
     recorded_loads = {load.get("name"): load for load in recorded_scene.get("loads") or ()}
     for i, load in enumerate(member.part.loads):
@@ -222,14 +232,14 @@ def _of_body(recorded_scene: Mapping[str, Any], member: Member) -> Iterator[tupl
             yield from _part_differences(recorded_scene[name], value, name)
 
 
-def _of_scene(recorded_scene: Mapping[str, Any], scene: Scene) -> Iterator[tuple[str, Any, Any]]:
+def _scene_differences(recorded_scene: Mapping[str, Any], scene: Scene) -> Iterator[tuple[str, Any, Any]]:
     """Differences in damping and sections of a whole scene: key, value in the scene, value in the model."""
     for name in ("damping", "sections"):
         if name in recorded_scene:
             yield from _part_differences(recorded_scene[name], getattr(scene, name), name)
 
 
-def _of_files(recorded_digests: Mapping[str, str], read: Mapping[str, Path]) -> Iterator[tuple[str, Any, Any]]:
+def _file_differences(recorded_digests: Mapping[str, str], read: Mapping[str, Path]) -> Iterator[tuple[str, Any, Any]]:
     """Differences in the content of files that the scene reads: key, name of the file, digest in the model."""
     for name, file in read.items():
         digest = hashlib.sha256(file.read_bytes()).hexdigest()
@@ -256,14 +266,14 @@ def _part_differences(recorded: Any, present: Any, key: str) -> Iterator[tuple[s
     ):
         for i, (recorded_entry, value) in enumerate(zip(recorded, present, strict=True)):
             yield from _part_differences(recorded_entry, value, f"{key}[{i}]")
-    elif not _equal(recorded, present):
+    elif not _is_equal(recorded, present):
         yield key, present.name if isinstance(present, Path) else present, recorded
 
 
-def _equal(recorded: Any, present: Any) -> bool:
+def _is_equal(recorded: Any, present: Any) -> bool:
     """Whether a present value equals the recorded one, except for round-off and changes by JSON."""
     if isinstance(present, tuple) and isinstance(recorded, list | tuple):
-        return len(present) == len(recorded) and all(map(_equal, recorded, present))
+        return len(present) == len(recorded) and all(map(_is_equal, recorded, present))
     if isinstance(present, float) and isinstance(recorded, int | float):
         return math.isclose(present, recorded, rel_tol=1e-12)
     return bool((present.name if isinstance(present, Path) else present) == recorded)

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from pmr.compare.errors import (
     ForceHistories,
-    band,
+    band_limit,
     force_errors,
     force_histories,
     relative_error,
@@ -37,19 +37,19 @@ from pmr.compare.errors import (
     zero_round_off,
 )
 from pmr.compare.outputs import (
-    Floors,
     Outputs,
+    RoundOffBounds,
     away_from_kinks,
-    between_kinks,
     differences,
-    is_recorded,
-    outputs_from,
+    fits_in_memory,
+    outputs_from_columns,
     outputs_of_run,
     outputs_without_rates,
     run_from_start,
     tip_columns,
+    without_kink_forces,
 )
-from pmr.compare.responses import respond
+from pmr.compare.responses import evaluate_motion
 from pmr.compare.trust import FAR
 from pmr.errors import SimulationError
 from pmr.errors.text import rounded
@@ -100,14 +100,14 @@ def reference_rho(system: System, rho_inf: float) -> float:
 
 
 @dataclass(frozen=True)
-class Sampled:
+class Sample:
     """Outputs and forces of a run at the T times at which runs are compared."""
 
     outputs: Outputs
     forces: ForceHistories = field(default_factory=dict)  # of completed responses, without steps near kinks
 
 
-class Stepped:
+class SteppedSystem:
     """A system that is simulated with several time steps.
 
     `run` is the run with the given step; it is simulated if it is needed and None.  If `complete` is a function, which
@@ -137,7 +137,7 @@ class Stepped:
         #: Numbers of the tip's displacements among all.
         self.tips = tip_columns(system)
         self.moved = np.flatnonzero(np.concatenate([length_outputs(body) for body in system.bodies.values()]))
-        chosen = self.pushing and not self.given.parts and is_recorded(system, self.given)
+        chosen = self.pushing and not self.given.parts and fits_in_memory(system, self.given)
         #: The given run, where it chose parts.
         self.run = self.simulate(self.given) if chosen else None
         self._known = self._known or self.run
@@ -145,7 +145,7 @@ class Stepped:
         if self.pushing and self.run is None:
             self._parts = contact_step.parts(contact_frequency(system, excitation), self.given)
 
-    def halved(self, times: int) -> TimeStepping:
+    def halved_grid(self, times: int) -> TimeStepping:
         """Time grid of a run with the given step halved `times` times, and with the reference rho_inf."""
         grid, step = self.given, self.given.step / 2**times
         if self.run is None or self.run.parts is None:
@@ -168,7 +168,7 @@ class Stepped:
         chosen = self.moved if which is None else self.moved[which]
         return np.hstack(list(systems.displacements(self.system, run, chosen.tolist()).values()))
 
-    def observed(self, stepping: TimeStepping, which: list[int] | None = None) -> Array:
+    def simulate_displacements(self, stepping: TimeStepping, which: list[int] | None = None) -> Array:
         """Displacements (T, o) in m on a time grid, all of them or those that `which` lists; nothing else is recorded.
 
         Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
@@ -176,16 +176,14 @@ class Stepped:
         chosen = self.moved if which is None else self.moved[which]
         return systems.observe(self._form, self.excitation.on_grid(stepping), chosen.tolist()).y
 
-    def sample(
-        self, stepping: TimeStepping, every: int, rates: bool = False
-    ) -> tuple[Sampled, SystemTrajectory | None]:
+    def sample(self, stepping: TimeStepping, every: int, rates: bool = False) -> tuple[Sample, SystemTrajectory | None]:
         """Sample each `every`-th step of a run on a time grid; return that and the run, or None if it was not recorded.
 
         Velocities are sampled where `rates` are wanted.  Displacements that are round-off are zero, and so are forces
         near kinks of extensions.  Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
         """
         excitation, run, of_all = self.excitation.on_grid(stepping), None, ForceHistories()
-        if rates or is_recorded(self.system, stepping):
+        if rates or fits_in_memory(self.system, stepping):
             run = self.simulate(stepping)
             if rates:
                 sampled = outputs_of_run(self.system, run, excitation, every)
@@ -194,17 +192,17 @@ class Stepped:
             of_all = self._forces(run.at(slice(None, None, every)))
         else:
             observation = systems.observe(self._form, excitation, every=every)
-            sampled = outputs_from(self.system, observation.y, observation.multipliers)
-        sampled = between_kinks(self.system, sampled, excitation, excitation.times[::every], self.given.step)
+            sampled = outputs_from_columns(self.system, observation.y, observation.multipliers)
+        sampled = without_kink_forces(self.system, sampled, excitation, excitation.times[::every], self.given.step)
         moves, _ = zero_round_off(sampled.displacement, sampled.displacement, self.round_off)
-        return Sampled(replace(sampled, displacement=moves), of_all), run
+        return Sample(replace(sampled, displacement=moves), of_all), run
 
     def _forces(self, run: SystemTrajectory) -> ForceHistories:
         """All forces of a run at the times that are not near kinks; empty if there is no `complete`."""
         if self._complete is None:
             return {}
         away = away_from_kinks(self.excitation, run.t, self.given.step)
-        histories = force_histories(self._complete(respond(self.system, run)))
+        histories = force_histories(self._complete(evaluate_motion(self.system, run)))
         return {kind: {name: force[away] for name, force in of.items()} for kind, of in histories.items()}
 
 
@@ -215,7 +213,7 @@ class Runs:
     before the first run; `taken` is the number of steps of all runs together.
     """
 
-    def __init__(self, stepped: Stepped, rates: bool = False) -> None:
+    def __init__(self, stepped: SteppedSystem, rates: bool = False) -> None:
         self._stepped, self._rates, stepping = stepped, rates, stepped.given
         self._stride = -(-stepping.steps // COMPARED)
         self._budget = BUDGET_OF_IMPACTS if stepped.pushing else BUDGET
@@ -223,47 +221,47 @@ class Runs:
         self.halved, self.taken = -1, 0
 
     @property
-    def stepping(self) -> TimeStepping:
+    def last_grid(self) -> TimeStepping:
         """Time grid of the last run."""
-        return self._stepped.halved(self.halved)
+        return self._stepped.halved_grid(self.halved)
 
     @property
     def _work(self) -> int:
         """Number of steps of the last run, each counted as often as it has parts."""
-        stepping = self.stepping
+        stepping = self.last_grid
         return sum(stepping.schedule) or stepping.steps * max(1, stepping.parts)
 
     @property
-    def resolved(self) -> bool:
+    def is_resolved(self) -> bool:
         """Whether no tone of path and loads is aliased at the steps of the last run."""
-        return not any(is_aliased(signal, self.stepping) for _, signal in self._stepped.excitation.signals)
+        return not any(is_aliased(signal, self.last_grid) for _, signal in self._stepped.excitation.signals)
 
     @property
-    def affordable(self) -> bool:
+    def can_afford_next(self) -> bool:
         """Whether one more run, with half the step, is within the limits on steps (`LONGEST` and the budget)."""
         steps = 2 * self._work
         return steps <= LONGEST and (self.halved < 2 or self.taken + steps <= self._budget)
 
-    def given(self, first: Sampled) -> Sampled:
+    def sample_initial_run(self, first: Sample) -> Sample:
         """Sample the run with the given step and rho_inf.
 
         `first` is the first run's sample, which is returned if that is the same run.
         """
-        grid, stepping = self._stepped.given, self.stepping
+        grid, stepping = self._stepped.given, self.last_grid
         if self._stepped.run is None and (stepping.rho_inf, stepping.parts) == (grid.rho_inf, grid.parts):
             return first
         if self._stepped.run is None:
             self.taken += self._work
         return self._stepped.sample(grid, self._stride, self._rates)[0]
 
-    def next(self) -> Sampled:
+    def next(self) -> Sample:
         """Sample the next run, with half the step of the last one, at the times of comparison.
 
         Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
         """
         self.halved += 1
         try:
-            sample, self._last = self._stepped.sample(self.stepping, self._stride * 2**self.halved, self._rates)
+            sample, self._last = self._stepped.sample(self.last_grid, self._stride * 2**self.halved, self._rates)
         except SimulationError:
             self.halved -= 1
             raise
@@ -275,32 +273,32 @@ class Runs:
 
         If the tip does not move, as on a support, it is that of all displacements.
         """
-        of, stepping = self._stepped, self.stepping
+        of, stepping = self._stepped, self.last_grid
         if self._last is None:
-            y = self._moving(of.observed(stepping, of.tips))
+            y = self._without_round_off(of.simulate_displacements(stepping, of.tips))
             if not np.any(y):
-                y = self._moving(of.observed(stepping))
-            return band(y, stepping.step)
-        y = self._moving(of.displacements(self._last, of.tips))
-        return band(y if np.any(y) else self._moving(of.displacements(self._last)), stepping.step)
+                y = self._without_round_off(of.simulate_displacements(stepping))
+            return band_limit(y, stepping.step)
+        y = self._without_round_off(of.displacements(self._last, of.tips))
+        return band_limit(y if np.any(y) else self._without_round_off(of.displacements(self._last)), stepping.step)
 
-    def _moving(self, y: Array) -> Array:
+    def _without_round_off(self, y: Array) -> Array:
         """Signals y (T, o) with zeros in the columns that don't exceed round-off."""
         return zero_round_off(y, y, self._stepped.round_off)[0]
 
 
-class Ladder(Generic[Compared]):
+class ConvergenceSeries(Generic[Compared]):
     """Differences between runs with ever smaller steps, and the error that they show.
 
-    `apart` measures the difference of a run to a finer one, as a fraction.  `first` is the run with the longest step;
-    the error is that of the run `given`, by default of `first`.
+    `difference` measures the difference of a run to a finer one, as a fraction.  `first` is the run with the longest
+    step; the error is that of the run `given`, by default of `first`.
     """
 
     def __init__(
-        self, apart: Callable[[Compared, Compared], float], first: Compared, given: Compared | None = None
+        self, difference: Callable[[Compared, Compared], float], first: Compared, initial: Compared | None = None
     ) -> None:
-        self._apart = apart
-        self.first, self.last = first if given is None else given, first
+        self._apart = difference
+        self.first, self.last = first if initial is None else initial, first
         self.differences: list[float] = []
 
     def add(self, finer: Compared) -> None:
@@ -309,12 +307,12 @@ class Ladder(Generic[Compared]):
         self.last = finer
 
     @property
-    def whole(self) -> float:
+    def difference_to_last(self) -> float:
         """Difference of the given run to the last one."""
         return self._apart(self.first, self.last)
 
     @property
-    def rest(self) -> float:
+    def remainder(self) -> float:
         """Sum of all differences that further halvings would add, as a geometric series.
 
         It is infinite if the differences don't decrease, and for fewer than two of them.
@@ -330,22 +328,22 @@ class Ladder(Generic[Compared]):
     @property
     def is_decreasing(self) -> bool:
         """Whether the differences decrease, or the last one is negligible."""
-        return np.isfinite(self.rest) or self.differences[-1] <= NEGLIGIBLE
+        return np.isfinite(self.remainder) or self.differences[-1] <= NEGLIGIBLE
 
     @property
-    def most(self) -> float:
+    def error_bound(self) -> float:
         """Error of the given run with a rest of at most the last difference, even if differences don't decrease."""
-        return self.whole + min(self.rest, self.differences[-1])
+        return self.difference_to_last + min(self.remainder, self.differences[-1])
 
     @property
-    def settled(self) -> bool:
+    def is_settled(self) -> bool:
         """Whether the rest is at most `SETTLED` times the given run's difference to the last one, or all is negligible.
 
         Negligible is that difference if its sum with the last two differences is at most `NEGLIGIBLE`.
         """
-        difference = self.whole
+        difference = self.difference_to_last
         small = len(self.differences) > 1 and difference + sum(self.differences[-2:]) <= NEGLIGIBLE
-        return self.rest <= SETTLED * difference or small
+        return self.remainder <= SETTLED * difference or small
 
     def error(self, part: float | None = None) -> float:
         """Error of the given run: its difference to the last run, with its share of the rest.
@@ -354,17 +352,17 @@ class Ladder(Generic[Compared]):
         rest.  If differences don't decrease, the difference itself is returned, which is the least that the error may
         be.
         """
-        difference, remainder = self.whole, self.rest
+        difference, remainder = self.difference_to_last, self.remainder
         part = difference if part is None else part
         return part * (1.0 + remainder / difference) if np.isfinite(remainder) and difference > 0.0 else part
 
-    def halvings(self, limit: float) -> int | None:
+    def halvings_needed(self, limit: float) -> int | None:
         """How often the step has to be halved for an error below `limit`; None if these runs don't show it."""
-        if not self.settled:
+        if not self.is_settled:
             return None
-        remainder = self.rest if np.isfinite(self.rest) else self.differences[-1]
+        remainder = self.remainder if np.isfinite(self.remainder) else self.differences[-1]
         errors = np.append(np.cumsum(self.differences[::-1])[::-1], 0.0) + remainder
-        errors *= max(1.0, self.whole / errors[0]) if errors[0] > 0.0 else 1.0
+        errors *= max(1.0, self.difference_to_last / errors[0]) if errors[0] > 0.0 else 1.0
         below = np.flatnonzero(errors <= limit)
         return int(below[0]) if len(below) else None
 
@@ -390,12 +388,12 @@ class StepError:
     enough: float | None  # s: largest of the steps taken with an error below `STEP_LIMIT`; None if there is none
     band: float | None  # Hz: 1 % of the tip's motion lies above it, in the finest run; None until `with_band`
     seconds: float  # wall time of all runs
-    others: Mapping[str, float] = field(default_factory=dict)  # errors of further kinds of outputs and forces
+    further_errors: Mapping[str, float] = field(default_factory=dict)  # errors of further kinds of outputs and forces
     unsettled: tuple[str, ...] = ()  # those of the further kinds in which the runs do not approach each other
 
-    def of(self, kind: str) -> float:
+    def error_of(self, kind: str) -> float:
         """Error of a kind of outputs or forces, a fraction; infinite where it was not computed."""
-        return {"beam": self.beam, "tip": self.tip, **self.others}.get(kind, np.inf)
+        return {"beam": self.beam, "tip": self.tip, **self.further_errors}.get(kind, np.inf)
 
 
 def step_error(
@@ -433,22 +431,24 @@ def step_error(
         If one of the first two runs fails, or the second would be too long.
     """
     begin, kinds = time.perf_counter(), [kind for kind in kinds if kind not in ("beam", "tip")]
-    stepped = Stepped(system, excitation, run, complete)
+    stepped = SteppedSystem(system, excitation, run, complete)
     runs = Runs(stepped, "velocity" in kinds)
     first_sample = runs.next()
-    if not runs.affordable:
+    if not runs.can_afford_next:
         raise SimulationError("a run with half the step is too long to be made only to estimate this error")
-    given_sample = runs.given(first_sample)
+    given_sample = runs.sample_initial_run(first_sample)
     displacement, given_displacement = first_sample.outputs.displacement, given_sample.outputs.displacement
-    of_motion = Ladder(relative_error, displacement, given_displacement)
-    of_mean = Ladder(relative_error, _rms(displacement), _rms(given_displacement))
-    floors = Floors.of(system, excitation, given_sample.outputs.force)
-    output_ladders = {kind: Ladder(partial(_difference, kind, floors), first_sample, given_sample) for kind in kinds}
+    of_motion = ConvergenceSeries(relative_error, displacement, given_displacement)
+    of_mean = ConvergenceSeries(relative_error, _rms(displacement), _rms(given_displacement))
+    floors = RoundOffBounds.for_system(system, excitation, given_sample.outputs.force)
+    output_ladders = {
+        kind: ConvergenceSeries(partial(_difference, kind, floors), first_sample, given_sample) for kind in kinds
+    }
     samples = [first_sample]
-    while runs.affordable and not (
-        of_motion.halvings(STEP_LIMIT) is not None
-        and runs.resolved
-        and all(steps.settled for steps in output_ladders.values())
+    while runs.can_afford_next and not (
+        of_motion.halvings_needed(STEP_LIMIT) is not None
+        and runs.is_resolved
+        and all(steps.is_settled for steps in output_ladders.values())
     ):
         try:
             samples.append(runs.next())
@@ -460,62 +460,66 @@ def step_error(
         of_mean.add(_rms(samples[-1].outputs.displacement))
         for output_ladder in output_ladders.values():
             output_ladder.add(samples[-1])
-    ladder = of_mean if stepped.pushing and not of_motion.settled else of_motion
-    halvings = ladder.halvings(STEP_LIMIT) if runs.resolved else None
-    force_ladders = _force_ladders(given_sample, samples, in_the_mean=ladder is of_mean)
+    ladder = of_mean if stepped.pushing and not of_motion.is_settled else of_motion
+    halvings = ladder.halvings_needed(STEP_LIMIT) if runs.is_resolved else None
+    force_ladders = _force_series(given_sample, samples, in_the_mean=ladder is of_mean)
     return StepError(
         beam=ladder.error(),
         tip=ladder.error(relative_error(ladder.first[:, stepped.tips], ladder.last[:, stepped.tips])),
         largest=float(np.abs(ladder.first - ladder.last).max()) if ladder is of_motion else None,
-        finest=runs.stepping.step,
-        settled=ladder.settled and runs.resolved,
+        finest=runs.last_grid.step,
+        settled=ladder.is_settled and runs.is_resolved,
         by="motion" if ladder is of_motion else "mean",
         enough=None if halvings is None else stepped.given.step / 2**halvings,
         band=runs.band() if band else None,
         seconds=time.perf_counter() - begin,
-        others={kind: MARGIN_OF_FORCES * steps.most for kind, steps in force_ladders.items()}
+        further_errors={kind: MARGIN_OF_FORCES * steps.error_bound for kind, steps in force_ladders.items()}
         | {kind: steps.error() for kind, steps in output_ladders.items()},
         unsettled=(
             *(kind for kind, steps in force_ladders.items() if not steps.is_decreasing),
-            *(kind for kind, steps in output_ladders.items() if not steps.settled),
+            *(kind for kind, steps in output_ladders.items() if not steps.is_settled),
         ),
     )
 
 
 def with_band(error: StepError, system: System, excitation: Excitation) -> StepError:
     """Return this error with the band of the motion, for which the run with the finest step is simulated again."""
-    runs = Runs(Stepped(system, excitation))
+    runs = Runs(SteppedSystem(system, excitation))
     runs.halved = round(np.log2(excitation.stepping.step / error.finest))
     return replace(error, band=runs.band())
 
 
-def _difference(kind: str, floors: Floors, sampled: Sampled, finer: Sampled) -> float:
+def _difference(kind: str, floors: RoundOffBounds, sampled: Sample, finer: Sample) -> float:
     """Difference of a run to a finer one in a kind of outputs, as a fraction of the finer run's size."""
     return differences(sampled.outputs, finer.outputs, floors, [kind])[kind]
 
 
-def _force_ladders(of_run: Sampled, samples: Sequence[Sampled], in_the_mean: bool) -> dict[str, Ladder[ForceHistories]]:
+def _force_series(
+    initial_run: Sample, samples: Sequence[Sample], in_the_mean: bool
+) -> dict[str, ConvergenceSeries[ForceHistories]]:
     """A ladder for each kind of forces of completed responses; of their RMS values over time if `in_the_mean`.
 
-    `of_run` is the given run, `samples` are those with smaller and smaller steps.
+    `initial_run` is the given run, `samples` are those with smaller and smaller steps.
     """
-    forces_of_run, *finer_forces = (_mean(run.forces) if in_the_mean else run.forces for run in (of_run, *samples))
-    ladders = dict[str, Ladder[ForceHistories]]()
+    forces_of_run, *finer_forces = (
+        _rms_forces(run.forces) if in_the_mean else run.forces for run in (initial_run, *samples)
+    )
+    ladders = dict[str, ConvergenceSeries[ForceHistories]]()
     for kind in force_errors(forces_of_run, finer_forces[-1]):
-        ladders[kind] = Ladder(partial(_forces_apart, kind), finer_forces[0], forces_of_run)
+        ladders[kind] = ConvergenceSeries(partial(_force_difference, kind), finer_forces[0], forces_of_run)
         for sampled in finer_forces[1:]:
             ladders[kind].add(sampled)
     return ladders
 
 
-def _forces_apart(kind: str, histories: ForceHistories, finer: ForceHistories) -> float:
+def _force_difference(kind: str, histories: ForceHistories, finer: ForceHistories) -> float:
     """Difference of a run to a finer one in a kind of forces, as a fraction of the finer run's; 0 without any."""
     return force_errors(histories, finer).get(kind, 0.0)
 
 
-def _mean(of: ForceHistories) -> ForceHistories:
+def _rms_forces(histories: ForceHistories) -> ForceHistories:
     """RMS of each force over time, (1,), by kind and name."""
-    return {kind: {name: _rms(force) for name, force in named.items()} for kind, named in of.items()}
+    return {kind: {name: _rms(force) for name, force in named.items()} for kind, named in histories.items()}
 
 
 def _rms(y: Array) -> Array:
@@ -528,10 +532,10 @@ def step_summary(error: StepError | None, reason: str | None = None, not_covered
 
     ``not_covered`` lists in words what has no error.  If `error` is None, all fields are None, and ``reason`` says why.
     """
-    names = [name for name in StepError.__annotations__ if name not in ("others", "unsettled")]
+    names = [name for name in StepError.__annotations__ if name not in ("further_errors", "unsettled")]
     figures = dict.fromkeys(names) if error is None else {name: getattr(error, name) for name in names}
     more = {"not_covered": list(not_covered), "limit": STEP_LIMIT, "reason": reason}
-    return figures | dict(error.others if error else {}) | more
+    return figures | dict(error.further_errors if error else {}) | more
 
 
 def step_warnings(
@@ -546,7 +550,7 @@ def step_warnings(
     if step_error_of_run.beam <= STEP_LIMIT and step_error_of_run.settled:
         far = [
             f"{_percent(error)} in {QUANTITIES[kind].label}"
-            for kind, error in step_error_of_run.others.items()
+            for kind, error in step_error_of_run.further_errors.items()
             if error > FAR
         ]
         return [
@@ -564,9 +568,11 @@ def step_warnings(
     parts = [
         f"the time step of {h:.4g} s {judged} is {at_least}{size}, as steps of {step_error_of_run.finest:.2g} s show"
     ]
-    parts += [_load(name, signal, stepping) for name, signal in signals if signal.highest_frequency(0.0, stepping.end)]
+    parts += [
+        _load_clause(name, signal, stepping) for name, signal in signals if signal.highest_frequency(0.0, stepping.end)
+    ]
     if step_error_of_run.band is not None:
-        parts.append(_motion(step_error_of_run.band, h, natural))
+        parts.append(_motion_clause(step_error_of_run.band, h, natural))
     if not step_error_of_run.settled:
         parts.append(f"even steps of {step_error_of_run.finest:.2g} s don't settle it")
     elif step_error_of_run.enough is not None:
@@ -574,20 +580,20 @@ def step_warnings(
     return ["; ".join(parts)]
 
 
-def _load(name: str, signal: SignalBase, stepping: TimeStepping) -> str:
+def _load_clause(name: str, signal: SignalBase, stepping: TimeStepping) -> str:
     """Clause about the highest frequency of a signal and the number of steps in a period of it."""
     f = signal.highest_frequency(0.0, stepping.end)
-    return f"{name} goes up to {f:.4g} Hz, {_steps(f, stepping.step)}"
+    return f"{name} goes up to {f:.4g} Hz, {_steps_per_period(f, stepping.step)}"
 
 
-def _motion(band: float, h: float, natural: Array) -> str:
+def _motion_clause(band: float, h: float, natural: Array) -> str:
     """Clause about the highest frequency of the motion, `band` in Hz, and the highest mode that it excites.
 
     `h` is the step in s, `natural` (S, f) in Hz are f natural frequencies in S positions.
     """
     frequencies = natural[:, ~np.isnan(natural).all(axis=0)]  # some reduced models have fewer modes than are drawn
     lowest = np.sort(np.nanmin(frequencies, axis=0)) if frequencies.size else np.empty(0)
-    sentence = f"the motion goes up to {band:.3g} Hz, {_steps(band, h)}"
+    sentence = f"the motion goes up to {band:.3g} Hz, {_steps_per_period(band, h)}"
     excited = int(np.count_nonzero(lowest <= band))
     if not excited:
         return sentence
@@ -596,7 +602,7 @@ def _motion(band: float, h: float, natural: Array) -> str:
     return f"{sentence}; the highest mode that it excites is {number}, {lowest[excited - 1]:.3g} Hz and above"
 
 
-def _steps(frequency: float, h: float) -> str:
+def _steps_per_period(frequency: float, h: float) -> str:
     """How many steps of h in s a period takes, in words."""
     return f"{rounded(1.0 / (frequency * h))} steps a period" if frequency > 0.0 else "no period"
 

@@ -1,4 +1,4 @@
-"""Parts of summary.json: each function returns values by their keys, and warnings (`pmr.results.run.Part`)."""
+"""Parts of summary.json: each function returns values by their keys, and warnings (`pmr.results.run.SummaryPart`)."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from pmr.compare.errors import (
-    Observed,
+    ResponseFunction,
     absolute_error,
-    band_of,
+    band_of_response,
     compared_pairs,
-    error_below,
+    error_below_frequency,
     errors_of_pairs,
     relative_error,
     with_common_forces,
@@ -21,13 +21,20 @@ from pmr.compare.estimated import SimulatedSystem
 from pmr.compare.forces import forces_part, luffing_part, ropes_part
 from pmr.compare.frequencies import published_part
 from pmr.compare.moving_frame import energy_part, frame_part
-from pmr.compare.outputs import columns_of, impulsive
+from pmr.compare.outputs import has_impulsive_force, section_columns
 from pmr.compare.responses import Simulations
-from pmr.compare.trust import NotJudged, doubts, large_motion, missing_references, rigid_contacts, ringing_warnings
+from pmr.compare.trust import (
+    RingingReference,
+    distrust_warnings,
+    large_motion_warnings,
+    missing_reference_warnings,
+    rigid_contacts,
+    ringing_warnings,
+)
 from pmr.errors import environment
 from pmr.results import Frequencies, Response
-from pmr.results.fatigue import SNLine, cycles
-from pmr.results.run import Part, combine_parts
+from pmr.results.fatigue import SNLine, rainflow_cycles
+from pmr.results.run import SummaryPart, combine_parts
 from pmr.scene import Scene
 from pmr.scene.hints import hints
 from pmr.scene.joints import Part as Body
@@ -37,9 +44,9 @@ from pmr.simulation.stepping import overshoots, unseen
 from pmr.system.system import System
 
 
-def origin_part(scene: Scene, libraries: Mapping[str, str] | None = None) -> Part:
+def origin_part(scene: Scene, libraries: Mapping[str, str] | None = None) -> SummaryPart:
     """Origin of the result: title, hash, commit, date, machine, and versions of pmr and of `libraries`, with hints."""
-    return Part(
+    return SummaryPart(
         {
             "title": scene.title,
             "scene_hash": scene.hash,
@@ -53,17 +60,19 @@ def origin_part(scene: Scene, libraries: Mapping[str, str] | None = None) -> Par
     )
 
 
-def simulation_part(seconds: Mapping[str, float], agreement: Mapping[str, float], stages: Mapping[str, float]) -> Part:
+def simulation_part(
+    seconds: Mapping[str, float], agreement: Mapping[str, float], stages: Mapping[str, float]
+) -> SummaryPart:
     """``seconds`` of the stages and of each simulator, and ``agreement``, the differences between simulators in m."""
-    return Part({"seconds": {**stages, "simulate": dict(seconds)}, "agreement": dict(agreement)})
+    return SummaryPart({"seconds": {**stages, "simulate": dict(seconds)}, "agreement": dict(agreement)})
 
 
 def comparison_part(
     responses: Mapping[str, Response],
-    measured: Mapping[str, Observed],
+    measured: Mapping[str, ResponseFunction],
     simulators: Mapping[str, str],
     rigid: Sequence[str] = (),
-) -> Part:
+) -> SummaryPart:
     """Errors against the references, in the quantities that `measured` returns, and the simulators of each model.
 
     Errors that are due to ringing of the full model are not stated as errors: they are in ``not_judged``, with a
@@ -72,15 +81,15 @@ def comparison_part(
     reduced, full = responses["reduced"].displacement, responses.get("full")
     reference = reduced if full is None else full.displacement
     measures = {"errors": relative_error, "absolute_errors": absolute_error}
-    pairs, unjudged = compared_pairs(responses, quantities=measured), dict[str, NotJudged]()
+    pairs, unjudged = compared_pairs(responses, quantities=measured), dict[str, RingingReference]()
     kinds = {kind: errors_of_pairs(pairs, measure) for kind, measure in measures.items()}
     if full is not None:
         for name, pair in pairs["reduced_vs_full"].items():
-            if (not_judged := NotJudged.of(pair, full)) is not None:
+            if (not_judged := RingingReference.judge(pair, full)) is not None:
                 unjudged[name] = not_judged
                 for kind in kinds.values():
                     del kind["reduced_vs_full"][name]
-    return Part(
+    return SummaryPart(
         {
             **kinds,
             "not_judged": {name: vars(verdict) for name, verdict in unjudged.items()},
@@ -92,42 +101,47 @@ def comparison_part(
     )
 
 
-def impacts_part(system: System, excitation: Excitation, responses: Mapping[str, Response]) -> Part:
+def impacts_part(system: System, excitation: Excitation, responses: Mapping[str, Response]) -> SummaryPart:
     """``impacts`` of rigid sliders at kinks of the path: the error ``pad_force`` of their forces below ``band`` in Hz.
 
     Above this frequency lies 1 % of the full model's motion at the tip, and most of the forces that an impact causes.
     Empty if no rigid slider meets a kink, or without a full model.
     """
     alone = system.reduced.get(ALONE)
-    if alone is None or "full" not in responses or not impulsive(alone, excitation):
-        return Part()
+    if alone is None or "full" not in responses or not has_impulsive_force(alone, excitation):
+        return SummaryPart()
     reduced, full = with_common_forces(responses["reduced"], responses["full"])
     step = excitation.stepping.step
-    highest = band_of(full)
-    return Part(
-        {"impacts": {"band": highest, "pad_force": error_below(reduced.slider_force, full.slider_force, step, highest)}}
+    highest = band_of_response(full)
+    return SummaryPart(
+        {
+            "impacts": {
+                "band": highest,
+                "pad_force": error_below_frequency(reduced.slider_force, full.slider_force, step, highest),
+            }
+        }
     )
 
 
-def sampling_part(excitation: Excitation) -> Part:
+def sampling_part(excitation: Excitation) -> SummaryPart:
     """Warnings about path and loads that the steps do not resolve."""
     signals, stepping = excitation.signals, excitation.stepping
-    return Part(warnings=unseen(signals, stepping) + overshoots(signals, stepping))
+    return SummaryPart(warnings=unseen(signals, stepping) + overshoots(signals, stepping))
 
 
-def reliability_part(missing: Mapping[str, str], responses: Mapping[str, Response], system: System) -> Part:
+def reliability_part(missing: Mapping[str, str], responses: Mapping[str, Response], system: System) -> SummaryPart:
     """``no_reference``, the reasons for missing references, and warnings if the reduced motion can't be relied on."""
-    doubted = doubts(responses["reduced"], rigid_contacts(system))
-    return Part({"no_reference": dict(missing)}, missing_references(missing), doubted)
+    doubted = distrust_warnings(responses["reduced"], rigid_contacts(system))
+    return SummaryPart({"no_reference": dict(missing)}, missing_reference_warnings(missing), doubted)
 
 
-def theory_part(scene: Scene, responses: Mapping[str, Response]) -> Part:
+def theory_part(scene: Scene, responses: Mapping[str, Response]) -> SummaryPart:
     """A warning about motions that are too large for the models' theory."""
     length = float(np.max(scene.reach(np.linspace(0.0, scene.time.end, scene.time.steps + 1))))
-    return Part(grave=large_motion(length, responses.values()))
+    return SummaryPart(grave=large_motion_warnings(length, responses.values()))
 
 
-def fatigue_part(scene: Scene, response: Response) -> Part:
+def fatigue_part(scene: Scene, response: Response) -> SummaryPart:
     r"""``fatigue`` of summary.json, a row for each probe's stress, the worst one first; empty unless it is wanted.
 
     .. math:: D = \sum_l n_l \sum_i D_i(f_l\, \Delta\sigma_i)
@@ -139,12 +153,12 @@ def fatigue_part(scene: Scene, response: Response) -> Part:
     """
     settings = scene.fatigue
     if settings is None:
-        return Part()
+        return SummaryPart()
     line = SNLine(settings.slope, settings.reference, settings.cut_off or 0.0)
     damage_of_probe = dict[str, float]()
     for output in response.outputs:
         if output.kind == "probe" and output.unit == "Pa":
-            counted = cycles(response.t, response.other(output.name))
+            counted = rainflow_cycles(response.t, response.other(output.name))
             done = [step.cycles * line.damage(step.factor * counted[:, 0], counted[:, 2]) for step in settings.lines]
             damage_of_probe[output.name] = sum(done)
     worst_first = sorted(damage_of_probe, key=lambda name: -damage_of_probe[name])
@@ -159,10 +173,10 @@ def fatigue_part(scene: Scene, response: Response) -> Part:
     failed = [
         f"{n} fails by fatigue: its damage is {damage_of_probe[n]:.3g}, and 1 is allowed" for n in worst_first[:1]
     ]
-    return Part({"fatigue": rows}, grave=failed if max(damage_of_probe.values(), default=0.0) > 1.0 else [])
+    return SummaryPart({"fatigue": rows}, grave=failed if max(damage_of_probe.values(), default=0.0) > 1.0 else [])
 
 
-def utilisation_part(scene: Scene, stresses: Mapping[str, Mapping[str, Any]]) -> Part:
+def utilisation_part(scene: Scene, stresses: Mapping[str, Mapping[str, Any]]) -> SummaryPart:
     """``utilisation`` of summary.json by model, of bodies whose material has a yield stress.
 
     ``value`` is the largest stress over the yield stress of its material; ``stress`` and ``yield`` in Pa, ``t`` in s,
@@ -181,20 +195,20 @@ def utilisation_part(scene: Scene, stresses: Mapping[str, Mapping[str, Any]]) ->
                 if entry["value"] > largest.get(model, {"value": -1.0})["value"]:
                     largest[model] = entry
     if not largest:
-        return Part()
+        return SummaryPart()
     used = largest["reduced"]
     over = f"the largest stress is {used['value']:.3g} times the yield stress, but the model stays elastic"
-    return Part({"utilisation": largest}, grave=[over] * (used["value"] > 1.0))
+    return SummaryPart({"utilisation": largest}, grave=[over] * (used["value"] > 1.0))
 
 
-def masses_part(masses_of_bodies: Mapping[str, Any]) -> Part:
+def masses_part(masses_of_bodies: Mapping[str, Any]) -> SummaryPart:
     """``masses`` of summary.json: the ``name`` of each body and what `pmr.fullmodel.model.Masses.summary` returns."""
     rows = [
         {"name": name, **masses_of_body.summary()}
         for name, masses_of_body in masses_of_bodies.items()
         if masses_of_body is not None
     ]
-    return Part({"masses": rows} if rows else {})
+    return SummaryPart({"masses": rows} if rows else {})
 
 
 def _utilisations(part: Body, peak: Mapping[str, Any], regions: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
@@ -219,7 +233,7 @@ def _utilisations(part: Body, peak: Mapping[str, Any], regions: Mapping[str, Any
             }
 
 
-def parts_of_forces(scene: Scene, system: System, response: Response) -> list[Part]:
+def parts_of_forces(scene: Scene, system: System, response: Response) -> list[SummaryPart]:
     """Parts on forces of pads, cylinders, supports, ropes and luffing cylinder, and on fatigue, in a response."""
     return [
         forces_part(scene, system, response),
@@ -234,9 +248,9 @@ def warnings_of_response(scene: Scene, system: System, response: Response) -> tu
     excitation = Excitation.of(scene)
     omega = contact_step.contact_frequency(system, excitation)
     parts = [
-        Part(grave=hints(scene)),
+        SummaryPart(grave=hints(scene)),
         *parts_of_forces(scene, system, response),
-        Part(warnings=contact_step.warnings(omega, excitation.stepping)),
+        SummaryPart(warnings=contact_step.warnings(omega, excitation.stepping)),
         sampling_part(excitation),
         theory_part(scene, {"motion": response}),
     ]
@@ -248,8 +262,8 @@ def parts_of_motion(
     simulated: SimulatedSystem,
     simulations: Simulations,
     natural: Frequencies,
-    step: Part,
-) -> list[Part]:
+    step: SummaryPart,
+) -> list[SummaryPart]:
     """Parts on forces, the step's error, published frequencies, parts of steps, sampling, frame and energy.
 
     `simulations` are those of `simulated`; `natural` are frequencies on the way; `step` is the part on the step's
@@ -259,8 +273,8 @@ def parts_of_motion(
     omega = contact_step.contact_frequency(system, excitation)
     other_parts = [
         published_part(scene, natural),
-        Part(
-            contact_step.summary(omega, simulations.made),
+        SummaryPart(
+            contact_step.summary(omega, simulations.time_grid),
             contact_step.warnings(omega, excitation.stepping),
         ),
         sampling_part(excitation),
@@ -275,27 +289,27 @@ def sections_part(
     responses: Mapping[str, Response],
     sizes: Mapping[str, Mapping[str, int]],
     more: Mapping[str, Mapping[str, Any]],
-) -> Part:
+) -> SummaryPart:
     """``sections`` of summary.json: name, coordinates, error along each section against the full model, and `more`.
 
     `more` has further values for each section by name; the largest ``stress_peak`` of all sections is returned as well,
     and its value as ``max_von_mises``.  For a body alone only `more` is returned.
     """
     if ALONE in boom.bodies:
-        return Part(dict(more.get(ALONE, {})))
+        return SummaryPart(dict(more.get(ALONE, {})))
     reduced, full, rows = responses["reduced"], responses.get("full"), []
     for name in boom.names:
-        columns, figures = columns_of(name, reduced), {"name": name, "coordinates": dict(sizes[name])}
+        columns, figures = section_columns(name, reduced), {"name": name, "coordinates": dict(sizes[name])}
         if full is not None:
             error = relative_error(reduced.displacement[:, columns], full.displacement[:, columns])
             figures |= {"errors": {"reduced_vs_full": {"beam": error}}}
         rows.append(figures | dict(more.get(name, {})))
     peaks = [(row["name"], row["stress_peak"]) for row in rows if "stress_peak" in row]
     if not peaks:
-        return Part({"sections": rows})
+        return SummaryPart({"sections": rows})
     highest = {
         model: max(({"section": name, **peak[model]} for name, peak in peaks), key=lambda row: float(row["value"]))
         for model in peaks[0][1]
     }
     most = {model: peak["value"] for model, peak in highest.items()}
-    return Part({"sections": rows, "max_von_mises": most, "stress_peak": highest})
+    return SummaryPart({"sections": rows, "max_von_mises": most, "stress_peak": highest})

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.errors import Pair, band_of, error_below, force_histories, relative_error
+from pmr.compare.errors import Pair, band_of_response, error_below_frequency, force_histories, relative_error
 from pmr.compare.model_part import largest_model_error
 from pmr.errors.text import rounded
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
-from pmr.results.quantities import QUANTITIES, label_of_error, reduction_error
+from pmr.results.quantities import QUANTITIES, error_label, reduction_error
 from pmr.results.response import ROUND_OFF
 from pmr.scene import Scene
 from pmr.scene.choice import has_walls_that_could_give
@@ -35,7 +35,7 @@ ALTERNATING = 1e-3
 _CALLED = {"full": "the full model", "ancf": "the ANCF cable"}
 
 
-def distrust(response: Response, rigid: Sequence[str] = ()) -> str | None:
+def reason_for_distrust(response: Response, rigid: Sequence[str] = ()) -> str | None:
     """Why nothing should be compared with a response, in words; None if there is no reason.
 
     `rigid` are the names of rigid contacts, which the reason mentions.
@@ -46,32 +46,32 @@ def distrust(response: Response, rigid: Sequence[str] = ()) -> str | None:
     if not np.isfinite(response.displacement).all():
         return "its displacements are not finite"
     if np.isnan(response.surplus):
-        share = alternating(response.displacement)
+        share = alternating_share(response.displacement)
         if share <= ALTERNATING:
             return None
-        return f"{rounded(100.0 * share)} % of its motion changes its sign with every step: {causes(rigid)}"
+        return f"{rounded(100.0 * share)} % of its motion changes its sign with every step: {alternation_cause(rigid)}"
     if response.surplus <= NOTABLE:
         return None
-    return f"{describe_surplus(response.surplus)}: {causes(rigid)}"
+    return f"{describe_surplus(response.surplus)}: {alternation_cause(rigid)}"
 
 
-def missing_references(missing: Mapping[str, str]) -> list[str]:
+def missing_reference_warnings(missing: Mapping[str, str]) -> list[str]:
     """A warning for each reference that is missing; `missing` has the reason by the name of the reference."""
     return [f"no reference by {_CALLED.get(name, name)}: {reason}" for name, reason in missing.items()]
 
 
-def doubts(reduced: Response, rigid: Sequence[str] = ()) -> list[str]:
+def distrust_warnings(reduced: Response, rigid: Sequence[str] = ()) -> list[str]:
     """A warning for each reason why the reduced motion is not to be trusted.
 
-    `rigid` are the names of rigid contacts, as for `distrust`.
+    `rigid` are the names of rigid contacts, as for `reason_for_distrust`.
     """
     lines = []
     if reduced.surplus > NOTABLE:
-        lines.append(f"the reduced model's motion is not to be trusted: {distrust(reduced, rigid)}")
+        lines.append(f"the reduced model's motion is not to be trusted: {reason_for_distrust(reduced, rigid)}")
     if (share := ringing_share(reduced.slider_force)) > RINGING_SHARE:
         lines.append(
             f"of the forces of sliders and pads {rounded(100.0 * share)} % {ALTERNATES} in the reduced model: "
-            f"{causes(rigid)}; {remedy(rigid)}"
+            f"{alternation_cause(rigid)}; {alternation_remedy(rigid)}"
         )
     return lines
 
@@ -79,7 +79,7 @@ def doubts(reduced: Response, rigid: Sequence[str] = ()) -> list[str]:
 SMALL = 0.1  # share of the body's length: a tip that moves by it comes closer by about half a per cent of the length
 
 
-def large_motion(length: float, responses: Iterable[Response]) -> list[str]:
+def large_motion_warnings(length: float, responses: Iterable[Response]) -> list[str]:
     """A warning if a body of `length` in m moves by more than `SMALL` times that, which no linear model describes."""
     largest = max(float(np.abs(response.displacement).max(initial=0.0)) for response in responses)
     if not largest > SMALL * length:
@@ -95,7 +95,7 @@ RINGING_SHARE = 0.02
 ALTERNATES = "change their sign with every step"
 
 
-def causes(rigid: Sequence[str]) -> str:
+def alternation_cause(rigid: Sequence[str]) -> str:
     """Clause that says why forces and motions alternate; `rigid` are the names of rigid contacts."""
     if not rigid:
         return "modes that the step does not resolve ring behind kinks and jumps where time.rho_inf is near 1"
@@ -106,7 +106,7 @@ def causes(rigid: Sequence[str]) -> str:
     )
 
 
-def remedy(rigid: Sequence[str]) -> str:
+def alternation_remedy(rigid: Sequence[str]) -> str:
     """Clause that says what damps forces and motions that alternate; `rigid` are the names of rigid contacts."""
     return f"time.rho_inf = 0.8 or less, a smooth path or {'a stiffness in N/m' if rigid else 'a smaller step'} damp it"
 
@@ -121,7 +121,7 @@ def rigid_contacts(system: Joined[Any]) -> list[str]:
     return [contact.name for contact in rigid if contact.kind == "cylinder" or not flexible]
 
 
-def alternating(signal: Array) -> float:
+def alternating_share(signal: Array) -> float:
     r"""Share of a signal (T, ...), of all its columns together, that changes its sign with every step.
 
     .. math:: \mathrm{rms}(\delta^8 y / 2^8) / \mathrm{rms}(y)
@@ -137,16 +137,16 @@ def alternating(signal: Array) -> float:
     return float(np.sqrt(np.mean(_alternating_part(signal) ** 2))) / size
 
 
-def ringing_share(signal: Array, of: Array | None = None) -> float:
-    """RMS of the alternating part of a signal (T, o) over that of the signal itself, or of the array `of` (T, o).
+def ringing_share(signal: Array, reference: Array | None = None) -> float:
+    """RMS of the alternating part of a signal (T, o) over that of the signal itself, or of `reference` (T, o).
 
     It is averaged over the columns as in `relative_error`.
     """
-    of = signal if of is None else of
-    return relative_error(of + signal - _steady(signal), of)
+    reference = signal if reference is None else reference
+    return relative_error(reference + signal - _without_alternation(signal), reference)
 
 
-def rings(signal: Array, reference: Array) -> bool:
+def is_ringing(signal: Array, reference: Array) -> bool:
     """Whether the error of a signal (T, o) against a reference is due to ringing of the reference.
 
     It is if the error is above `RINGING_SHARE`, and the alternating parts of both the difference and the reference are
@@ -160,27 +160,27 @@ def rings(signal: Array, reference: Array) -> bool:
 
 
 @dataclass(frozen=True)
-class NotJudged:
-    """An error for which no reduced model is to be blamed, since the reference `rings`."""
+class RingingReference:
+    """An error for which no reduced model is to be blamed, since the reference rings (`is_ringing`)."""
 
     alternating: float  # share of the reference that changes its sign with every step
     band: float  # Hz: 1 % of the full model's motion lies above it
     below: float  # error of the signal at frequencies up to `band`, a fraction
 
     @classmethod
-    def of(cls, pair: Pair, full: Response) -> NotJudged | None:
+    def judge(cls, pair: Pair, full: Response) -> RingingReference | None:
         """Judge a pair of signal and reference (T, o), of which the reference comes from the response `full`.
 
-        None if the error is not due to ringing of the reference (`rings`).
+        None if the error is not due to ringing of the reference (`is_ringing`).
         """
-        if not rings(*pair):
+        if not is_ringing(*pair):
             return None
-        step, highest = float(full.t[1] - full.t[0]), band_of(full)
-        signal, reference = map(_steady, pair)
-        return cls(ringing_share(pair[1]), highest, error_below(signal, reference, step, highest))
+        step, highest = float(full.t[1] - full.t[0]), band_of_response(full)
+        signal, reference = map(_without_alternation, pair)
+        return cls(ringing_share(pair[1]), highest, error_below_frequency(signal, reference, step, highest))
 
 
-def ringing_warnings(not_judged: Mapping[str, NotJudged], rigid: Sequence[str] = ()) -> list[str]:
+def ringing_warnings(not_judged: Mapping[str, RingingReference], rigid: Sequence[str] = ()) -> list[str]:
     """One warning that names all quantities that are not judged; nothing if all of them are.
 
     `not_judged` is by the names of quantities in summary.json.  The warning gives contacts that are `rigid` in the full
@@ -189,14 +189,17 @@ def ringing_warnings(not_judged: Mapping[str, NotJudged], rigid: Sequence[str] =
     if not not_judged:
         return []
     named = [
-        f"{label_of_error(name)}, of which {rounded(100.0 * unjudged.alternating)} % {ALTERNATES} "
+        f"{error_label(name)}, of which {rounded(100.0 * unjudged.alternating)} % {ALTERNATES} "
         f"(below {rounded(unjudged.band)} Hz, where the body moves, the error is {rounded(100.0 * unjudged.below)} %)"
         for name, unjudged in not_judged.items()
     ]
-    return [f"the full model is no reference of {'; nor of '.join(named)}: {causes(rigid)}; {remedy(rigid)}"]
+    return [
+        f"the full model is no reference of {'; nor of '.join(named)}: {alternation_cause(rigid)}; "
+        f"{alternation_remedy(rigid)}"
+    ]
 
 
-def _steady(signal: Array) -> Array:
+def _without_alternation(signal: Array) -> Array:
     """The signal (T, o) without its alternating part, except in its first and last four steps."""
     steady = np.copy(signal)
     if len(signal) > 8:
@@ -233,7 +236,7 @@ LOAD_JUMPS = (
     "forces of sliders: where a load jumps, damping of the modes that are left out carries a part of it at first, "
     "which no reduced model has"
 )
-#: Damping ratio of the first truncated mode above which truncated modes bear a notable part of a jump (`jumps_damped`).
+#: Damping ratio of the first truncated mode above which truncated modes bear a notable part of a jump.
 DAMPED = 0.05
 #: Reasons why there is no estimate of outputs in which richer models disagree, by kind.
 UNSETTLED_KINDS = {
@@ -245,7 +248,7 @@ UNSETTLED_KINDS = {
 BEYOND = 0.05
 
 
-def highest_known(model: ReducedModel, stepping: TimeStepping, count: int | None = None) -> float:
+def highest_mode_frequency(model: ReducedModel, stepping: TimeStepping, count: int | None = None) -> float:
     """Frequency in Hz of the highest enrichment mode, or of the highest of the first `count`, as time stepping has it.
 
     Time stepping lowers natural frequencies (`effects_not_covered`).
@@ -255,7 +258,7 @@ def highest_known(model: ReducedModel, stepping: TimeStepping, count: int | None
     return float(np.arctan(omega * stepping.step / 2.0) / (np.pi * stepping.step))
 
 
-def jumps_damped(model: ReducedModel, signals: Sequence[tuple[str, SignalBase]], end: float) -> bool:
+def has_damped_jump(model: ReducedModel, signals: Sequence[tuple[str, SignalBase]], end: float) -> bool:
     """Whether a load jumps within the run, and truncated modes are damped enough to bear much of it at first.
 
     With damping proportional to stiffness the highest modes give way last, so the force starts from another value than
@@ -283,9 +286,11 @@ def effects_not_covered(
     Where an estimate lacks a kind of output, callers add `SLIDER_IMPACTS`, `SLIDER_RINGING`, `LOAD_JUMPS` or one of
     `UNSETTLED_KINDS`.
     """
-    top = highest_known(model, stepping, count)
-    beyond = [what for name, signal in signals for what in _beyond(name, signal, stepping, top)]
-    coupled = ["the damping of modes beyond the enrichment modes, which is not Rayleigh's"] * (not _classical(model))
+    top = highest_mode_frequency(model, stepping, count)
+    beyond = [what for name, signal in signals for what in _clause_above(name, signal, stepping, top)]
+    coupled = ["the damping of modes beyond the enrichment modes, which is not Rayleigh's"] * (
+        not _has_classical_damping(model)
+    )
     return [*beyond, *coupled, AWAY_FROM_PROBES]
 
 
@@ -303,15 +308,15 @@ def coverage_warnings(clauses: Sequence[str]) -> list[str]:
     return [f"the error may be larger than its estimate: {clause}" for clause in clauses if clause not in without]
 
 
-def _classical(model: ReducedModel) -> bool:
+def _has_classical_damping(model: ReducedModel) -> bool:
     """Whether the estimate has the damping of all truncated modes: it is Rayleigh's, or there is none."""
     return model.rayleigh is not None or not model.D.any()
 
 
-def _beyond(name: str, signal: SignalBase, stepping: TimeStepping, top: float) -> Iterator[str]:
+def _clause_above(name: str, signal: SignalBase, stepping: TimeStepping, top: float) -> Iterator[str]:
     """Clause, at most one, that says how much of a signal excites modes above the frequency `top` in Hz."""
     tones = [part.highest_frequency(0.0, stepping.end) for part in signal.parts]
-    aliased_tone = max((_at_the_steps(tone, stepping.step) for tone in tones), default=0.0)
+    aliased_tone = max((_aliased_frequency(tone, stepping.step) for tone in tones), default=0.0)
     if aliased_tone > top:
         yield f"what {name}, {max(tones):.4g} Hz, excites beyond the highest enrichment mode, {top:.4g} Hz"
     elif (share := _share_above(signal, stepping, top)) > BEYOND:
@@ -319,7 +324,7 @@ def _beyond(name: str, signal: SignalBase, stepping: TimeStepping, top: float) -
         yield f"what {name}, {percent} % of it above the highest enrichment mode, {top:.4g} Hz, excites there"
 
 
-def _at_the_steps(frequency: float, h: float) -> float:
+def _aliased_frequency(frequency: float, h: float) -> float:
     """Frequency in Hz, after aliasing, with which a tone of `frequency` in Hz appears in samples at steps of h in s."""
     return abs(frequency - round(frequency * h) / h)
 
@@ -342,7 +347,7 @@ def _share_above(signal: SignalBase, stepping: TimeStepping, top: float) -> floa
 FAR = 0.1
 
 
-def stated_figures(scene: Scene, response: Response) -> list[str]:
+def stated_quantities(scene: Scene, response: Response) -> list[str]:
     """Keys of the quantities, other than displacements, of which a run's results contain values.
 
     These are the kinds of forces and reactions in the response, such as ``pad_force``, unless all forces of a kind are
@@ -360,18 +365,18 @@ def stated_figures(scene: Scene, response: Response) -> list[str]:
     return stated + ["probe"] * any(output.kind == "probe" for output in response.outputs)
 
 
-def figures_not_covered(
+def quantities_not_covered(
     scene: Scene, response: Response, part: Mapping[str, Any], exact: Collection[str] = ()
 ) -> list[str]:
     """Labels of the quantities in a run's results for which `part`, one part of the error budget, has no error.
 
     `part` has errors by the keys of quantities; keys in `exact` are of quantities that need no error.
     """
-    stated = stated_figures(scene, response)
+    stated = stated_quantities(scene, response)
     return [QUANTITIES[kind].label for kind in stated if part.get(kind) is None and kind not in exact]
 
 
-def unsettled_forces(kinds: Sequence[str]) -> list[str]:
+def unsettled_force_clauses(kinds: Sequence[str]) -> list[str]:
     """Clause for each of the kinds of forces in `kinds`, which still change as the step gets smaller."""
     return [f"{QUANTITIES[kind].label} beyond the figure stated: smaller steps go on changing them" for kind in kinds]
 
@@ -394,7 +399,7 @@ def _percent(error: float) -> str:
 def budget_warnings(scene: Scene, budget: Mapping[str, Any]) -> Iterator[str]:
     """A warning for each part of the error budget, ``model`` and ``mesh``, above `compare.model_tolerance`.
 
-    With `[accuracy]` or `[budget]` the mesh is left to `pmr.compare.accuracy.order.warnings`.
+    With `[accuracy]` or `[budget]` the mesh is left to `pmr.compare.accuracy.order.accuracy_warnings`.
     """
     allowed = scene.compare.model_tolerance
     model, mesh = budget.get("model") or {}, budget.get("mesh")

@@ -13,12 +13,12 @@ from pmr.compare.accuracy import order
 from pmr.compare.estimated import (
     ReductionError,
     SimulatedSystem,
-    asks_for_other,
-    other_of,
+    needs_other_model,
+    other_model_scene,
     reduction_error,
     step_part,
 )
-from pmr.compare.frequencies import Visited, frequencies_on_way, places_on_way
+from pmr.compare.frequencies import WayPoints, frequencies_on_way, way_points
 from pmr.compare.moving_frame import decide_second_order
 from pmr.compare.responses import Simulations, compared_quantities, simulate
 from pmr.compare.summary import (
@@ -40,7 +40,7 @@ from pmr.reduction.from_scene import summary as describe_basis
 from pmr.reduction.recovery import Looked, Recovered, beside_full, of_reduced, recovered_steps
 from pmr.reduction.snapshots import Snapshots
 from pmr.results import BodyResult, Frequencies, Response, Shapes
-from pmr.results.run import Part
+from pmr.results.run import SummaryPart
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
@@ -82,7 +82,7 @@ class Precomputed:
 
     snapshots: Snapshots
     references: Mapping[str, Response]  # ``full`` and ``ancf``, as the scene is compared with them
-    frequencies: Array  # (S, f) Hz at the places of `pmr.compare.frequencies.places_on_way`
+    frequencies: Array  # (S, f) Hz at the places of `pmr.compare.frequencies.way_points`
 
 
 class Bodies:
@@ -136,7 +136,7 @@ class Bodies:
         A single body's full frequencies always are, a boom's if the scene is compared with ``full``.
         """
         with_full = ALONE in self.built or "full" in self.scene.compare.against
-        at = places_on_way(self.scene, self.excitation, self.full.system.size if with_full else 0)
+        at = way_points(self.scene, self.excitation, self.full.system.size if with_full else 0)
         of_reduced_system = on_first(
             self._comm, lambda: frequencies_on_way(self.scene, self.system, self.excitation, at)
         )
@@ -155,12 +155,14 @@ class Bodies:
         simulations = on_first(
             self._comm, lambda: simulate(self.scene, self.system, self.excitation, self.clock, steps)
         )
-        stepping = self._comm.bcast(None if simulations is None else simulations.made)
+        stepping = self._comm.bcast(None if simulations is None else simulations.time_grid)
         if self.shared is None:
             references = self.full.references(self.clock, steps, checkpoint, stepping)
         else:
             references = References(self.shared.references, {}, {})
-        simulated = None if simulations is None else SimulatedSystem.of(self.system, self.excitation, simulations)
+        simulated = (
+            None if simulations is None else SimulatedSystem.from_simulations(self.system, self.excitation, simulations)
+        )
         error = on_first(self._comm, lambda: None if simulated is None else self._estimate_error(simulated))
         looked = self._look_at_bodies(simulations)
         simulations = on_first(self._comm, lambda: simulations and simulations.with_least_seconds())
@@ -181,7 +183,7 @@ class Bodies:
 
     def summary_parts(
         self, motions: Motions, natural: Frequencies, recovered: Mapping[str, Recovered]
-    ) -> tuple[list[Part], Any]:
+    ) -> tuple[list[SummaryPart], Any]:
         """Return the contributions to summary.json and the tip's estimated error (T, d) in m; on rank 0 alone."""
         scene, system, responses = self.scene, self.system, motions.responses
         simulated, error = motions.simulated, motions.error
@@ -203,11 +205,11 @@ class Bodies:
         blows = impacts_part(system, self.excitation, responses)
         figures = {**beside_full.figures, **blows.figures, **error.part.figures}
         parts = [
-            Part(describe_basis(scene, models_of(self.built), self.bodies)),
+            SummaryPart(describe_basis(scene, models_of(self.built), self.bodies)),
             beside_full,
             blows,
             error.part,
-            Part(warnings=reduction_warnings(figures)),
+            SummaryPart(warnings=reduction_warnings(figures)),
             sections_part(scene, responses, sizes, more),
             utilisation_part(scene, more),
             masses_part({name: body.model.masses for name, body in self.built.items()}),
@@ -239,7 +241,7 @@ class Bodies:
         if scene.goal.mesh:
             with self.clock.stage("other mesh"):
                 try:
-                    other = order.on_other_mesh(scene, trial)
+                    other = order.scene_on_other_mesh(scene, trial)
                     on_other = self._reduce_other_mesh(other.scene)
                     on_first(self._comm, lambda: search and search.compare_meshes(other, on_other))
                     why = None
@@ -265,9 +267,9 @@ class Bodies:
         It is not needed if the body's model can estimate its error by itself; None also if the other model can't be
         made.
         """
-        if ALONE not in self.bodies or not asks_for_other(self.scene, self.bodies[ALONE].model):
+        if ALONE not in self.bodies or not needs_other_model(self.scene, self.bodies[ALONE].model):
             return None
-        other = other_of(self.scene, self.bodies[ALONE].model)
+        other = other_model_scene(self.scene, self.bodies[ALONE].model)
         try:
             return cached_body(other, self.built[ALONE].model, self.caches.get(ALONE)).model
         except (InputError, ConvergenceError):  # as few modes as a small mesh has: no reason not to run
@@ -278,7 +280,7 @@ class Bodies:
         estimated = None if self.choice is None else self.choice.trial.estimate
         return reduction_error(self.scene, simulated, self.clock, self._other, estimated)
 
-    def _full_frequencies(self, at: Visited) -> Array:
+    def _full_frequencies(self, at: WayPoints) -> Array:
         """Return the full system's lowest frequencies (S, f) in Hz at the positions `at`; from a cache, if any."""
         if self.shared is not None:
             return self.shared.frequencies

@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 from pmr.compare.outputs import output_contacts
 from pmr.compare.responses import (
     MotionOutputs,
-    Simulated,
+    Simulation,
+    append_friction,
     cable_response,
     full_simulator,
-    response_of,
+    response_to_motion,
     simulate_by,
-    with_friction,
 )
-from pmr.compare.trust import distrust, rigid_contacts
+from pmr.compare.trust import reason_for_distrust, rigid_contacts
 from pmr.errors import SimulationError, on_first
 from pmr.errors.environment import Clock
 from pmr.fullmodel.eigensolvers import lowest_frequencies
@@ -138,7 +138,7 @@ class FullOrder:
             return None
         with (clock or Clock()).stage(name) as done:
             response = cable_response(self.scene, self.system.bodies[ALONE].output_positions, done)
-        if reason := distrust(response):
+        if reason := reason_for_distrust(response):
             raise SimulationError(reason)
         return response
 
@@ -167,7 +167,7 @@ class FullOrder:
                 response, states = self._simulate_distributed(excitation, steps, done, checkpoint)
             else:
 
-                def make() -> Simulated:
+                def make() -> Simulation:
                     """Simulate the system on rank 0."""
                     assert self.gathered_system is not None  # as on rank 0
                     return simulate_by(self.scene, self.gathered_system, excitation, self.simulator, steps, done)
@@ -179,7 +179,7 @@ class FullOrder:
                 states = {
                     name: states_of_body.share(system.bodies[name].share) for name, states_of_body in of_all.items()
                 }
-        if reason := comm.bcast(None if response is None else distrust(response, rigid_contacts(system))):
+        if reason := comm.bcast(None if response is None else reason_for_distrust(response, rigid_contacts(system))):
             raise SimulationError(reason)
         return response, states
 
@@ -192,11 +192,11 @@ class FullOrder:
         start = static_start(system, excitation) if excitation.start == "equilibrium" else {}
         history = observe(system, excitation, recording, start, done, checkpoint)
         assert history.energy is not None
-        response = response_of(
+        response = response_to_motion(
             system, history.t, MotionOutputs(history.y, history.forces, history.peaks, history.energy)
         )
         response = replace(
-            with_friction(with_reactions(response, *_support_reactions(system, history)), system, history.friction),
+            append_friction(with_reactions(response, *_support_reactions(system, history)), system, history.friction),
             residual_position=history.residual_position,
             residual_velocity=history.residual_velocity,
             seconds=history.preparation + history.seconds,

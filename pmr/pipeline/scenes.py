@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from pmr.compare.accuracy import mesh, order
-from pmr.compare.frequencies import frequency_part, response_on_way, shown_paths
+from pmr.compare.frequencies import frequency_part, response_on_way, result_paths
 from pmr.compare.model_part import Motion, largest_model_error, model_budget
 from pmr.compare.moving_frame import decide_second_order as with_order
 from pmr.compare.responses import check_installed, check_memory, memory_warnings
 from pmr.compare.summary import origin_part, reliability_part, simulation_part, theory_part
-from pmr.compare.trust import budget_warnings, figures_not_covered
+from pmr.compare.trust import budget_warnings, quantities_not_covered
 from pmr.errors import ConvergenceError, InputError, NotHeldError, SimulationError, environment, on_first
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
@@ -30,7 +30,7 @@ from pmr.reduction.cache import Cache, cache_in
 from pmr.reduction.from_scene import Vectors, with_array_basis
 from pmr.reduction.recovery import Recovered
 from pmr.results import Frequencies, Loads, Response, RunResult
-from pmr.results.run import Part, combine_parts, grave
+from pmr.results.run import SummaryPart, combine_parts, grave_warnings
 from pmr.scene import Scene
 from pmr.scene.checks import check
 from pmr.scene.choice import model_of
@@ -143,7 +143,7 @@ def _run(
         complete_budget: dict[str, Any] = budget | outcome.result.summary.get("budget", {})
         if isinstance(complete_budget.get("mesh"), Mapping):
             response = outcome.result.responses["reduced"]
-            complete_budget["mesh_not_covered"] = figures_not_covered(
+            complete_budget["mesh_not_covered"] = quantities_not_covered(
                 bodies.written_scene, response, complete_budget["mesh"]
             )
         outcome.result.summary["budget"] = complete_budget
@@ -174,17 +174,22 @@ def _outcome(
     stages = {name: clock.seconds[name] for name in STAGES if name in clock.seconds}
     first = [
         origin_part(bodies.written_scene, fenicsx_versions()),
-        Part({"coordinates": {"full": size, "reduced": sum(body.size for body in system.bodies.values())}}),
+        SummaryPart({"coordinates": {"full": size, "reduced": sum(body.size for body in system.bodies.values())}}),
         simulation_part(motions.seconds, motions.reduced.agreement, stages),
     ]
     last = [
-        Part() if choice is None else Part(order.summary(choice), order.warnings(choice)),
-        Part(warnings=memory_warnings(scene, size, outputs)),
-        *(Part(warnings=build_warnings(member.structure)) for member in {id(m): m for m in built.values()}.values()),
-        Part(warnings=free_motions),
-        Part(warnings=mesh.warnings(scene)),
-        Part(places({name: body.structure.outputs for name, body in built.items()})),
-        Part(summary_of_walls({name: body.structure.pads.walls for name, body in built.items()})),
+        SummaryPart()
+        if choice is None
+        else SummaryPart(order.accuracy_summary(choice), order.accuracy_warnings(choice)),
+        SummaryPart(warnings=memory_warnings(scene, size, outputs)),
+        *(
+            SummaryPart(warnings=build_warnings(member.structure))
+            for member in {id(m): m for m in built.values()}.values()
+        ),
+        SummaryPart(warnings=free_motions),
+        SummaryPart(warnings=mesh.mesh_warnings(scene)),
+        SummaryPart(places({name: body.structure.outputs for name, body in built.items()})),
+        SummaryPart(summary_of_walls({name: body.structure.pads.walls for name, body in built.items()})),
         reliability_part(motions.references.missing, responses, system),
         theory_part(scene, responses),
         frequency_part(by_frequency),
@@ -196,7 +201,7 @@ def _outcome(
         bodies.written_scene,
         summary,
         responses,
-        shown_paths(scene, excitation),
+        result_paths(scene, excitation),
         Loads(system.input_names, system.input_units, excitation.forces(system.input_names)),
         frequencies,
         bodies.results(recovered),
@@ -206,7 +211,7 @@ def _outcome(
     )
     made_from = bodies.written_scene.provenance | {"versions": result.summary["versions"]}
     recorded = replace(system, provenance=made_from) if system.terms or ALONE not in built else system
-    return Outcome(result, recorded, len(grave(parts)))
+    return Outcome(result, recorded, len(grave_warnings(parts)))
 
 
 def _measure(bodies: Bodies, motions: Motions, budget: Mapping[str, Any], measures: Path | None) -> Mapping[str, Any]:
@@ -396,7 +401,7 @@ def measure_mesh(
     def compare_scene(make: Callable[[], Scene], label: str) -> dict[str, Any]:
         """Return how far the scene that `make` returns, `called` so, is from the own one, or the reason for none."""
         try:
-            motion = on_first(comm, lambda: Motion.of(scene, system, response))
+            motion = on_first(comm, lambda: Motion.compute(scene, system, response))
             other_motion = _motion_on_first(make(), comm, cache, system_of)
         except UNNEEDED as error:
             return _unknown_model_error(error, label)
@@ -455,7 +460,7 @@ def _model_budget(
 def _motion_on_first(scene: Scene, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> Motion | None:
     """Reduce and simulate a scene; return its motion on rank 0, None on other ranks."""
     system = system_of(scene) if cache is None else cache.system_of(scene, lambda: system_of(scene))
-    return on_first(comm, lambda: Motion.of(scene, system))
+    return on_first(comm, lambda: Motion.compute(scene, system))
 
 
 def _chosen_model(scene: Scene) -> dict[str, Any]:

@@ -14,21 +14,21 @@ from pmr.report.blocks import Picture
 from pmr.report.bodies import (
     Block,
     Moment,
+    body_shifts,
+    body_surfaces,
+    build_surroundings,
+    cell_stresses,
+    displacement_scale,
+    drawn_moments,
     fields_by_body,
     has_stresses,
-    instants,
-    of_the_peak,
-    place_of_the_peak,
-    places,
-    scale,
-    stage,
-    stress_of,
-    surfaces,
+    largest_colour_stress,
+    moment_of_peak,
+    place_of_peak,
     times,
-    top,
 )
-from pmr.report.numbers import SPACE, plain, quantity
-from pmr.report.renderer import NoPictureError, Piece, Shot, develop, frame_shots
+from pmr.report.numbers import SPACE, format_input, format_quantity
+from pmr.report.renderer import NoPictureError, Piece, Shot, frame_shots, render_shots
 from pmr.report.subject import is_alone
 from pmr.results import RunResult
 
@@ -48,7 +48,7 @@ class Album:
     absent: str = ""
 
 
-def album(result: RunResult, prefix: str) -> Callable[[], Album]:
+def start_album(result: RunResult, prefix: str) -> Callable[[], Album]:
     """Start another process that renders the pictures, and return a function that waits for them.
 
     That function returns the album.  Without recovered fields this is empty and gives no reason.  `prefix` is put
@@ -58,7 +58,7 @@ def album(result: RunResult, prefix: str) -> Callable[[], Album]:
         return Album
     planned = list(_Views(result).shots())
     thread = ThreadPoolExecutor(1)  # it waits for the process that renders
-    developed = thread.submit(develop, [shot for _, shot, _ in planned])
+    developed = thread.submit(render_shots, [shot for _, shot, _ in planned])
     thread.shutdown(wait=False)
 
     def make_album() -> Album:
@@ -81,53 +81,53 @@ class _Views:
     """What all pictures of a run share: surfaces of bodies, surroundings, colour limits, scale of displacements."""
 
     def __init__(self, result: RunResult) -> None:
-        self.result, self.fields, self.places = result, fields_by_body(result), places(result)
-        self.surfaces = surfaces(result)
-        self.stage = stage(result, next(iter(self.surfaces.values())))
-        self.scale, self.stressed = scale(result), has_stresses(result)
+        self.result, self.fields, self.places = result, fields_by_body(result), body_shifts(result)
+        self.surfaces = body_surfaces(result)
+        self.stage = build_surroundings(result, next(iter(self.surfaces.values())))
+        self.scale, self.stressed = displacement_scale(result), has_stresses(result)
         self.pose = result.pose(times(result))
-        self.limits = (0.0, top(result) / 1e6 if self.stressed else 1.0)
+        self.limits = (0.0, largest_colour_stress(result) / 1e6 if self.stressed else 1.0)
 
     def shots(self) -> Iterator[tuple[str, Shot, str]]:
         """Yield (name, shot, caption) of each picture, in the order of the page."""
-        chosen = instants(self.result)
-        views = [Shot((*self._bodies(m), *self._surroundings(m)), SIDE, self.limits) for m in chosen]
+        chosen = drawn_moments(self.result)
+        views = [Shot((*self._body_pieces(m), *self._surrounding_pieces(m)), SIDE, self.limits) for m in chosen]
         for number, (moment, shot) in enumerate(zip(chosen, frame_shots(views, WIDTH), strict=True), start=1):
             yield f"view-{number}", shot, self._caption(moment)
         if self.stressed:
-            yield self._close(of_the_peak(self.result))
-        yield self._mesh()
+            yield self._peak_view(moment_of_peak(self.result))
+        yield self._mesh_view()
 
-    def _bodies(self, moment: Moment, edges: float = 0.6) -> Iterator[Piece]:
+    def _body_pieces(self, moment: Moment, edges: float = 0.6) -> Iterator[Piece]:
         """Yield the bodies at a moment, displacements enlarged by `scale`.
 
         Colours show the von Mises stress in MPa if there is one; `edges` is the width of mesh lines in px.
         """
         for name, surface in self.surfaces.items():
             fields = self.fields[name]
-            displaced = surface.moved(fields, fields.displacement[moment.frame])
+            displaced = surface.point_displacements(fields, fields.displacement[moment.frame])
             points = surface.points + self.scale * displaced + (self.places[name][moment.frame], 0.0, 0.0)
-            values = stress_of(fields)[moment.frame, surface.cell] / 1e6 if fields.von_mises else None
-            yield Piece(self._in_space(moment.frame, points), surface.faces, values, STEEL, edges=edges)
+            values = cell_stresses(fields)[moment.frame, surface.cell] / 1e6 if fields.von_mises else None
+            yield Piece(self._turn_to_ground(moment.frame, points), surface.faces, values, STEEL, edges=edges)
 
-    def _surroundings(self, moment: Moment, opacity: float = 0.22) -> Iterator[Piece]:
+    def _surrounding_pieces(self, moment: Moment, opacity: float = 0.22) -> Iterator[Piece]:
         """Yield the pads and the next outer section at a moment; only the section has this opacity."""
         back = np.array([moment.s, 0.0, 0.0])
         pieces = [_piece(block, PAD) for block in self.stage.near]
         pieces += [_piece(block, PAD, back) for block in self.stage.tail]
         pieces += [replace(_piece(block, SECTION), opacity=opacity, edges=1.0) for block in self.stage.section]
-        yield from (replace(piece, points=self._in_space(moment.frame, piece.points)) for piece in pieces)
+        yield from (replace(piece, points=self._turn_to_ground(moment.frame, piece.points)) for piece in pieces)
 
-    def _in_space(self, frame: int, points: Array) -> Array:
+    def _turn_to_ground(self, frame: int, points: Array) -> Array:
         """Turn points (..., 3) in m from the boom's axes into the ground's at the stored time `frame`.
 
         Without a frame that moves both are the same.
         """
         return points if self.pose is None else self.pose.at(frame, points)
 
-    def _close(self, moment: Moment) -> tuple[str, Shot, str]:
+    def _peak_view(self, moment: Moment) -> tuple[str, Shot, str]:
         """Build (name, shot, caption) of the largest stress, seen from the side it is on, the body's axis level."""
-        name, place = place_of_the_peak(self.result, moment)
+        name, place = place_of_peak(self.result, moment)
         points = self.surfaces[name].points
         low, high = points.min(axis=0), points.max(axis=0)
         middle = (low + high) / 2.0
@@ -138,15 +138,19 @@ class _Views:
                 (float(c) for c in self.pose.turned(moment.frame, way)) for way in (direction, up)
             )
             direction, up = (ahead, aside, high_up), (x, y, z)
-        pieces = (*self._bodies(moment, edges=0.8), *self._surroundings(moment, opacity=0.08))
+        pieces = (*self._body_pieces(moment, edges=0.8), *self._surrounding_pieces(moment, opacity=0.08))
         centre = np.array([float(place[0] + self.places[name][moment.frame]), float(middle[1]), float(middle[2])])
-        x, y, z = (float(c) for c in self._in_space(moment.frame, centre))
+        x, y, z = (float(c) for c in self._turn_to_ground(moment.frame, centre))
         shot = Shot(pieces, direction, self.limits, (x, y, z), NEAR, (WIDTH, WIDTH * 3 // 8), up)
         side = f"the {'left' if from_left else 'right'} and {'above' if above else 'below'}"
         tip = f"the tip is to the {'left' if from_left else 'right'}"
-        return "close", shot, f"The neighbourhood of the largest stress, seen from {side}; {tip}. {self._when(moment)}."
+        return (
+            "close",
+            shot,
+            f"The neighbourhood of the largest stress, seen from {side}; {tip}. {self._time_clause(moment)}.",
+        )
 
-    def _when(self, moment: Moment) -> str:
+    def _time_clause(self, moment: Moment) -> str:
         """Clause with the time of the close picture.
 
         It also names the time of the largest stress, if no fields are stored at this.
@@ -157,27 +161,29 @@ class _Views:
             return f"At {at}; {displacements}"
         return f"At {at}, of the times whose fields are kept the nearest to {peak:.2f}{SPACE}s; {displacements}"
 
-    def _mesh(self) -> tuple[str, Shot, str]:
+    def _mesh_view(self) -> tuple[str, Shot, str]:
         """Build (name, shot, caption) of the meshes, with bodies and pads where they are at the first stored time."""
         bodies = [
             Piece(surface.points + (self.places[name][0], 0.0, 0.0), surface.faces, None, "#eef2f5", edges=0.9)
             for name, surface in self.surfaces.items()
         ]
-        at = float(self.result.along[0])
+        at = float(self.result.abscissa[0])
         tail = [_piece(block, PAD, np.array([at, 0.0, 0.0])) for block in self.stage.tail]
         near = [_piece(block, MOVING) for block in self.stage.near]
         (shot,) = frame_shots([Shot((*bodies, *tail, *near), SIDE)], WIDTH)
         cells, vertices = (
             sum(len(getattr(fields, of)) for fields in self.fields.values()) for of in ("cells", "points")
         )
-        where = f"grey the pads that stay on the body, orange those that move along it, at s = {plain(round(at, 3))}"
+        where = (
+            f"grey the pads that stay on the body, orange those that move along it, at s = {format_input(round(at, 3))}"
+        )
         pads = f"; {where}{SPACE}m" if self.stage.near or self.stage.tail else ""
-        return "mesh", shot, f"The mesh: {plain(cells)} cells, {plain(vertices)} vertices{pads}."
+        return "mesh", shot, f"The mesh: {format_input(cells)} cells, {format_input(vertices)} vertices{pads}."
 
     def _caption(self, moment: Moment) -> str:
         """Caption of a view: extension beyond the mouth or reach, time, largest stress, scale of displacements."""
-        deformed = f"displacements {plain(self.scale)} times their size"
-        stress = f", largest von Mises stress {quantity(moment.peak, 'Pa')}" if self.stressed else ""
+        deformed = f"displacements {format_input(self.scale)} times their size"
+        stress = f", largest von Mises stress {format_quantity(moment.peak, 'Pa')}" if self.stressed else ""
         length = f"{moment.extension:.2f}{SPACE}m"
         out = f"{length} beyond the mouth" if is_alone(self.result) else f"A reach of {length}"
         return f"{out}, at {moment.t:.2f}{SPACE}s{stress}; {deformed}."

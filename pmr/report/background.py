@@ -79,7 +79,7 @@ class BackgroundReport:
                 for drawn in self._drawn:
                     drawn.result()
                 self._pool.submit(_write, folder.absolute(), [result.summary for result in results]).result()
-                return ReportFiles.within(folder)
+                return ReportFiles.in_folder(folder)
         from pmr.report.document import write_report
 
         return write_report(results, folder)
@@ -110,7 +110,7 @@ def _load() -> None:
     """Import the modules that draw and compile the templates; the second process runs it while the run computes."""
     import pmr.report.document
 
-    pmr.report.document.weasyprint()
+    pmr.report.document.import_weasyprint()
     for name in pmr.report.document.templates().list_templates():
         pmr.report.document.templates().get_template(name)
 

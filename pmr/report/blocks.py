@@ -17,13 +17,13 @@ TOLERANCE = 0.05  # relative deviation up to which a value counts as within 5 % 
 class Mark:
     """Verdict on a value beside a published one: `kind` names its style, `symbol` tells it without colour.
 
-    `text` is the word for it in the table and in counts, `explained` that in the legend.
+    `text` is the word for it in the table and in counts, `explanation` that in the legend.
     """
 
     kind: str
     symbol: str
     text: str
-    explained: str
+    explanation: str
 
 
 BETTER = Mark("better", "▲", "better", "better, the error is smaller")
@@ -38,13 +38,13 @@ RANKED = (BETTER, SAME, WITHIN, DIFFERENT, WORSE)  # from the best to the worst
 class Row:
     """Row of the error table, as text: an error or another value, beside the published one.
 
-    `comparison` says which models are compared, `place` names the quantity, `here` is the value of this run, `absolute`
+    `comparison` says which models are compared, `place` names the quantity, `value` is this run's, `absolute`
     the norm of the difference with its unit.  A column that does not apply to a row is None.
     """
 
     comparison: str
     place: str
-    here: str
+    value: str
     published: str | None = None
     deviation: str | None = None
     mark: Mark | None = None
@@ -60,17 +60,17 @@ class ErrorTable:
     reasons: Sequence[str] = ()
 
     @property
-    def published(self) -> bool:
+    def has_published(self) -> bool:
         """Whether any row has a published value."""
         return any(row.published for row in self.rows)
 
     @property
-    def deviations(self) -> bool:
+    def has_deviations(self) -> bool:
         """Whether any row has a deviation from a published value."""
         return any(row.deviation for row in self.rows)
 
     @property
-    def norms(self) -> bool:
+    def has_norms(self) -> bool:
         """Whether any row has the norm of a difference."""
         return any(row.absolute for row in self.rows)
 
@@ -80,7 +80,7 @@ class ErrorTable:
         return [mark for mark in RANKED if any(row.mark is mark for row in self.rows)]
 
     @property
-    def apart(self) -> bool:
+    def has_deviating_rows(self) -> bool:
         """Whether any value differs from the published one by more than 5 %."""
         return bool(deviating_rows(self.rows))
 
@@ -99,7 +99,7 @@ def mark_for(value: float, published: float, is_error: bool = True) -> Mark:
     return BETTER if deviation < 0.0 else WORSE
 
 
-def verdicts(table: Sequence[Row]) -> dict[str, int]:
+def count_verdicts(table: Sequence[Row]) -> dict[str, int]:
     """Count the rows with each verdict, by its text, the best first; rows without a verdict are not counted."""
     marks = [row.mark for row in table if row.mark]
     return {mark.text: marks.count(mark) for mark in RANKED if mark in marks}
@@ -140,7 +140,7 @@ class ReportFiles:
     pdf: Path
 
     @classmethod
-    def within(cls, folder: Path) -> ReportFiles:
+    def in_folder(cls, folder: Path) -> ReportFiles:
         """Paths of the files of a report in a folder."""
         return cls(*(folder / name for name in REPORT_FILES))
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.report.columns import onto
+from pmr.report.columns import interpolate
 from pmr.report.numbers import enlargement
-from pmr.report.subject import is_alone, length
+from pmr.report.subject import is_alone, reach
 from pmr.results import Fields, RunResult
 from pmr.results.pads import THICK, pad_corners
 from pmr.scene.box import Box
@@ -54,7 +54,7 @@ class Surface:
     vertex: Indices
     lever: Array
 
-    def moved(self, fields: Fields, displacement: NDArray[np.float32]) -> NDArray[np.float32]:
+    def point_displacements(self, fields: Fields, displacement: NDArray[np.float32]) -> NDArray[np.float32]:
         """Displacements (..., P, 3) in m of the points, from `displacement` (..., N, 3) in m of the fields' N vertices.
 
         Sections of a beam stay at right angles to its axis: their points move along x by -(v' y + w' z).
@@ -80,7 +80,7 @@ class Surface:
         return np.unique(pairs, axis=0)
 
 
-def surface(fields: Fields, box: Box | None = None) -> Surface:
+def body_surface(fields: Fields, box: Box | None = None) -> Surface:
     """Surface of a shell or a solid; of a beam, whose vertices are sorted along x, the tube of its `box`.
 
     A beam without a box is drawn as a thin square tube.
@@ -100,11 +100,11 @@ def surface(fields: Fields, box: Box | None = None) -> Surface:
     return Surface(fields.points[vertex], faces, cell, vertex, np.zeros((len(vertex), 2)))
 
 
-def surfaces(result: RunResult) -> dict[str, Surface]:
+def body_surfaces(result: RunResult) -> dict[str, Surface]:
     """Surfaces of all bodies that have fields, by body."""
     bodies = result.scene.bodies
     return {
-        name: surface(body.fields, bodies[name].body.box)
+        name: body_surface(body.fields, bodies[name].body.box)
         for name, body in result.bodies.items()
         if body.fields is not None
     }
@@ -140,7 +140,7 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Stage:
+class Surroundings:
     """Surroundings of a body that slides out of a mouth; all empty for a boom, whose sections hold each other.
 
     `section` is the next outer section, `near` are the pads at its mouth, which stay in the picture, and `tail` those
@@ -152,10 +152,10 @@ class Stage:
     tail: tuple[Block, ...]
 
 
-def stage(result: RunResult, body: Surface) -> Stage:
+def build_surroundings(result: RunResult, body: Surface) -> Surroundings:
     """Build the surroundings of a body where the path coordinate s is 0; empty for a boom."""
     if not is_alone(result):
-        return Stage((), (), ())
+        return Surroundings((), (), ())
     low, high, box = body.points.min(axis=0), body.points.max(axis=0), result.scene.body.box
     rings_by_motion = {
         moving: [ring for ring in result.scene.pads if ring.moving is moving] for moving in (False, True)
@@ -165,9 +165,9 @@ def stage(result: RunResult, body: Surface) -> Stage:
         for moving in (True, False)
     )
     ahead = max((ring.at + ring.length / 2.0 for ring in rings_by_motion[True]), default=0.1)
-    start = np.array([low[0] - float(result.along.max()) - 0.1, *(low[1:] - 1.2 * THICK)])
+    start = np.array([low[0] - float(result.abscissa.max()) - 0.1, *(low[1:] - 1.2 * THICK)])
     end = np.array([ahead, *(high[1:] + 1.2 * THICK)])
-    return Stage((_block(start, end, _SIDES[2:]),), near, tail)
+    return Surroundings((_block(start, end, _SIDES[2:]),), near, tail)
 
 
 def _pads(ring: PadRing, low: Array, high: Array, box: Box | None) -> list[Block]:
@@ -217,46 +217,46 @@ def has_stresses(result: RunResult) -> bool:
     return any(fields.von_mises for fields in fields_by_body(result).values())
 
 
-def instants(result: RunResult) -> list[Moment]:
+def drawn_moments(result: RunResult) -> list[Moment]:
     """Moments that are drawn, in order of time: at most one for each third of the mouth's range.
 
     It is the stored time of the largest stress with the mouth in this third; without stresses that of the largest
     displacement.  A mouth that does not move has one moment.
     """
-    s, t = positions(result), times(result)
-    weight = _peaks(result) if has_stresses(result) else _size(result)
+    s, t = mouth_positions(result), times(result)
+    weight = _peak_stresses(result) if has_stresses(result) else _largest_displacements(result)
     parts = np.clip(((s - s.min()) / max(np.ptp(s), 1e-12) * EXTENSIONS).astype(int), 0, EXTENSIONS - 1)
-    named = _named_frame(result)
+    named = _summary_peak_frame(result)
     frames = [
         _largest(weight, inside, named) for part in np.unique(parts) if len(inside := np.flatnonzero(parts == part))
     ]
     largest = weight if has_stresses(result) else np.zeros_like(weight)
     chosen = sorted(frames)
-    return [Moment(k, float(t[k]), float(s[k]), length(result) - float(s[k]), float(largest[k])) for k in chosen]
+    return [Moment(k, float(t[k]), float(s[k]), reach(result) - float(s[k]), float(largest[k])) for k in chosen]
 
 
-def of_the_peak(result: RunResult) -> Moment:
+def moment_of_peak(result: RunResult) -> Moment:
     """Stored moment nearest to the time of the largest stress in the summary, else the one with the largest value.
 
     The summary's time may not be stored, as fields may be kept at fewer times than stresses.  Without stresses in the
     fields the values are displacements, and `peak` is the largest one in m.
     """
-    t, s, named = times(result), positions(result), _named_peak(result).get("t")
-    largest = _peaks(result) if has_stresses(result) else _size(result)
+    t, s, named = times(result), mouth_positions(result), _summary_peak(result).get("t")
+    largest = _peak_stresses(result) if has_stresses(result) else _largest_displacements(result)
     k = int(np.argmax(largest)) if named is None else int(np.argmin(np.abs(t - named)))
-    return Moment(k, float(t[k]), float(s[k]), length(result) - float(s[k]), float(largest[k]))
+    return Moment(k, float(t[k]), float(s[k]), reach(result) - float(s[k]), float(largest[k]))
 
 
-def place_of_the_peak(result: RunResult, moment: Moment) -> tuple[str, Array]:
+def place_of_peak(result: RunResult, moment: Moment) -> tuple[str, Array]:
     """Body with the largest stress, and the point (3,) in m in this body's axes, from the summary if it has them.
 
     Else the point is the middle of the cell that has the largest stress of all bodies at `moment`.
     """
-    fields, peak = fields_by_body(result), _named_peak(result)
+    fields, peak = fields_by_body(result), _summary_peak(result)
     if "position" in peak and (body := peak.get("section", next(iter(fields)))) in fields:
         return body, np.array(peak["position"])
     stresses = {
-        name: stress_of(fields_of_body)[moment.frame]
+        name: cell_stresses(fields_of_body)[moment.frame]
         for name, fields_of_body in fields.items()
         if fields_of_body.von_mises
     }
@@ -276,51 +276,51 @@ def _largest(values: Array, among: NDArray[np.int64], preferred: int | None) -> 
     return largest
 
 
-def _named_peak(result: RunResult) -> Mapping[str, Any]:
+def _summary_peak(result: RunResult) -> Mapping[str, Any]:
     """Largest stress of the reduced model as the summary has it; empty if it has none."""
     peak: Mapping[str, Any] = result.summary.get("stress_peak", {}).get("reduced") or {}
     return peak
 
 
-def _named_frame(result: RunResult) -> int | None:
+def _summary_peak_frame(result: RunResult) -> int | None:
     """Index of the stored time at which the summary's largest stress occurs; None if this time is not stored."""
-    t, field_times = _named_peak(result).get("t"), times(result)
+    t, field_times = _summary_peak(result).get("t"), times(result)
     if t is None:
         return None
     near = int(np.argmin(np.abs(field_times - t)))
     return near if abs(field_times[near] - t) <= 1e-9 * max(1.0, abs(t)) else None
 
 
-def positions(result: RunResult) -> Array:
+def mouth_positions(result: RunResult) -> Array:
     """Path of the mouth (F,) in m at the times of the fields; of a boom, its largest reach minus its reach."""
-    s = result.along if result.reach is None else length(result) - result.reach
-    return onto(times(result), result.responses["reduced"].t, s)
+    s = result.abscissa if result.reach is None else reach(result) - result.reach
+    return interpolate(times(result), result.responses["reduced"].t, s)
 
 
-def places(result: RunResult) -> dict[str, Array]:
+def body_shifts(result: RunResult) -> dict[str, Array]:
     """Shift (F,) in m along x at which each body is drawn at the times of the fields, by body.
 
     A body alone is shifted by -s, so that the mouth is at 0.  Sections of a boom are shifted by the positions of their
     tails along the boom, where that of the base is 0.
     """
     if result.reach is None:
-        return {name: -positions(result) for name in fields_by_body(result)}
-    return {name: along for name, (_, along) in result.travelling.items()}
+        return {name: -mouth_positions(result) for name in fields_by_body(result)}
+    return {name: along for name, (_, along) in result.moving_fields.items()}
 
 
-def stress_of(fields: Fields) -> NDArray[np.float32]:
+def cell_stresses(fields: Fields) -> NDArray[np.float32]:
     """Von Mises stress of each cell (F, C) in Pa at F times: the largest one of all faces that it is stored for."""
     return np.maximum.reduce(list(fields.von_mises.values()))
 
 
-def scale(result: RunResult) -> float:
+def displacement_scale(result: RunResult) -> float:
     """Factor by which displacements are enlarged in pictures, a round number."""
-    return enlargement(float(_size(result).max()), DISPLACED * length(result))
+    return enlargement(float(_largest_displacements(result).max()), DISPLACED * reach(result))
 
 
-def top(result: RunResult) -> float:
+def largest_colour_stress(result: RunResult) -> float:
     """Stress in Pa of the last colour, a round number whose quarters are short; few cells exceed it at any time."""
-    cells = [stress_of(fields).max(axis=0) for fields in fields_by_body(result).values() if fields.von_mises]
+    cells = [cell_stresses(fields).max(axis=0) for fields in fields_by_body(result).values() if fields.von_mises]
     most = float(np.quantile(np.concatenate(cells), ALMOST_ALL))
     if most <= 0.0:
         return 1.0
@@ -329,13 +329,13 @@ def top(result: RunResult) -> float:
     return float(f"{step * np.ceil(most / step - 1e-9):.2g}")
 
 
-def _peaks(result: RunResult) -> Array:
+def _peak_stresses(result: RunResult) -> Array:
     """Largest stress of all bodies (F,) in Pa at each stored time."""
-    each = [stress_of(fields).max(axis=1) for fields in fields_by_body(result).values() if fields.von_mises]
+    each = [cell_stresses(fields).max(axis=1) for fields in fields_by_body(result).values() if fields.von_mises]
     return np.asarray(np.max(each, axis=0))
 
 
-def _size(result: RunResult) -> Array:
+def _largest_displacements(result: RunResult) -> Array:
     """Length of the largest displacement of all bodies (F,) in m at each stored time."""
     each = [np.linalg.norm(fields.displacement, axis=2).max(axis=1) for fields in fields_by_body(result).values()]
     return np.asarray(np.max(each, axis=0))

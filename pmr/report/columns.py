@@ -24,7 +24,7 @@ PLAYING = 30.0  # s in which the whole motion plays at the first speed
 _FULL_SCALE = 32767
 
 
-def extremes(values: ArrayLike, bins: int) -> NDArray[np.intp]:
+def extreme_indices(values: ArrayLike, bins: int) -> NDArray[np.intp]:
     """Indices of samples that keep every peak of a signal.
 
     Plain thinning would alias whatever oscillates faster than the new step.  Here the signal is cut into `bins` equal
@@ -51,7 +51,7 @@ def extremes(values: ArrayLike, bins: int) -> NDArray[np.intp]:
     return np.unique([0, *low, *high, count - 1])
 
 
-def upper_envelope(values: ArrayLike, bins: int) -> NDArray[np.intp]:
+def envelope_indices(values: ArrayLike, bins: int) -> NDArray[np.intp]:
     """Indices of the largest sample in each of `bins` equal intervals; all indices if there are no more than `bins`."""
     values = np.asarray(values, dtype=float)
     count = len(values)
@@ -60,12 +60,12 @@ def upper_envelope(values: ArrayLike, bins: int) -> NDArray[np.intp]:
     return np.array([start + int(np.argmax(values[start:stop])) for start, stop in _pieces(count, bins)])
 
 
-def spread(count: int, most: int) -> NDArray[np.intp]:
+def spread_indices(count: int, most: int) -> NDArray[np.intp]:
     """Return at most `most` indices, evenly spread over ``range(count)``, the first and the last one included."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
 
 
-def onto(t: Array, times: Array, values: Array) -> Array:
+def interpolate(t: Array, times: Array, values: Array) -> Array:
     """Interpolate `values` (T,) or (T, n), known at `times` (T,), to the times `t` (S,); linear in time.
 
     If both times are the same, `values` itself is returned.
@@ -83,14 +83,14 @@ def _pieces(count: int, bins: int) -> list[tuple[int, int]]:
     return list(zip(edges[:-1], edges[1:], strict=True))
 
 
-def pack(values: NDArray[np.float64]) -> dict[str, Any]:
+def encode_array(values: NDArray[np.float64]) -> dict[str, Any]:
     """Encode an array as little-endian 16-bit integers in base64 (``data``), and the value of one count (``count``)."""
     largest = float(np.abs(values).max(initial=0.0)) or 1.0
     counts = np.round(values / largest * _FULL_SCALE).astype("<i2")
     return {"count": largest / _FULL_SCALE, "data": base64.b64encode(counts.tobytes()).decode()}
 
 
-def speeds(duration: float) -> dict[str, Any]:
+def playback_speeds(duration: float) -> dict[str, Any]:
     """Playback speeds as multiples of real time, of a motion of `duration` s.
 
     ``first`` is round and plays the motion in about `PLAYING` s, ``choices`` are this one and four others about it.
@@ -109,23 +109,23 @@ ROUND_OFF = 1e-12
 
 @dataclass(frozen=True)
 class Force:
-    """A force or moment on a body: `called` names it in a response, `name` within its group in the report.
+    """A force or moment on a body: `output_name` names it in a response, `name` within its group in the report.
 
     `column` is its column among the slider forces of a response that has no names for them.
     """
 
     column: int
     name: str
-    called: str
+    output_name: str
     unit: str = "N"
 
-    def of(self, response: Response) -> Array:
+    def history(self, response: Response) -> Array:
         """Read the force or moment (T,) in its `unit` from a response."""
-        return response.force(self.called, self.column)
+        return response.force(self.output_name, self.column)
 
 
 @dataclass(frozen=True)
-class Line:
+class AxisPoints:
     """Points along a body's axis, with the columns of a response that hold their displacement in one direction."""
 
     body: str
@@ -133,25 +133,25 @@ class Line:
     columns: NDArray[np.int64]
     tail: Array  # (T,) m, position of the body's tail along the boom
 
-    def moved(self, response: Response) -> Array:
+    def displacements(self, response: Response) -> Array:
         """Displacements (T, o) in m of the o points at T times, from a response."""
         return response.displacement[:, self.columns]
 
 
 @dataclass(frozen=True)
-class Ring:
+class RingForces:
     """Pads of a ring on one face of a body: position along the boom (T,) in m, and sum of their forces (T,) in N.
 
     `above` says whether they are on the upper face.
     """
 
     body: str
-    at: Array
+    positions: Array
     above: bool
     force: Array
 
 
-def tips(result: RunResult) -> Mapping[str, Quantity]:
+def tip_displacements(result: RunResult) -> Mapping[str, Quantity]:
     """Functions that read the tip's displacement (T,) in m from a response, by direction across the axis (y or z).
 
     The tip is that of the last section.
@@ -181,19 +181,21 @@ def is_round_off(result: RunResult, what: Quantity) -> bool:
     return max(float(np.abs(what(response)).max()) for response in result.responses.values()) <= _floor(result)
 
 
-def differ(result: RunResult, what: Quantity) -> float:
+def largest_difference(result: RunResult, what: Quantity) -> float:
     """Largest difference in m of a displacement between the reduced model and any other; 0 without other models.
 
     `what` reads the displacement (T,) in m from a response.
     """
     reduced = result.responses["reduced"]
     displacements = [
-        onto(reduced.t, response.t, what(response)) for name, response in result.responses.items() if name != "reduced"
+        interpolate(reduced.t, response.t, what(response))
+        for name, response in result.responses.items()
+        if name != "reduced"
     ]
     return max((float(np.abs(other - what(reduced)).max()) for other in displacements), default=0.0)
 
 
-def unseen(result: RunResult) -> float:
+def invisible_difference(result: RunResult) -> float:
     """Relative difference between models up to which no panel shows it.
 
     It is the error of the time step at the tip or along the beam, the larger one, but at least `NOTHING`.
@@ -213,14 +215,14 @@ def _floor(result: RunResult) -> float:
     )
 
 
-def not_drawn(directions: Sequence[str]) -> str:
+def undrawn_sentence(directions: Sequence[str]) -> str:
     """Sentence that says why the tip's displacement in these directions has no figure; empty without directions."""
     if not directions:
         return ""
     return f"The tip moves along {' and '.join(directions)} by no more than round-off."
 
 
-def lines(result: RunResult, response: Response, direction: str = "z") -> list[Line]:
+def axis_points(result: RunResult, response: Response, direction: str = "z") -> list[AxisPoints]:
     """Lines of the bodies from the base out, with the columns of their outputs in `direction` (y or z).
 
     Points are sorted by x; a body without such outputs has no line.
@@ -230,7 +232,7 @@ def lines(result: RunResult, response: Response, direction: str = "z") -> list[L
         columns = [k for k, output in enumerate(outputs) if output.body == body and output.direction == direction]
         columns.sort(key=lambda k: float(response.x[k]))
         if columns:
-            bodies.append(Line(body, response.x[columns], np.array(columns, np.int64), tail))
+            bodies.append(AxisPoints(body, response.x[columns], np.array(columns, np.int64), tail))
     return bodies
 
 
@@ -250,7 +252,7 @@ def _tails(result: RunResult, steps: int) -> Array:
     return np.cumsum(np.hstack([np.zeros((steps, 1)), extensions]), axis=1)
 
 
-def forces(result: RunResult, kind: str = "pad") -> dict[str, list[Force]]:
+def forces_by_group(result: RunResult, kind: str = "pad") -> dict[str, list[Force]]:
     """Forces of outputs of one kind, by group; all that the reduced model has.
 
     Pads of a body alone are grouped by ring, rings that stay on the body first; all other forces are one group with an
@@ -282,39 +284,41 @@ def forces(result: RunResult, kind: str = "pad") -> dict[str, list[Force]]:
     return {"": group} if group else {}
 
 
-def rings(result: RunResult) -> Iterator[Ring]:
+def ring_forces(result: RunResult) -> Iterator[RingForces]:
     """Yield the pads of each ring below and above the bodies, with the sum of their forces in the reduced model."""
     response = result.responses["reduced"]
     bodies, tails = list(result.scene.bodies.items()), _tails(result, len(response.t))
     for number, (body, of) in enumerate(bodies):
-        places = [(_by_face(ring), _ring_places(result, ring, tails[:, number])) for ring in of.pads]
+        places = [(_force_names_by_face(ring), _ring_positions(result, ring, tails[:, number])) for ring in of.pads]
         if (joint := of.joint) is not None:
             mouth = tails[:, number - 1] + bodies[number - 1][1].length
             at_ends = [("tail", ring, tails[:, number] + ring.at) for ring in joint.tail]
             at_ends += [("mouth", ring, mouth - ring.at) for ring in joint.mouth]
             for end, ring, at in at_ends:
                 called = " ".join(filter(None, (body, end, ring.name)))
-                places.append((_by_face(as_pads(ring, called)) if ring.faces else _points(called), at))
+                places.append(
+                    (_force_names_by_face(as_pads(ring, called)) if ring.faces else _point_force_names(called), at)
+                )
         for faces, at in places:
             for face, names in faces.items():
                 columns = [response.force_names.index(name) for name in names if name in response.force_names]
                 if columns:
-                    yield Ring(body, at, face == "top", response.slider_force[:, columns].sum(axis=1))
+                    yield RingForces(body, at, face == "top", response.slider_force[:, columns].sum(axis=1))
 
 
-def _by_face(ring: PadRing) -> dict[str, list[str]]:
+def _force_names_by_face(ring: PadRing) -> dict[str, list[str]]:
     """Names of the forces of a ring's pads on the faces ``bottom`` and ``top``, by face."""
     return {side: [FORCE_OF + name for name, face, _ in ring.places if face == side] for side in ("bottom", "top")}
 
 
-def _points(called: str) -> dict[str, list[str]]:
+def _point_force_names(called: str) -> dict[str, list[str]]:
     """Names of the forces of a point contact on the axis of a planar beam: ``bottom`` has that below, ``top`` above."""
     return {"bottom": [f"{FORCE_OF}{called} below"], "top": [f"{FORCE_OF}{called} above"]}
 
 
-def _ring_places(result: RunResult, ring: PadRing, tail: Array) -> Array:
+def _ring_positions(result: RunResult, ring: PadRing, tail: Array) -> Array:
     """Position (T,) in m of a ring along the axis: `ring.at`, or s + `ring.at` if it moves along the body."""
-    return ring.at + (result.along if ring.moving else np.zeros_like(tail))
+    return ring.at + (result.abscissa if ring.moving else np.zeros_like(tail))
 
 
 @dataclass(frozen=True)
@@ -337,10 +341,10 @@ def body_axes(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale:
     Deflections are enlarged by the factor `scale`.
     """
     response, frame = result.responses["reduced"], result.scene.frame
-    chosen, aside = np.asarray(steps), {line.body: line for line in lines(result, response, "y")}
-    turned, positions = turns(result, response.t[chosen]), []
+    chosen, aside = np.asarray(steps), {line.body: line for line in axis_points(result, response, "y")}
+    turned, positions = frame_rotations(result, response.t[chosen]), []
     sine, cosine = turned[:, 2, 0, None], turned[:, 2, 2, None]  # of the luffing angle
-    for line in lines(result, response):
+    for line in axis_points(result, response):
         places_in_boom = np.zeros((len(chosen), len(line.x), 3)) + (0.0 if frame is None else frame.place)
         places_in_boom[:, :, 0] += line.tail[chosen, None] + line.x
         for direction, of in ((1, aside.get(line.body)), (2, line)):
@@ -352,7 +356,7 @@ def body_axes(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale:
     return positions
 
 
-def turns(result: RunResult, t: Array) -> Array:
+def frame_rotations(result: RunResult, t: Array) -> Array:
     """Rotation matrices (T, 3, 3) from the boom's axes into the ground's at the times `t` (T,) in s.
 
     They follow the boom's frame; without a frame the boom stands at the constant angle that gravity is turned by.

@@ -18,7 +18,7 @@ from pmr.errors.environment import needed
 from pmr.errors.text import visible
 from pmr.files.whole import fresh
 from pmr.report.blocks import END_OF_SCREEN, REPORT_FILES, SCREEN, Chapter, Figures, ReportFiles
-from pmr.report.figures.canvas import FONT, font_face_rule, words
+from pmr.report.figures.canvas import FONT, drawn_text, font_face_rule
 from pmr.report.sections import chapter, figures_of
 from pmr.results import RunResult
 
@@ -49,7 +49,7 @@ def write_report(results: Sequence[RunResult], folder: Path, figures: Sequence[F
     chapters = [
         chapter(result, _anchor(number), drawn_figures) for number, (result, drawn_figures) in enumerate(pairs, start=1)
     ]
-    return write(page(chapters, with_date(KIND, [result.summary for result in results])), folder)
+    return write_page(render_runs(chapters, with_date(KIND, [result.summary for result in results])), folder)
 
 
 def draw_figures(result: RunResult, number: int) -> Figures:
@@ -65,13 +65,13 @@ def _anchor(number: int) -> str:
     return f"case-{number}"
 
 
-def write(text: str, folder: Path) -> ReportFiles:
+def write_page(text: str, folder: Path) -> ReportFiles:
     """Write a page of HTML into a folder as report.html and report.pdf; return their paths."""
     with fresh(folder, REPORT_FILES) as new:
         (new / "report.html").write_text(text, encoding="utf-8")
-        print_page(text, new / "report.pdf")
+        write_pdf(text, new / "report.pdf")
     _log.info("report written to %s", folder)
-    return ReportFiles.within(folder)
+    return ReportFiles.in_folder(folder)
 
 
 def with_date(kind: str, summaries: Sequence[Mapping[str, Any]]) -> str:
@@ -80,7 +80,7 @@ def with_date(kind: str, summaries: Sequence[Mapping[str, Any]]) -> str:
     return f"{kind} · {' to '.join(dict.fromkeys([dates[0], dates[-1]]))}" if dates else kind
 
 
-def page(chapters: Sequence[Chapter], kind: str = KIND) -> str:
+def render_runs(chapters: Sequence[Chapter], kind: str = KIND) -> str:
     """Render the report of runs as HTML."""
     title = chapters[0].title if len(chapters) == 1 else "Reduced sliding structures"
     headings = list(dict.fromkeys(number.label for chapter in chapters for number in chapter.key_numbers))
@@ -93,7 +93,7 @@ def render(template: str, title: str, chapters: Sequence[Chapter], **more: Any) 
     drawn = [drawing for block in blocks for drawing in block.drawings] + [
         chapter.sketch for chapter in chapters if chapter.sketch
     ]
-    text = "".join(words(drawing.svg) for drawing in drawn)
+    text = "".join(drawn_text(drawing.svg) for drawing in drawn)
     return (
         templates()
         .get_template(template)
@@ -113,24 +113,24 @@ def templates() -> jinja2.Environment:
     return jinja2.Environment(
         loader=jinja2.PackageLoader("pmr.report"),
         autoescape=True,
-        finalize=readable,
+        finalize=escape_controls,
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
 
 
-def readable(value: Any) -> Any:
+def escape_controls(value: Any) -> Any:
     """Spell out characters that would steer the page, in plain text; markup and other values are returned unchanged."""
     return visible(value) if type(value) is str else value
 
 
-def print_page(text: str, file: Path) -> None:
+def write_pdf(text: str, file: Path) -> None:
     """Write a page of HTML as a PDF file."""
-    weasyprint().HTML(string=_without_screen(text)).write_pdf(file)
+    import_weasyprint().HTML(string=_without_screen(text)).write_pdf(file)
 
 
-def weasyprint() -> Any:
+def import_weasyprint() -> Any:
     """Import and return the package weasyprint, which loads Pango and other libraries.
 
     It looks each library up under several names; for names of other systems `find_library` starts the compiler, the

@@ -19,10 +19,19 @@ from pmr.report.blocks import (
     mark_for,
     signed_deviation,
 )
-from pmr.report.numbers import SPACE, TINY, length, percent, plain, quantity, significant, times_the_true_error
-from pmr.report.subject import chosen_by, forces_called, is_alone, scope, spoken
+from pmr.report.numbers import (
+    SPACE,
+    TINY,
+    format_input,
+    format_length,
+    format_percent,
+    format_quantity,
+    significant,
+    times_the_true_error,
+)
+from pmr.report.subject import choice_clause, force_words, is_alone, scope_words, structural_model_words
 from pmr.results import RunResult
-from pmr.results.quantities import QUANTITIES, label_of_error, reduction_error
+from pmr.results.quantities import QUANTITIES, error_label, reduction_error
 from pmr.results.tables import REACTION_OF
 from pmr.scene.choice import model_of
 from pmr.scene.members import members
@@ -47,10 +56,10 @@ def error_table(result: RunResult) -> ErrorTable:
     caption = "Over all times and places."
     if is_compared(result):
         places = [place for pair in result.summary.get("errors", {}).values() for place in pair]
-        forces = f" and {forces_called(result)}" if "pad_force" in places else ""
+        forces = f" and {force_words(result)}" if "pad_force" in places else ""
         source = f"; published: {published.source}" if published and any(row.published for row in error_rows) else ""
         caption = f"Normalised RMS errors of transverse displacements{forces}, and largest values{source}."
-    return ErrorTable(caption, error_rows, reasons(result, error_rows))
+    return ErrorTable(caption, error_rows, error_notes(result, error_rows))
 
 
 def is_compared(result: RunResult) -> bool:
@@ -61,17 +70,17 @@ def is_compared(result: RunResult) -> bool:
 def rows(result: RunResult) -> list[Row]:
     """Rows of the error table: errors to other models, estimates, then largest displacement, difference and stress."""
     errors = (*_error_rows(result), *_missing_rows(result), *_section_rows(result), *_estimate_rows(result))
-    return [*errors, *_lengths(result), *_stresses(result)]
+    return [*errors, *_length_rows(result), *_stress_rows(result)]
 
 
-def reasons(result: RunResult, table: Sequence[Row]) -> list[str]:
+def error_notes(result: RunResult, table: Sequence[Row]) -> list[str]:
     """Sentences below the error table: published values that agree by rounding, and the notes of the run.
 
     If other values deviate by more than 5 % and the run has no notes, a sentence says that no reason is recorded.
     """
     explanations = [
         f"{row.comparison}, {row.place}: the published {row.published} is a rounded figure; "
-        f"{row.here} rounds to it, so the two agree as far as is known."
+        f"{row.value} rounds to it, so the two agree as far as is known."
         for row in table
         if row.mark is SAME
     ]
@@ -83,8 +92,8 @@ def reasons(result: RunResult, table: Sequence[Row]) -> list[str]:
 
 def error_name(result: RunResult, kind: str) -> str:
     """Name of the quantity that an error of the summary measures, such as ``all sections`` for the kind ``beam``."""
-    names = {"tip": "tip", "beam": "beam" if is_alone(result) else "all sections", "pad_force": forces_called(result)}
-    return names.get(kind) or label_of_error(kind)
+    names = {"tip": "tip", "beam": "beam" if is_alone(result) else "all sections", "pad_force": force_words(result)}
+    return names.get(kind) or error_label(kind)
 
 
 def list_errors(result: RunResult, errors: Mapping[str, Any], kinds: Sequence[str] = KINDS) -> str:
@@ -93,10 +102,10 @@ def list_errors(result: RunResult, errors: Mapping[str, Any], kinds: Sequence[st
     `errors` maps kinds of errors to relative errors, or None.  Those below `TINY`, which are round-off, are left out
     unless they are of displacements (``tip`` and ``beam``); the text is empty if none is left.
     """
-    places = {"tip": "at the tip", "beam": scope(result), "pad_force": f"in the {forces_called(result)}"}
+    places = {"tip": "at the tip", "beam": scope_words(result), "pad_force": f"in the {force_words(result)}"}
     stated = {kind: errors[kind] for kind in kinds if errors.get(kind) is not None}
     texts = [
-        f"{percent(error)} {places.get(kind) or f'in the {QUANTITIES[kind].label}'}"
+        f"{format_percent(error)} {places.get(kind) or f'in the {QUANTITIES[kind].label}'}"
         for kind, error in stated.items()
         if error >= TINY or kind in ("tip", "beam")
     ]
@@ -120,7 +129,7 @@ def _error_rows(result: RunResult) -> Iterator[Row]:
         for kind in dict.fromkeys((*(name for name in PLACES if name in errors[pair]), *errors[pair])):
             error, name = float(errors[pair][kind]), error_name(result, kind)
             other = printed.get(pair, {}).get(kind)
-            row = Row(comparison, name, _percent(error))
+            row = Row(comparison, name, _format_error(error))
             if other is not None:
                 row = _comparison_row(comparison, name, error, other, decimals)
             absolute = result.summary.get("absolute_errors", {}).get(pair, {}).get(kind)
@@ -128,7 +137,7 @@ def _error_rows(result: RunResult) -> Iterator[Row]:
                 continue  # no force acts along this support
             if absolute is not None and not 0.0 < error < TINY:
                 unit = units.get(kind, "N" if "_force" in kind else "m")
-                row = replace(row, absolute=_norm(unit, absolute))
+                row = replace(row, absolute=_format_norm(unit, absolute))
             yield row
 
 
@@ -144,7 +153,9 @@ def _section_rows(result: RunResult) -> Iterator[Row]:
     """Yield a row with the error along each section of a boom against the full model."""
     for section in result.summary.get("sections", ()):
         if "errors" in section:
-            yield Row("reduced against full", section["name"], _percent(section["errors"]["reduced_vs_full"]["beam"]))
+            yield Row(
+                "reduced against full", section["name"], _format_error(section["errors"]["reduced_vs_full"]["beam"])
+            )
 
 
 def _estimate_rows(result: RunResult) -> Iterator[Row]:
@@ -152,33 +163,35 @@ def _estimate_rows(result: RunResult) -> Iterator[Row]:
     estimates = result.summary.get("estimate", {})
     for kind in PLACES:
         if estimates.get(kind) is not None:
-            yield Row("estimated without the full model", error_name(result, kind), _percent(estimates[kind]))
+            yield Row("estimated without the full model", error_name(result, kind), _format_error(estimates[kind]))
     accuracy = result.summary.get("accuracy", {})
     if accuracy.get("tolerance") is not None:
         places = ", ".join(error_name(result, kind) for kind in accuracy["outputs"])
-        yield Row("allowed", places, percent(accuracy["tolerance"]))
+        yield Row("allowed", places, format_percent(accuracy["tolerance"]))
 
 
-def _percent(error: float) -> str:
+def _format_error(error: float) -> str:
     """Format a relative error in per cent, or as ``round-off`` if it is below `TINY` but not 0."""
-    return "round-off" if 0.0 < error < TINY else percent(error)
+    return "round-off" if 0.0 < error < TINY else format_percent(error)
 
 
-def _norm(unit: str, value: float) -> str:
+def _format_norm(unit: str, value: float) -> str:
     """Format the norm of a difference with its unit; ``1`` is the unit of a pure number."""
     if unit == "m":
-        return length(value, 3)
+        return format_length(value, 3)
     return (
-        quantity(value, unit) if unit in ("N", "Pa") else f"{significant(value)}{SPACE}{unit}".removesuffix(f"{SPACE}1")
+        format_quantity(value, unit)
+        if unit in ("N", "Pa")
+        else f"{significant(value)}{SPACE}{unit}".removesuffix(f"{SPACE}1")
     )
 
 
-def _stresses(result: RunResult) -> Iterator[Row]:
+def _stress_rows(result: RunResult) -> Iterator[Row]:
     """Yield rows with the largest von Mises stress of the reduced and the full model, and how far they are apart."""
     largest: Mapping[str, float] = result.summary.get("max_von_mises", {})
     for name in ("reduced", "full"):
         if name in largest:
-            yield Row("largest von Mises stress", NAMES[name], quantity(largest[name], "Pa", 4))
+            yield Row("largest von Mises stress", NAMES[name], format_quantity(largest[name], "Pa", 4))
     if {"full", "reduced"} <= set(largest) and largest["full"] > 0.0:
         apart = signed_deviation(largest["reduced"], largest["full"])
         yield Row("largest von Mises stress", "reduced to full", apart)
@@ -194,10 +207,10 @@ def _comparison_row(comparison: str, place: str, error: float, other: float, dec
     mark = mark_for(error, other)
     if rounded and mark is not WITHIN:
         mark = SAME
-    return Row(comparison, place, percent(error), printed, deviation, mark)
+    return Row(comparison, place, format_percent(error), printed, deviation, mark)
 
 
-def _lengths(result: RunResult) -> Iterator[Row]:
+def _length_rows(result: RunResult) -> Iterator[Row]:
     """Yield rows with the largest displacement and the largest difference in m, beside published values."""
     published = result.scene.published
     for name, comparison, is_error in (
@@ -206,9 +219,9 @@ def _lengths(result: RunResult) -> Iterator[Row]:
     ):
         if (value := result.summary.get(name)) is None:
             continue
-        row, other = Row(comparison, "", length(value, 4)), getattr(published, name, None)
+        row, other = Row(comparison, "", format_length(value, 4)), getattr(published, name, None)
         if other is not None:
-            printed, mark = length(other, _digits(other)), mark_for(value, other, is_error)
+            printed, mark = format_length(other, _digits(other)), mark_for(value, other, is_error)
             row = replace(row, published=printed, deviation=signed_deviation(value, other), mark=mark)
         yield row
 
@@ -237,13 +250,17 @@ def trust_table(result: RunResult) -> Table:
     model, mesh = budget.get("model") or {}, budget.get("mesh")
     source, reduction = reduction_error(summary)
     parts = {
-        "model": _by_label(model),
-        "mesh": _by_label(mesh if isinstance(mesh, dict) else {"beam": mesh}),
-        "time step": _by_label(step),
-        "reduction": _by_label(reduction),
+        "model": _errors_by_label(model),
+        "mesh": _errors_by_label(mesh if isinstance(mesh, dict) else {"beam": mesh}),
+        "time step": _errors_by_label(step),
+        "reduction": _errors_by_label(reduction),
     }
-    texts = {name: _without_round_off(errors) for name, errors in parts.items()}
-    texts["model"] = f"beside {MODELS[model['beside']]}: {texts['model']}" if model.get("beside") else _unknown(model)
+    texts = {name: _list_without_round_off(errors) for name, errors in parts.items()}
+    texts["model"] = (
+        f"beside {MODELS[model['beside']]}: {texts['model']}"
+        if model.get("beside")
+        else _reason_without_model_error(model)
+    )
     texts["mesh"] = texts["mesh"] or budget.get("mesh_reason") or "not known: a run with [accuracy] measures it"
     why = f": {step['reason']}" if step.get("reason") else ""
     texts["time step"] = texts["time step"] or f"not known{why}"
@@ -253,7 +270,7 @@ def trust_table(result: RunResult) -> Table:
     walls = [WALLS] if stressed and any(model_of(of).startswith("beam") for of in members(result.scene)) else []
     times = []
     if stressed and (recovery := result.scene.recovery) is not None:
-        times = [f"stresses of the body between times {plain(recovery.every)}{SPACE}s apart (recovery.every)"]
+        times = [f"stresses of the body between times {format_input(recovery.every)}{SPACE}s apart (recovery.every)"]
     missing = {
         "not in the model's bar": model.get("not_covered") or walls,
         "not in the mesh's bar": budget.get("mesh_not_covered") or (),
@@ -264,20 +281,21 @@ def trust_table(result: RunResult) -> Table:
     largest = {name: most for name, errors in parts.items() if (most := max(errors.values(), default=0.0))}
     decades = max(ceil(log10(max(largest.values(), default=1.0) / LEAST) - 1e-9), 5)
     bars = {name: min(max(log10(error / LEAST) / decades, 0.01), 1.0) for name, error in largest.items()}
-    top = f"{plain(round(100.0 * LEAST * 10**decades, 6))}{SPACE}%"
-    note = f"How far off figures are, from small on the left to large: {plain(100.0 * LEAST)}{SPACE}% to {top}, ten "
-    note += f"times as much from mark to mark. Displacements are those {scope(result)}; stresses may be further off."
+    top = f"{format_input(round(100.0 * LEAST * 10**decades, 6))}{SPACE}%"
+    note = f"How far off figures are, from small on the left to large: {format_input(100.0 * LEAST)}{SPACE}% to {top}, "
+    note += f"ten times as much from mark to mark. Displacements are those {scope_words(result)}; "
+    note += "stresses may be further off."
     gaps = ((name, "; ".join(dict.fromkeys(clauses))) for name, clauses in missing.items() if clauses)
     return Table("How far to trust it", (*texts.items(), *gaps), bars, decades, note if bars else "")
 
 
-def _unknown(model: Mapping[str, Any]) -> str:
+def _reason_without_model_error(model: Mapping[str, Any]) -> str:
     """Clause that says why the model's own error is not known, or which key has it measured."""
     reason = model.get("reason") or "compare.richer measures it"
     return str(reason) if reason.startswith("not ") else f"not known: {reason}"
 
 
-def _by_label(part: Mapping[str, Any]) -> dict[str, float]:
+def _errors_by_label(part: Mapping[str, Any]) -> dict[str, float]:
     """Relative errors of one source, by the labels of the quantities they are measured in, the largest first.
 
     `part` is a mapping of the summary whose keys are kinds of errors; others, and values that are None, are left out.
@@ -287,16 +305,16 @@ def _by_label(part: Mapping[str, Any]) -> dict[str, float]:
     return dict(sorted(errors.items(), key=lambda item: -item[1]))
 
 
-def _without_round_off(errors: Mapping[str, float]) -> str:
+def _list_without_round_off(errors: Mapping[str, float]) -> str:
     """List the errors that are at least `LEAST`.
 
     If all errors are smaller the text says so; without errors it is empty.
     """
-    parts = [f"{name} {percent(error)}" for name, error in errors.items() if error >= LEAST]
-    return ", ".join(parts) or (f"less than {percent(LEAST, 1)}" if errors else "")
+    parts = [f"{name} {format_percent(error)}" for name, error in errors.items() if error >= LEAST]
+    return ", ".join(parts) or (f"less than {format_percent(LEAST, 1)}" if errors else "")
 
 
-def estimate(result: RunResult) -> str:
+def estimate_sentence(result: RunResult) -> str:
     """Sentence on the estimated error, and on its ratio to the true error if that is known; empty without an estimate.
 
     If the error could not be estimated, the sentence says why, unless the true error is known.
@@ -309,63 +327,67 @@ def estimate(result: RunResult) -> str:
         return f"The error can't be estimated without the full model: {estimates['reason']}."
     sentence = f"The estimate, which needs no full model, is {list_errors(result, estimates, PLACES[:4])}"
     if estimates.get("probe") is not None:
-        sentence = f"{sentence}, and at most {percent(estimates['probe'])} of what a probe measures"
+        sentence = f"{sentence}, and at most {format_percent(estimates['probe'])} of what a probe measures"
     by_model = estimates.get("by") == "other model"
     remark = "it is made by a model of free modes" if by_model else "it includes a margin of a quarter"
     if ratio := times_the_true_error(estimates["beam"], true):
-        remark = f"{scope(result)} it is {ratio}"
-    return f"{sentence}; {remark}.{_not_covered(estimates.get('not_covered'))}"
+        remark = f"{scope_words(result)} it is {ratio}"
+    return f"{sentence}; {remark}.{_not_covered_sentence(estimates.get('not_covered'))}"
 
 
-def step(result: RunResult) -> str:
+def step_sentence(result: RunResult) -> str:
     """Sentence on the error of the time step; empty if it was not measured."""
     step_error = result.summary.get("step", {})
     if step_error.get("beam") is None:
         return ""
     size = "is" if step_error["settled"] else "is at least"
     of = ", of the mean motion," if step_error["by"] == "mean" else ""
-    not_covered = _not_covered(step_error.get("not_covered"))
+    not_covered = _not_covered_sentence(step_error.get("not_covered"))
     return f"The error of the time step itself{of} {size} {list_errors(result, step_error)}.{not_covered}"
 
 
-def mesh(result: RunResult) -> str:
+def mesh_sentence(result: RunResult) -> str:
     """Sentence on the error of the mesh and on what this error does not cover; empty if it was not measured."""
     budget = result.summary.get("budget", {})
     if not isinstance(mesh_part := budget.get("mesh"), Mapping) or mesh_part.get("beam") is None:
         return ""
-    return f"The mesh is off by {list_errors(result, mesh_part)}.{_not_covered(budget.get('mesh_not_covered'))}"
+    return (
+        f"The mesh is off by {list_errors(result, mesh_part)}.{_not_covered_sentence(budget.get('mesh_not_covered'))}"
+    )
 
 
-def _not_covered(clauses: Sequence[str] | None) -> str:
+def _not_covered_sentence(clauses: Sequence[str] | None) -> str:
     """Sentence, with a space before it, that joins clauses on what an error does not cover; empty without clauses."""
     return f" It does not cover {'; nor '.join(clauses)}." if clauses else ""
 
 
-def model(result: RunResult) -> str:
+def model_sentences(result: RunResult) -> str:
     """Sentences on the error of the structural model against a richer one, or on why it is not known."""
     part, chosen = result.summary.get("budget", {}).get("model"), result.summary.get("chosen_model")
     why = ""
     if chosen is not None and not is_alone(result):
-        why = f"Sections are {spoken(chosen['name'], chosen['walls'])}, {chosen_by(chosen)}. "
+        why = f"Sections are {structural_model_words(chosen['name'], chosen['walls'])}, {choice_clause(chosen)}. "
     unknown = f"{why}How far the structural model itself is off is"
     if part is None:
         richest = "" if chosen is None else " for a shell, the richest one there is"
         return f"{unknown} not known{richest or ': compare.richer measures it'}."
     if part["beside"] is None:
-        return f"{unknown} {_unknown(part)}."
+        return f"{unknown} {_reason_without_model_error(part)}."
     off = list_errors(result, part, ("beam", "tip", *KINDS[2:-1]))
     motion = f"the model is off by {off} over the run; " if off else ""
-    vibrates = f"its two lowest frequencies are off by up to {percent(part['frequency'] or 0.0)} along the path"
-    most = f" and its largest displacement by {percent(part['largest'])}" if part.get("largest") is not None else ""
+    vibrates = f"its two lowest frequencies are off by up to {format_percent(part['frequency'] or 0.0)} along the path"
+    most = (
+        f" and its largest displacement by {format_percent(part['largest'])}" if part.get("largest") is not None else ""
+    )
     comparison = f"Beside {MODELS[part['beside']]} of the same bodies, pads and loads"
     return f"{why}{comparison} {motion}{vibrates}{most}. Not compared: {'; '.join(part['not_covered'])}."
 
 
-def model_number(result: RunResult) -> Iterator[KeyNumber]:
+def model_key_number(result: RunResult) -> Iterator[KeyNumber]:
     """Yield the model's own error as a key number; nothing if it is not known."""
     part = result.summary.get("budget", {}).get("model")
     if part is None or part["beside"] is None or part.get("beam") is None:
         return
-    frequencies = percent(part["frequency"] or 0.0)
-    more = f"{scope(result)}; lowest frequencies {frequencies}; beside {MODELS[part['beside']]}"
-    yield KeyNumber(percent(part["beam"]), "the model's own error", more)
+    frequencies = format_percent(part["frequency"] or 0.0)
+    more = f"{scope_words(result)}; lowest frequencies {frequencies}; beside {MODELS[part['beside']]}"
+    yield KeyNumber(format_percent(part["beam"]), "the model's own error", more)

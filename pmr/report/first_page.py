@@ -9,11 +9,11 @@ import numpy as np
 
 from pmr.report import errors, machine, sentences
 from pmr.report.blocks import Table
-from pmr.report.columns import is_round_off, tips
-from pmr.report.machine import extent
-from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
+from pmr.report.columns import is_round_off, tip_displacements
+from pmr.report.machine import format_range
+from pmr.report.numbers import SPACE, format_input, format_length, format_percent, format_quantity, significant
 from pmr.report.subject import direction_words, drive_of, has_pushing_pads, is_alone, moving_part
-from pmr.report.subject import length as reach_of
+from pmr.report.subject import reach as reach_of
 from pmr.results import RunResult
 from pmr.results.quantities import QUANTITIES
 from pmr.results.response import Extreme, Extremes
@@ -36,10 +36,10 @@ ROPES = "which pulls the ropes"
 ROUND_OFF = 1e-9
 
 
-def tables(result: RunResult) -> tuple[Table, ...]:
+def first_page_tables(result: RunResult) -> tuple[Table, ...]:
     """Build the tables of the first page; those without rows are left out."""
     all_tables = (
-        Table("What was asked", tuple(machine.rows(result))),
+        Table("What was asked", tuple(machine.system_rows(result))),
         Table("What it carries", tuple(capacity_rows(result))),
         errors.trust_table(result),
     )
@@ -49,22 +49,22 @@ def tables(result: RunResult) -> tuple[Table, ...]:
 def capacity_rows(result: RunResult) -> Rows:
     """Yield rows (name, text) on stress, fatigue, buckling, deflection, frequency, forces and the machine's motion."""
     summary = result.summary
-    yield from _stress(result)
+    yield from _stress_rows(result)
     if damages := summary.get("fatigue"):
         worst = damages[0]
         life = "" if worst["life"] is None else f", endured {significant(worst['life'])} times"
         yield QUANTITIES["damage"].reported, f"{significant(worst['damage'])}, {worst['name']}{life}"
     if (buckling := summary.get("buckling", {})).get("factor") is not None:
-        when = f"at {_round(buckling['t'])}{SPACE}s{_raised_text(result, buckling['t'])}"
+        when = f"at {_round(buckling['t'])}{SPACE}s{_angles_clause(result, buckling['t'])}"
         yield QUANTITIES["buckling"].reported, f"{significant(buckling['factor'])}, {when}"
-    yield from _deflection(result)
-    yield from _lowest(result)
+    yield from _deflection_rows(result)
+    yield from _frequency_rows(result)
     yield from _luffing_rows(result)
-    yield from _forces(result)
+    yield from _force_rows(result)
     yield from _machine_rows(result)
 
 
-def _stress(result: RunResult) -> Rows:
+def _stress_rows(result: RunResult) -> Rows:
     """Yield the largest von Mises stress with its share of the yield stress.
 
     If the largest share occurs at another point than the largest stress, it has a row of its own.
@@ -75,22 +75,24 @@ def _stress(result: RunResult) -> Rows:
         yield "stress", "not computed: a table [recovery] asks for it"
         return
     peak, used = (summary.get(name, {}).get("reduced") for name in ("stress_peak", "utilisation"))
-    stress_text = quantity(largest, "Pa")
-    share = f"{percent(used['value'])} of the yield stress of {quantity(used['yield'], 'Pa')}" if used else ""
+    stress_text = format_quantity(largest, "Pa")
+    share = (
+        f"{format_percent(used['value'])} of the yield stress of {format_quantity(used['yield'], 'Pa')}" if used else ""
+    )
     if used and used["stress"] == largest:
         stress_text, peak, used = f"{stress_text}, {share}", used, None
-    yield "largest von Mises stress", stress_text if peak is None else f"{stress_text}, {_stressed_at(result, peak)}"
+    yield "largest von Mises stress", stress_text if peak is None else f"{stress_text}, {_peak_clause(result, peak)}"
     if used:
-        yield "largest stress over yield stress", f"{share}, {_stressed_at(result, used)}"
+        yield "largest stress over yield stress", f"{share}, {_peak_clause(result, used)}"
 
 
-def _stressed_at(result: RunResult, peak: Mapping[str, Any]) -> str:
+def _peak_clause(result: RunResult, peak: Mapping[str, Any]) -> str:
     """Clause with the point and the time of a largest stress, and with the boom's angles at this time."""
-    where = [sentences.part_of(peak), f"{_round(peak['position'][0])}{SPACE}m from the tail"]
-    return f"{', '.join(filter(None, where))}, at {_round(peak['t'])}{SPACE}s{_raised_text(result, peak['t'])}"
+    where = [sentences.peak_part_name(peak), f"{_round(peak['position'][0])}{SPACE}m from the tail"]
+    return f"{', '.join(filter(None, where))}, at {_round(peak['t'])}{SPACE}s{_angles_clause(result, peak['t'])}"
 
 
-def _forces(result: RunResult) -> Rows:
+def _force_rows(result: RunResult) -> Rows:
     """Yield a row with the largest force or moment of each kind in `FORCES`, what bears it, and when it occurs."""
     for key, forces in _extremes_of_forces(result).items():
         row, unit = QUANTITIES[key].reported, QUANTITIES[key].unit
@@ -103,9 +105,13 @@ def _forces(result: RunResult) -> Rows:
         if not largest.value:
             yield row, f"0, {name}"
         elif key == "cylinder_force" and not name.endswith(ROPES):
-            yield row, f"{quantity(abs(largest.value), unit)}, {name} {_way(largest)}, {_moment(result, largest)}"
+            yield (
+                row,
+                f"{format_quantity(abs(largest.value), unit)}, {name} {_push_or_pull(largest)}, "
+                f"{_extreme_clause(result, largest)}",
+            )
         else:
-            yield row, f"{quantity(largest.value, unit)}, {name}, {_moment(result, largest)}"
+            yield row, f"{format_quantity(largest.value, unit)}, {name}, {_extreme_clause(result, largest)}"
 
 
 def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
@@ -146,7 +152,7 @@ def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
         for number, output in enumerate(response.outputs):
             name, values = output.name.replace(FORCE_OF, "", 1), response.column(number)
             if output.kind == kind and name not in elsewhere and np.abs(values).max() > response.force_floor:
-                by_key[key][name] = Extremes.of(values, response.t, result.along_at(response.t))
+                by_key[key][name] = Extremes.from_history(values, response.t, result.abscissa_at(response.t))
     return by_key
 
 
@@ -172,25 +178,29 @@ def _luffing_rows(result: RunResult) -> Rows:
     """Yield a row with the largest force of the luffing cylinder along its axis, and the range of its length."""
     if (cylinder := result.summary.get("luffing_cylinder")) is not None:
         largest, stroke = Extremes.from_summary(cylinder["force"]).largest, cylinder["length"]
-        long = extent(stroke["min"], stroke["max"], f"{SPACE}m long")
-        when = f"it {_way(largest)}, {_moment(result, largest)}"
-        yield QUANTITIES["luffing_force"].reported, f"{quantity(abs(largest.value), 'N')}, {when}; {long}"
+        long = format_range(stroke["min"], stroke["max"], f"{SPACE}m long")
+        when = f"it {_push_or_pull(largest)}, {_extreme_clause(result, largest)}"
+        yield QUANTITIES["luffing_force"].reported, f"{format_quantity(abs(largest.value), 'N')}, {when}; {long}"
 
 
-def _way(force: Extreme) -> str:
+def _push_or_pull(force: Extreme) -> str:
     """Verb for the sign of a cylinder's force: ``pushes`` if positive, else ``pulls``."""
     return "pushes" if force.value > 0.0 else "pulls"
 
 
-def _deflection(result: RunResult) -> Rows:
+def _deflection_rows(result: RunResult) -> Rows:
     """Yield a row with the largest tip displacement in each direction in which it exceeds round-off."""
     response = result.responses["reduced"]
-    sizes = {direction: what(response) for direction, what in tips(result).items() if not is_round_off(result, what)}
+    sizes = {
+        direction: what(response)
+        for direction, what in tip_displacements(result).items()
+        if not is_round_off(result, what)
+    }
     for direction, values in sizes.items():
-        largest = Extremes.of(values, response.t, result.along_at(response.t)).largest
+        largest = Extremes.from_history(values, response.t, result.abscissa_at(response.t)).largest
         row = f"{QUANTITIES['tip'].reported}, {direction_words(result, direction)}"
         way = {"y": ("right", "left"), "z": ("down", "up")}[direction][int(largest.value > 0.0)]
-        yield row, f"{length(abs(largest.value))} {way}, {_moment(result, largest)}"
+        yield row, f"{format_length(abs(largest.value))} {way}, {_extreme_clause(result, largest)}"
 
 
 def _machine_rows(result: RunResult) -> Rows:
@@ -209,12 +219,12 @@ def _machine_rows(result: RunResult) -> Rows:
         turns = key.startswith("r")
         unit = "°" if turns else f"{SPACE}m" if max(abs(motion["min"]), abs(motion["max"])) >= 1.0 else f"{SPACE}mm"
         size = degrees if turns else 1.0 if unit == f"{SPACE}m" else 1e3
-        parts.append(f"{key} {extent(size * motion['min'], size * motion['max'], unit)}")
+        parts.append(f"{key} {format_range(size * motion['min'], size * motion['max'], unit)}")
     if parts:
         yield "motion of the machine", ", ".join(parts)
 
 
-def _lowest(result: RunResult) -> Rows:
+def _frequency_rows(result: RunResult) -> Rows:
     """Yield a row with the lowest natural frequency over the path and where it occurs; nothing if none is known.
 
     It is printed as 0 below the share `ROUND_OFF` of the highest frequency.
@@ -231,19 +241,19 @@ def _lowest(result: RunResult) -> Rows:
         yield QUANTITIES["frequency"].reported, f"0, {where}"
 
 
-def _moment(result: RunResult, extreme: Extreme) -> str:
+def _extreme_clause(result: RunResult, extreme: Extreme) -> str:
     """Clause with the time of an extreme value, and with the reach, or path coordinate, and the angles at this time."""
-    return f"at {_round(extreme.t)}{SPACE}s, {_position_text(result, extreme.s)}{_raised_text(result, extreme.t)}"
+    return f"at {_round(extreme.t)}{SPACE}s, {_position_text(result, extreme.s)}{_angles_clause(result, extreme.t)}"
 
 
-def _raised_text(result: RunResult, t: float) -> str:
+def _angles_clause(result: RunResult, t: float) -> str:
     """Clause with luffing and slewing angle of a boom in a frame at the time `t` in s; empty without a frame."""
     frame = result.scene.frame
     if frame is None:
         return ""
     luffing, slewing = (float(np.rad2deg(angle.value(np.array([t]))[0])) for angle in frame.angles)
-    angles = [] if frame.luffing is None else [f"raised {plain(round(luffing, 1))}°"]
-    angles += [] if frame.slewing is None else [f"slewed {plain(round(slewing, 1))}°"]
+    angles = [] if frame.luffing is None else [f"raised {format_input(round(luffing, 1))}°"]
+    angles += [] if frame.slewing is None else [f"slewed {format_input(round(slewing, 1))}°"]
     return "".join(f", {angle_text}" for angle_text in angles)
 
 
@@ -258,4 +268,4 @@ def _position_text(result: RunResult, along: float) -> str:
 
 def _round(value: float) -> str:
     """Format a number rounded to two decimals."""
-    return plain(round(value, 2))
+    return format_input(round(value, 2))

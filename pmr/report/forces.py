@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from pmr.report.blocks import Block, Drawing, Grid
-from pmr.report.columns import Force, forces
+from pmr.report.columns import Force, forces_by_group
 from pmr.report.figures import loads as figures
 from pmr.report.figures.canvas import drawing
-from pmr.report.numbers import NOTHING, SPACE, Unit, plain, quantity, significant, unit_for
-from pmr.report.subject import drive_of, forces_called, has_pushing_pads, is_alone
+from pmr.report.numbers import NOTHING, SPACE, Unit, format_input, format_quantity, significant, unit_for
+from pmr.report.subject import drive_of, force_words, has_pushing_pads, is_alone
 from pmr.results import RunResult
 from pmr.results.response import Extremes
 from pmr.results.tables import FORCE_OF, REACTION_OF, reaction_extremes
@@ -29,18 +29,18 @@ PIVOT = "pivot "
 AT_PIVOT = f"{REACTION_OF}{PIVOT}"
 
 
-def contact(result: RunResult, prefix: str) -> Block | None:
+def contact_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block about the forces of pads or sliders; None without any."""
-    return _block(result, prefix, "pad", "pad forces" if not is_alone(result) else forces_called(result))
+    return _force_block(result, prefix, "pad", "pad forces" if not is_alone(result) else force_words(result))
 
 
-def cylinders(result: RunResult, prefix: str) -> Block | None:
+def cylinder_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block about forces of cylinders that push sections out, and of ropes; None without such cylinders."""
-    block, ropes = _block(result, prefix, "cylinder", "cylinder forces"), tuple(_ropes(result))
+    block, ropes = _force_block(result, prefix, "cylinder", "cylinder forces"), tuple(_rope_grids(result))
     return replace(block, grids=(*block.grids, *ropes)) if block else None
 
 
-def _ropes(result: RunResult) -> Iterator[Grid]:
+def _rope_grids(result: RunResult) -> Iterator[Grid]:
     """Yield a table with the extremes of the forces of ropes, chains, and the cylinders that pull them."""
     extremes_of_ropes = {
         f"{drive_of(rope)} of {rope['name']}": Extremes.from_summary(rope["force"])
@@ -53,7 +53,9 @@ def _ropes(result: RunResult) -> Iterator[Grid]:
         caption += "virtual work, without friction of sheaves."
         grid = _grid(extremes_of_ropes, "N", max(of.size for of in extremes_of_ropes.values()), caption)
         elastic = [
-            (quantity(rope["length"], "m"), quantity(rope["stiffness"], "N/m")) if "length" in rope else ("", "")
+            (format_quantity(rope["length"], "m"), format_quantity(rope["stiffness"], "N/m"))
+            if "length" in rope
+            else ("", "")
             for rope in result.summary["ropes"]
         ]
         if any(any(rope) for rope in elastic):
@@ -62,18 +64,18 @@ def _ropes(result: RunResult) -> Iterator[Grid]:
         yield grid
 
 
-def supports(result: RunResult, prefix: str) -> Block | None:
+def support_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block about supports: forces of elastic ones over time, and extremes of elastic and rigid ones.
 
     It is None if there are neither.
     """
-    block, rigid = _block(result, prefix, "support", "supports"), tuple(reactions(result))
+    block, rigid = _force_block(result, prefix, "support", "supports"), tuple(reaction_grids(result))
     if block is None:
         return Block(heading="Supports", grids=rigid) if rigid else None
     return replace(block, grids=(*block.grids, *rigid))
 
 
-def pivot(result: RunResult, prefix: str) -> Block | None:
+def pivot_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block about the forces and moments of a boom on its machine, about the pivot.
 
     It is None if the boom is in no frame that moves.
@@ -90,9 +92,9 @@ def pivot(result: RunResult, prefix: str) -> Block | None:
             caption = f"{what} of the boom on its machine, sum over all supports, in the axes of the boom."
             if any(reaction.name.endswith("cylinder") for reaction in some):
                 caption += " The luffing cylinder carries a part of them, along itself, and the pivot the rest."
-            row.append(drawing(f"{prefix}-pivot-{name}", figures.pivot, caption, result, some))
-    caption = "Least and largest {} on the machine, when they occur, and " + place_called(result) + " then."
-    grids = (*_rigid(result, at_pivot=True, caption=caption), *_luffing_grids(result))
+            row.append(drawing(f"{prefix}-pivot-{name}", figures.pivot_figure, caption, result, some))
+    caption = "Least and largest {} on the machine, when they occur, and " + abscissa_words(result) + " then."
+    grids = (*_rigid_support_grids(result, at_pivot=True, caption=caption), *_luffing_grids(result))
     return Block(heading="Forces on the machine", rows=(tuple(row),), grids=grids) if row else None
 
 
@@ -104,49 +106,49 @@ def _luffing_grids(result: RunResult) -> Iterator[Grid]:
     for name, base in (("force", "N"), ("length", "m"), ("speed", "m/s"), ("power", "W")):
         extreme = Extremes.from_summary(cylinder[name])
         unit = unit_for(extreme.size, base)
-        rows.append((f"{name} in {unit.name}", *cells(extreme, unit)))
+        rows.append((f"{name} in {unit.name}", *extreme_cells(extreme, unit)))
     caption = "The cylinder that raises the boom, hinged as frame.cylinder says: positive where it presses, and where "
-    caption += f"it gets longer; when that is, and {place_called(result)} then."
+    caption += f"it gets longer; when that is, and {abscissa_words(result)} then."
     yield Grid(caption, ("", "least", "largest"), tuple(rows))
 
 
-def _block(result: RunResult, prefix: str, kind: str, called: str) -> Block | None:
+def _force_block(result: RunResult, prefix: str, kind: str, called: str) -> Block | None:
     """Build a block about outputs of one kind: figures of their forces, figures of their moments, tables of extremes.
 
     A figure has at most `MOST_FORCES` panels.  Forces that are round-off at all times are named in a sentence instead.
     None is returned without outputs of this kind.
     """
-    groups, drawn, grids = forces(result, kind), list[tuple[Drawing, ...]](), list[Grid]()
+    groups, drawn, grids = forces_by_group(result, kind), list[tuple[Drawing, ...]](), list[Grid]()
     if not groups:
         return None
     anchor = "forces" if kind == "pad" else kind
-    bearing = [force for group in groups.values() for force in group if bears(result, force)]
+    bearing = [force for group in groups.values() for force in group if exceeds_round_off(result, force)]
     for unit in ("N", "N m"):
         for name, group in groups.items():
             shown = [force for force in group if force in bearing and force.unit == unit]
             for first in range(0, len(shown), figures.MOST_FORCES):
                 panels, number = shown[first : first + figures.MOST_FORCES], len(drawn) + 1
                 caption = _caption(result, kind, name, unit)
-                drawn.append((drawing(f"{prefix}-{anchor}-{number}", figures.forces, caption, result, panels),))
-        named_forces = [force for force in bearing if force.unit == unit and force.called]
-        grids += [extremes(result, kind, named_forces)] if named_forces else []
+                drawn.append((drawing(f"{prefix}-{anchor}-{number}", figures.force_figure, caption, result, panels),))
+        named_forces = [force for force in bearing if force.unit == unit and force.output_name]
+        grids += [force_extremes_grid(result, kind, named_forces)] if named_forces else []
     idle = [_force_name(force) for group in groups.values() for force in group if force not in bearing]
     text = f"No force at any time on {', '.join(idle)}." if idle else ""
     return Block(heading=called.capitalize(), text=text, rows=tuple(drawn), grids=tuple(grids))
 
 
-def bears(result: RunResult, force: Force) -> bool:
+def exceeds_round_off(result: RunResult, force: Force) -> bool:
     """Whether a force exceeds round-off in any model at any time."""
     responses = result.responses.values()
-    return any(float(np.abs(force.of(of)).max(initial=0.0)) > of.force_floor for of in responses)
+    return any(float(np.abs(force.history(of)).max(initial=0.0)) > of.force_floor for of in responses)
 
 
 def _force_name(force: Force) -> str:
     """Name of a force in a table: that of its output, or its name in the group if the output has none."""
-    return force.called.removeprefix(FORCE_OF) or force.name
+    return force.output_name.removeprefix(FORCE_OF) or force.name
 
 
-def place_called(result: RunResult) -> str:
+def abscissa_words(result: RunResult) -> str:
     """Words for the coordinate at which extremes occur: the path coordinate s of a body alone, else the reach."""
     return "the path coordinate s" if is_alone(result) else "the reach"
 
@@ -168,40 +170,40 @@ def _caption(result: RunResult, kind: str, group: str, unit: str) -> str:
     return f"Forces of the pads at the {group}, positive where they push the body inwards.{within}"
 
 
-def extremes(result: RunResult, kind: str, chosen: Sequence[Force]) -> Grid:
+def force_extremes_grid(result: RunResult, kind: str, chosen: Sequence[Force]) -> Grid:
     """Build the table of extremes of forces, or moments, of one kind, with the largest friction where it is known.
 
     All of `chosen` have the same unit.
     """
     response, t = result.responses["reduced"], result.responses["reduced"].t
-    path, unit = result.along_at(t), chosen[0].unit
-    by_name = {_force_name(force): Extremes.of(force.of(response), t, path) for force in chosen}
+    path, unit = result.abscissa_at(t), chosen[0].unit
+    by_name = {_force_name(force): Extremes.from_history(force.history(response), t, path) for force in chosen}
     what = "moments" if unit == "N m" else "forces"
     on = " on supports that give way" if kind == "support" else ""
-    caption = f"Least and largest {what}{on}, when they occur, and {place_called(result)} then.{SIGNS.get(kind, '')}"
+    caption = f"Least and largest {what}{on}, when they occur, and {abscissa_words(result)} then.{SIGNS.get(kind, '')}"
     grid = _grid(by_name, unit, float(np.abs(response.slider_force).max(initial=0.0)), caption)
     cylinders_of_run = result.summary.get("cylinders", ())
-    friction = {of["name"]: quantity(of["friction"], "N") for of in cylinders_of_run if "friction" in of}
+    friction = {of["name"]: format_quantity(of["friction"], "N") for of in cylinders_of_run if "friction" in of}
     if not friction.keys() & by_name.keys():
         return grid
     rows = tuple((*row, friction.get(name, "")) for row, name in zip(grid.rows, by_name, strict=True))
     return Grid(grid.caption, (*grid.head, "friction up to"), rows)
 
 
-def reactions(result: RunResult) -> Iterator[Grid]:
+def reaction_grids(result: RunResult) -> Iterator[Grid]:
     """Yield tables of the extremes of forces and of moments on rigid supports."""
     caption = "Least and largest {} on rigid supports, positive along the axes, when they occur, and "
-    return _rigid(result, at_pivot=False, caption=f"{caption}{place_called(result)} then.")
+    return _rigid_support_grids(result, at_pivot=False, caption=f"{caption}{abscissa_words(result)} then.")
 
 
-def _rigid(result: RunResult, at_pivot: bool, caption: str) -> Iterator[Grid]:
+def _rigid_support_grids(result: RunResult, at_pivot: bool, caption: str) -> Iterator[Grid]:
     """Yield a table of extremes for forces and one for moments on rigid supports.
 
     If `at_pivot`, they are those at the pivot of a boom in a frame, which are sums over all supports, else all others.
     `caption` has a ``{}`` for the words forces or moments.
     """
     response, by_unit = result.responses["reduced"], dict[str, dict[str, Extremes]]()
-    for of, extreme in reaction_extremes(response, result.along_at(response.t)).items():
+    for of, extreme in reaction_extremes(response, result.abscissa_at(response.t)).items():
         if (result.scene.frame is not None and of.support.startswith(PIVOT)) == at_pivot:
             by_unit.setdefault(of.unit, {})[of.support.removeprefix(PIVOT)] = extreme
     for base, of_unit in by_unit.items():
@@ -219,11 +221,13 @@ def _grid(extremes_by_name: Mapping[str, Extremes], base: str, largest: float, c
     """
     most = max((extreme.size for extreme in extremes_by_name.values()), default=0.0)
     unit, nothing = unit_for(most, base), max(NOTHING * most, ROUND_OFF * largest)
-    rows = tuple((name or "slider", *cells(extreme, unit, nothing)) for name, extreme in extremes_by_name.items())
+    rows = tuple(
+        (name or "slider", *extreme_cells(extreme, unit, nothing)) for name, extreme in extremes_by_name.items()
+    )
     return Grid(caption, ("", f"least in {unit.name}", f"largest in {unit.name}"), rows)
 
 
-def cells(extreme: Extremes, unit: Unit, nothing: float = 0.0) -> Iterator[str]:
+def extreme_cells(extreme: Extremes, unit: Unit, nothing: float = 0.0) -> Iterator[str]:
     """Yield the least and the largest value in `unit`, each with its time and position.
 
     A value of at most `nothing`, in the unit without prefix, is ``0`` alone.
@@ -232,5 +236,5 @@ def cells(extreme: Extremes, unit: Unit, nothing: float = 0.0) -> Iterator[str]:
         (extreme.least, extreme.t_least, extreme.s_least),
         (extreme.most, extreme.t_most, extreme.s_most),
     ):
-        when = f" at {plain(round(t, 3))}{SPACE}s, {plain(round(s, 3))}{SPACE}m"
+        when = f" at {format_input(round(t, 3))}{SPACE}s, {format_input(round(s, 3))}{SPACE}m"
         yield f"{significant(value / unit.size)}{when}" if abs(value) > nothing else "0"

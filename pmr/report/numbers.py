@@ -60,7 +60,7 @@ def significant(value: float, digits: int = 3) -> str:
     return f"{sign}{mantissa}{SPACE}·{SPACE}{power_of_ten(power)}"
 
 
-def plain(value: float) -> str:
+def format_input(value: float) -> str:
     """Format a value with as many digits as it was written with, at most ten; whole ones from 10 000 on in groups."""
     text = f"{value:.10g}"
     if 1e4 <= abs(value) < 1e9 and "." not in text and "e" not in text:
@@ -74,41 +74,41 @@ def plain(value: float) -> str:
 
 def with_sign(value: float) -> str:
     """Format a value as its sign, a space and its amount."""
-    return f"{MINUS if value < 0.0 else '+'} {plain(abs(value))}"
+    return f"{MINUS if value < 0.0 else '+'} {format_input(abs(value))}"
 
 
-def percent(fraction: float, digits: int = 3) -> str:
+def format_percent(fraction: float, digits: int = 3) -> str:
     """Format a fraction in per cent; below `TINY` say only that it is less, as its digits are round-off."""
     if 0.0 < abs(fraction) < TINY:
         return f"less than {power_of_ten(round(log10(100.0 * TINY)))}{SPACE}%"
     return f"{significant(100.0 * fraction, digits)}{SPACE}%"
 
 
-def quantity(value: float, base: str, digits: int = 3) -> str:
+def format_quantity(value: float, base: str, digits: int = 3) -> str:
     """Format a value given in the unit `base` with the prefix that suits it, such as ``47.9 mm``."""
     unit = unit_for(value, base)
     return f"{significant(value / unit.size, digits)}{SPACE}{unit.name}"
 
 
-def length(value: float, digits: int = 3) -> str:
+def format_length(value: float, digits: int = 3) -> str:
     """Format a length given in m: in mm from 0.01 mm to 1 m, so that small and large ones are easily compared."""
     if 1e-5 <= abs(value) < 1.0:
         return f"{significant(1e3 * value, digits)}{SPACE}mm"
-    return quantity(value, "m", digits)
+    return format_quantity(value, "m", digits)
 
 
-def in_unit(value: float, unit: str) -> str:
+def format_in_unit(value: float, unit: str) -> str:
     """Format a value with its unit for a table.
 
     Fractions (unit ``%``) are printed in per cent, Hz and kg without prefix, plain numbers (unit ``–``) without unit.
     """
     if unit == "%":
-        return percent(value)
+        return format_percent(value)
     if unit == "m":
-        return length(value)
+        return format_length(value)
     if unit in ("Hz", "kg"):
         return f"{significant(value, 4)}{SPACE}{unit}"
-    return significant(value, 4).replace(SPACE, "") if unit == "–" else quantity(value, unit)
+    return significant(value, 4).replace(SPACE, "") if unit == "–" else format_quantity(value, unit)
 
 
 def round_number(largest: float) -> float:
@@ -117,12 +117,12 @@ def round_number(largest: float) -> float:
     return next(step * decade for step in (5.0, 2.0, 1.0) if step * decade <= largest * (1.0 + 1e-12))
 
 
-def enlargement(largest: float, wanted: float) -> float:
-    """Round factor by which displacements are drawn, so that the largest one takes at most the length `wanted`.
+def enlargement(largest: float, target: float) -> float:
+    """Round factor by which displacements are drawn, so that the largest one takes at most the length `target`.
 
     Both lengths have the same unit; the factor is 1 if `largest` is 0.
     """
-    return round_number(wanted / largest) if largest > 0.0 else 1.0
+    return round_number(target / largest) if largest > 0.0 else 1.0
 
 
 def share_captured(kappa: float, count: int) -> str:

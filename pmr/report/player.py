@@ -18,24 +18,33 @@ from numpy.typing import NDArray
 from pmr.report.bodies import (
     Block,
     Surface,
+    body_shifts,
+    body_surfaces,
+    build_surroundings,
+    cell_stresses,
+    displacement_scale,
     fields_by_body,
-    of_the_peak,
-    places,
-    positions,
-    scale,
-    stage,
-    stress_of,
-    surfaces,
+    largest_colour_stress,
+    moment_of_peak,
+    mouth_positions,
     times,
-    top,
 )
-from pmr.report.columns import Line, body_axes, lines, onto, pack, rings, speeds, spread
+from pmr.report.columns import (
+    AxisPoints,
+    axis_points,
+    body_axes,
+    encode_array,
+    interpolate,
+    playback_speeds,
+    ring_forces,
+    spread_indices,
+)
 from pmr.report.figures import shapes
-from pmr.report.figures.canvas import PENS, RAMP, of_sections
-from pmr.report.figures.histories import in_order
+from pmr.report.figures.canvas import PENS, RAMP, section_colours
+from pmr.report.figures.histories import responses_in_drawing_order
 from pmr.report.figures.space import slews
-from pmr.report.numbers import enlargement, percent, plain, quantity
-from pmr.report.subject import fixtures, is_alone, length, loads, offsets
+from pmr.report.numbers import enlargement, format_input, format_percent, format_quantity
+from pmr.report.subject import fixtures, input_loads, is_alone, reach, slider_offsets
 from pmr.results import RunResult
 from pmr.scene.signals import SignalBase
 
@@ -47,7 +56,7 @@ REACH = 0.1  # largest deflection as drawn, over the length of the beam
 def axis_motion(result: RunResult) -> dict[str, Any]:
     """Data of the animation of the bodies' axes, ready for JSON.
 
-    Series over the frames are encoded by `pmr.report.columns.pack`.  In all cases the data have
+    Series over the frames are encoded by `pmr.report.columns.encode_array`.  In all cases the data have
 
     - `lanes`, one for each model: of each body the points x in m, their displacements (frames, points) in m and, for a
       section of a boom, the position of its tail (frames,) in m;
@@ -61,66 +70,69 @@ def axis_motion(result: RunResult) -> dict[str, Any]:
     `angles` in rad, and the extent of the motion in m from the `side` and in `plan` (None unless the boom slews).
     """
     response, frame = result.responses["reduced"], result.scene.frame
-    t, axis, aside = response.t, lines(result, response), dict[str, NDArray[np.float64]]()
-    frames, models = spread(len(t), FRAMES), in_order(result)
+    t, axis, aside = response.t, axis_points(result, response), dict[str, NDArray[np.float64]]()
+    frames, models = spread_indices(len(t), FRAMES), responses_in_drawing_order(result)
     if frame is not None:
-        aside, models = {of.body: of.moved(response) for of in lines(result, response, "y")}, {"reduced": response}
-    every = [of.moved(response) for response in models.values() for of in lines(result, response)]
+        aside, models = (
+            {of.body: of.displacements(response) for of in axis_points(result, response, "y")},
+            {"reduced": response},
+        )
+    every = [of.displacements(response) for response in models.values() for of in axis_points(result, response)]
     largest = max(float(np.abs(deflection).max()) for deflection in (*every, *aside.values()))
-    end, reach = length(result), REACH if is_alone(result) and frame is None else shapes.REACH
+    end, share = reach(result), REACH if is_alone(result) and frame is None else shapes.REACH
     data: dict[str, Any] = {
         "largest": largest,
-        "scale": enlargement(largest, reach * end),
+        "scale": enlargement(largest, share * end),
         "times": [float(t[0]), float(t[-1])],
         "frames": len(frames),
-        "lanes": [_lane(result, name, frames, aside) for name in models],
-        "pads": _pads(result, axis, frames),
-        "loads": _loads(result, axis, frames),
-        "speeds": speeds(float(t[-1] - t[0])),
+        "lanes": [_lane_data(result, name, frames, aside) for name in models],
+        "pads": _pad_data(result, axis, frames),
+        "loads": _load_data(result, axis, frames),
+        "speeds": playback_speeds(float(t[-1] - t[0])),
     }
     if frame is None:
         return data | {
             "length": end,
             "label": "x in m" if is_alone(result) else "along the boom in m",
             "reach": [min(float(of.min()) for of in every), max(float(of.max()) for of in every)],
-            "s": pack(result.along[frames]),
-            "offsets": offsets(result),
-            "supports": [{"at": fixture.at, "kind": fixture.kind} for fixture in fixtures(result)],
+            "s": encode_array(result.abscissa[frames]),
+            "offsets": slider_offsets(result),
+            "supports": [{"at": fixture.position, "kind": fixture.kind} for fixture in fixtures(result)],
         }
-    drawn_axes = body_axes(result, spread(len(t), 300), data["scale"])
+    drawn_axes = body_axes(result, spread_indices(len(t), 300), data["scale"])
     return data | {
         "pivot": list(frame.place),
-        "angles": [pack(angle.value(t[frames])) for angle in frame.angles],
-        "side": _extent([drawn_axis.side for drawn_axis in drawn_axes]),
-        "plan": _extent([drawn_axis.plan for drawn_axis in drawn_axes]) if slews(result) else None,
+        "angles": [encode_array(angle.value(t[frames])) for angle in frame.angles],
+        "side": _view_extent([drawn_axis.side for drawn_axis in drawn_axes]),
+        "plan": _view_extent([drawn_axis.plan for drawn_axis in drawn_axes]) if slews(result) else None,
     }
 
 
-def _loads(result: RunResult, axis: list[Line], frames: NDArray[np.int64]) -> list[dict[str, Any]]:
+def _load_data(result: RunResult, axis: list[AxisPoints], frames: NDArray[np.int64]) -> list[dict[str, Any]]:
     """Data of the loads on the bodies: components of a force along axes of the boom are one vector (frames, 3)."""
     by_load, sections = dict[tuple[str, str], dict[str, Any]](), [of.body for of in axis]
     forces = dict[tuple[str, str], NDArray[np.float64]]()
-    for load in loads(result):
+    for load in input_loads(result):
         turns = load.direction == "turn"
-        key, values = (load.body, load.name if turns else load.of), load.values[frames]
-        by_load.setdefault(key, {"name": key[1], "section": sections.index(load.body), "at": load.at})
+        key, values = (load.body, load.name if turns else load.axis_of), load.values[frames]
+        by_load.setdefault(key, {"name": key[1], "section": sections.index(load.body), "at": load.position})
         if turns:
-            by_load[key]["moment"] = pack(values / (np.abs(values).max() or 1.0))
+            by_load[key]["moment"] = encode_array(values / (np.abs(values).max() or 1.0))
         else:
             axes = forces.setdefault(key, np.zeros((len(frames), 3)))
             axes[:, ("along", "aside", "up").index(load.direction)] = values
     for key, force in forces.items():
-        by_load[key]["force"] = pack(force.ravel() / (float(np.linalg.norm(force, axis=1).max()) or 1.0))
+        by_load[key]["force"] = encode_array(force.ravel() / (float(np.linalg.norm(force, axis=1).max()) or 1.0))
     return list(by_load.values())
 
 
-def _extent(views: list[NDArray[np.float64]]) -> list[float]:
+def _view_extent(views: list[NDArray[np.float64]]) -> list[float]:
     """Least and largest coordinate across, then up, in m, of points (S, n, 2) of all views and of the pivot."""
     every = np.concatenate([np.zeros((1, 2)), *(view.reshape(-1, 2) for view in views)])
     return [float(end) for k in (0, 1) for end in (every[:, k].min(), every[:, k].max())]
 
 
-def _lane(
+def _lane_data(
     result: RunResult, name: str, frames: NDArray[np.int64], aside: Mapping[str, NDArray[np.float64]]
 ) -> dict[str, Any]:
     """Data of one model's lane: the axis of each body with its colour and width, and its displacements.
@@ -129,36 +141,36 @@ def _lane(
     has lateral displacements (frames, points) in m by body.
     """
     response, t, pen = result.responses[name], result.responses["reduced"].t, PENS[name]
-    lines_of_model = lines(result, response)
-    beams, colours = [], of_sections(of.body for of in lines_of_model)
+    lines_of_model = axis_points(result, response)
+    beams, colours = [], section_colours(of.body for of in lines_of_model)
     for k, of in enumerate(lines_of_model):
-        points = spread(len(of.x), POINTS)
+        points = spread_indices(len(of.x), POINTS)
         beam = {
             "label": of.body or pen.label,
             "colour": colours[of.body] if of.body else pen.colour,
             "width": 3 + 3 * (len(lines_of_model) - 1 - k) if of.body else pen.width,
             "dash": pen.dash,
             "x": of.x[points].round(6).tolist(),
-            "w": pack(onto(t, response.t, of.moved(response)[:, points])[frames]),
+            "w": encode_array(interpolate(t, response.t, of.displacements(response)[:, points])[frames]),
         }
         if of.body:
-            beam["tail"] = pack(onto(t, response.t, of.tail)[frames])
+            beam["tail"] = encode_array(interpolate(t, response.t, of.tail)[frames])
         if of.body in aside:
-            beam["v"] = pack(aside[of.body][:, points][frames])
+            beam["v"] = encode_array(aside[of.body][:, points][frames])
         beams.append(beam)
     return {"label": pen.label, "beams": beams}
 
 
-def _pads(result: RunResult, axis: list[Line], frames: NDArray[np.int64]) -> list[dict[str, Any]]:
+def _pad_data(result: RunResult, axis: list[AxisPoints], frames: NDArray[np.int64]) -> list[dict[str, Any]]:
     """Data of the pads of each ring on one face; `section` is the number of the body that they sit on."""
-    rings_of_run, names = list(rings(result)), [of.body for of in axis]
+    rings_of_run, names = list(ring_forces(result)), [of.body for of in axis]
     largest = max((float(np.abs(ring.force).max()) for ring in rings_of_run), default=0.0) or 1.0
     return [
         {
             "section": names.index(ring.body),
             "way": 1 if ring.above else -1,
-            "at": pack(ring.at[frames]),
-            "force": pack(ring.force[frames] / largest),
+            "at": encode_array(ring.positions[frames]),
+            "force": encode_array(ring.force[frames] / largest),
         }
         for ring in rings_of_run
         if ring.body in names
@@ -170,9 +182,9 @@ def scale_words(data: dict[str, Any]) -> str:
     if data["largest"] == 0.0:
         return "Nothing moves across the axis."
     factor = data["scale"]
-    drawn_as = "at its true size" if factor == 1.0 else f"{plain(factor)} times its size"
+    drawn_as = "at its true size" if factor == 1.0 else f"{format_input(factor)} times its size"
     bars = " Bars are the forces of pads above and below." if data["pads"] else ""
-    return f"Deflection is drawn {drawn_as}; it reaches {quantity(data['largest'], 'm')}.{bars}"
+    return f"Deflection is drawn {drawn_as}; it reaches {format_quantity(data['largest'], 'm')}.{bars}"
 
 
 Array = NDArray[np.float64]
@@ -191,82 +203,86 @@ def body_motion(result: RunResult) -> dict[str, Any]:
     coefficients and shapes (k, S) too.  Triangles j and S + j are the halves of the quadrilateral j.  In a frame,
     `pose` moves all of it.
     """
-    bodies = surfaces(result)
+    bodies = body_surfaces(result)
     if (
         not bodies
         or len(t := times(result)) < 2
         or sum(len(body_surface.faces) for body_surface in bodies.values()) > MOST_FACES
     ):
         return {}
-    around, alongs = stage(result, next(iter(bodies.values()))), places(result)
-    shown = [_body(result, name, surface, alongs[name], MOST_VALUES // len(bodies)) for name, surface in bodies.items()]
+    around, alongs = build_surroundings(result, next(iter(bodies.values()))), body_shifts(result)
+    shown = [
+        _body_data(result, name, surface, alongs[name], MOST_VALUES // len(bodies)) for name, surface in bodies.items()
+    ]
     back = min([0.0, *(float(block.corners[:, 0].min()) for block in around.section)])
     return {
         "frames": len(t),
         "times": [float(t[0]), float(t[-1])],
-        "speeds": speeds(float(t[-1] - t[0])),
-        "first": of_the_peak(result).frame,
-        "length": length(result),
-        "path": pack(positions(result)),
-        "scale": scale(result),
+        "speeds": playback_speeds(float(t[-1] - t[0])),
+        "first": moment_of_peak(result).frame,
+        "length": reach(result),
+        "path": encode_array(mouth_positions(result)),
+        "scale": displacement_scale(result),
         "bodies": shown,
         "back": back,
         "ramp": RAMP,
-        "section": [_block(block) for block in around.section],
-        "near": [_block(block) for block in around.near],
-        "tail": [_block(block) for block in around.tail],
+        "section": [_block_data(block) for block in around.section],
+        "near": [_block_data(block) for block in around.near],
+        "tail": [_block_data(block) for block in around.tail],
         "lost": max(body_surface["lost"] for body_surface in shown),
-        "pose": _pose(result),
+        "pose": _frame_motion(result),
     }
 
 
-def _pose(result: RunResult) -> dict[str, Any] | None:
+def _frame_motion(result: RunResult) -> dict[str, Any] | None:
     """Motion of a frame: rotations (frames, 9), origins (frames, 3) in m, angles, centre and size of the picture.
 
     It is None without a frame.
     """
     if (pose := result.pose(times(result))) is None:
         return None
-    bodies, alongs = surfaces(result), places(result)
+    bodies, alongs = body_surfaces(result), body_shifts(result)
     ends = [
-        pose.places(np.array([body_surface.points.min(axis=0), body_surface.points.max(axis=0)]) + _axial(alongs[name]))
+        pose.places(
+            np.array([body_surface.points.min(axis=0), body_surface.points.max(axis=0)]) + _along_axis(alongs[name])
+        )
         for name, body_surface in bodies.items()
     ]
     every = np.concatenate([np.zeros((1, 3)), *(places.reshape(-1, 3) for places in ends)])
     low, high = every.min(axis=0), every.max(axis=0)
     return {
-        "rotation": pack(pose.rotation.ravel()),
-        "origin": pack(pose.origin.ravel()),
+        "rotation": encode_array(pose.rotation.ravel()),
+        "origin": encode_array(pose.origin.ravel()),
         "centre": ((low + high) / 2.0).tolist(),
         "size": float(np.linalg.norm(high - low)),
-        "angles": [pack(np.rad2deg(angle.value(times(result)))) for angle in _angles(result)],
+        "angles": [encode_array(np.rad2deg(angle.value(times(result)))) for angle in _angle_signals(result)],
     }
 
 
-def _axial(along: Array) -> Array:
+def _along_axis(along: Array) -> Array:
     """Turn shifts (F,) in m along x into vectors (F, 1, 3)."""
     return np.asarray(along[:, None, None] * np.array([1.0, 0.0, 0.0]))
 
 
-def _angles(result: RunResult) -> tuple[SignalBase, ...]:
+def _angle_signals(result: RunResult) -> tuple[SignalBase, ...]:
     """Signals of luffing and slewing of a boom in a frame; empty without a frame."""
     return () if result.scene.frame is None else result.scene.frame.angles
 
 
-def _body(result: RunResult, name: str, surface: Surface, along: Array, most: int) -> dict[str, Any]:
+def _body_data(result: RunResult, name: str, surface: Surface, along: Array, most: int) -> dict[str, Any]:
     """Data of one body: surface, position `along` (frames,), shapes of motion and stress, share of motion left out.
 
     `most` limits the number of values in all shapes of a quantity.
     """
     fields = fields_by_body(result)[name]
-    motion, lost = compress(surface.moved(fields, fields.displacement).reshape(len(fields.t), -1), most)
-    stress = stress_of(fields)[:, surface.cell] / top(result) if fields.von_mises else None
+    motion, lost = compress(surface.point_displacements(fields, fields.displacement).reshape(len(fields.t), -1), most)
+    stress = cell_stresses(fields)[:, surface.cell] / largest_colour_stress(result) if fields.von_mises else None
     return {
-        "points": pack(surface.points.ravel()),
-        "triangles": _indices(surface.triangles),
-        "edges": _indices(surface.edges),
+        "points": encode_array(surface.points.ravel()),
+        "triangles": _encode_indices(surface.triangles),
+        "edges": _encode_indices(surface.edges),
         "faces": len(surface.faces),
-        "along": pack(along),
+        "along": encode_array(along),
         "motion": motion,
         "stress": None if stress is None else compress(stress, most)[0],
         "lost": lost,
@@ -277,9 +293,10 @@ def drawing_sentence(data: dict[str, Any]) -> str:
     """Sentence on how the motion of bodies is drawn; empty if `data` is, as there is no animation then."""
     if not data:
         return ""
-    count, lost = sum(body["motion"]["count"] for body in data["bodies"]), percent(data["lost"], 1)
+    count, lost = sum(body["motion"]["count"] for body in data["bodies"]), format_percent(data["lost"], 1)
     shapes = "one shape that leaves" if count == 1 else f"{count} shapes that leave"
-    return f"Displacements are drawn {plain(data['scale'])} times their size, from {shapes} out {lost} of the motion."
+    drawn = f"Displacements are drawn {format_input(data['scale'])} times their size"
+    return f"{drawn}, from {shapes} out {lost} of the motion."
 
 
 def compress(frames: NDArray[np.float32], most_values: int) -> tuple[dict[str, Any], float]:
@@ -297,15 +314,15 @@ def compress(frames: NDArray[np.float32], most_values: int) -> tuple[dict[str, A
     A = A * np.sign(A[np.abs(A).argmax(axis=0), np.arange(count)])  # the sign of an eigenvector is arbitrary
     shapes = A.T @ X
     lost = float(np.sqrt(squares[count:].sum() / squares.sum())) if squares[0] > 0.0 else 0.0
-    each = [pack(shape) for shape in shapes]
-    return {"count": count, "coefficients": [pack(column) for column in A.T], "shapes": each}, lost
+    each = [encode_array(shape) for shape in shapes]
+    return {"count": count, "coefficients": [encode_array(column) for column in A.T], "shapes": each}, lost
 
 
-def _indices(values: NDArray[np.int64]) -> str:
+def _encode_indices(values: NDArray[np.int64]) -> str:
     """Encode indices as little-endian 32-bit integers in base64."""
     return base64.b64encode(np.ascontiguousarray(values, "<u4").tobytes()).decode()
 
 
-def _block(block: Block) -> dict[str, Any]:
+def _block_data(block: Block) -> dict[str, Any]:
     """Data of a cuboid: corners in m and sides."""
     return {"corners": block.corners.round(4).ravel().tolist(), "sides": block.sides.tolist()}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from pmr.report.numbers import SPACE, plain, quantity
+from pmr.report.numbers import SPACE, format_input, format_quantity
 from pmr.report.subject import reduced_size
 from pmr.results import RunResult
 from pmr.scene.keys import named
@@ -29,49 +29,51 @@ _STEPS = {
 }
 
 
-def software(result: RunResult) -> list[str]:
+def software_versions(result: RunResult) -> list[str]:
     """Names and versions of the software that computed a result."""
-    return [f"{name}{SPACE}{version}" for name, version in _flat(result.summary.get("versions", {}))]
+    return [f"{name}{SPACE}{version}" for name, version in _flatten_times(result.summary.get("versions", {}))]
 
 
-def sizes(result: RunResult) -> Rows:
+def size_rows(result: RunResult) -> Rows:
     """Yield rows with sizes of models, meshes and fields, numbers of pads, and parts of a step for unilateral pads."""
     coordinates = result.summary.get("coordinates", {})
     if "full" in coordinates:
-        yield "coordinates of the full model", plain(coordinates["full"])
-    yield "coordinates of the reduced model", plain(reduced_size(result))
+        yield "coordinates of the full model", format_input(coordinates["full"])
+    yield "coordinates of the reduced model", format_input(reduced_size(result))
     for part in result.summary.get("sections", ()):
         counts = part["coordinates"]
-        yield f"coordinates of {part['name']}", f"{plain(counts['full'])} → {plain(counts['reduced'])}"
+        yield f"coordinates of {part['name']}", f"{format_input(counts['full'])} → {format_input(counts['reduced'])}"
     for name, body in result.bodies.items():
         if (fields := body.fields) is not None:
-            yield named(name, "mesh"), f"{plain(len(fields.cells))} {CELLS[fields.kind]}"
-            yield named(name, "vertices"), plain(len(fields.points))
-            yield named(name, "recovered fields"), f"{plain(len(fields.t))} times"
+            yield named(name, "mesh"), f"{format_input(len(fields.cells))} {CELLS[fields.kind]}"
+            yield named(name, "vertices"), format_input(len(fields.points))
+            yield named(name, "recovered fields"), f"{format_input(len(fields.t))} times"
     if pads := sum(len(ring.places) for of in result.scene.bodies.values() for ring in of.pads):
-        yield "pads", plain(pads)
+        yield "pads", format_input(pads)
     if contact := result.summary.get("contact"):
-        parts_text = f"{plain(contact['parts'])}, each with h omega = {plain(round(contact['h_omega'], 3))}"
+        parts_text = (
+            f"{format_input(contact['parts'])}, each with h omega = {format_input(round(contact['h_omega'], 3))}"
+        )
         if "mean_parts" in contact:
-            parts_text = f"at most {parts_text}; {plain(round(contact['mean_parts'], 1))} in the mean"
+            parts_text = f"at most {parts_text}; {format_input(round(contact['mean_parts'], 1))} in the mean"
         yield "parts of a step, for pads that only push", parts_text
     basis = result.summary.get("basis", {})
     if basis.get("carriers"):
-        yield "carriers that the rows touch along the path", plain(basis["carriers"])
+        yield "carriers that the rows touch along the path", format_input(basis["carriers"])
     if basis.get("rows_left_out"):
         yield "rows left out", ", ".join(basis["rows_left_out"])
 
 
-def times(seconds: Mapping[str, Any]) -> Rows:
+def time_rows(seconds: Mapping[str, Any]) -> Rows:
     """Yield a row with the wall time of each part of the run; nested mappings are flattened."""
     for name, value in seconds.items():
         if isinstance(value, Mapping):
-            yield from times(value)
+            yield from time_rows(value)
         else:
-            yield _STEPS.get(name, name), quantity(float(value), "s")
+            yield _STEPS.get(name, name), format_quantity(float(value), "s")
 
 
-def run(result: RunResult) -> Rows:
+def run_rows(result: RunResult) -> Rows:
     """Yield rows about the run: hash of the scene, commit, date and machine."""
     summary = result.summary
     yield "scene", str(summary.get("scene_hash") or result.scene.hash)
@@ -79,13 +81,13 @@ def run(result: RunResult) -> Rows:
         yield "commit", str(summary["commit"])
     if summary.get("date"):
         yield "date", str(summary["date"])
-    yield from _flat(summary.get("machine", {}))
+    yield from _flatten_times(summary.get("machine", {}))
 
 
-def _flat(values: Mapping[str, Any]) -> Rows:
+def _flatten_times(values: Mapping[str, Any]) -> Rows:
     """Yield (name, text) of all entries of nested mappings that are not None; names of nested entries are joined."""
     for name, value in values.items():
         if isinstance(value, Mapping):
-            yield from ((f"{name} {key}", text) for key, text in _flat(value))
+            yield from ((f"{name} {key}", text) for key, text in _flatten_times(value))
         elif value is not None:
             yield str(name), str(value)

@@ -95,7 +95,7 @@ class NoPictureError(Exception):
     """Pictures can't be rendered; the message says why in a clause."""
 
 
-def develop(shots: Sequence[Shot]) -> list[bytes]:
+def render_shots(shots: Sequence[Shot]) -> list[bytes]:
     """Render shots in another process and return each as PNG; blocks until all are there.
 
     Raises
@@ -117,7 +117,7 @@ def develop(shots: Sequence[Shot]) -> list[bytes]:
     return pictures
 
 
-def draw(shot: Shot) -> bytes:
+def render_shot(shot: Shot) -> bytes:
     """Render a shot as PNG; imports VTK, so only a process of its own should call it."""
     import pyvista
     from PIL import Image
@@ -129,7 +129,7 @@ def draw(shot: Shot) -> bytes:
     side = -0.7 if below else 0.7  # seen from below, the light is below too
     plotter.add_light(pyvista.Light(light_type="camera light", position=(-0.5, side, 1.0)))
     for piece in shot.pieces:
-        _add(plotter, piece, shot.limits)
+        _add_piece(plotter, piece, shot.limits)
     camera = plotter.camera
     camera.focal_point = shot.centre
     camera.position = tuple(c + 20.0 * d for c, d in zip(shot.centre, shot.direction, strict=True))
@@ -143,7 +143,7 @@ def draw(shot: Shot) -> bytes:
     return buffer.getvalue()
 
 
-def _add(plotter: Any, piece: Piece, limits: tuple[float, float]) -> None:
+def _add_piece(plotter: Any, piece: Piece, limits: tuple[float, float]) -> None:
     """Add a piece to a plotter; `limits` is the range of its values that the colours span."""
     import pyvista
 
@@ -161,4 +161,4 @@ def _add(plotter: Any, piece: Piece, limits: tuple[float, float]) -> None:
 
 if __name__ == "__main__":
     shots_to_draw = pickle.loads(sys.stdin.buffer.read())
-    sys.stdout.buffer.write(pickle.dumps([draw(shot) for shot in shots_to_draw]))
+    sys.stdout.buffer.write(pickle.dumps([render_shot(shot) for shot in shots_to_draw]))

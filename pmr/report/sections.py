@@ -20,17 +20,24 @@ from pmr.report import (
     stresses,
     subject,
 )
-from pmr.report.album import Album, album
+from pmr.report.album import Album, start_album
 from pmr.report.blocks import Block, Chapter, Drawing, Figures, Grid, Player, Table, signed_deviation
-from pmr.report.bodies import top
-from pmr.report.columns import differ, is_round_off, lines, not_drawn, tips, unseen
+from pmr.report.bodies import largest_colour_stress
+from pmr.report.columns import (
+    axis_points,
+    invisible_difference,
+    is_round_off,
+    largest_difference,
+    tip_displacements,
+    undrawn_sentence,
+)
 from pmr.report.errors import error_table, is_compared
 from pmr.report.errors import rows as error_rows
 from pmr.report.figures import histories, shapes, sketch, space
 from pmr.report.figures import loads as inputs
-from pmr.report.figures.canvas import drawing, ramp
-from pmr.report.numbers import SPACE, plain, significant
-from pmr.report.subject import direction_words, is_alone, loads, moving_part
+from pmr.report.figures.canvas import colour_scale, drawing
+from pmr.report.numbers import SPACE, format_input, significant
+from pmr.report.subject import direction_words, input_loads, is_alone, moving_part
 from pmr.results import RunResult
 from pmr.scene.keys import named
 
@@ -42,10 +49,10 @@ def figures_of(result: RunResult, anchor: str) -> Figures:
 
     `anchor` is put before every identifier.
     """
-    pictures = album(result, anchor)  # another process renders them meanwhile
-    sketched = drawing(f"{anchor}-sketch", sketch.sketch, sketch.caption(result), result)
+    pictures = start_album(result, anchor)  # another process renders them meanwhile
+    sketched = drawing(f"{anchor}-sketch", sketch.draw_sketch, sketch.sketch_caption(result), result)
     shown = [show(result, anchor) for show in SECTIONS]
-    return Figures(sketched, [*filter(None, (motion(result, anchor, pictures), *shown))])
+    return Figures(sketched, [*filter(None, (motion_block(result, anchor, pictures), *shown))])
 
 
 def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> Chapter:
@@ -56,21 +63,21 @@ def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> C
         title=result.scene.title,
         opening=sentences.opening_sentences(result),
         sketch=figures.sketch,
-        first=first_page.tables(result),
+        first=first_page.first_page_tables(result),
         key_numbers=list(sentences.key_numbers(result)),
-        points=sentences.points(result, rows),
+        points=sentences.sentence_points(result, rows),
         warnings=[warning[:1].upper() + warning[1:] for warning in result.summary.get("warnings", ())],
         blocks=[*filter(None, (show(result, anchor) for show in OF_ERRORS)), *figures.blocks],
     )
 
 
-def errors(result: RunResult, prefix: str) -> Block | None:
+def error_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block with errors against other models, beside published ones, or with the largest values alone."""
     table = error_table(result)
     return Block(heading="Errors" if is_compared(result) else "Largest values", errors=table) if table.rows else None
 
 
-def accuracy(result: RunResult, prefix: str) -> Block | None:
+def accuracy_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block on the choices that meet a tolerance, their reasons, and the parts of the error."""
     accuracy_part, budgeted = result.summary.get("accuracy"), result.summary.get("budget", {})
     if accuracy_part is None:
@@ -79,57 +86,59 @@ def accuracy(result: RunResult, prefix: str) -> Block | None:
     caption += f"; the {budgeted['first']} is to be improved first." if "first" in budgeted else "."
     missing = budgeted.get("mesh_reason")
     unknown = f" The part of the mesh is not known: {missing}." if missing else ""
-    drawn = drawing(f"{prefix}-budget", shapes.budget, caption + unknown, result)
+    drawn = drawing(f"{prefix}-budget", shapes.budget_figure, caption + unknown, result)
     text = "; ".join(accuracy_part.get("reasons", ()))
     return Block(heading="Accuracy on order", rows=((drawn,),), text=f"{text[:1].upper()}{text[1:]}." if text else "")
 
 
-def inputs_over_time(result: RunResult, prefix: str) -> Block:
+def input_block(result: RunResult, prefix: str) -> Block:
     """Build the block with figures of paths or extensions, loads, and angles of the boom over time."""
     caption = f"{moving_part(result).capitalize()} position along the body over time."
     if not is_alone(result):
         caption = "Extension of each section over time."
-    row = [drawing(f"{prefix}-position", inputs.position, caption, result)]
-    if loads(result):
-        row.append(drawing(f"{prefix}-loads", inputs.loads, f"Loads over time.{_weight(result)}", result))
+    row = [drawing(f"{prefix}-position", inputs.path_figure, caption, result)]
+    if input_loads(result):
+        row.append(
+            drawing(f"{prefix}-loads", inputs.load_figure, f"Loads over time.{_weight_sentence(result)}", result)
+        )
     heading = f"{moving_part(result).capitalize()} and loads"
     if not is_alone(result):
-        heading = "Extensions and loads" if loads(result) else "Extensions"
+        heading = "Extensions and loads" if input_loads(result) else "Extensions"
     if changing := subject.changing_angles(result):
         caption = f"{' and '.join(changing).capitalize()} over time."
-        row.append(drawing(f"{prefix}-angles", inputs.angles, caption, result, changing))
+        row.append(drawing(f"{prefix}-angles", inputs.angle_figure, caption, result, changing))
         heading = f"{heading}, angles of the boom"
     return Block(heading=heading, rows=tuple(tuple(row[k : k + 2]) for k in range(0, len(row), 2)))
 
 
-def motion(result: RunResult, prefix: str, pictures: Callable[[], Album]) -> Block | None:
+def motion_block(result: RunResult, prefix: str, pictures: Callable[[], Album]) -> Block | None:
     """Build the block with the animation of the motion; None without fields and without outputs along an axis.
 
     With fields it shows whole bodies, and the album that `pictures` waits for; else the axes of the bodies.
     """
     fields = [body.fields for body in result.bodies.values() if body.fields is not None]
     if not fields:
-        if not lines(result, result.responses["reduced"]):
+        if not axis_points(result, result.responses["reduced"]):
             return None
         data = player.axis_motion(result)
         if result.scene.frame is not None:
             shown = Player("space", data, player.scale_words(data))
-            return Block(heading="Motion", player=shown, rows=space.drawings(result, prefix))
-        strip = drawing(f"{prefix}-snapshots", shapes.snapshots, shapes.snapshots_caption(result), result)
+            return Block(heading="Motion", player=shown, rows=space.space_drawings(result, prefix))
+        strip = drawing(f"{prefix}-snapshots", shapes.snapshot_figure, shapes.snapshots_caption(result), result)
         return Block(heading="Motion", player=Player("line", data, player.scale_words(data)), without_scripts=(strip,))
     data, picture_album = player.body_motion(result), pictures()
     absent = f"There are no pictures: {picture_album.absent}." if picture_album.absent else ""
     scale: tuple[tuple[Drawing, ...], ...] = ()
     if fields[0].von_mises and (data or picture_album.pictures):
         caption = "Colours of the pictures: the largest von Mises stress of each cell."
-        scale = ((drawing(f"{prefix}-ramp", ramp, caption, top(result) / 1e6),),)
+        scale = ((drawing(f"{prefix}-ramp", colour_scale, caption, largest_colour_stress(result) / 1e6),),)
     turned = Player("body", data, player.drawing_sentence(data)) if data else None
     return Block(heading="Motion", text=absent, player=turned, pictures=picture_album.pictures, rows=scale)
 
 
-def tip(result: RunResult, prefix: str) -> Block:
+def tip_block(result: RunResult, prefix: str) -> Block:
     """Build the block with the displacement of the tip in each direction across the axis, and its estimated error."""
-    rows, still, quantities = [], [], tips(result)
+    rows, still, quantities = [], [], tip_displacements(result)
     largest = max((float(np.abs(what(result.responses["reduced"])).max()) for what in quantities.values()), default=0.0)
     for number, (direction, what) in enumerate(quantities.items()):
         if is_round_off(result, what):
@@ -141,22 +150,22 @@ def tip(result: RunResult, prefix: str) -> Block:
         if result.tip_error is None:
             continue
         wide = result.tip_error[:, number]
-        if max(float(wide.max()), differ(result, what)) > unseen(result) * largest:
+        if max(float(wide.max()), largest_difference(result, what)) > invisible_difference(result) * largest:
             inside = ", with the difference to the full model in it" if "full" in result.responses else ""
             caption = f"Estimated error of the tip, {called}{inside}."
-            rows.append((drawing(f"{prefix}-band-{direction}", histories.band, caption, result, what, wide),))
-    return Block(heading="Motion of the tip", rows=tuple(rows), text=not_drawn(still))
+            rows.append((drawing(f"{prefix}-band-{direction}", histories.estimate_band, caption, result, what, wide),))
+    return Block(heading="Motion of the tip", rows=tuple(rows), text=undrawn_sentence(still))
 
 
-def energy(result: RunResult, prefix: str) -> Block:
+def energy_block(result: RunResult, prefix: str) -> Block:
     """Build the block with the total energy and its parts."""
     total, caption = attrgetter("energy.total"), "Total energy: kinetic and strain energy less the work of the loads"
     first = histories.drawn_history(f"{prefix}-energy", result, total, caption, "Total energy", "J")
-    parts = histories.energy_parts(f"{prefix}-energy-parts", result)
-    return Block(heading="Energy", rows=((first,), (parts,)), text=sentences.energy(result))
+    parts = histories.energy_drawing(f"{prefix}-energy-parts", result)
+    return Block(heading="Energy", rows=((first,), (parts,)), text=sentences.energy_sentence(result))
 
 
-def constraint(result: RunResult, prefix: str) -> Block | None:
+def constraint_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block on how well moving constraints hold, as positions and as velocities.
 
     It is None if a formulation leaves velocities free; then positions hold to round-off.
@@ -164,35 +173,37 @@ def constraint(result: RunResult, prefix: str) -> Block | None:
     if not np.isfinite(result.responses["reduced"].residual_velocity).all():
         return None
     levels = {"position": "m", "velocity": "m/s"}.items()
-    row = tuple(histories.residual(f"{prefix}-residual-{level}", result, level, unit) for level, unit in levels)
+    row = tuple(histories.residual_drawing(f"{prefix}-residual-{level}", result, level, unit) for level, unit in levels)
     return Block(heading="Constraint", rows=(row,))
 
 
-def basis(result: RunResult, prefix: str) -> Block | None:
+def basis_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block with basis vectors, singular values of the snapshots, and natural frequencies."""
     rows: list[tuple[Drawing, ...]] = []
     for number, (name, body) in enumerate(result.bodies.items()):
-        if body.shapes is not None and set(tips(result)) == {"z"}:
+        if body.shapes is not None and set(tip_displacements(result)) == {"z"}:
             anchor, caption = f"{prefix}-basis{f'-{number}' if name else ''}", shapes.basis_caption(body.shapes)
-            rows.append((drawing(anchor, shapes.basis, named(name, caption), result, body.shapes),))
-    row, grids, of = [], tuple(_published_frequency(result)), result.body.shapes
+            rows.append((drawing(anchor, shapes.basis_figure, named(name, caption), result, body.shapes),))
+    row, grids, of = [], tuple(_published_frequency_grids(result)), result.body.shapes
     if is_alone(result) and of is not None and result.scene.reduction.uses_pod:  # other bases have singular values of 1
         caption = "Singular values of the snapshots. κ is the share of the sum of their squares that the basis keeps."
-        row.append(drawing(f"{prefix}-singular-values", shapes.singular_values, caption, result, of))
+        row.append(drawing(f"{prefix}-singular-values", shapes.singular_value_figure, caption, result, of))
     if "reduced" in result.frequencies.models:
-        row.append(drawing(f"{prefix}-frequencies", shapes.frequencies, shapes.frequencies_caption(result), result))
+        row.append(
+            drawing(f"{prefix}-frequencies", shapes.frequency_figure, shapes.frequencies_caption(result), result)
+        )
     if (over := result.frequencies.over_joints) is not None:
         caption = f"First natural frequency in Hz over the extensions of {' and '.join(over.joints)}, every pad "
         caption += "closed; the white line is the way of this run."
         if result.frequencies.t is not None:
             caption += " The boom is at rest at its steepest angle; axial forces are included."
-        row.append(drawing(f"{prefix}-map", shapes.frequency_map, caption, result))
+        row.append(drawing(f"{prefix}-map", shapes.frequency_map_figure, caption, result))
     rows += [tuple(row)] if row else []
     heading = "Basis and eigenfrequencies" if is_alone(result) else "Natural frequencies"
     return Block(heading=heading, rows=tuple(rows), grids=grids) if rows or grids else None
 
 
-def _published_frequency(result: RunResult) -> Iterator[Grid]:
+def _published_frequency_grids(result: RunResult) -> Iterator[Grid]:
     """Yield a table with the first natural frequency of each model beside the published one, if there is one."""
     rows, models = [], list[str]()
     for first in result.summary.get("published_frequencies", ()):
@@ -205,7 +216,7 @@ def _published_frequency(result: RunResult) -> Iterator[Grid]:
         yield Grid(caption, ("reach", "published", *models), tuple(rows))
 
 
-def response(result: RunResult, prefix: str) -> Block | None:
+def response_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block with the frequency response of the tip; None unless the scene asks for it."""
     response = result.frequency_response
     if response is None:
@@ -218,46 +229,47 @@ def response(result: RunResult, prefix: str) -> Block | None:
         if not np.any(response.gain[:, :, number]):
             continue
         caption = f"Response of {output} to {load} with {condition}."
-        drawings.append(drawing(f"{prefix}-response-{number}", shapes.gain, caption, response, number))
+        drawings.append(drawing(f"{prefix}-response-{number}", shapes.gain_figure, caption, response, number))
         gains = result.summary["frequency_response"]["gain"][load]
-        places = (f"{plain(round(float(s), 3))}{SPACE}m" for s in response.s)
+        places = (f"{format_input(round(float(s), 3))}{SPACE}m" for s in response.s)
         static, at = map(significant, gains["static"]), map(significant, gains["at"])
         largest = [significant(gain) if response.damped else "no damping" for gain in gains["largest"]]
-        head = (result.coordinate, f"static, {gains['unit']}", f"largest, {gains['unit']}", "at, Hz")
+        head = (result.abscissa_name, f"static, {gains['unit']}", f"largest, {gains['unit']}", "at, Hz")
         grids.append(Grid(f"{output} under {load}", head, tuple(zip(places, static, largest, at, strict=False))))
     pairs = tuple(tuple(drawings[k : k + 2]) for k in range(0, len(drawings), 2))
     return Block(heading="Response in frequency", rows=pairs, grids=tuple(grids))
 
 
-def origin(result: RunResult, prefix: str) -> Block:
+def origin_block(result: RunResult, prefix: str) -> Block:
     """Build the block with tables of the scene, sizes and times of the run, and the machine that computed it."""
     all_tables = (
-        *machine.bodies(result),
-        machine.motion(result),
-        Table("Wall time", tuple(provenance.times(result.summary.get("seconds", {})))),
-        Table("Run", tuple(provenance.run(result))),
-        machine.method(result),
-        Table("Sizes", tuple(provenance.sizes(result))),
+        *machine.body_tables(result),
+        machine.motion_table(result),
+        Table("Wall time", tuple(provenance.time_rows(result.summary.get("seconds", {})))),
+        Table("Run", tuple(provenance.run_rows(result))),
+        machine.method_table(result),
+        Table("Sizes", tuple(provenance.size_rows(result))),
     )
     shown = [table for table in all_tables if table.rows]
-    return Block(heading="Provenance", tables=shown, software=provenance.software(result))
+    return Block(heading="Provenance", tables=shown, software=provenance.software_versions(result))
 
 
 #: Blocks about errors, which are known at the very end of a run; in the order of the page.
-OF_ERRORS: tuple[Show, ...] = (errors, accuracy)
+OF_ERRORS: tuple[Show, ...] = (error_block, accuracy_block)
 #: Blocks that follow the one about the motion, in the order of the page.
 SECTIONS: tuple[Show, ...] = (
-    space.in_space, inputs_over_time, tip, stresses.stress,
-    stresses.along_beams, stresses.probes, forces.contact,
-    forces.cylinders, forces.supports, forces.pivot, energy, constraint, basis, response, origin,
+    space.space_block, input_block, tip_block, stresses.stress_block,
+    stresses.section_force_block, stresses.probe_block, forces.contact_block,
+    forces.cylinder_block, forces.support_block, forces.pivot_block, energy_block, constraint_block, basis_block,
+    response_block, origin_block,
 )  # fmt: skip
 
 
-def _weight(result: RunResult) -> str:
+def _weight_sentence(result: RunResult) -> str:
     """Sentence, with a space before it, that the weight acts and how; empty without weight."""
     gravity = result.scene.gravity
     if gravity is None:
         return ""
-    rise = f", which comes up within the first {plain(gravity.rise)}{SPACE}s" if gravity.rise else ""
+    rise = f", which comes up within the first {format_input(gravity.rise)}{SPACE}s" if gravity.rise else ""
     turns = ", in a direction that turns with the frame" if result.scene.frame is not None else ""
     return f" The weight acts too{rise}{turns}."

@@ -8,10 +8,19 @@ from typing import Any
 import numpy as np
 
 from pmr.report import errors as error_sentences
-from pmr.report.blocks import KeyNumber, Point, Row, verdicts
-from pmr.report.numbers import MINUS, SPACE, TINY, length, percent, plain, quantity, significant
-from pmr.report.subject import forces_called, moving_part, offsets, reduced_size, scope, structural_model
-from pmr.report.subject import length as reach
+from pmr.report.blocks import KeyNumber, Point, Row, count_verdicts
+from pmr.report.numbers import (
+    MINUS,
+    SPACE,
+    TINY,
+    format_input,
+    format_length,
+    format_percent,
+    format_quantity,
+    significant,
+)
+from pmr.report.subject import force_words, moving_part, reduced_size, scope_words, slider_offsets, structural_model
+from pmr.report.subject import reach as reach
 from pmr.results import RunResult
 
 #: Further points with the largest stress that are named, at most; if there are more, only their number is.
@@ -21,21 +30,21 @@ SIMULATORS = {"march": "compiled", "petsc": "by PETSc"} | dict.fromkeys(
 )
 
 
-def points(result: RunResult, table: Sequence[Row] = ()) -> list[Point]:
+def sentence_points(result: RunResult, table: Sequence[Row] = ()) -> list[Point]:
     """Sentences about a run by topic, from its size to the published values; topics without a sentence are left out.
 
     `table` are the rows of the error table.
     """
     texts_by_topic = {
-        "Size": [size(result)],
-        "Frame": [frame(result)],
-        "Accuracy": list(accuracy(result)),
-        "Stress": list(stress(result)),
-        "Estimate": [error_sentences.estimate(result)],
-        "Model": [error_sentences.model(result)],
-        "Mesh": [error_sentences.mesh(result)],
-        "Time step": [error_sentences.step(result)],
-        "Speed": list(speed(result)),
+        "Size": [size_sentence(result)],
+        "Frame": [frame_sentences(result)],
+        "Accuracy": list(accuracy_sentences(result)),
+        "Stress": list(stress_sentences(result)),
+        "Estimate": [error_sentences.estimate_sentence(result)],
+        "Model": [error_sentences.model_sentences(result)],
+        "Mesh": [error_sentences.mesh_sentence(result)],
+        "Time step": [error_sentences.step_sentence(result)],
+        "Speed": list(speed_sentences(result)),
         "Published": [comparison_sentence(table)],
     }
     return [Point(topic, text) for topic, texts in texts_by_topic.items() if (text := " ".join(filter(None, texts)))]
@@ -54,20 +63,26 @@ def opening_sentences(result: RunResult) -> str:
     model = structural_model(result)
     if moving_part(result) == "mouth":
         out = (
-            f"{plain(end - high)}{SPACE}m to {plain(end - low)}{SPACE}m"
+            f"{format_input(end - high)}{SPACE}m to {format_input(end - low)}{SPACE}m"
             if high > low
-            else f"{plain(end - low)}{SPACE}m"
+            else f"{format_input(end - low)}{SPACE}m"
         )
         gravity = result.scene.gravity
         raised = round(gravity.raised, 1) if gravity is not None else 0.0
-        where = f", raised by {plain(raised)}°," if raised else ""
-        what = f"A section of {plain(end)}{SPACE}m{where} slides through a mouth, beyond which {out} of it reach."
+        where = f", raised by {format_input(raised)}°," if raised else ""
+        what = (
+            f"A section of {format_input(end)}{SPACE}m{where} slides through a mouth, beyond which {out} of it reach."
+        )
     else:
-        count = len(offsets(result))
-        where = f"between {plain(low)}{SPACE}m and {plain(high)}{SPACE}m" if high > low else f"at {plain(low)}{SPACE}m"
+        count = len(slider_offsets(result))
+        where = (
+            f"between {format_input(low)}{SPACE}m and {format_input(high)}{SPACE}m"
+            if high > low
+            else f"at {format_input(low)}{SPACE}m"
+        )
         sliders = f"{count} sliders support" if count > 1 else "a slider supports"
-        what = f"A beam of {plain(end)}{SPACE}m, which {sliders} {where}."
-    return f"{what} It is modelled as {model.name}, {model.because}."
+        what = f"A beam of {format_input(end)}{SPACE}m, which {sliders} {where}."
+    return f"{what} It is modelled as {model.name}, {model.reason}."
 
 
 def speed_ratio(result: RunResult) -> float | None:
@@ -78,7 +93,7 @@ def speed_ratio(result: RunResult) -> float | None:
     return full.seconds / reduced.seconds
 
 
-def simulators(result: RunResult) -> str:
+def simulator_clause(result: RunResult) -> str:
     """Clause that names the simulators of the reduced and the full model; empty unless both are known."""
     names = result.summary.get("simulators", {})
     reduced, full = (SIMULATORS.get(names.get(name, ""), names.get(name, "")) for name in ("reduced", "full"))
@@ -91,37 +106,45 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
     """Yield the key numbers of a run: coordinates, errors, largest stress and speed, as far as the result has them."""
     summary, coordinates = result.summary, result.summary.get("coordinates", {})
     reduced = reduced_size(result)
-    arrow = f"{plain(coordinates['full'])}{SPACE}→{SPACE}{reduced}" if "full" in coordinates else f"{reduced}"
+    arrow = f"{format_input(coordinates['full'])}{SPACE}→{SPACE}{reduced}" if "full" in coordinates else f"{reduced}"
     yield KeyNumber(arrow, "coordinates")
     if (most := summary.get("max_error")) is not None:
         largest = summary.get("max_displacement")
-        share = f"{percent(most / largest, 2)} of {length(largest)}, the largest displacement" if largest else ""
-        yield KeyNumber(length(most), "largest difference to full", share)
-    yield from _errors(result)
-    yield from error_sentences.model_number(result)
+        share = (
+            f"{format_percent(most / largest, 2)} of {format_length(largest)}, the largest displacement"
+            if largest
+            else ""
+        )
+        yield KeyNumber(format_length(most), "largest difference to full", share)
+    yield from _error_key_numbers(result)
+    yield from error_sentences.model_key_number(result)
     peak = summary.get("max_von_mises", {})
     if "reduced" in peak:
-        full = f"full model {quantity(peak['full'], 'Pa')}" if "full" in peak else ""
-        yield KeyNumber(quantity(peak["reduced"], "Pa"), "largest von Mises stress", full)
+        full = f"full model {format_quantity(peak['full'], 'Pa')}" if "full" in peak else ""
+        yield KeyNumber(format_quantity(peak["reduced"], "Pa"), "largest von Mises stress", full)
     yield from _speed_ratio(result)
 
 
-def _errors(result: RunResult) -> Iterator[KeyNumber]:
+def _error_key_numbers(result: RunResult) -> Iterator[KeyNumber]:
     """Yield the errors along the beam (or their estimate), of the pad forces and of the cylinder forces."""
     errors = result.summary.get("errors", {}).get("reduced_vs_full", {})
     estimated = result.summary.get("estimate", {}).get("beam")
-    without = "" if estimated is None else f"estimated without the full model {percent(estimated)}"
+    without = "" if estimated is None else f"estimated without the full model {format_percent(estimated)}"
     if "beam" in errors:
-        tip = f"at the tip {percent(errors['tip'])}" if "tip" in errors else ""
-        yield KeyNumber(percent(errors["beam"]), f"RMS error {scope(result)}", "; ".join(filter(None, (tip, without))))
+        tip = f"at the tip {format_percent(errors['tip'])}" if "tip" in errors else ""
+        yield KeyNumber(
+            format_percent(errors["beam"]), f"RMS error {scope_words(result)}", "; ".join(filter(None, (tip, without)))
+        )
     elif estimated is not None:
-        yield KeyNumber(percent(estimated), f"estimated error {scope(result)}", "without the full model")
+        yield KeyNumber(format_percent(estimated), f"estimated error {scope_words(result)}", "without the full model")
     if "pad_force" in errors:
         yield KeyNumber(
-            percent(errors["pad_force"]), f"RMS error of the {forces_called(result)}", _apart_from_blows(result)
+            format_percent(errors["pad_force"]),
+            f"RMS error of the {force_words(result)}",
+            _error_without_impacts(result),
         )
     if errors.get("cylinder_force", 0.0) >= TINY:  # below, it is round-off: the force of a cylinder may be prescribed
-        yield KeyNumber(percent(errors["cylinder_force"]), "RMS error of the cylinder forces")
+        yield KeyNumber(format_percent(errors["cylinder_force"]), "RMS error of the cylinder forces")
 
 
 def _speed_ratio(result: RunResult) -> Iterator[KeyNumber]:
@@ -132,147 +155,158 @@ def _speed_ratio(result: RunResult) -> Iterator[KeyNumber]:
     simulators_by_model, reduced = result.summary.get("simulators", {}), result.responses["reduced"].seconds
     ratio, full = speed_ratio(result), result.responses.get("full")
     if ratio is not None and simulators_by_model.get("reduced") == simulators_by_model.get("full"):
-        yield KeyNumber(f"{significant(ratio, 2)}{SPACE}×", "as fast as full", simulators(result))
+        yield KeyNumber(f"{significant(ratio, 2)}{SPACE}×", "as fast as full", simulator_clause(result))
     elif reduced > 0.0:
         who = SIMULATORS.get(simulators_by_model.get("full", ""), "")
-        slower = f"full model {quantity(full.seconds, 's', 2)}{f', {who}' if who else ''}" if ratio and full else ""
-        what = f"for {plain(result.scene.time.end)}{SPACE}s of motion"
-        yield KeyNumber(quantity(reduced, "s", 2), "one simulation", "; ".join(filter(None, (what, slower))))
+        slower = (
+            f"full model {format_quantity(full.seconds, 's', 2)}{f', {who}' if who else ''}" if ratio and full else ""
+        )
+        what = f"for {format_input(result.scene.time.end)}{SPACE}s of motion"
+        yield KeyNumber(format_quantity(reduced, "s", 2), "one simulation", "; ".join(filter(None, (what, slower))))
 
 
 def comparison_sentence(table: Sequence[Row]) -> str:
     """Sentence that counts the values that are better, the same or worse than published ones; empty without these."""
-    counts = verdicts(table)
+    counts = count_verdicts(table)
     counted = ", ".join(f"{number} {text}" for text, number in counts.items())
     return f"Beside {sum(counts.values())} published figures: {counted}." if counts else ""
 
 
-def size(result: RunResult) -> str:
+def size_sentence(result: RunResult) -> str:
     """Sentence on the numbers of coordinates of the full and the reduced model and on the simulated time."""
     coordinates = result.summary.get("coordinates", {})
     reduced = reduced_size(result)
-    motion = f"{plain(result.scene.time.end)}{SPACE}s of motion are simulated."
+    motion = f"{format_input(result.scene.time.end)}{SPACE}s of motion are simulated."
     if "full" not in coordinates:
         return f"The reduced model has {reduced} coordinates; {motion}"
     full = coordinates["full"]
-    less = percent(1.0 - reduced / full, 2 if reduced > 0.005 * full else 4)  # no reduction is by 100 %
-    return f"The reduced model has {reduced} coordinates instead of {plain(full)}, a reduction by {less}; {motion}"
+    less = format_percent(1.0 - reduced / full, 2 if reduced > 0.005 * full else 4)  # no reduction is by 100 %
+    return (
+        f"The reduced model has {reduced} coordinates instead of {format_input(full)}, a reduction by {less}; {motion}"
+    )
 
 
-def accuracy(result: RunResult) -> Iterator[str]:
+def accuracy_sentences(result: RunResult) -> Iterator[str]:
     """Yield sentences on the errors of the reduced model against the full one and against ANCF."""
     errors = result.summary.get("errors", {})
     if against := _tip_and_beam(errors.get("reduced_vs_full")):
         tip, beam = against
-        error = f"a normalised RMS error of {tip} at the tip and {beam} {scope(result)}"
+        error = f"a normalised RMS error of {tip} at the tip and {beam} {scope_words(result)}"
         yield f"It follows the full model with {error}."
     if (force := errors.get("reduced_vs_full", {}).get("pad_force")) is not None:
-        yield f"The error of the {forces_called(result)} is {percent(force)}."
-        if slow := _apart_from_blows(result):
+        yield f"The error of the {force_words(result)} is {format_percent(force)}."
+        if slow := _error_without_impacts(result):
             yield f"At each kink of the path the slider strikes, harder in a shorter step; apart from that, {slow}."
     largest, most = result.summary.get("max_displacement"), result.summary.get("max_error")
     if largest is not None and most is not None:
-        yield f"The largest difference is {length(most)} where displacements reach {length(largest)}."
+        yield f"The largest difference is {format_length(most)} where displacements reach {format_length(largest)}."
     if against := _tip_and_beam(errors.get("reduced_vs_ancf")):
         tip, beam = against
         yield f"Against the independent ANCF beam the errors are {tip} and {beam}."
 
 
-def _apart_from_blows(result: RunResult) -> str:
+def _error_without_impacts(result: RunResult) -> str:
     """Clause with the error of the forces up to the frequency of the tip's motion; empty unless sliders strike."""
     impacts = result.summary.get("impacts")
     if impacts is None:
         return ""
-    return f"below {significant(impacts['band'], 2)}{SPACE}Hz, where the tip moves, {percent(impacts['pad_force'])}"
+    return (
+        f"below {significant(impacts['band'], 2)}{SPACE}Hz, where the tip moves, {format_percent(impacts['pad_force'])}"
+    )
 
 
 def _tip_and_beam(errors: Mapping[str, float] | None) -> tuple[str, str] | None:
     """Errors at the tip and along the beam in per cent; None unless both are there."""
     if not errors or not {"tip", "beam"} <= set(errors):
         return None
-    return percent(errors["tip"]), percent(errors["beam"])
+    return format_percent(errors["tip"]), format_percent(errors["beam"])
 
 
-def speed(result: RunResult) -> Iterator[str]:
+def speed_sentences(result: RunResult) -> Iterator[str]:
     """Yield a sentence on the simulation times, compared with real time and with the full model."""
     reduced, ratio = result.responses["reduced"], speed_ratio(result)
     if reduced.seconds <= 0.0:
         return
-    took = f"Its simulation took {quantity(reduced.seconds, 's')}"
+    took = f"Its simulation took {format_quantity(reduced.seconds, 's')}"
     pace = result.scene.time.end / reduced.seconds
     paced = f"{significant(pace, 2)} times faster than real time" if pace > 1.0 else "slower than real time"
     if ratio is None:
         yield f"{took}, {paced}."
         return
-    full, who = quantity(result.responses["full"].seconds, "s"), simulators(result)
+    full, who = format_quantity(result.responses["full"].seconds, "s"), simulator_clause(result)
     by = f" ({who})" if who else ""
     yield f"{took}, {paced}; the full model took {full}, {significant(ratio, 2)} times as long{by}."
 
 
-def stress(result: RunResult) -> Iterator[str]:
+def stress_sentences(result: RunResult) -> Iterator[str]:
     """Yield a sentence on the largest von Mises stress, where and when it occurs, and that of the full model."""
     largest = result.summary.get("max_von_mises", {})
     if "reduced" not in largest:
         return
-    where = where_the_peak_is(result, "reduced")
-    sentence = f"The largest von Mises stress is {quantity(largest['reduced'], 'Pa')}{f', {where}' if where else ''}"
+    where = simulator_peak_clause(result, "reduced")
+    sentence = (
+        f"The largest von Mises stress is {format_quantity(largest['reduced'], 'Pa')}{f', {where}' if where else ''}"
+    )
     if largest.get("full"):
-        apart = percent(abs(largest["reduced"] / largest["full"] - 1.0), 2)
-        sentence += f"; the full model has {quantity(largest['full'], 'Pa')}, {apart} apart"
+        apart = format_percent(abs(largest["reduced"] / largest["full"] - 1.0), 2)
+        sentence += f"; the full model has {format_quantity(largest['full'], 'Pa')}, {apart} apart"
     yield f"{sentence}."
 
 
-def where_the_peak_is(result: RunResult, simulator: str) -> str:
+def simulator_peak_clause(result: RunResult, simulator: str) -> str:
     """Clause with time and place of the largest von Mises stress of a model; empty if the summary has none."""
     peak = result.summary.get("stress_peak", {}).get(simulator)
-    return "" if peak is None else where(peak)
+    return "" if peak is None else peak_clause(peak)
 
 
-def where(peak: Mapping[str, Any]) -> str:
+def peak_clause(peak: Mapping[str, Any]) -> str:
     """Clause on a largest von Mises stress: its time, point, face and section, and other points of equal stress."""
-    of = part_of(peak)
+    of = peak_part_name(peak)
     of = f", {of}" if of else ""
-    return f"at {peak['t']:.2f}{SPACE}s and {_place(peak['position'])}{of}{_others(peak.get('shared', ()))}"
+    return f"at {peak['t']:.2f}{SPACE}s and {_format_point(peak['position'])}{of}" + _other_points_clause(
+        peak.get("shared", ())
+    )
 
 
-def part_of(peak: Mapping[str, Any]) -> str:
+def peak_part_name(peak: Mapping[str, Any]) -> str:
     """Name the face or corner, region and section of a largest stress; empty for a body without any of them."""
     face = peak.get("face", "")
     on = f"{face} {'corner' if ' ' in face else 'face'}" if face else ""
     return " of ".join(filter(None, (on, peak.get("region"), peak.get("section"))))
 
 
-def _others(places: Sequence[Sequence[float]]) -> str:
+def _other_points_clause(places: Sequence[Sequence[float]]) -> str:
     """Clause on the other points at which the stress is as large; empty without any."""
     if len(places) > MOST_PLACES:
         return f", and as large at {len(places)} other places"
-    return f", and as large at {' and '.join(map(_place, places))}" if places else ""
+    return f", and as large at {' and '.join(map(_format_point, places))}" if places else ""
 
 
-def _place(position: Sequence[float]) -> str:
+def _format_point(position: Sequence[float]) -> str:
     """Format a point (x, y, z) given in m, to 0.01 m."""
     # + 0.0 removes the sign of zero
     x, y, z = (f"{round(value, 2) + 0.0:.2f}".replace("-", MINUS) for value in position)
     return f"({x}, {y}, {z}){SPACE}m"
 
 
-def frame(result: RunResult) -> str:
+def frame_sentences(result: RunResult) -> str:
     """Sentences on the motion of the boom's frame and on effects of second order; empty without a frame."""
     motion = result.summary.get("frame")
     if motion is None:
         return ""
     angles = {"raised": motion["luffing"], "slewed": motion["slewing"]}
     angle_texts = [
-        f"{way} {_range(angle)}" for way, angle in angles.items() if angle["max"] > angle["min"] or angle["max"]
+        f"{way} {_angle_range(angle)}" for way, angle in angles.items() if angle["max"] > angle["min"] or angle["max"]
     ]
     turns = f"The boom is {' and '.join(angle_texts)}. " if angle_texts else ""
     axes = "Deflections are measured in its own axes, which turn with it: x along it, z upwards where it lies level. "
     buckling = result.summary.get("buckling", {"factor": None})
     if not motion["second_order"]:
-        size = f" ({percent(buckling['share'])} of the stiffness at most)" if "share" in buckling else ""
+        size = f" ({format_percent(buckling['share'])} of the stiffness at most)" if "share" in buckling else ""
         left_out = f"the bending by axial forces{size}"
         if motion["gyroscopic"] is not None:
-            turning = f"{percent(motion['gyroscopic'])}) and centrifugal forces ({percent(motion['centrifugal'])}"
+            turning = f"{format_percent(motion['gyroscopic'])}) and centrifugal forces ("
+            turning += format_percent(motion["centrifugal"])
             left_out += f", and gyroscopic forces ({turning} of the stiffness at the lowest frequency)"
         return f"{turns}{axes}Second order is left out: {left_out}; frame.second_order includes it."
     factor = buckling["factor"]
@@ -280,11 +314,12 @@ def frame(result: RunResult) -> str:
         return f"{turns}{axes}Second order is included; no axial force compresses the boom."
     return (
         f"{turns}{axes}Second order is included: the boom would buckle under {significant(factor)} times its "
-        f"axial forces, at t = {plain(round(buckling['t'], 3))}{SPACE}s, with every pad closed.{_share(factor)}"
+        f"axial forces, at t = {format_input(round(buckling['t'], 3))}{SPACE}s, with every pad closed."
+        f"{_deflection_sentence(factor)}"
     )
 
 
-def energy(result: RunResult) -> str:
+def energy_sentence(result: RunResult) -> str:
     """Sentence on what drives, loads and damping add to the energy of a boom in space; empty without a frame."""
     energies = result.summary.get("energy")
     if energies is None:
@@ -298,18 +333,18 @@ def energy(result: RunResult) -> str:
     )
 
 
-def _share(factor: float) -> str:
+def _deflection_sentence(factor: float) -> str:
     r"""Sentence on how much second order adds to the deflection of a boom at rest; empty for a factor of at most 1.
 
     The share is about :math:`1 / (1 - 1/\lambda) - 1 = 1 / (\lambda - 1)` at the buckling factor :math:`\lambda`.
     """
     if factor <= 1.0:
         return ""
-    further = percent(1.0 / (factor - 1.0), 2)
+    further = format_percent(1.0 / (factor - 1.0), 2)
     return f" At rest second order adds about {further} to its deflection then: 1/(λ − 1) of the buckling factor λ."
 
 
-def _range(angle: dict[str, float]) -> str:
+def _angle_range(angle: dict[str, float]) -> str:
     """Clause with the range of an angle in degrees, from its ``min`` and ``max`` in rad."""
-    low, high = (plain(round(float(np.rad2deg(angle[end])), 1)) for end in ("min", "max"))
+    low, high = (format_input(round(float(np.rad2deg(angle[end])), 1)) for end in ("min", "max"))
     return f"by {high}°" if low == high else f"between {low}° and {high}°"

@@ -13,16 +13,16 @@ from pmr.report.blocks import Block, Drawing, Grid
 from pmr.report.figures import loads as figures
 from pmr.report.figures.canvas import drawing
 from pmr.report.figures.histories import Timeline, difference_clause, drawn_history
-from pmr.report.forces import cells, place_called
-from pmr.report.numbers import NOTHING, SPACE, Unit, plain, quantity, significant, unit_for
+from pmr.report.forces import abscissa_words, extreme_cells
+from pmr.report.numbers import NOTHING, SPACE, Unit, format_input, format_quantity, significant, unit_for
 from pmr.results import Response, RunResult
-from pmr.results.fatigue import cycles
+from pmr.results.fatigue import rainflow_cycles
 from pmr.results.response import Extremes
-from pmr.results.tables import parts_of, probe_extremes, stress_peaks
+from pmr.results.tables import probe_extremes, stress_peaks, summaries_by_section
 from pmr.scene.keys import ALONE, named
 
 
-def stress(result: RunResult, prefix: str) -> Block | None:
+def stress_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block with the largest stress of each body over time, and tables of where it occurs.
 
     It is None without stresses.
@@ -31,66 +31,66 @@ def stress(result: RunResult, prefix: str) -> Block | None:
     for number, (name, body) in enumerate(result.bodies.items()):
         if "reduced" not in body.peak_stress:
             continue
-        below = difference_clause(Timeline(result), figures.stresses(result, body), "below, the difference")
+        below = difference_clause(Timeline(result), figures.stress_histories(result, body), "below, the difference")
         peak = parts.get(name, result.summary).get("stress_peak", {}).get("reduced")
-        dot = f" The dot is the largest of all, {sentences.where(peak)}." if peak else ""
+        dot = f" The dot is the largest of all, {sentences.peak_clause(peak)}." if peak else ""
         caption = f"Largest von Mises stress over {name or 'the whole body'}{below}.{dot}"
         anchor = f"{prefix}-stress" if name == ALONE else f"{prefix}-stress-{number}"
-        rows.append((drawing(anchor, figures.stress, caption, result, body),))
-    grids = (*_sections(result), *_regions(result))
+        rows.append((drawing(anchor, figures.stress_figure, caption, result, body),))
+    grids = (*_section_grids(result), *_region_grids(result))
     return Block(heading="Stress", rows=tuple(rows), grids=grids) if rows or grids else None
 
 
-def along_beams(result: RunResult, prefix: str) -> Block | None:
+def section_force_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block on forces and moments of beams' cross-sections: envelopes over time and a table of extremes.
 
     It is None if no beam has any.
     """
     largest, table_rows = dict[str, float](), list[tuple[str, ...]]()
-    for part in parts_of(result.summary).values():
+    for part in summaries_by_section(result.summary).values():
         for what, force in part.get("section_forces", {}).get("reduced", {}).items():
             if force["unit"] != "Pa":
                 largest[what] = max(largest.get(what, 0.0), -force["min"], force["max"])
     shown = [what for what, value in largest.items() if value > NOTHING * max(largest.values())]
     if not shown:
         return None
-    for name, part in parts_of(result.summary).items():
+    for name, part in summaries_by_section(result.summary).items():
         for what, force in part.get("section_forces", {}).get("reduced", {}).items():
             if what in shown and (force["min"] or force["max"]):
                 table_rows.append(
-                    (named(name, what), *(_end(force, end, NOTHING * largest[what]) for end in ("min", "max")))
+                    (named(name, what), *(_extreme_cell(force, end, NOTHING * largest[what]) for end in ("min", "max")))
                 )
     caption = "Forces and moments of sections along each beam, from the smallest to the largest over time."
-    drawn = drawing(f"{prefix}-envelopes", figures.envelopes, caption, result, shown)
+    drawn = drawing(f"{prefix}-envelopes", figures.envelope_figure, caption, result, shown)
     grid = Grid("The smallest and the largest, where from the tail, and when.", ("", "min", "max"), tuple(table_rows))
     return Block(heading="Forces along beams", rows=((drawn,),), grids=(grid,))
 
 
-def _end(force: Mapping[str, Any], end: str, nothing: float) -> str:
+def _extreme_cell(force: Mapping[str, Any], end: str, nothing: float) -> str:
     """Format the extreme ``min`` or ``max`` of a force, with its distance from the tail and its time.
 
     A value of at most `nothing` is ``0`` alone.
     """
     if abs(force[end]) <= nothing:
         return "0"
-    at, when = (plain(round(force[f"{of}_{end}"], 2)) for of in ("x", "t"))
-    return f"{quantity(force[end], force['unit'])} at {at}{SPACE}m, {when}{SPACE}s"
+    at, when = (format_input(round(force[f"{of}_{end}"], 2)) for of in ("x", "t"))
+    return f"{format_quantity(force[end], force['unit'])} at {at}{SPACE}m, {when}{SPACE}s"
 
 
-def _sections(result: RunResult) -> Iterator[Grid]:
+def _section_grids(result: RunResult) -> Iterator[Grid]:
     """Yield a table with the largest stress of each section by each model, when and where along the section."""
     table_rows = []
     for section in result.summary.get("sections", ()):
         for model, peak in section.get("stress_peak", {}).items():
             at, where = f"{peak['t']:.4g}{SPACE}s", f"{peak['position'][0]:.3g}{SPACE}m"
             face = f"{peak['face']} of {peak['region']}" if peak["region"] else peak["face"]
-            table_rows.append((f"{section['name']}, {model}", quantity(peak["value"], "Pa", 4), at, where, face))
+            table_rows.append((f"{section['name']}, {model}", format_quantity(peak["value"], "Pa", 4), at, where, face))
     if table_rows:
         head = ("", "von Mises", "at", "from the tail", "on")
         yield Grid("Largest von Mises stress of each section.", head, tuple(table_rows))
 
 
-def _regions(result: RunResult) -> Iterator[Grid]:
+def _region_grids(result: RunResult) -> Iterator[Grid]:
     """Yield a table with the largest stress in each region of the mesh; nothing for fewer than two regions."""
     peaks = stress_peaks(result)
     if len(peaks.get("reduced", {})) < 2:  # a single region is the whole body
@@ -116,14 +116,14 @@ CLASSES = 10
 STRAIN = Unit(1e-6, "µm/m")
 
 
-def probes(result: RunResult, prefix: str) -> Block | None:
+def probe_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block on probes: histories, extremes, load cycles of stresses and strains, and damage.
 
     It is None without probes.
     """
     probes_by_name = {probe["name"]: probe for probe in result.summary.get("probes", ())}
     response = result.responses["reduced"]
-    extremes_by_name = probe_extremes(response, result.along_at(response.t))
+    extremes_by_name = probe_extremes(response, result.abscissa_at(response.t))
     extremes_by_name = {name: peak for name, peak in extremes_by_name.items() if name in probes_by_name}
     if not extremes_by_name:
         return None
@@ -131,42 +131,43 @@ def probes(result: RunResult, prefix: str) -> Block | None:
     for name, extreme in extremes_by_name.items():
         unit = probes_by_name[name]["unit"]
         largest[unit] = max(largest.get(unit, 0.0), extreme.size)
-    units = {unit: _unit(unit, size) for unit, size in largest.items()}
+    units = {unit: _printed_unit(unit, size) for unit, size in largest.items()}
     named = [n for n, peak in extremes_by_name.items() if peak.size > UNSEEN * largest[probes_by_name[n]["unit"]]]
     rows = []
     for name in named:
         unit = units[probes_by_name[name]["unit"]]
-        rows.append((f"{name} in {unit.name}", *cells(extremes_by_name[name], unit)))
-    extremes = Grid(_places(result, probes_by_name.values()), ("", "least", "largest"), tuple(rows))
-    drawn = _foremost(named, extremes_by_name)
+        rows.append((f"{name} in {unit.name}", *extreme_cells(extremes_by_name[name], unit)))
+    extremes = Grid(_probe_caption(result, probes_by_name.values()), ("", "least", "largest"), tuple(rows))
+    drawn = _drawn_measurements(named, extremes_by_name)
     counted = [
         _rainflow_grid(result, name, units[probes_by_name[name]["unit"]])
         for name in drawn
         if probes_by_name[name]["unit"] != "mm"
     ]
     figures = tuple(
-        (_history(result, f"{prefix}-probe-{k}", name, probes_by_name[name]["unit"]),) for k, name in enumerate(drawn)
+        (_history_drawing(result, f"{prefix}-probe-{k}", name, probes_by_name[name]["unit"]),)
+        for k, name in enumerate(drawn)
     )
     text = "All load cycles stand in tables/cycles.csv." if counted else ""
-    return Block("Probes", figures, text=text, grids=(extremes, *counted, *_damage(result)))
+    return Block("Probes", figures, text=text, grids=(extremes, *counted, *_damage_grids(result)))
 
 
-def _damage(result: RunResult) -> list[Grid]:
+def _damage_grids(result: RunResult) -> list[Grid]:
     """List of one table with the damage by each stress; empty unless the scene has an S-N line."""
     fatigue = result.summary.get("fatigue")
     if not fatigue:
         return []
-    rows = [(row["name"], _number(row["damage"]), _number(row["life"])) for row in fatigue]
+    rows = [(row["name"], _format_cycles(row["damage"]), _format_cycles(row["life"])) for row in fatigue]
     caption = "Damage by load cycles on the scene's S-N line, after Palmgren and Miner: 1 is failure. The life is how "
     return [Grid(f"{caption}often all that is asked for may come.", ("", "damage", "life"), tuple(rows))]
 
 
-def _number(value: float | None) -> str:
+def _format_cycles(value: float | None) -> str:
     """Format a number; None, a life that no load cycle shortens, is ``without end``."""
     return "without end" if value is None else significant(value)
 
 
-def _foremost(names: Iterable[str], extremes_by_name: Mapping[str, Extremes]) -> list[str]:
+def _drawn_measurements(names: Iterable[str], extremes_by_name: Mapping[str, Extremes]) -> list[str]:
     """Choose names of measurements to be drawn: the largest component of each of the first `MOST_DRAWN` measures."""
     groups = dict[str, list[str]]()
     for name in names:
@@ -174,7 +175,7 @@ def _foremost(names: Iterable[str], extremes_by_name: Mapping[str, Extremes]) ->
     return [max(group, key=lambda name: extremes_by_name[name].size) for group in groups.values()][:MOST_DRAWN]
 
 
-def _history(result: RunResult, anchor: str, name: str, unit: str) -> Drawing:
+def _history_drawing(result: RunResult, anchor: str, name: str, unit: str) -> Drawing:
     """Draw a probe's measurement over time; it is NaN for models that do not have it."""
     size, base = {"mm": (1e-3, "m"), "1": (1e6, STRAIN.name)}.get(unit, (1.0, unit))
 
@@ -187,25 +188,25 @@ def _history(result: RunResult, anchor: str, name: str, unit: str) -> Drawing:
     return drawn_history(anchor, result, values, name[:1].upper() + name[1:], label, base)
 
 
-def _unit(unit: str, largest: float) -> Unit:
+def _printed_unit(unit: str, largest: float) -> Unit:
     """Unit in which values are printed that are stored in `unit`, the largest of which is `largest`."""
     return STRAIN if unit == "1" else unit_for(largest, unit) if unit == "Pa" else Unit(1.0, unit)
 
 
-def _places(result: RunResult, probes_of_run: Iterable[Mapping[str, Any]]) -> str:
+def _probe_caption(result: RunResult, probes_of_run: Iterable[Mapping[str, Any]]) -> str:
     """Caption of the table of extremes, with the point and the face of each probe."""
     texts = dict[str, str]()
     for probe in probes_of_run:
         name = probe["name"].rpartition(" ")[0]
         place = ", ".join(significant(round(x, 4) + 0.0, 3) for x in probe["at"])
         texts[name] = f"{name} at ({place}){SPACE}m" + (f", {probe['face']}" if probe["face"] else "")
-    return f"Least and largest values, when they occur, and {place_called(result)} then: {'; '.join(texts.values())}."
+    return f"Least and largest values, when they occur, and {abscissa_words(result)} then: {'; '.join(texts.values())}."
 
 
 def _rainflow_grid(result: RunResult, name: str, unit: Unit) -> Grid:
     """Build a table of a measurement's load cycles, counted by rainflow, in `CLASSES` intervals of their range."""
     response = result.responses["reduced"]
-    load_cycles = cycles(response.t, response.other(name))
+    load_cycles = rainflow_cycles(response.t, response.other(name))
     top = float(load_cycles[:, 0].max(initial=0.0))
     rows = []
     for k in range(CLASSES, 0, -1):

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.report.numbers import SPACE, percent, plain
+from pmr.report.numbers import SPACE, format_input, format_percent
 from pmr.results import BodyResult, RunResult
 from pmr.scene.built import PadRing
 from pmr.scene.choice import choose, parts_of
@@ -38,21 +38,21 @@ _ACROSS = {"y": "lateral, y", "z": "vertical, z"}
 
 
 @dataclass(frozen=True)
-class Acting:
+class AppliedLoad:
     """Load on a body, or a component of it along an axis of the body.
 
-    `at` is its distance along the body's axis in m, `where` the same in words, and `direction` is ``along``, ``aside``
-    or ``up`` for a force along x, y or z of the body, or ``turn`` for a moment.
+    `position` is its distance along the body's axis in m, `where` the same in words, and `direction` is ``along``,
+    ``aside`` or ``up`` for a force along x, y or z of the body, or ``turn`` for a moment.
     """
 
     name: str
     body: str
     direction: str
-    at: float
+    position: float
     where: str
     signal: SignalBase
     values: Array  # (T,) N or N m
-    of: str = ""  # name in the scene of the load that it is a component of
+    axis_of: str = ""  # name in the scene of the load that it is a component of
 
     @property
     def unit(self) -> str:
@@ -74,9 +74,9 @@ def is_raised(result: RunResult) -> bool:
 
 @dataclass(frozen=True)
 class Fixture:
-    """Support across the axis that does not move along it, at `at` m; `kind` is its symbol, ``clamped`` or a point."""
+    """Support across the axis that rests at `position` m; `kind` is its symbol, ``clamped`` or a point."""
 
-    at: float
+    position: float
     kind: str
 
 
@@ -85,7 +85,7 @@ class Model:
     """Name of a body's structural model in words, and a clause that says why it was chosen."""
 
     name: str
-    because: str
+    reason: str
 
 
 def reduced_size(result: RunResult) -> int:
@@ -95,21 +95,24 @@ def reduced_size(result: RunResult) -> int:
     return int(result.summary.get("coordinates", {}).get("reduced", basis))
 
 
-def spoken(model: str, walls: str = "rigid") -> str:
+def structural_model_words(model: str, walls: str = "rigid") -> str:
     """Name a structural model in words, such as ``a planar beam``; of beams also say if their walls give way."""
     gives = " whose walls give way" if walls == "give" and model in ("beam2d", "beam3d") else ""
     return MODELS.get(model, f"a {model.replace('_', ' ')}") + gives
 
 
-def chosen_by(measured: Mapping[str, Any]) -> str:
+def choice_clause(measured: Mapping[str, Any]) -> str:
     """Clause that says why measurements chose a model: the error of each that was tried, and the allowed error.
 
     If nothing could be compared, it says that the smallest model was taken, and why.
     """
     if "reason" in measured:
         return f"the smallest one, which nothing could be compared with: {measured['reason']}"
-    tried = [f"{spoken(trial['name'], trial['walls'])} {percent(trial['error'])}" for trial in measured["tried"]]
-    of = percent(measured["tolerance"])
+    tried = [
+        f"{structural_model_words(trial['name'], trial['walls'])} {format_percent(trial['error'])}"
+        for trial in measured["tried"]
+    ]
+    of = format_percent(measured["tolerance"])
     return f"as measured: beside a shell {', '.join(tried)} off, where {of} is allowed"
 
 
@@ -117,11 +120,11 @@ def structural_model(result: RunResult) -> Model:
     """Structural model of a body alone, and why it was chosen."""
     scene = result.scene
     if (measured := result.summary.get("chosen_model")) is not None:
-        return Model(spoken(scene.body.model, scene.body.walls), chosen_by(measured))
+        return Model(structural_model_words(scene.body.model, scene.body.walls), choice_clause(measured))
     if scene.body.model != "auto":
-        return Model(spoken(scene.body.model, scene.body.walls), "as the scene asks")
+        return Model(structural_model_words(scene.body.model, scene.body.walls), "as the scene asks")
     chosen = choose(member_at(scene))
-    return Model(spoken(chosen.model), f"since {'; '.join(chosen.reasons)}")
+    return Model(structural_model_words(chosen.model), f"since {'; '.join(chosen.reasons)}")
 
 
 def is_alone(result: RunResult) -> bool:
@@ -136,25 +139,25 @@ def moving_part(result: RunResult) -> str:
     return "slider" if result.scene.points else "mouth"
 
 
-def forces_called(result: RunResult) -> str:
+def force_words(result: RunResult) -> str:
     """Name of the contact forces: ``pad forces``; of a body alone on sliders ``slider force`` or ``slider forces``."""
     sliders = len(result.scene.points) if is_alone(result) else 0
     return "pad forces" if not sliders else "slider force" if sliders == 1 else "slider forces"
 
 
-def scope(result: RunResult) -> str:
+def scope_words(result: RunResult) -> str:
     """Words for where displacements are compared: along the beam, or along all sections of a boom."""
     return "along the beam" if is_alone(result) else "along all sections"
 
 
-def offsets(result: RunResult) -> tuple[float, ...]:
+def slider_offsets(result: RunResult) -> tuple[float, ...]:
     """Offsets in m from the path s at which sliders or moving pads touch a body alone; empty for a boom."""
     if not is_alone(result):
         return ()
     return result.scene.points or tuple(dict.fromkeys(ring.at for ring in result.scene.pads if ring.moving))
 
 
-def length(result: RunResult) -> float:
+def reach(result: RunResult) -> float:
     """Length of a body along its axis in m; of a boom its largest reach."""
     if result.reach is not None:
         return float(result.reach.max())
@@ -164,14 +167,14 @@ def length(result: RunResult) -> float:
     return float(result.body.fields.points[:, 0].max()) if result.body.fields is not None else scene.observe.end or 0.0
 
 
-def loads(result: RunResult) -> list[Acting]:
+def input_loads(result: RunResult) -> list[AppliedLoad]:
     """Loads in the order of the model's inputs, without weight.
 
     A force along an axis of the ground comes as its components along the axes of the body.
     """
-    acting, names = list[Acting](), result.loads.names
+    acting, names = list[AppliedLoad](), result.loads.names
     for member, (body, section) in zip(members(result.scene), result.scene.bodies.items(), strict=True):
-        end = length(result) if body == ALONE else section.length
+        end = reach(result) if body == ALONE else section.length
         inputs = [(load, *part) for load in section.loads for part in parts_of(member, load).items()]
         for number, (load, name, direction) in enumerate(inputs):
             if (input_name := input_of(body, name)) in names:
@@ -185,23 +188,23 @@ def loads(result: RunResult) -> list[Acting]:
                 where = f"{where}{GROUND} along {load.direction} of the ground"
             kind = {"x": "along", "y": "aside", "z": "up"}.get(direction, "turn")
             at = end if isinstance(load.on, str) else load.on
-            acting.append(Acting(name, body, kind, at, where, load.signal, values, load.name))
+            acting.append(AppliedLoad(name, body, kind, at, where, load.signal, values, load.name))
     return acting
 
 
 def place_words(on: str | float) -> str:
     """Words for a position on a body: a named part, or m along its axis."""
-    return f"on {on}" if isinstance(on, str) else f"at {plain(on)}{SPACE}m"
+    return f"on {on}" if isinstance(on, str) else f"at {format_input(on)}{SPACE}m"
 
 
-def loads_as_asked(result: RunResult) -> list[Acting]:
+def scene_loads(result: RunResult) -> list[AppliedLoad]:
     """Loads as the scene has them: a force along an axis of the ground is one load along this axis."""
-    by_load, t = dict[tuple[str, str], Acting](), result.responses["reduced"].t
-    for load in loads(result):
-        if load.of != load.name:
+    by_load, t = dict[tuple[str, str], AppliedLoad](), result.responses["reduced"].t
+    for load in input_loads(result):
+        if load.axis_of != load.name:
             where = load.where.partition(" along ")[0] + load.where.partition(GROUND)[2]
-            load = replace(load, name=load.of, where=where, values=load.signal.value(t))
-        by_load.setdefault((load.body, load.of), load)
+            load = replace(load, name=load.axis_of, where=where, values=load.signal.value(t))
+        by_load.setdefault((load.body, load.axis_of), load)
     return list(by_load.values())
 
 
@@ -240,7 +243,7 @@ def has_pushing_pads(result: RunResult) -> bool:
 def fixtures(result: RunResult) -> list[Fixture]:
     """Supports of a body alone, or of a boom's base, that hold it across its axis and do not move along it."""
     body, of = next(iter(result.scene.bodies.items()))
-    end = length(result) if body == ALONE else of.length
+    end = reach(result) if body == ALONE else of.length
     supports = [
         Fixture(end if support.on == "tip" else 0.0, support.symbol)
         if isinstance(support.on, str)
@@ -251,7 +254,7 @@ def fixtures(result: RunResult) -> list[Fixture]:
     return supports + [Fixture(ring.at, "roller") for ring in of.pads if not ring.moving]
 
 
-def stress_times(result: RunResult, body: BodyResult) -> Array:
+def field_times(result: RunResult, body: BodyResult) -> Array:
     """Times (F,) in s at which the largest stresses of a body are stored."""
     count = max(map(len, body.peak_stress.values()), default=0)
     if body.fields is not None and len(body.fields.t) == count:

@@ -4,7 +4,7 @@ r"""Load cycles of a history, and their damage, summed after Palmgren and Miner 
     D = \sum_i \frac{n_i}{N_i}, \qquad N_i = N_{ref} \Bigl(\frac{\Delta\sigma_{ref}}{\Delta\sigma_i}\Bigr)^m,
     \qquad N_{ref} = 2 \cdot 10^6
 
-over the ranges :math:`\Delta\sigma_i` of rainflow cycles (`cycles`), which occur :math:`n_i` times; ranges below the
+over the ranges :math:`\Delta\sigma_i` of `rainflow_cycles`, which occur :math:`n_i` times; ranges below the
 cut-off do no damage.  Miner: Cumulative damage in fatigue, Journal of Applied Mechanics 12, 1945.
 """
 
@@ -27,7 +27,7 @@ SMALLEST = 0.01
 REFERENCE_CYCLES = 2e6
 
 
-def cycles(t: Array, x: Array) -> Array:
+def rainflow_cycles(t: Array, x: Array) -> Array:
     """Return the rainflow cycles of a history x (T,) at times t (T,) in s, the largest first (ASTM E1049-85).
 
     Half cycles are those that do not close; ranges below a hundredth of the largest are left out.
@@ -67,7 +67,7 @@ class SNLine:
 def damage(t: Array, stress: Array, line: SNLine, times: float = 1.0) -> float:
     """Return the damage by a stress (T,) in Pa at times t (T,) in s, repeated `times` times; 1 is failure.
 
-    Cycles below a hundredth of the largest range are left out, see `cycles`.
+    Cycles below a hundredth of the largest range are left out, see `rainflow_cycles`.
     """
-    loops = cycles(t, stress)
+    loops = rainflow_cycles(t, stress)
     return times * line.damage(loops[:, 0], loops[:, 2])

@@ -48,7 +48,7 @@ def pads_over_time(result: RunResult) -> Boxes | None:
     With a frame that moves their corners are those in space.  None for a body without pads or fields, and for a boom of
     sections.
     """
-    if ALONE not in (travelling := result.travelling):
+    if ALONE not in (travelling := result.moving_fields):
         return None
     scene, (fields, along) = result.scene.bodies[ALONE], travelling[ALONE]
     places = [(ring, *place) for ring in scene.pads for place in ring.places]

@@ -66,7 +66,7 @@ class Columns:
     ropes: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, scene: Scene, response: Response) -> Columns:
+    def from_scene(cls, scene: Scene, response: Response) -> Columns:
         """Return the meaning of the columns of a scene's response, in the order of `values_of`."""
         outputs = response.outputs
         names = tuple(output.name.removeprefix(FORCE) for output in outputs)
@@ -79,21 +79,21 @@ class Columns:
             tuple(rope_shares(scene)),
         )
 
-    def of_kind(self, *kinds: str) -> list[int]:
+    def numbers_of_kind(self, *kinds: str) -> list[int]:
         """Return the numbers of the columns of these kinds."""
         return [k for k, kind in enumerate(self.kinds) if kind in kinds]
 
-    def at_pivot(self) -> dict[str, int]:
+    def pivot_columns(self) -> dict[str, int]:
         """Return the columns of forces and moments at the pivot, by direction, and of the luffing cylinder.
 
         Of several columns with one name the last counts.
         """
         return {name.removeprefix(PIVOT): k for k, name in enumerate(self.names) if name.startswith(PIVOT)}
 
-    def stresses(self) -> dict[str, dict[str, int]]:
+    def stress_columns(self) -> dict[str, dict[str, int]]:
         """Return the columns of the stress at probes, by probe and component."""
         by_probe = dict[str, dict[str, int]]()
-        for k in self.of_kind("probe"):
+        for k in self.numbers_of_kind("probe"):
             probe, separator, component = self.names[k].rpartition(" stress ")
             if separator:
                 by_probe.setdefault(probe, {})[component] = k
@@ -101,7 +101,7 @@ class Columns:
 
 
 def values_of(response: Response) -> Array:
-    """Return all columns of a response side by side, (T, c), in the order of `Columns.of`."""
+    """Return all columns of a response side by side, (T, c), in the order of `Columns.from_scene`."""
     parts = [response.displacement, response.slider_force, response.others]
     return np.hstack([part for part in parts if part is not None])
 
@@ -159,7 +159,7 @@ class Quantity:
         """Return the extreme that is reported."""
         return {"size": extremes.largest, "most": extremes.highest, "least": extremes.lowest}[self.extreme]
 
-    def text(self, value: float) -> str:
+    def format_value(self, value: float) -> str:
         """Return a value with the quantity's unit for a sentence, such as ``"12.5 kN"``."""
         return with_unit(value, self.unit)
 
@@ -170,7 +170,7 @@ def with_unit(value: float, unit: str) -> str:
     return f"{value / size:.3g} {prefix}{unit}"
 
 
-def _largest(numbers: Sequence[int]) -> Measure | None:
+def _largest_measure(numbers: Sequence[int]) -> Measure | None:
     """Return a function from values (T, c) of all columns to the largest absolute one (T,) of these columns.
 
     None if `numbers` is empty.
@@ -179,24 +179,24 @@ def _largest(numbers: Sequence[int]) -> Measure | None:
     return (lambda values: np.abs(values[:, chosen]).max(axis=1)) if chosen else None
 
 
-def _forces(kind: str) -> Callable[[Columns, Callable[[str], bool]], Measure | None]:
+def _force_measure(kind: str) -> Callable[[Columns, Callable[[str], bool]], Measure | None]:
     """Return a function that makes of columns the `Measure` of the largest absolute force of a kind of contact."""
 
     def measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
         """Return the measure of the forces with names that a limit looks at; None without any."""
-        return _largest([k for k in columns.of_kind(kind) if looks_at(columns.names[k])])
+        return _largest_measure([k for k in columns.numbers_of_kind(kind) if looks_at(columns.names[k])])
 
     return measure
 
 
-def _supports(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
+def _support_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
     """Return a function from values (T, c) of all columns to the largest resultant force of a support, (T,).
 
     Supports are rigid or not; `looks_at` tells of a name whether a limit depends on it.  Moments count only if no force
     column is chosen; columns at the pivot of a boom never do.  None if no column is chosen.
     """
-    at_pivot = set(columns.at_pivot().values())
-    numbers = [k for k in columns.of_kind("support", "reaction") if k not in at_pivot]
+    at_pivot = set(columns.pivot_columns().values())
+    numbers = [k for k in columns.numbers_of_kind("support", "reaction") if k not in at_pivot]
     chosen = [k for k in numbers if any(looks_at(name) for name in support_names(columns, k))]
     groups = dict[str, list[int]]()
     for k in [k for k in chosen if columns.units[k] == "N"] or chosen:
@@ -213,7 +213,7 @@ def support_names(columns: Columns, number: int) -> tuple[str, ...]:
     return name, f"{body} {row}".strip()
 
 
-def _cylinders(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
+def _cylinder_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
     """Return a function from values (T, c) of all columns to the largest force that moves a section, (T,).
 
     `looks_at` tells of the name of a section's cylinder whether a limit depends on it; None if it depends on none.  The
@@ -223,7 +223,7 @@ def _cylinders(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | N
     return _drive_measure([row for name, row in columns.drives.items() if looks_at(cylinder_of(name))])
 
 
-def _ropes(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
+def _rope_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
     """Return a function from values (T, c) of all columns to the largest force of ropes or what moves them, (T,).
 
     These are the forces that move sections on ropes, or sections that others on ropes follow; `looks_at` tells of a
@@ -243,29 +243,29 @@ def _drive_measure(rows: Sequence[Array]) -> Measure | None:
     return lambda values: np.abs(values @ shares).max(axis=1)
 
 
-def _deflection(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
+def _deflection_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
     """Return a function from values (T, c) of all columns to the displacement (T,) of the last section's tip.
 
     It is the length of the vector over all directions; None without a tip.
     """
-    tips = columns.of_kind("tip")
+    tips = columns.numbers_of_kind("tip")
     last = [k for k in tips if columns.bodies[k] == columns.bodies[tips[-1]]]
     return (lambda values: np.sqrt(np.sum(values[:, last] ** 2, axis=1))) if last else None
 
 
-def _stress(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
+def _stress_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
     """Return a function from values (T, c) of all columns to the largest von Mises stress (T,) at probes.
 
     `looks_at` tells of a probe's name whether a limit depends on it; None if it depends on none.
     """
     groups = dict[tuple[str, ...], list[list[int]]]()
-    for probe, components in columns.stresses().items():
+    for probe, components in columns.stress_columns().items():
         if looks_at(probe):
             groups.setdefault(tuple(components), []).append(list(components.values()))
     if not groups:
         return None
     at_probes = [(names, np.array(numbers)) for names, numbers in groups.items()]
-    return lambda values: np.max([mises(values[:, k], names).max(axis=1) for names, k in at_probes], axis=0)
+    return lambda values: np.max([von_mises_stress(values[:, k], names).max(axis=1) for names, k in at_probes], axis=0)
 
 
 def _luffing_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
@@ -273,7 +273,7 @@ def _luffing_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measu
 
     None without a luffing cylinder; its name is not asked for.
     """
-    return _largest([k for k in columns.at_pivot().values() if columns.names[k] == CYLINDER])
+    return _largest_measure([k for k in columns.pivot_columns().values() if columns.names[k] == CYLINDER])
 
 
 #: Which way forces of what moves a section, or raises the boom, are positive.
@@ -287,7 +287,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity("beam", "displacements", "m", "section", ("beam", "tip")),
         Quantity(
             "tip", "displacements of the tip", "m", "tip", ("tip",), "largest deflection of the tip",
-            limit="deflection", measure=_deflection,
+            limit="deflection", measure=_deflection_measure,
         ),
         Quantity("largest", "largest displacement", "m", "section", ("beam", "tip"), "largest displacement"),
         Quantity("velocity", "velocities", "m/s", "section"),
@@ -295,13 +295,15 @@ QUANTITIES: Mapping[str, Quantity] = {
         # forces within the boom
         Quantity(
             "pad_force", "pad forces", "N", "pad", ("pad",), "largest pad force",
-            sign="pushes the sections apart, or the body inwards", limit="pad", measure=_forces("pad"),
+            sign="pushes the sections apart, or the body inwards", limit="pad", measure=_force_measure("pad"),
         ),
         Quantity(
             "cylinder_force", "cylinder forces", "N", "cylinder", ("cylinder",),
-            "largest force of a cylinder that extends", sign=PUSHES, limit="cylinder", measure=_cylinders,
+            "largest force of a cylinder that extends", sign=PUSHES, limit="cylinder", measure=_cylinder_measure,
         ),
-        Quantity("rope_force", "rope forces", "N", "rope", (), "largest rope force", limit="rope", measure=_ropes),
+        Quantity(
+            "rope_force", "rope forces", "N", "rope", (), "largest rope force", limit="rope", measure=_rope_measure
+        ),
         Quantity(
             "luffing_force", "forces of the luffing cylinder", "N", "cylinder", (),
             "largest force of the luffing cylinder", sign=PUSHES, limit="luffing", measure=_luffing_measure,
@@ -311,7 +313,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity("reaction", "reactions of rigid supports", "N", "support", ("reaction",)),
         Quantity(
             "support", "forces of supports", "N", "support", ("support", "reaction"), "largest force of a support",
-            limit="support", measure=_supports,
+            limit="support", measure=_support_measure,
         ),
         Quantity("support_moment", "moments of supports", "N m", "support", (), "largest moment of a support"),
         Quantity(
@@ -330,9 +332,9 @@ QUANTITIES: Mapping[str, Quantity] = {
         # strength
         Quantity(
             "stress", "stresses", "Pa", "section", (), "largest von Mises stress", "most",
-            limit="stress", measure=_stress,
+            limit="stress", measure=_stress_measure,
         ),
-        Quantity("field", "stresses of walls", "Pa", "section", limit="field", measure=_stress),
+        Quantity("field", "stresses of walls", "Pa", "section", limit="field", measure=_stress_measure),
         Quantity("probe", "what probes measure", "", "probe", ("probe",)),
         Quantity(
             "utilisation", "stresses over yield stresses", "1", "section", (), "largest stress over yield stress",
@@ -346,7 +348,7 @@ QUANTITIES: Mapping[str, Quantity] = {
 LIMITED = {quantity.limit: quantity for quantity in QUANTITIES.values() if quantity.measure is not None}
 
 
-def label_of_error(name: str) -> str:
+def error_label(name: str) -> str:
     """Return the name of an error of summary.json, such as ``pad_force_between_kinks``, in words.
 
     A key that is no quantity is its own name.
@@ -356,12 +358,12 @@ def label_of_error(name: str) -> str:
     return f"{label} between kinks" if separator else label
 
 
-def mises(components: Array, names: Sequence[str]) -> Array:
+def von_mises_stress(components: Array, names: Sequence[str]) -> Array:
     """Return the von Mises stress (...) in Pa of components (..., c) with these c names."""
     return np.asarray(np.sqrt(np.maximum(np.sum(components @ MISES[tuple(names)] * components, axis=-1), 0.0)))
 
 
-def fits(patterns: Sequence[str], name: str) -> bool:
+def matches_pattern(patterns: Sequence[str], name: str) -> bool:
     """Return whether a name fits one of the patterns, in which ``*`` stands for any text."""
     return any(fnmatchcase(name, pattern) for pattern in patterns)
 

@@ -45,7 +45,7 @@ class Output:
         return self.kind in FORCES
 
     @classmethod
-    def of(cls, name: str, kind: str, body: str, place: float | None, unit: str) -> Output:
+    def from_text(cls, name: str, kind: str, body: str, place: float | None, unit: str) -> Output:
         """Return an output whose kind and direction come as one text, such as ``"tip z"``."""
         what, _, direction = kind.partition(" ")
         return cls(name, what, body, place, direction, unit)
@@ -144,7 +144,7 @@ class Response:
         forces = len(self.force_names)
         units = ("m",) * len(self.output_names) + ("N",) * forces + self.other_units
         places = (*self.x.tolist(), *[None] * (forces + len(self.other_names)))
-        return tuple(map(Output.of, names, self.kinds, self.bodies, places, units))
+        return tuple(map(Output.from_text, names, self.kinds, self.bodies, places, units))
 
     @property
     def force_floor(self) -> float:
@@ -258,7 +258,7 @@ class Extremes:
     s_most: float
 
     @classmethod
-    def of(cls, values: Array, t: Array, s: Array) -> Extremes:
+    def from_history(cls, values: Array, t: Array, s: Array) -> Extremes:
         """Return the extremes of values (T,) at times t (T,) in s and path coordinates s (T,) in m."""
         first, last = int(np.argmin(values)), int(np.argmax(values))
         low, high = float(values[first]), float(values[last])
@@ -303,10 +303,14 @@ def outputs_of(scene: Scene, response: Response) -> tuple[Output, ...]:
     For results of earlier versions that do not store it, it follows from the columns' names, or without names from
     their order.
     """
-    return response.outputs or (*_displacements(scene, response), *_forces(scene, response), *_others(scene, response))
+    return response.outputs or (
+        *_displacement_outputs(scene, response),
+        *_force_outputs(scene, response),
+        *_other_outputs(scene, response),
+    )
 
 
-def _displacements(scene: Scene, response: Response) -> Iterator[Output]:
+def _displacement_outputs(scene: Scene, response: Response) -> Iterator[Output]:
     """Yield the meaning of each displacement by its name."""
     tips = {named(body, of.observe.tip_along(d)): ("tip", body, d) for body, of in scene.bodies.items() for d in "xyz"}
     beams = {named(body, f"{d} at "): ("beam", body, d) for body in scene.bodies for d in "xyz"}
@@ -325,10 +329,10 @@ def _unnamed_displacements(scene: Scene, response: Response) -> tuple[str, ...]:
     return (*(f"{d} at " for d in across for _ in range(each)), *(body.observe.tip_along(d) for d in across))
 
 
-def _forces(scene: Scene, response: Response) -> Iterator[Output]:
+def _force_outputs(scene: Scene, response: Response) -> Iterator[Output]:
     """Yield the meaning of each force by its name."""
     count = response.slider_force.shape[1]
-    outputs_of = {name: output for body, of in scene.bodies.items() for name, output in _of_body(body, of).items()}
+    outputs_of = {name: output for body, of in scene.bodies.items() for name, output in _body_outputs(body, of).items()}
     for body in scene.bodies:
         name = force_of(cylinder_of(body))
         outputs_of[name] = Output(name, "cylinder", body, unit="N")
@@ -342,7 +346,7 @@ def _forces(scene: Scene, response: Response) -> Iterator[Output]:
             yield outputs_of.get(name) or slider
 
 
-def _of_body(body: str, of: OneBody) -> dict[str, Output]:
+def _body_outputs(body: str, of: OneBody) -> dict[str, Output]:
     """Return by name the forces of a body's pads on the ground and of its supports that give way."""
     outputs = dict[str, Output]()
     for ring in of.pads:
@@ -367,7 +371,7 @@ def _unnamed_forces(scene: Scene) -> list[str]:
     return [force_of(name) for ring in ordered for name, face, _ in ring.places if face in faces]
 
 
-def _others(scene: Scene, response: Response) -> Iterator[Output]:
+def _other_outputs(scene: Scene, response: Response) -> Iterator[Output]:
     """Yield the meaning of each other column by its name: reaction, friction, or else what a probe measures."""
     for name, unit in zip(response.other_names, response.other_units, strict=True):
         kind = next((kind for kind in ("reaction", "friction") if name.startswith(f"{kind} of ")), "probe")

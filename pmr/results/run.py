@@ -69,7 +69,7 @@ class Frequencies:
     """The f lowest natural frequencies in Hz of the system at rest, (S, f) by model, at S positions of its paths.
 
     Models are ``reduced``, ``full`` and ``closed_form``, that of a uniform beam pinned at 0 with one slider; every
-    contact is closed.  `along` are the positions as in `RunResult.along`, `paths` the coordinates of all paths.
+    contact is closed.  `along` are the positions as in `RunResult.abscissa`, `paths` the coordinates of all paths.
     `over_joints` is None unless two joints move, each on a path of its own.  With second order the system is stressed
     as a run is at the times `t` (S,) in s, when it first reaches the positions.
     """
@@ -143,7 +143,7 @@ Columns = Mapping[str, list[str]]
 
 
 @dataclass(frozen=True)
-class Part:
+class SummaryPart:
     """A contribution to summary.json: values by key, and warnings, a line each.
 
     `grave` are warnings of something that does not hold or makes a result useless; they come before `warnings`, which
@@ -155,7 +155,7 @@ class Part:
     grave: Sequence[str] = ()
 
 
-def combine_parts(parts: Sequence[Part]) -> dict[str, Any]:
+def combine_parts(parts: Sequence[SummaryPart]) -> dict[str, Any]:
     """Return the keys of all parts and, under ``warnings``, all warnings, grave ones first.
 
     Warnings of each kind are in the order of the parts.  Raises ValueError if two parts have the same key.
@@ -166,10 +166,10 @@ def combine_parts(parts: Sequence[Part]) -> dict[str, Any]:
             raise ValueError(f"two parts of a summary have {', '.join(sorted(twice))}")
         summary |= part.figures
         warnings += part.warnings
-    return summary | {"warnings": [*grave(parts), *remarks(summary), *warnings]}
+    return summary | {"warnings": [*grave_warnings(parts), *remarks(summary), *warnings]}
 
 
-def grave(parts: Iterable[Part]) -> list[str]:
+def grave_warnings(parts: Iterable[SummaryPart]) -> list[str]:
     """Return the grave warnings of all parts."""
     return [line for part in parts for line in part.grave]
 
@@ -182,7 +182,7 @@ class RunResult:
     `bodies` has results by section; a single body has the empty name.
 
     `summary` is the content of summary.json: ``errors.<a>_vs_<b>.{tip,beam}`` (e_NRMS, fractions),
-    ``absolute_errors.<a>_vs_<b>.{tip,beam}`` (e_abs, m), ``not_judged`` (`pmr.compare.trust.NotJudged`),
+    ``absolute_errors.<a>_vs_<b>.{tip,beam}`` (e_abs, m), ``not_judged`` (`pmr.compare.trust.RingingReference`),
     ``max_displacement`` and ``max_error`` (m),
     ``estimate.{beam,tip,pad_force,velocity,probe,probes,by,chi,largest,not_covered}`` (`pmr.compare.estimate`),
     ``step.{beam,tip,largest,finest,settled,by,enough,band}`` (`pmr.compare.step_error`), ``warnings``, ``coordinates``,
@@ -208,21 +208,21 @@ class RunResult:
         return list(self.bodies.values())[-1]
 
     @property
-    def along(self) -> Array:
+    def abscissa(self) -> Array:
         """Coordinate (T,) in m over which results are drawn and listed: a boom's reach, or a single body's path."""
         return self.paths.values[:, 0] if self.reach is None else self.reach
 
-    def along_at(self, t: Array) -> Array:
-        """Return `along` (S,) in m at the times t (S,) in s of a response, which may have fewer steps."""
-        return np.interp(t, np.linspace(float(t[0]), float(t[-1]), len(self.along)), self.along)
+    def abscissa_at(self, t: Array) -> Array:
+        """Return `abscissa` (S,) in m at the times t (S,) in s of a response, which may have fewer steps."""
+        return np.interp(t, np.linspace(float(t[0]), float(t[-1]), len(self.abscissa)), self.abscissa)
 
     @property
-    def coordinate(self) -> str:
-        """Name of `along`: ``s`` for a single body, ``reach`` for a boom."""
+    def abscissa_name(self) -> str:
+        """Name of `abscissa`: ``s`` for a single body, ``reach`` for a boom."""
         return "s" if self.reach is None else "reach"
 
     @property
-    def travelling(self) -> dict[str, tuple[Fields, Array]]:
+    def moving_fields(self) -> dict[str, tuple[Fields, Array]]:
         """Fields of each body, and the distance (F,) in m that it has slid along x at the F times of the fields.
 
         A boom's section slides out of the base by the extensions up to its own.  A single body slides by -s into the
@@ -240,7 +240,7 @@ class RunResult:
         }
 
     def pose(self, t: Array) -> Pose | None:
-        """Return the motion in space of the axes of `travelling` at the times t (S,) in s; None without a frame."""
+        """Return the motion in space of the axes of `moving_fields` at the times t (S,) in s; None without a frame."""
         frame = self.scene.frame
         if frame is None:
             return None
@@ -281,11 +281,13 @@ class RunResult:
         for simulator, response in self.responses.items():
             arrays |= npz.arrays(response, f"{simulator}.")
         for name, body in self.bodies.items():
-            arrays |= {f"{_prefix(name)}peak_stress.{model}": stress for model, stress in body.peak_stress.items()}
+            arrays |= {
+                f"{_array_prefix(name)}peak_stress.{model}": stress for model, stress in body.peak_stress.items()
+            }
             for model, envelope in body.envelopes.items():
-                arrays |= npz.arrays(envelope, f"{_prefix(name)}envelope.{model}.")
+                arrays |= npz.arrays(envelope, f"{_array_prefix(name)}envelope.{model}.")
             if body.shapes is not None:
-                arrays |= npz.arrays(body.shapes, f"{_prefix(name)}basis.")
+                arrays |= npz.arrays(body.shapes, f"{_array_prefix(name)}basis.")
             if body.fields is not None:
                 body.fields.save(folder / _fields_file(name))
         if self.tip_error is not None:
@@ -314,10 +316,10 @@ class RunResult:
             scene=scene,
             summary=json.loads((folder / "summary.json").read_text(encoding="utf-8")),
             responses={simulator: npz.record(Response, data, f"{simulator}.") for simulator in simulators},
-            paths=_paths(data, columns),
-            loads=_loads(data["loads"], columns),
-            frequencies=_frequencies(data),
-            bodies={name: _body(folder, data, name) for name in scene.bodies},
+            paths=_read_paths(data, columns),
+            loads=_read_loads(data["loads"], columns),
+            frequencies=_read_frequencies(data),
+            bodies={name: _read_body(folder, data, name) for name in scene.bodies},
             reach=data.get("reach"),
             frequency_response=response,
             tip_error=data.get("estimate.tip"),
@@ -329,7 +331,7 @@ def _with_units(names: Iterable[str], units: Iterable[str]) -> list[str]:
     return [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
 
 
-def _prefix(body: str) -> str:
+def _array_prefix(body: str) -> str:
     """Return the beginning of the names of a body's arrays in trajectories.npz."""
     return "" if body == ALONE else f"bodies.{body}."
 
@@ -339,7 +341,7 @@ def _fields_file(body: str) -> str:
     return f"{'-'.join(filter(None, ('fields', body)))}.npz"
 
 
-def _paths(data: Data, columns: Columns) -> Paths:
+def _read_paths(data: Data, columns: Columns) -> Paths:
     """Return the paths from the arrays of trajectories.npz."""
     if "s" in data:
         return Paths((SLIDER,), data["s"][:, None], data["s_rate"][:, None])
@@ -349,7 +351,7 @@ def _paths(data: Data, columns: Columns) -> Paths:
     return Paths(names, values, np.gradient(values, axis=0) if rates is None else rates)
 
 
-def _loads(values: Array, columns: Columns) -> Loads:
+def _read_loads(values: Array, columns: Columns) -> Loads:
     """Return the loads from their values (T, i) and the names of columns."""
     parts = [column.removesuffix("]").rpartition(" [") for column in columns.get("loads", ())]
     return Loads(tuple(name for name, _, _ in parts), tuple(unit for _, _, unit in parts), values)
@@ -369,7 +371,7 @@ def _frequency_arrays(frequencies: Frequencies, alone: bool) -> dict[str, NDArra
     return npz.rename_keys(arrays, {new: old for old, new in _RENAMED.items()})
 
 
-def _frequencies(data: Data) -> Frequencies:
+def _read_frequencies(data: Data) -> Frequencies:
     """Return the frequencies in Hz from the arrays of trajectories.npz."""
     if "frequencies.s" not in data:
         return npz.record(Frequencies, npz.rename_keys(data, _RENAMED), "frequencies.")
@@ -379,9 +381,9 @@ def _frequencies(data: Data) -> Frequencies:
     return Frequencies(s, s[:, None], models, t=data.get("frequencies.t"))
 
 
-def _body(folder: Path, data: Data, name: str) -> BodyResult:
+def _read_body(folder: Path, data: Data, name: str) -> BodyResult:
     """Return the results of a body from the arrays of trajectories.npz and the file of its fields."""
-    of, file = _prefix(name), folder / _fields_file(name)
+    of, file = _array_prefix(name), folder / _fields_file(name)
     stress, along = f"{of}peak_stress.", f"{of}envelope."
     models = sorted({key.removeprefix(along).split(".")[0] for key in data if key.startswith(along)})
     return BodyResult(

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.errors.environment import needed
 from pmr.files.whole import finish_swap
-from pmr.results.fatigue import cycles
+from pmr.results.fatigue import rainflow_cycles
 from pmr.results.response import ROUND_OFF, Extremes, Response
 from pmr.results.run import RunResult
 from pmr.scene.built import force_of, reaction_of
@@ -55,35 +55,35 @@ class Reaction:
     unit: str
 
 
-def tables(result: RunResult) -> dict[str, Table]:
+def build_tables(result: RunResult) -> dict[str, Table]:
     """Return the tables for which a run has rows, by file name; for a boom of sections ``s`` is its reach."""
     return {name: table for name, make in _TABLES.items() if (table := make(result)).rows}
 
 
-def write(result: RunResult, folder: Path) -> None:
+def write_tables(result: RunResult, folder: Path) -> None:
     """Write each table of a run as ``tables/<name>.csv`` into the run's folder."""
     (folder / "tables").mkdir(parents=True, exist_ok=True)
-    for name, table in tables(result).items():
+    for name, table in build_tables(result).items():
         with (folder / "tables" / f"{name}.csv").open("w", encoding="utf-8", newline="") as stream:
             writer = csv.writer(stream, lineterminator="\n")
             writer.writerow(table.columns)
             writer.writerows([cell if isinstance(cell, str) else repr(cell) for cell in row] for row in table.rows)
 
 
-def forces(result: RunResult) -> Table:
+def force_table(result: RunResult) -> Table:
     """Return smallest and largest force of every pad, slider and support that gives way, and when and where."""
     rows: list[tuple[Cell, ...]] = [
         (model, name, *extremes.summary().values())
         for model, response in result.responses.items()
-        for name, extremes in force_extremes(response, result.along_at(response.t)).items()
+        for name, extremes in force_extremes(response, result.abscissa_at(response.t)).items()
     ]
-    return Table(("model", "force of", *_extremes("N")), tuple(rows))
+    return Table(("model", "force of", *_extreme_heads("N")), tuple(rows))
 
 
 def force_extremes(response: Response, path: Array) -> dict[str, Extremes]:
     """Return the extremes of each force of a response, by contact; `path` (T,) are path coordinates in m over time."""
     return {
-        name.removeprefix(FORCE_OF): Extremes.of(response.force(name, 0), response.t, path)
+        name.removeprefix(FORCE_OF): Extremes.from_history(response.force(name, 0), response.t, path)
         for name in response.force_names
     }
 
@@ -93,7 +93,7 @@ def probe_extremes(response: Response, path: Array) -> dict[str, Extremes]:
 
     `path` (T,) are path coordinates in m over time.
     """
-    extremes = {name: Extremes.of(response.other(name), response.t, path) for name in response.other_names}
+    extremes = {name: Extremes.from_history(response.other(name), response.t, path) for name in response.other_names}
     return {name: extreme for name, extreme in extremes.items() if not name.startswith(REACTION_OF)}
 
 
@@ -111,38 +111,38 @@ def reaction_extremes(response: Response, path: Array) -> dict[Reaction, Extreme
             values = response.other(name)
             if np.abs(values).max() <= max(response.force_round_off, ROUND_OFF * largest):
                 values = np.zeros_like(values)
-            extremes[Reaction(name.removeprefix(REACTION_OF), unit)] = Extremes.of(values, response.t, path)
+            extremes[Reaction(name.removeprefix(REACTION_OF), unit)] = Extremes.from_history(values, response.t, path)
     return extremes
 
 
-def reactions(result: RunResult) -> Table:
+def reaction_table(result: RunResult) -> Table:
     """Return smallest and largest force or moment of every rigid support, and when and where."""
     rows: list[tuple[Cell, ...]] = [
         (model, of.support, of.unit, *extremes.summary().values())
         for model, response in result.responses.items()
-        for of, extremes in reaction_extremes(response, result.along_at(response.t)).items()
+        for of, extremes in reaction_extremes(response, result.abscissa_at(response.t)).items()
     ]
-    return Table(("model", "reaction of", "unit", *_extremes_in_column()), tuple(rows))
+    return Table(("model", "reaction of", "unit", *_extreme_heads_without_unit()), tuple(rows))
 
 
-def frequencies(result: RunResult) -> Table:
+def frequency_table(result: RunResult) -> Table:
     """Return the lowest frequencies in Hz over the path coordinate, or over the reach of a boom of sections."""
     lowest = result.frequencies
     heads = [f"{name.replace('_', ' ')} {k + 1} [Hz]" for name, f in lowest.models.items() for k in range(f.shape[1])]
     values = np.column_stack([lowest.along, *lowest.models.values()])
-    return Table((f"{result.coordinate} [m]", *heads), tuple(map(tuple, values.tolist())) if lowest.models else ())
+    return Table((f"{result.abscissa_name} [m]", *heads), tuple(map(tuple, values.tolist())) if lowest.models else ())
 
 
 def stress_peaks(result: RunResult) -> dict[str, dict[str, Mapping[str, Any]]]:
     """Return the largest von Mises stress in each region of each body, by model; only of bodies with regions."""
     peaks = dict[str, dict[str, Mapping[str, Any]]]()
-    for name, part in parts_of(result.summary).items():
+    for name, part in summaries_by_section(result.summary).items():
         for model, regions in part.get("stress_by_region", {}).items():
             peaks.setdefault(model, {}).update({named(name, region): peak for region, peak in regions.items()})
     return peaks
 
 
-def parts_of(summary: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+def summaries_by_section(summary: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     """Return what summary.json says of each section, by its name; of a single body, under the empty name, all of it."""
     return {part["name"]: part for part in summary.get("sections", ())} or {ALONE: summary}
 
@@ -150,7 +150,7 @@ def parts_of(summary: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
 def stress_by_part(summary: Mapping[str, Any]) -> dict[str, dict[str, Mapping[str, Any]]]:
     """Return the largest von Mises stress in each region of each body, by model, or in a body without regions."""
     peaks = dict[str, dict[str, Mapping[str, Any]]]()
-    for name, part in parts_of(summary).items():
+    for name, part in summaries_by_section(summary).items():
         for model, peak in part.get("stress_peak", {}).items():
             regions = part.get("stress_by_region", {}).get(model) or {WHOLE: peak}
             peaks.setdefault(model, {}).update(
@@ -159,7 +159,7 @@ def stress_by_part(summary: Mapping[str, Any]) -> dict[str, dict[str, Mapping[st
     return peaks
 
 
-def stress(result: RunResult) -> Table:
+def stress_table(result: RunResult) -> Table:
     """Return the largest von Mises stress of each region, with its time and position."""
     rows = [
         (model, region, peak["value"], peak["t"], *peak["position"], peak["face"])
@@ -170,32 +170,32 @@ def stress(result: RunResult) -> Table:
     return Table(("model", "region", "von Mises [Pa]", "t [s]", *places, "face"), tuple(rows))
 
 
-def probes(result: RunResult) -> Table:
+def probe_table(result: RunResult) -> Table:
     """Return smallest and largest value of what each probe measures, with times and path coordinates."""
     rows = []
     for model, response in result.responses.items():
-        extremes = probe_extremes(response, result.along_at(response.t))
-        for probe in _probes(result, response):
+        extremes = probe_extremes(response, result.abscissa_at(response.t))
+        for probe in _measured_probes(result, response):
             head = (model, probe["name"], probe["unit"], *probe["at"], probe["face"])
             rows.append((*head, *extremes[probe["name"]].summary().values()))
     return Table(
-        ("model", "probe", "unit", "x [m]", "y [m]", "z [m]", "face", *_extremes_in_column()),
+        ("model", "probe", "unit", "x [m]", "y [m]", "z [m]", "face", *_extreme_heads_without_unit()),
         tuple(rows),
     )
 
 
-def load_cycles(result: RunResult) -> Table:
+def load_cycle_table(result: RunResult) -> Table:
     """Return the rainflow cycles of stresses and strains at probes, for an assessment of fatigue."""
     rows = []
     for model, response in result.responses.items():
-        for probe in _probes(result, response):
+        for probe in _measured_probes(result, response):
             if probe["unit"] != "mm":
-                loops = cycles(response.t, response.other(probe["name"]))
+                loops = rainflow_cycles(response.t, response.other(probe["name"]))
                 rows += [(model, probe["name"], probe["unit"], *cycle) for cycle in loops.tolist()]
     return Table(("model", "probe", "unit", "range", "mean", "count", "t_begin [s]", "t_end [s]"), tuple(rows))
 
 
-def section_forces(result: RunResult) -> Table:
+def section_force_table(result: RunResult) -> Table:
     """Return the envelope of beams: smallest and largest force, moment and corner stress at each position."""
     rows = []
     for name, body in result.bodies.items():
@@ -208,27 +208,27 @@ def section_forces(result: RunResult) -> Table:
 
 
 _TABLES: Mapping[str, Callable[[RunResult], Table]] = {
-    "forces": forces,
-    "reactions": reactions,
-    "frequencies": frequencies,
-    "probes": probes,
-    "cycles": load_cycles,
-    "stress": stress,
-    "section_forces": section_forces,
+    "forces": force_table,
+    "reactions": reaction_table,
+    "frequencies": frequency_table,
+    "probes": probe_table,
+    "cycles": load_cycle_table,
+    "stress": stress_table,
+    "section_forces": section_force_table,
 }
 
 
-def _extremes(unit: str) -> tuple[str, ...]:
+def _extreme_heads(unit: str) -> tuple[str, ...]:
     """Return the heads of the columns of extremes in this unit."""
     return f"min [{unit}]", "t_min [s]", "s_min [m]", f"max [{unit}]", "t_max [s]", "s_max [m]"
 
 
-def _extremes_in_column() -> tuple[str, ...]:
+def _extreme_heads_without_unit() -> tuple[str, ...]:
     """Return the heads of the columns of extremes whose unit is in a column of its own."""
-    return tuple(name.removesuffix(" []") for name in _extremes(""))
+    return tuple(name.removesuffix(" []") for name in _extreme_heads(""))
 
 
-def _probes(result: RunResult, response: Response) -> Iterator[Mapping[str, Any]]:
+def _measured_probes(result: RunResult, response: Response) -> Iterator[Mapping[str, Any]]:
     """Yield the probes of summary.json that the response has."""
     yield from (probe for probe in result.summary.get("probes", ()) if probe["name"] in response.other_names)
 
@@ -258,7 +258,8 @@ def load(folder: str | Path) -> dict[str, DataFrame]:
         }
     result = RunResult.load(folder)
     frames = {
-        name: pandas.DataFrame(list(table.rows), columns=list(table.columns)) for name, table in tables(result).items()
+        name: pandas.DataFrame(list(table.rows), columns=list(table.columns))
+        for name, table in build_tables(result).items()
     }
     for name, response in result.responses.items():
         index = pandas.Index(response.t, name="t [s]")

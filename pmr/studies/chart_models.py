@@ -92,17 +92,17 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
         full = shared.full_system(scene)
         arrays["too_stiff"] = np.array(stiffness_excess(scene, better, full, at, arguments["up_to"]))
     of_structures = [line for body in shared.bodies_of(scene).values() for line in warnings(body.structure)]
-    lines = dict.fromkeys((*of_structures, *mesh.warnings(scene), *turning_warnings(scene, at.luffing)))
+    lines = dict.fromkeys((*of_structures, *mesh.mesh_warnings(scene), *turning_warnings(scene, at.luffing)))
     return TaskResult(arrays=arrays, warnings=tuple(lines))
 
 
 def finer_mesh_system(scene: Scene) -> System | None:
     """Return the reduced system of beams on elements half as long; None for other bodies, which take long."""
-    from pmr.compare.accuracy.mesh import finer_beams, has_rigid_beams, once
+    from pmr.compare.accuracy.mesh import finer_beams, has_rigid_beams, motion_only
 
     if not has_rigid_beams(scene) or any(part.mesh.file is not None for part in scene.sections):
         return None
-    finer = once(finer_beams(scene))
+    finer = motion_only(finer_beams(scene))
     return shared.reduced_system(finer)
 
 

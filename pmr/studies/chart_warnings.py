@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare.errors import relative_error
-from pmr.compare.forces import missing_reactions, pulled_rings, ropes_part, unknown_forces
-from pmr.compare.trust import budget_warnings, large_motion
+from pmr.compare.forces import missing_reaction_warnings, pulled_pad_warnings, ropes_part, unknown_force_warnings
+from pmr.compare.trust import budget_warnings, large_motion_warnings
 from pmr.results import Energy, Response
-from pmr.results.run import Part, grave
+from pmr.results.run import SummaryPart, grave_warnings
 from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.simulation.statics.loaded import State
@@ -98,16 +98,16 @@ def warnings_of_row(
         return ()
     response = _response_at_equilibria(equilibria)
     parts = [
-        Part(grave=pulled_rings(scene, contacts, response)),
+        SummaryPart(grave=pulled_pad_warnings(scene, contacts, response)),
         ropes_part(scene, response),
-        Part(grave=large_motion(float(reach.max()), [response])),
+        SummaryPart(grave=large_motion_warnings(float(reach.max()), [response])),
     ]
     budget = {}
     for part, other in compared.items():
         other_model = {"beside": other.label} if part == "model" else {}
         budget[part] = _relative_errors(equilibria, of_compared[part], other.share) | other_model
-    hints = [*unknown_forces(scene, response), *missing_reactions(scene)]
-    return (*grave(parts), *budget_warnings(scene, budget), *hints)
+    hints = [*unknown_force_warnings(scene, response), *missing_reaction_warnings(scene)]
+    return (*grave_warnings(parts), *budget_warnings(scene, budget), *hints)
 
 
 def unnamed_loads(scene: Scene, cases: Sequence[Mapping[str, Any]]) -> Iterator[str]:

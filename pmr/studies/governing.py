@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from pmr.results.quantities import mises
+from pmr.results.quantities import von_mises_stress
 from pmr.scene.keys import Section, Usual
 from pmr.simulation.statics.loaded import States
 from pmr.simulation.statics.postures import HOOK, Bent, Postures
@@ -149,7 +149,7 @@ def governing_details(
 
 def _stress_columns(at: Postures) -> dict[str, dict[str, int]]:
     """Return the columns of each stress component by probe, without probes that limits of the field have added."""
-    return {probe: components for probe, components in at.columns.stresses().items() if FIELD not in probe}
+    return {probe: components for probe, components in at.columns.stress_columns().items() if FIELD not in probe}
 
 
 def _place_arrays(limits: Sequence[Limit], place: Place, load: float, bent: Bent) -> dict[str, Array]:
@@ -161,7 +161,7 @@ def _place_arrays(limits: Sequence[Limit], place: Place, load: float, bent: Bent
     state = place.equilibria.state(load)
     shape = Place(bent.measured(at), place.k, place.amounts, place.gravity).equilibria.state(load)
     stress = [
-        float(mises(state.outputs[list(components.values())], tuple(components)))
+        float(von_mises_stress(state.outputs[list(components.values())], tuple(components)))
         for components in _stress_columns(at).values()
     ]
     used = [place.used_share(limit, state) for limit in limits]

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from pmr.errors import InputError
-from pmr.results.quantities import LIMITED, Columns, Measure, fits
+from pmr.results.quantities import LIMITED, Columns, Measure, matches_pattern
 from pmr.scene import Scene
 from pmr.scene.choice import model_of
 from pmr.scene.keys import Section, Usual, named
@@ -257,7 +257,7 @@ class Limit(Section):
         measure_of = LIMITED[self.of].measure
         measure = measure_of and measure_of(columns, self.concerns)
         if measure is None:
-            probes = [probe for probe in columns.stresses() if FIELD not in probe] if self.of == "stress" else []
+            probes = [probe for probe in columns.stress_columns() if FIELD not in probe] if self.of == "stress" else []
             raise self._unknown_name(probes)
         return measure
 
@@ -293,18 +293,20 @@ class Limit(Section):
             raise self._unknown_name(())
         if self.kind.names is not None:
             names = self.kind.names(scene)
-            if not all(any(fits((pattern,), name) for name in names) for pattern in self.which):
+            if not all(any(matches_pattern((pattern,), name) for name in names) for pattern in self.which):
                 raise self._unknown_name(names)
 
     def concerns(self, name: str) -> bool:
         """Return whether the limit depends on the column, the probe or the point of the field with this name."""
         if self.of not in ("stress", "field"):
-            return fits(self.which, name)
+            return matches_pattern(self.which, name)
         body, separator, suffix = name.rpartition(FIELD)
         if self.of == "stress":
-            return not separator and fits(self.which, name)
+            return not separator and matches_pattern(self.which, name)
         body, region = body.removesuffix(": "), suffix.rpartition(" ")[0]
-        return bool(separator) and (fits(self.which, body or WHOLE) or fits(self.which, named(body, region)))
+        return bool(separator) and (
+            matches_pattern(self.which, body or WHOLE) or matches_pattern(self.which, named(body, region))
+        )
 
     def _unknown_name(self, names: Sequence[str]) -> InputError:
         """Return the error of a name in ``which`` that is not among `names`; empty `names`: nothing can be limited."""
@@ -357,7 +359,7 @@ def _field_probes(name: str, model: Any, patterns: Sequence[str]) -> Iterator[Pr
         return
     faces = [face for face in FACES if face in rows.faces] or list(rows.faces)
     for region, cells in (dict(model.grid.regions) or {WHOLE: np.unique(rows.cell)}).items():
-        if not (fits(patterns, name or WHOLE) or fits(patterns, named(name, region))):
+        if not (matches_pattern(patterns, name or WHOLE) or matches_pattern(patterns, named(name, region))):
             continue
         for face in faces:
             at = rows.on(face)

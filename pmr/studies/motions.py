@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare.accuracy.order import trials_of
-from pmr.compare.outputs import in_parts, run_from_start
-from pmr.compare.responses import respond
+from pmr.compare.outputs import divide_steps, run_from_start
+from pmr.compare.responses import evaluate_motion
 from pmr.reduced.attachment import as_simulated
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import MODAL, extend, truncate
@@ -57,9 +57,9 @@ class FullMotion:
         """Build the full models of a scene and simulate their motion."""
         is_alone = len(scene.sections) == 1
         full = System.of(modal_form(shared.body_of(scene)).body) if is_alone else shared.full_system(scene)
-        excitation = in_parts(full, Excitation.of(scene))
+        excitation = divide_steps(full, Excitation.of(scene))
         run = run_from_start(full, excitation)
-        return cls(scene, full, excitation, run, with_forces_on_machine(scene, respond(full, run)))
+        return cls(scene, full, excitation, run, with_forces_on_machine(scene, evaluate_motion(full, run)))
 
 
 def simulate_displacement(
@@ -72,7 +72,7 @@ def simulate_displacement(
     driven = Excitation.of(scene)
     grid = replace(driven.stepping, step=step_factor * driven.stepping.step)
     grid = grid if rho_inf is None else replace(grid, rho_inf=rho_inf)
-    return respond(system, run_from_start(system, driven.on_grid(grid), every)).displacement
+    return evaluate_motion(system, run_from_start(system, driven.on_grid(grid), every)).displacement
 
 
 @dataclass(frozen=True)
@@ -155,13 +155,13 @@ def _section_family(boom: Scene, basis: str) -> ModelFamily:
 
     def system_of_size(size: int) -> System:
         """Return the system with `size` elastic modes in each section."""
-        modal = trials.models(trials.uniform(size))
+        modal = trials.models(trials.uniform_sizes(size))
         if basis == "modes":
             modal = {name: _without_flexibility(model) for name, model in modal.items()}
         stressed = any(frame_terms(boom))
         return system_of(boom, {name: as_simulated(model, stressed) for name, model in modal.items()})
 
-    return ModelFamily(system_of_size, trials.elastic(trials.most))
+    return ModelFamily(system_of_size, trials.most_elastic_modes(trials.most))
 
 
 def _without_flexibility(model: ReducedModel) -> ReducedModel:

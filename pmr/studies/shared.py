@@ -219,12 +219,12 @@ def simulate_reference(arguments: Arguments, needs: Needs) -> TaskResult:
 
 def compute_frequencies(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: the full model's f lowest frequencies ``omega`` (S, f) in rad/s at path coordinates ``s`` (S,) in m."""
-    from pmr.compare.frequencies import CURVES, visited_positions
+    from pmr.compare.frequencies import CURVES, comparison_positions
     from pmr.fullmodel.eigensolvers import lowest_frequencies
 
     scene = scene_of(arguments)
     model = model_of(scene)
-    s = visited_positions(scene, model.size)
+    s = comparison_positions(scene, model.size)
     return TaskResult(arrays={"s": s, "omega": lowest_frequencies(model, s, CURVES, scene.reduction.solver)})
 
 

@@ -139,7 +139,7 @@ def _pivot_rows(at: Postures) -> Array:
 
     Rows of y, rx and rz are zero for a planar boom; raises InputError if another direction is not among the outputs.
     """
-    columns, count = at.columns.at_pivot(), len(at.output_names)
+    columns, count = at.columns.pivot_columns(), len(at.output_names)
     planar = not {"y", "rx", "rz"} & set(columns)
     missing = [axis for axis in AXES if axis not in columns and not (planar and axis in ("y", "rx", "rz"))]
     if missing:

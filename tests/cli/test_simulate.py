@@ -14,7 +14,7 @@ from processes import FENICSX, PETSC, called, without
 from pmr import pipeline as whole
 from pmr import scene
 from pmr.compare.saved_model import simulate_saved
-from pmr.compare.simulated import check_made_for, simulate
+from pmr.compare.simulated import check_same_scene, simulate
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
 from pmr.system.system import System
@@ -114,7 +114,7 @@ def test_loads_in_another_place_or_direction_than_the_model_was_made_with_are_re
         simulate(scene.load(file, [*ours, "loads.gust.on=3"]), model)
     written = model.provenance["scene"]
     older = {"scene": written | {"gravity": {}, "loads": [{"name": load["name"]} for load in written["loads"]]}}
-    check_made_for(replace(model, provenance=older), scene.load(file, ours))
+    check_same_scene(replace(model, provenance=older), scene.load(file, ours))
 
 
 BAKED = {
@@ -138,7 +138,7 @@ def test_what_is_baked_into_a_saved_model_is_refused_where_a_scene_says_somethin
     """Of each kind of key one; signals, path and time are free."""
     file, ours = ROOT / "workflows" / "boom_beam.toml", [*MODELS["boom_beam"], "mesh.elements=8", "recovery.every=1"]
     model = ReducedModel.load(whole.reduce(scene.load(file, ours)).reduced.save(tmp_path / "reduced.npz"))
-    check_made_for(model, scene.load(file, [*ours, *FREE]))
+    check_same_scene(model, scene.load(file, [*ours, *FREE]))
     for change, says in BAKED.items():
         with pytest.raises(InputError, match=f"scene: {says}"):
             simulate_saved(System.of(model), scene.load(file, [*ours, change]))
@@ -154,10 +154,10 @@ def test_a_file_of_another_content_than_the_models_is_refused(tmp_path: Path) ->
     made = {"scene": asked.model_dump(mode="json"), "files": asked.alone.digests}
     made["scene"]["reduction"]["file"] = basis.name
     model = replace(ReducedModel.load(EARLIER), provenance=made)
-    check_made_for(model, asked)
+    check_same_scene(model, asked)
     np.savez(basis, V=np.eye(153, 6, k=-4))
     with pytest.raises(InputError, match=r"scene: reduction.file = 'basis.npz': .* 'content of SHA-256"):
-        check_made_for(model, asked)
+        check_same_scene(model, asked)
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from processes import FENICSX, PETSC, called, without
 
 import pmr
 from pmr.compare.saved_model import EARLIER, simulate_saved
-from pmr.compare.simulated import check_fits
+from pmr.compare.simulated import check_scene_fits
 from pmr.errors import InputError
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
@@ -132,7 +132,7 @@ FREE = ["title=x", "time.step=1e-3", "gravity.rise=0.1", *OTHER[:2]]
 
 
 def test_what_is_baked_into_a_saved_boom_is_refused_where_a_scene_says_something_else(system: System) -> None:
-    check_fits(pmr.load_scene("boom_two", [*SHORT, *FREE]), system)
+    check_scene_fits(pmr.load_scene("boom_two", [*SHORT, *FREE]), system)
     for change, says in BAKED.items():
         with pytest.raises(InputError, match=f"scene: {says}"):
             pmr.simulate(pmr.load_scene("boom_two", [*SHORT, change]), system)
@@ -142,9 +142,9 @@ def test_a_system_without_second_order_is_refused_to_a_scene_that_asks_for_it() 
     quick = ["section.mesh.elements=8", "compare.against=[]", "time.end=0.01", "time.step=1e-3"]
     scene = pmr.load_scene("crane", [*quick, "frame.second_order=false"])
     system = pmr.reduce(scene).system
-    check_fits(scene, system)
+    check_scene_fits(scene, system)
     with pytest.raises(InputError, match="frame.second_order") as refused:
-        check_fits(pmr.load_scene("crane", [*quick, "frame.second_order=true"]), system)
+        check_scene_fits(pmr.load_scene("crane", [*quick, "frame.second_order=true"]), system)
     assert refused.value.allowed == "false is allowed: the system was reduced so"
 
 

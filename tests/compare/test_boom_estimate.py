@@ -146,7 +146,7 @@ def test_the_band_around_the_tip_holds_what_the_full_model_says() -> None:
 
 @pytest.mark.slow
 def test_richer_models_that_disagree_on_an_impact_are_no_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(estimates, "settled", lambda error, apart: apart <= 1e-9 * error)
+    monkeypatch.setattr(estimates, "are_settled", lambda error, apart: apart <= 1e-9 * error)
     outcome = run(load("compare.against=[]", "time.end=0.1"))
     assert outcome is not None
     assert "depends on the exact time of impacts" in outcome.result.summary["estimate"]["reason"]
@@ -167,7 +167,7 @@ def test_peaks_of_pads_that_rattle_are_a_range_if_they_differ() -> None:
 @pytest.mark.slow
 def test_what_no_richer_model_tells_and_an_odd_material_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """Peaks agree here; the material of which section is named by its key."""
-    monkeypatch.setattr(estimates, "settled", lambda error, apart: False)
+    monkeypatch.setattr(estimates, "are_settled", lambda error, apart: False)
     outcome = run(load("compare.against=[]", "section.body.material.density=7.85"))
     assert outcome is not None
     summary = outcome.result.summary

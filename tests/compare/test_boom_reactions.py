@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pmr import pipeline
 from pmr import scene as scenes
-from pmr.compare.responses import respond
+from pmr.compare.responses import evaluate_motion
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import Built, build_bodies
 from pmr.reduced.model import ReducedModel
@@ -85,7 +85,7 @@ class Run:
 
     @property
     def response(self) -> Response:
-        return respond(self.system, self.moved)
+        return evaluate_motion(self.system, self.moved)
 
 
 def run(changes: Sequence[str], simulator: SystemSimulator = systems.simulate) -> Run:

@@ -21,7 +21,7 @@ from pmr.compare.trust import (
     SLIDER_IMPACTS,
     coverage_warnings,
     effects_not_covered,
-    highest_known,
+    highest_mode_frequency,
 )
 from pmr.errors import InputError, SimulationError
 from pmr.pipeline import run
@@ -38,12 +38,12 @@ STEPPING = TimeStepping(2.0, 1e-3)
 def test_the_highest_frequency_known_is_that_of_the_steps() -> None:
     assert MODEL.enrichment is not None
     true = float(np.sqrt(MODEL.enrichment.stiffness[-1])) / (2.0 * np.pi)
-    assert highest_known(MODEL, TimeStepping(1.0, 1e-5)) == pytest.approx(true, rel=1e-4)
+    assert highest_mode_frequency(MODEL, TimeStepping(1.0, 1e-5)) == pytest.approx(true, rel=1e-4)
     omega, h = 2.0 * np.pi * true, 1e-3
     # the trapezoidal rule keeps all energy and turns a mode by 2 atan(omega h / 2) in a step
     step = np.linalg.solve([[1.0, -h / 2], [omega**2 * h / 2, 1.0]], [[1.0, h / 2], [-(omega**2) * h / 2, 1.0]])
     turned = abs(float(np.angle(np.linalg.eigvals(step)[0])))
-    assert highest_known(MODEL, STEPPING) == pytest.approx(turned / (2.0 * np.pi * h), rel=1e-9)
+    assert highest_mode_frequency(MODEL, STEPPING) == pytest.approx(turned / (2.0 * np.pi * h), rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -140,10 +140,10 @@ def test_the_motion_of_a_machine_that_is_found_is_named(tmp_path: Path, free: li
 def test_a_run_says_it_in_report_and_summary(load_scene, load: list[str]) -> None:
     outcome = run(load_scene("evolved_residual", [*SHORT, *load, "simulation.simulators=['march']"]))
     assert outcome is not None
-    summary, text = outcome.result.summary, " ".join(point.text for point in sentences.points(outcome.result))
+    summary, text = outcome.result.summary, " ".join(point.text for point in sentences.sentence_points(outcome.result))
     left_out = summary["estimate"]["not_covered"]
     assert left_out[-3:] == [AWAY_FROM_PROBES, RIGID_REACTIONS, SLIDER_IMPACTS]
-    assert AWAY_FROM_PROBES in errors.estimate(outcome.result) and AWAY_FROM_PROBES in text
+    assert AWAY_FROM_PROBES in errors.estimate_sentence(outcome.result) and AWAY_FROM_PROBES in text
     assert (len(left_out) == 4) == bool(load) == any("larger than its estimate" in line for line in summary["warnings"])
     assert all(clause in text for clause in left_out)
 
@@ -152,9 +152,9 @@ def test_a_run_says_it_in_report_and_summary(load_scene, load: list[str]) -> Non
 @pytest.mark.parametrize(
     ("name", "function", "error"),
     [
-        ("evolved_residual", "estimate", SimulationError("march failed at step 7")),
-        ("paper_evolved", "by_other", InputError("scene", "time", None, "march refuses")),
-        ("paper_evolved", "by_other", SimulationError("march failed at step 7")),
+        ("evolved_residual", "estimate_error", SimulationError("march failed at step 7")),
+        ("paper_evolved", "estimate_by_other_model", InputError("scene", "time", None, "march refuses")),
+        ("paper_evolved", "estimate_by_other_model", SimulationError("march failed at step 7")),
     ],
 )
 def test_an_estimate_that_fails_leaves_the_run_standing(load_scene, monkeypatch, name, function, error) -> None:
@@ -168,7 +168,7 @@ def test_an_estimate_that_fails_leaves_the_run_standing(load_scene, monkeypatch,
     assert outcome is not None
     found = outcome.result.summary["estimate"]
     assert found["beam"] is None and found["reason"] == reason and outcome.result.tip_error is None
-    assert reason in errors.estimate(outcome.result)
+    assert reason in errors.estimate_sentence(outcome.result)
 
 
 def test_without_tones_and_steps_there_is_no_share() -> None:

@@ -13,9 +13,9 @@ from one_body import displacement
 from oracle import enriched, flexible, full_body, nrms_error, paper_basis, project, rich_body, with_curvature
 
 from pmr.compare import estimated
-from pmr.compare.estimate import MARGIN, Estimate, by_other, no_estimate
-from pmr.compare.estimated import envelope, estimate_warnings
-from pmr.compare.outputs import Floors, Outputs, differences, probe_differences
+from pmr.compare.estimate import MARGIN, Estimate, estimate_by_other_model, reason_without_estimate
+from pmr.compare.estimated import error_envelope, estimate_warnings
+from pmr.compare.outputs import Outputs, RoundOffBounds, differences, probe_differences
 from pmr.compare.trust import reduction_warnings
 from pmr.reduced.matrices import Rayleigh
 from pmr.reduced.model import ReducedModel
@@ -76,7 +76,7 @@ def test_forces_and_velocities_have_estimates_of_their_own(r: int) -> None:
     truth_, own = (outputs(one, excitation) for one in (full, model))
     found = estimate(model, excitation)
     for kind in ("pad_force", "velocity"):
-        assert 1.0 < found.of(kind) / nrms_error(own.of(kind), truth_.of(kind)) < 2.0
+        assert 1.0 < found.error_of(kind) / nrms_error(own.of_kind(kind), truth_.of_kind(kind)) < 2.0
 
 
 @pytest.mark.parametrize("r", [6, 9])
@@ -85,16 +85,16 @@ def test_what_probes_measure_has_estimates_by_name(r: int) -> None:
     model = enriched(full, r, enrichment=4)
     truth_, own = (outputs(one, excitation) for one in (full, model))
     found = estimate(model, excitation)
-    assert list(found.probes) == ["gauge"] and found.of("probe") == found.probes["gauge"]
+    assert list(found.probes) == ["gauge"] and found.error_of("probe") == found.probes["gauge"]
     assert 1.0 < found.probes["gauge"] / nrms_error(own.probe, truth_.probe) < 2.0
     assert own.displacement.shape[1] == 31  # the gauge is no place along the beam
-    other = by_other(System.of(model), enriched(full, r + 4, enrichment=4), excitation).probes["gauge"]
+    other = estimate_by_other_model(System.of(model), enriched(full, r + 4, enrichment=4), excitation).probes["gauge"]
     assert nrms_error(own.probe, truth_.probe) < other < 2.0 * found.probes["gauge"]
     assert estimated.estimate_summary(found)["probes"] == found.probes
 
 
 def test_a_probe_that_sees_little_is_measured_by_a_hundredth_of_the_largest() -> None:
-    one, floors = np.array([[1.0, 1e-4, 3.0], [-1.0, 1e-4, -3.0]]), Floors(0.0, 0.0, np.array([0.0, 0.0, 0.0]))
+    one, floors = np.array([[1.0, 1e-4, 3.0], [-1.0, 1e-4, -3.0]]), RoundOffBounds(0.0, 0.0, np.array([0.0, 0.0, 0.0]))
     reference = Outputs(one[:, :0], one[:, :0], one[:, :0], one, ("Pa", "Pa", "mm"), ())
     off = replace(reference, probe=one * (1.1, 3.0, 1.2))
     assert probe_differences(off, reference, floors) == pytest.approx([0.1, 0.02, 0.2])
@@ -106,12 +106,12 @@ def test_a_probe_that_sees_little_is_measured_by_a_hundredth_of_the_largest() ->
 def test_forces_have_none_where_a_rigid_slider_strikes() -> None:
     """At a kink of the path; a slider that gives way has an estimate."""
     kinked, model = Ramp(times=(0.1, 0.6), values=(2.0, 3.0)), enriched(full_body(20), 5, enrichment=4)
-    assert estimate(model, driven(kinked, LOADS[0], STEPPING)).of("pad_force") == 0.0
-    assert estimate(model, driven(PATH, LOADS[0], STEPPING)).of("pad_force") > 0.0
+    assert estimate(model, driven(kinked, LOADS[0], STEPPING)).error_of("pad_force") == 0.0
+    assert estimate(model, driven(PATH, LOADS[0], STEPPING)).error_of("pad_force") > 0.0
     soft = replace(model, pads=np.array([1e-7]))
-    assert estimate(soft, driven(kinked, LOADS[0], STEPPING)).of("pad_force") > 0.0
+    assert estimate(soft, driven(kinked, LOADS[0], STEPPING)).error_of("pad_force") > 0.0
     late = Ramp(times=(1.0, 2.0), values=(2.0, 3.0))  # the first kink is at the end
-    assert estimate(model, driven(late, LOADS[0], STEPPING)).of("pad_force") > 0.0
+    assert estimate(model, driven(late, LOADS[0], STEPPING)).error_of("pad_force") > 0.0
 
 
 @pytest.mark.parametrize("r", [9, 12, 16])
@@ -155,10 +155,12 @@ def test_of_any_basis_a_model_of_free_modes_tells_the_error(r: int) -> None:
     """At least the true one, and more by what that model is off by itself."""
     full, excitation = full_body(30), driven(PATH, LOADS[0], STEPPING)
     pod, w = project(full, paper_basis(full, 5, 6, r)), truth(full, PATH, LOADS[0], STEPPING)
-    beam, error = errors(by_other(System.of(pod), enriched(full, 6, enrichment=4), excitation), pod, w, PATH, LOADS[0])
+    beam, error = errors(
+        estimate_by_other_model(System.of(pod), enriched(full, 6, enrichment=4), excitation), pod, w, PATH, LOADS[0]
+    )
     for free in (6, 10):
         better = enriched(full, free, enrichment=4)
-        found, own = by_other(System.of(pod), better, excitation), estimate(better, excitation)
+        found, own = estimate_by_other_model(System.of(pod), better, excitation), estimate(better, excitation)
         assert beam <= found.beam <= 1.01 * beam + 2.0 * own.beam
         assert np.abs(found.error - error).max() < 0.5 * own.largest
         assert found.by == "other model" and estimated.estimate_summary(found)["chi"] is None
@@ -167,7 +169,7 @@ def test_of_any_basis_a_model_of_free_modes_tells_the_error(r: int) -> None:
 def test_an_envelope_holds_an_oscillation_without_its_zeros() -> None:
     t = np.linspace(0.0, 10.0, 2001)
     error = np.stack([t * np.sin(2.0 * np.pi * 3.0 * t), np.zeros_like(t)], axis=1)
-    found = envelope(error)
+    found = error_envelope(error)
     assert np.all(found >= np.abs(error)) and np.all(found[:, 1] == 0.0)
     assert np.all(found[:, 0] <= t + 0.5) and np.all(found[200:, 0] >= t[200:] - 0.5)
 
@@ -176,16 +178,16 @@ def test_where_there_is_no_estimate_it_says_why() -> None:
     full = full_body(20)
     model = enriched(full, 5, enrichment=2)
     pod = project(full, paper_basis(full, 3, 3, 5))
-    assert no_estimate({"": model}) is None
-    assert "without residual flexibility" in str(no_estimate({"": pod}))
-    assert "not one of eigenmodes" in str(no_estimate({"": replace(pod, flexibility=model.flexibility)}))
+    assert reason_without_estimate({"": model}) is None
+    assert "without residual flexibility" in str(reason_without_estimate({"": pod}))
+    assert "not one of eigenmodes" in str(reason_without_estimate({"": replace(pod, flexibility=model.flexibility)}))
     for without in (
         flexible(full, 5),
         replace(model, enrichment=None),
         replace(flexible(full, 5), enrichment=model.enrichment),
         replace(model, carriers=None),
     ):
-        assert "keeps no enrichment modes" in str(no_estimate({"": without}))
+        assert "keeps no enrichment modes" in str(reason_without_estimate({"": without}))
     with pytest.raises(ValueError, match="no estimate: without residual flexibility"):
         estimate(pod, driven(PATH, LOADS[0], STEPPING))
 

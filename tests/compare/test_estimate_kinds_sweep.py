@@ -14,7 +14,7 @@ import pytest
 from alone import estimate, outputs
 from random_scenes import pushing_scene, sliding_scene
 
-from pmr.compare.outputs import OUTPUT_KINDS, Floors, differences, in_parts
+from pmr.compare.outputs import OUTPUT_KINDS, RoundOffBounds, differences, divide_steps
 from pmr.errors import SimulationError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
@@ -35,11 +35,11 @@ def ratios(scene: Scene) -> Iterator[tuple[str, float, float]]:
     reduced = reduce_with(scene, model, take_snapshots(scene, model)).model
     excitation = Excitation.of(scene)
     own, system = outputs(reduced, excitation), System.of(reduced)
-    full = outputs(model.gather(), in_parts(system, excitation))  # which follows its parts of a step
+    full = outputs(model.gather(), divide_steps(system, excitation))  # which follows its parts of a step
     known = own.force.shape[1]
     full = replace(full, force=full.force[:, -known:])  # rigid holds are rows of it alone
     found = estimate(reduced, excitation)
-    true = differences(own, full, Floors.of(system, excitation))
+    true = differences(own, full, RoundOffBounds.for_system(system, excitation))
     for kind in OUTPUT_KINDS:
         said = found.errors.get(kind)
         if said is not None and true[kind] > SMALLEST:

@@ -13,7 +13,7 @@ import pmr
 from pmr.compare.errors import force_errors, force_histories
 from pmr.compare.model_part import Motion, model_budget
 from pmr.compare.step_error import step_error
-from pmr.compare.trust import budget_warnings, figures_not_covered, reduction_warnings
+from pmr.compare.trust import budget_warnings, quantities_not_covered, reduction_warnings
 from pmr.scene import load_any
 from pmr.simulation import Excitation
 
@@ -27,7 +27,7 @@ PADS = {"left": 3e3 * np.sin(T), "right": 4e3 * np.sin(T)}
 def boom():
     """A beam on pads and its motion."""
     scene = load_any(WORKFLOWS / "boom_beam.toml", QUICK)
-    return scene, Motion.of(scene, pmr.reduce(scene).system)
+    return scene, Motion.compute(scene, pmr.reduce(scene).system)
 
 
 @pytest.mark.parametrize("size", [1.0, 1e-200, 1e200])
@@ -68,12 +68,12 @@ def test_a_mesh_is_measured_by_frequencies_and_reactions_too(boom) -> None:
 
 def test_what_a_part_has_no_figure_for_is_named(boom) -> None:
     scene, motion = boom
-    lacking = figures_not_covered(scene, motion.response, {"beam": 0.1, "frequency": 0.2})
+    lacking = quantities_not_covered(scene, motion.response, {"beam": 0.1, "frequency": 0.2})
     assert lacking == ["pad forces", "stresses"]  # its cylinder bears nothing
     response = replace(motion.response, others=np.full_like(np.asarray(motion.response.others), 1e4))
-    assert "reactions of rigid supports" in figures_not_covered(scene, response, {})
+    assert "reactions of rigid supports" in quantities_not_covered(scene, response, {})
     plain = scene.model_copy(update={"recovery": None})
-    assert figures_not_covered(plain, motion.response, {"pad_force": 0.0}, exact=("frequency",)) == []
+    assert quantities_not_covered(plain, motion.response, {"pad_force": 0.0}, exact=("frequency",)) == []
 
 
 @pytest.mark.slow
@@ -88,10 +88,10 @@ def test_the_steps_error_of_forces_is_that_beside_far_smaller_steps(name: str) -
     own, reference = (pmr.simulate(one, system) for one in (scene, fine))
     sampled = {key: {n: f[::16] for n, f in of.items()} for key, of in force_histories(reference).items()}
     true = force_errors(force_histories(own), sampled)
-    assert set(true) == set(error.others) and "pad_force" in true
+    assert set(true) == set(error.further_errors) and "pad_force" in true
     for kind, size in true.items():
         if kind not in error.unsettled and size > 1e-6:
-            assert size < error.others[kind] < 2.5 * size
+            assert size < error.further_errors[kind] < 2.5 * size
 
 
 def test_a_reduction_that_is_far_off_is_a_warning_by_itself() -> None:

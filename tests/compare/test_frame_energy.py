@@ -10,9 +10,9 @@ from newton_euler import needed
 
 import pmr
 from pmr import scene as scenes
-from pmr.compare.moving_frame import InSpace, in_space
-from pmr.compare.responses import respond
-from pmr.compare.simulated import excitation_in
+from pmr.compare.moving_frame import SpaceEnergy, energy_in_space
+from pmr.compare.responses import evaluate_motion
+from pmr.compare.simulated import excitation_of_scene
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.simulation.frame_motion import Turning
@@ -71,10 +71,10 @@ PRESSED = (
 )
 
 
-def followed(scene: Scene, system: System) -> tuple[InSpace, Response]:
-    excitation = excitation_in(scene, system)
+def followed(scene: Scene, system: System) -> tuple[SpaceEnergy, Response]:
+    excitation = excitation_of_scene(scene, system)
     run = systems.simulate(system, excitation, systems.start_of(system, excitation))
-    return in_space(scene, system, excitation, run), at_pivot(scene, respond(system, run))
+    return energy_in_space(scene, system, excitation, run), at_pivot(scene, evaluate_motion(system, run))
 
 
 @pytest.mark.parametrize("second_order", ["false", "true"])
@@ -94,7 +94,7 @@ def test_work_is_what_the_energy_changes_by_to_second_order_in_the_step(
     for scene in steps:
         found, _ = followed(scene, system)
         left.append(np.abs(found.residual_energy).max() / np.ptp(found.energy))
-        assert np.abs(found.drives).max() > 0.05 * np.ptp(found.energy)
+        assert np.abs(found.drive_work).max() > 0.05 * np.ptp(found.energy)
     assert left[1] < 1e-4
     assert left[1] == pytest.approx(left[0] / 4.0, rel=0.1)
 
@@ -116,7 +116,7 @@ def test_the_drives_work_is_that_of_the_base_s_reactions_and_the_cylinders() -> 
         rigid = needed(scene, number, t)
         power -= np.einsum("tk,tk->t", rigid.moment, omega) + rigid.force[:, 0] * out
     work = np.append(0.0, np.cumsum(power[1:] + power[:-1]) / 2.0 * scene.time.step)
-    assert work == pytest.approx(found.drives, abs=2e-3 * np.abs(found.drives).max())
+    assert work == pytest.approx(found.drive_work, abs=2e-3 * np.abs(found.drive_work).max())
 
 
 @pytest.mark.parametrize(("file", "changes", "second_order"), [(LUFFING, THREE, "true"), (CANTILEVER, ONE, "false")])

@@ -72,10 +72,10 @@ def test_summary_results_and_report_have_it(outcome: whole.Outcome, tmp_path: Pa
     again = again_result.frequency_response
     assert again is not None and again.inputs == found.inputs
     np.testing.assert_array_equal(again.gain, found.gain)
-    block = sections.response(again_result, "case")
+    block = sections.response_block(again_result, "case")
     assert block is not None and len(block.drawings) == 3 and len(block.grids) == 3
     assert block.grids[0].rows[0][0] == f"2.5{SPACE}m" and "Frequency in Hz" in block.drawings[0].svg
-    assert sections.response(replace(result, frequency_response=None), "case") is None
+    assert sections.response_block(replace(result, frequency_response=None), "case") is None
 
 
 def test_only_who_asks_for_it_gets_it() -> None:

@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 
 import pmr
-from pmr.compare.model_part import IMPACTS, PLACES, STRESS, Motion, largest_model_error, model_budget, steps_of
+from pmr.compare.model_part import (
+    IMPACTS,
+    PLACES,
+    STRESS,
+    Motion,
+    evenly_spaced_steps,
+    largest_model_error,
+    model_budget,
+)
 from pmr.scene import load_any
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import places
@@ -23,7 +31,7 @@ QUICK = ["compare.against=[]", "time.end=0.2", "time.step=2e-3", "mesh.elements=
 def boom():
     """A beam on pads and its motion."""
     scene = load_any(WORKFLOWS / "boom_beam.toml", QUICK)
-    return scene, Motion.of(scene, pmr.reduce(scene).system)
+    return scene, Motion.compute(scene, pmr.reduce(scene).system)
 
 
 def scaled(motion: Motion, displacement: float = 1.0, force: float = 1.0) -> Motion:
@@ -69,8 +77,8 @@ def test_what_does_not_move_is_off_by_nothing_that_is_known(boom) -> None:
 def test_modes_count_that_move_where_the_poorer_model_can(boom) -> None:
     """Beside a planar beam those of a beam in space that are lateral do not."""
     scene, motion = boom
-    planar = replace(motion, moved=motion.moved * [[[1.0], [0.0], [1.0]]])
-    vertical = motion.moved[:, 2] > motion.moved[:, 1]
+    planar = replace(motion, mode_motions=motion.mode_motions * [[[1.0], [0.0], [1.0]]])
+    vertical = motion.mode_motions[:, 2] > motion.mode_motions[:, 1]
     lowest = np.array([f[mine][:2] for f, mine in zip(motion.frequencies, vertical, strict=True)])
     assert np.any(lowest != motion.frequencies[:, :2])
     found = model_budget(scene, replace(planar, frequencies=1.1 * motion.frequencies), motion, "beam3d")["frequencies"]
@@ -85,11 +93,11 @@ def test_frequencies_are_those_at_places_all_along(name: str) -> None:
     fewer = scene.time.model_copy(update={"step": scene.time.end / 100.0})
     scene = scene.model_copy(update={"time": fewer, "simulation": scene.simulation.model_copy(update={"repeats": 1})})
     system, excitation = pmr.reduce(scene).system, Excitation.of(scene)
-    steps, s = steps_of(excitation), excitation.s.sum(axis=1)
+    steps, s = evenly_spaced_steps(excitation), excitation.s.sum(axis=1)
     assert PLACES / 2 < len(steps) <= PLACES and np.diff(s[steps]).max() < 4.0 * np.ptp(s) / PLACES
     assert s[steps[0]] == s.min() and s[steps[-1]] == s.max()
     x = places(system, excitation)[steps]
-    found = Motion.of(scene, system).lowest(np.full(3, True))
+    found = Motion.compute(scene, system).lowest_frequencies(np.full(3, True))
     for k in (0, len(steps) // 2, len(steps) - 1):
         assert found[k] == pytest.approx(Assembly(system).frequencies(x[k : k + 1], 2)[0], rel=1e-9)
 
@@ -106,9 +114,9 @@ def test_with_second_order_frequencies_are_those_of_stressed_models() -> None:
     ]
     scene = load_any(Path(__file__).parents[1] / "pipeline" / "luffing.toml", changes)
     system, excitation = pmr.reduce(scene).system, Excitation.of(scene)
-    assembly, steps = Assembly(system), steps_of(excitation)
+    assembly, steps = Assembly(system), evenly_spaced_steps(excitation)
     x, c = places(system, excitation)[steps], excitation.amplitudes(system.term_names)[steps]
-    found = Motion.of(scene, system).lowest(np.full(3, True))
+    found = Motion.compute(scene, system).lowest_frequencies(np.full(3, True))
     assert found == pytest.approx(assembly.frequencies(x, 2, c), rel=1e-6)
     assert np.all(np.abs(found[:, 0] / assembly.frequencies(x, 2)[:, 0] - 1.0) > 5e-4)
     assert assembly.modes(assembly.at(x[-1]), 2, 1e3 * c[-1])[0][0] == 0.0

@@ -13,13 +13,13 @@ import pytest
 
 from pmr import scene as scenes
 from pmr.compare.errors import errors_between, with_common_forces
-from pmr.compare.forces import pad_loads, pulled_rings, unknown_forces
+from pmr.compare.forces import pad_extremes, pulled_pad_warnings, unknown_force_warnings
 from pmr.compare.simulated import simulate
 from pmr.files import npz
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.structural import structural_model
 from pmr.pipeline import reduce, run
-from pmr.report.columns import forces, tips
+from pmr.report.columns import forces_by_group, tip_displacements
 from pmr.results import Energy, Response, RunResult
 from pmr.scene import Scene
 from pmr.scene.built import GRAVITY, force_of
@@ -84,14 +84,14 @@ def with_forces(response: Response, columns: np.ndarray) -> Response:
 def test_every_pad_carries_what_statics_says(at_rest: RunResult) -> None:
     expected, response = statics(), at_rest.responses["reduced"]
     seen = 0
-    for ring, pads in forces(at_rest).items():
+    for ring, pads in forces_by_group(at_rest).items():
         for pad in pads:
             where = f"{ring} {pad.name}"
             exact = next((force for face, force in expected.items() if where.startswith(face)), 0.0)
-            assert pad.of(response)[-1] == pytest.approx(exact, rel=2e-3, abs=1.0), where
+            assert pad.history(response)[-1] == pytest.approx(exact, rel=2e-3, abs=1.0), where
             seen += 1
             if ring == "aft":
-                assert not pad.of(response).any(), where
+                assert not pad.history(response).any(), where
     assert seen == 18 == response.slider_force.shape[1]
 
 
@@ -100,9 +100,9 @@ def test_names_stand_for_columns_whatever_their_order(at_rest: RunResult) -> Non
     order = np.random.default_rng(1).permutation(18)
     mixed = with_forces(response, order)
     shuffled = replace(at_rest, responses={"reduced": mixed})
-    for (ring, pads), others in zip(forces(at_rest).items(), forces(shuffled).values(), strict=True):
+    for (ring, pads), others in zip(forces_by_group(at_rest).items(), forces_by_group(shuffled).values(), strict=True):
         for pad, other in zip(pads, others, strict=True):
-            assert pad.name == other.name and np.array_equal(pad.of(response), other.of(mixed)), (ring, pad)
+            assert pad.name == other.name and np.array_equal(pad.history(response), other.history(mixed)), (ring, pad)
     force = {"pad_force": lambda one: one.slider_force}
     assert errors_between({"reduced": mixed, "full": response}, quantities=force)["reduced_vs_full"]["pad_force"] == 0.0
 
@@ -112,10 +112,10 @@ def test_results_without_names_are_read_in_the_order_they_were_written(at_rest: 
     old = npz.record(Response, {k: v for k, v in npz.arrays(response).items() if not k.endswith(("_names", "_units"))})
     assert (old.force_names, old.output_names, old.output_units) == ((), (), ())
     unnamed = replace(at_rest, responses={"reduced": old})
-    for pads, others in zip(forces(at_rest).values(), forces(unnamed).values(), strict=True):
+    for pads, others in zip(forces_by_group(at_rest).values(), forces_by_group(unnamed).values(), strict=True):
         for pad, other in zip(pads, others, strict=True):
-            assert np.array_equal(pad.of(response), other.of(old)), pad
-    for what in tips(unnamed).values():
+            assert np.array_equal(pad.history(response), other.history(old)), pad
+    for what in tip_displacements(unnamed).values():
         assert np.array_equal(what(response), what(old))
 
 
@@ -183,7 +183,7 @@ def test_a_pull_counts_beside_what_else_is_borne() -> None:
             "mouth left": lambda t: np.where(t < 0.5, most, least),
             "tail left": lambda t: np.full_like(t, others),
         }
-        return pulled_rings(boom(), (), response_with(forces))
+        return pulled_pad_warnings(boom(), (), response_with(forces))
 
     assert said(-2500.0, 5000.0) == [
         "one of 6 pads of the ring mouth pulls the body outwards, mouth left with up to 2.5 kN at 0.5 s (s = 2 m); if "
@@ -197,16 +197,19 @@ def test_a_pull_counts_beside_what_else_is_borne() -> None:
 def test_rigid_pads_that_stay_are_said_to_be_unknown() -> None:
     rigid = f"pads=[{{name='tail',at=0.15,{ALL_ROUND},stiffness='rigid'}},{{name='mouth',moving=true,{ALL_ROUND}}}]"
     scene = boom(rigid)
-    (line,) = unknown_forces(scene, response_with({"mouth left": np.cos}))
+    (line,) = unknown_force_warnings(scene, response_with({"mouth left": np.cos}))
     assert line.startswith("the pads tail bottom right, tail bottom left, ") and "their forces are unknown" in line
     names = [name for ring in scene.pads for name, _, _ in ring.places]
-    assert not unknown_forces(scene, response_with(dict.fromkeys(names, np.cos)))
-    assert not unknown_forces(boom(), response_with({"mouth left": np.cos}))
+    assert not unknown_force_warnings(scene, response_with(dict.fromkeys(names, np.cos)))
+    assert not unknown_force_warnings(boom(), response_with({"mouth left": np.cos}))
 
 
 def test_points_that_hold_a_planar_beam_hold_it_both_ways() -> None:
     scene, found = scenes.load(WORKFLOWS / "evolved_residual.toml"), response_with({"slider at s": lambda t: -t})
-    assert pad_loads(scene, found) == {} and pulled_rings(scene, (), found) == unknown_forces(scene, found) == []
+    assert (
+        pad_extremes(scene, found) == {}
+        and pulled_pad_warnings(scene, (), found) == unknown_force_warnings(scene, found) == []
+    )
 
 
 #: Structures of the sweep: a sample in CI, all of them with PMR_SWEEP=full.

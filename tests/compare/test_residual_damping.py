@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from on_pads import beam_on_pads
 from oracle import enriched, with_curvature
 
-from pmr.compare.outputs import Floors, differences
+from pmr.compare.outputs import RoundOffBounds, differences
 from pmr.reduced.matrices import Rayleigh
 from pmr.scene.signals import Constant, Sine, SmoothRamp
 from pmr.simulation import TimeStepping
@@ -36,6 +36,6 @@ def test_estimates_know_of_it() -> None:
     full = damped(1e-3, 2e4)
     model = replace(enriched(full, 12, enrichment=4), rayleigh=full.rayleigh)
     truth, own = (outputs(one, EXTENSION) for one in (full, model))
-    found, floors = estimate(model, EXTENSION), Floors(0.0, 0.0, np.zeros(1))
+    found, floors = estimate(model, EXTENSION), RoundOffBounds(0.0, 0.0, np.zeros(1))
     true = differences(own, truth, floors, ["beam", "probe"])
-    assert 1.0 < found.of("probe") / true["probe"] < 2.0 and 1.0 < found.beam / true["beam"] < 2.0
+    assert 1.0 < found.error_of("probe") / true["probe"] < 2.0 and 1.0 < found.beam / true["beam"] < 2.0

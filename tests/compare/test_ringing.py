@@ -14,14 +14,14 @@ from pmr.compare.errors import nrms
 from pmr.compare.saved_model import simulate_saved
 from pmr.compare.trust import (
     RINGING_SHARE,
-    NotJudged,
-    alternating,
-    causes,
-    remedy,
+    RingingReference,
+    alternating_share,
+    alternation_cause,
+    alternation_remedy,
+    is_ringing,
     rigid_contacts,
     ringing_share,
     ringing_warnings,
-    rings,
 )
 from pmr.pipeline import run
 from pmr.report import errors, sentences
@@ -45,21 +45,23 @@ SMOOTH = np.sin(0.1 * np.arange(200))[:, None]
 @pytest.mark.parametrize("per_period", [2, 4, 10, 40])
 def test_the_alternating_share_of_a_tone(per_period: int) -> None:
     tone = np.cos(2.0 * np.pi * np.arange(40 * per_period) / per_period)
-    assert alternating(tone) == pytest.approx(np.sin(np.pi / per_period) ** 8, rel=0.02)
+    assert alternating_share(tone) == pytest.approx(np.sin(np.pi / per_period) ** 8, rel=0.02)
 
 
 def test_what_is_too_short_or_still_does_not_alternate() -> None:
-    assert alternating(np.ones(8)) == alternating(np.zeros((20, 3))) == ringing_share(np.zeros((20, 3))) == 0.0
+    assert (
+        alternating_share(np.ones(8)) == alternating_share(np.zeros((20, 3))) == ringing_share(np.zeros((20, 3))) == 0.0
+    )
     assert ringing_share(np.arange(8.0)[:, None]) == 0.0
 
 
 def test_only_the_reference_is_said_to_ring_where_it_does() -> None:
     shaken = SMOOTH + 0.1 * SIGNS
-    assert rings(SMOOTH, shaken)
-    assert not rings(shaken, SMOOTH)  # the reduced model's own ringing is its error
-    assert not rings(shaken, shaken)
-    assert not rings(SMOOTH, SMOOTH + 0.5 * RINGING_SHARE * SIGNS)
-    assert not rings(0.5 * SMOOTH, shaken)  # off by more than what rings
+    assert is_ringing(SMOOTH, shaken)
+    assert not is_ringing(shaken, SMOOTH)  # the reduced model's own ringing is its error
+    assert not is_ringing(shaken, shaken)
+    assert not is_ringing(SMOOTH, SMOOTH + 0.5 * RINGING_SHARE * SIGNS)
+    assert not is_ringing(0.5 * SMOOTH, shaken)  # off by more than what rings
 
 
 def test_a_rigid_row_is_blamed_only_where_there_is_one() -> None:
@@ -74,9 +76,9 @@ def test_a_rigid_row_is_blamed_only_where_there_is_one() -> None:
     def named(body: object, *contacts: object) -> list[str]:
         return rigid_contacts(SimpleNamespace(bodies={"": body}, contacts=contacts))  # type: ignore[arg-type]
 
-    assert named(stiff, pad) == [] and "rigid" not in causes([]) + remedy([])
+    assert named(stiff, pad) == [] and "rigid" not in alternation_cause([]) + alternation_remedy([])
     assert named(stiff, row, pad, cylinder) == ["mouth", "cylinder of fly"] and named(flexible, row, pad) == []
-    said = ringing_warnings({"pad_force": NotJudged(0.1, 3.0, 0.01)}, named(stiff, pad, cylinder))
+    said = ringing_warnings({"pad_force": RingingReference(0.1, 3.0, 0.01)}, named(stiff, pad, cylinder))
     assert "cylinder of fly is rigid" in said[0] and "pads that give way" not in said[0]
 
 
@@ -94,8 +96,8 @@ def test_a_reference_that_rings_is_not_booked_on_the_reduced_model(load_scene) -
     assert rung["not_judged"]["pad_force"]["alternating"] > 0.5 > 10.0 * rung["not_judged"]["pad_force"]["below"]
     [warning] = [line for line in rung["warnings"] if line.startswith("the full model is no reference of pad forces")]
     assert "rho_inf = 0.8 or less" in warning
-    assert ("slider force", "not judged") in [(row.place, row.here) for row in errors.rows(found[0.97])]
-    assert "slider force is" not in " ".join(point.text for point in sentences.points(found[0.97]))
+    assert ("slider force", "not judged") in [(row.place, row.value) for row in errors.rows(found[0.97])]
+    assert "slider force is" not in " ".join(point.text for point in sentences.sentence_points(found[0.97]))
 
 
 @pytest.mark.slow
@@ -133,7 +135,7 @@ def test_no_force_is_blamed_that_agrees_with_more_damping() -> None:
             if forces[rho_inf][1].surplus > balance.NOTABLE:
                 continue
             reduced, reference = (one.multipliers for one in forces[rho_inf])
-            if rings(reduced, reference):
+            if is_ringing(reduced, reference):
                 unjudged += 1
             else:
                 damped = nrms(*(one.multipliers for one in forces[0.8]))

@@ -108,7 +108,7 @@ def test_the_summary_and_the_report_have_them(simulated) -> None:
     class Result:
         summary, coordinate = {"ropes": said}, "s"
 
-    (grid,) = reported._ropes(Result())
+    (grid,) = reported._rope_grids(Result())
     assert [row[0] for row in grid.rows] == ["cylinder of first", "rope of second", "rope of fly"]
 
 
@@ -176,7 +176,7 @@ def test_the_summary_says_how_long_and_stiff_a_rope_is(simulated) -> None:
     class Result:
         summary, coordinate = {"ropes": said}, "s"
 
-    (grid,) = reported._ropes(Result())
+    (grid,) = reported._rope_grids(Result())
     assert grid.head[-2:] == ("length", "EA/l") and [row[-1] for row in grid.rows][:2] == ["", ""]
     assert grid.rows[2][-1] == "2.00\u00a0\u00b7\u00a010\u2076\u00a0N/m"
 

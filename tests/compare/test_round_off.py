@@ -15,7 +15,7 @@ from pmr import scene as scenes
 from pmr.compare.errors import force_round_off, round_off
 from pmr.compare.estimate import chi
 from pmr.compare.outputs import run_from_start
-from pmr.compare.responses import respond as of_sections
+from pmr.compare.responses import evaluate_motion as of_sections
 from pmr.pipeline import reduce, run
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Constant

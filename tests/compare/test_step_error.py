@@ -19,7 +19,7 @@ from pmr import scene as scenes
 from pmr.compare import step_error as step_errors
 from pmr.compare.errors import relative_error
 from pmr.compare.outputs import run_from_start
-from pmr.compare.step_error import STEP_LIMIT, Ladder, StepError, Stepped, step_summary, step_warnings
+from pmr.compare.step_error import STEP_LIMIT, ConvergenceSeries, StepError, SteppedSystem, step_summary, step_warnings
 from pmr.errors import SimulationError
 from pmr.pipeline import reduce, run
 from pmr.reduced.model import ReducedModel
@@ -191,24 +191,24 @@ def test_nothing_moves_and_nothing_is_wrong() -> None:
 def test_second_order_is_summed_to_its_end() -> None:
     """y_h = y (1 + h^2): the error of h = 1 is one, and that of h = 1/8 below 2 %."""
     y = np.random.default_rng(3).normal(size=(50, 4))
-    ladder = Ladder(relative_error, 2.0 * y)
+    ladder = ConvergenceSeries(relative_error, 2.0 * y)
     for k in (1, 2):
         ladder.add(y * (1.0 + 4.0**-k))
-    assert ladder.settled and ladder.error() == pytest.approx(1.0, rel=0.1)
-    assert ladder.halvings(0.02) is None
+    assert ladder.is_settled and ladder.error() == pytest.approx(1.0, rel=0.1)
+    assert ladder.halvings_needed(0.02) is None
     ladder.add(y * (1.0 + 4.0**-3))
-    assert ladder.halvings(0.02) == 3 and ladder.halvings(0.3) == 1
-    grows = Ladder(relative_error, y)
+    assert ladder.halvings_needed(0.02) == 3 and ladder.halvings_needed(0.3) == 1
+    grows = ConvergenceSeries(relative_error, y)
     for k in (2.0, 4.0, 8.0):
         grows.add(k * y)
-    assert not grows.settled and grows.halvings(0.5) is None
-    assert not grows.is_decreasing and grows.most == pytest.approx(
+    assert not grows.is_settled and grows.halvings_needed(0.5) is None
+    assert not grows.is_decreasing and grows.error_bound == pytest.approx(
         7.0 / 8.0 + 4.0 / 8.0
     )  # of the finest, and the last one
-    noise = Ladder(relative_error, y)
+    noise = ConvergenceSeries(relative_error, y)
     for k in (1.0, -2.0, 3.0):
         noise.add(y * (1.0 + k * 1e-5))
-    assert noise.settled and noise.is_decreasing and noise.error() == pytest.approx(3e-5, rel=0.01)
+    assert noise.is_settled and noise.is_decreasing and noise.error() == pytest.approx(3e-5, rel=0.01)
 
 
 def test_what_the_summary_holds() -> None:
@@ -218,7 +218,7 @@ def test_what_the_summary_holds() -> None:
     without = step_summary(None, "march failed")
     assert without["beam"] is None and without["reason"] == "march failed" and set(without) == set(figures)
     with_forces = step_summary(
-        replace(found, others={"reaction": 0.4}, unsettled=("reaction",)), not_covered=["stresses"]
+        replace(found, further_errors={"reaction": 0.4}, unsettled=("reaction",)), not_covered=["stresses"]
     )
     assert with_forces == {**figures, "reaction": 0.4, "not_covered": ["stresses"]}
 
@@ -228,7 +228,8 @@ def test_a_step_that_is_far_off_in_another_kind_alone_is_a_warning() -> None:
     (said,) = step_warnings(found, TimeStepping(1.0, 1e-3), [], np.empty((1, 0)))
     assert said == "the time step of 0.001 s is off by 30 % in velocities, as steps of 0.0001 s show"
     assert (
-        step_warnings(replace(found, others={"pad_force": 0.05}), TimeStepping(1.0, 1e-3), [], np.empty((1, 0))) == []
+        step_warnings(replace(found, further_errors={"pad_force": 0.05}), TimeStepping(1.0, 1e-3), [], np.empty((1, 0)))
+        == []
     )
 
 
@@ -266,7 +267,7 @@ def test_where_march_fails_the_reason_stands_in_place_of_the_figure(load_scene, 
     summary_ = outcome.result.summary
     assert summary_["step"]["beam"] is None and summary_["step"]["reason"] == "march failed at step 3"
     assert any("march failed at step 3" in line for line in summary_["warnings"])
-    assert "time step itself" not in " ".join(point.text for point in sentences.points(outcome.result))
+    assert "time step itself" not in " ".join(point.text for point in sentences.sentence_points(outcome.result))
 
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -291,11 +292,11 @@ def test_of_sections_on_pads_that_push_the_tolerance_of_parts_is_in_it() -> None
         for one in (given, fine)
     )
     assert 0.8 <= said.beam / relative_error(y, truth[::4]) <= 2.0
-    stepped = Stepped(system, excitation)
+    stepped = SteppedSystem(system, excitation)
     assert stepped.run is not None and stepped.run.parts is not None
     made = stepped.run.parts[1:]
     for times in (0, 1, 2):  # as many parts in half a step, an impact may come a step earlier or later, and no more
-        schedule = np.reshape(stepped.halved(times).schedule, (given.steps, 2**times))
+        schedule = np.reshape(stepped.halved_grid(times).schedule, (given.steps, 2**times))
         assert (schedule >= made[:, None]).all() and (schedule[1:] >= made[:-1, None]).all()
         assert (schedule[:-1] >= made[1:, None]).all()
         assert schedule.sum() <= 3 * 2**times * made.sum()

@@ -6,24 +6,33 @@ import pytest
 from pmr.compare.summary import origin_part
 from pmr.fullmodel.build import build, warnings
 from pmr.pipeline import run
-from pmr.results.run import Part, combine_parts
+from pmr.results.run import SummaryPart, combine_parts
 
 
 def test_figures_and_warnings_of_all_parts_are_gathered_in_order() -> None:
-    parts = [Part({"a": 1.0}, ["first"]), Part(), Part(warnings=["second"]), Part({"b": {"c": np.nan}}, ("third",))]
+    parts = [
+        SummaryPart({"a": 1.0}, ["first"]),
+        SummaryPart(),
+        SummaryPart(warnings=["second"]),
+        SummaryPart({"b": {"c": np.nan}}, ("third",)),
+    ]
     found = combine_parts(parts)
     assert list(found) == ["a", "b", "warnings"] and found["a"] == 1.0
     assert found["warnings"] == ["b.c is not finite; in summary.json it is null", "first", "second", "third"]
 
 
 def test_warnings_of_what_does_not_hold_stand_before_those_of_what_is_off() -> None:
-    parts = [Part(warnings=["off by 2 %"]), Part({"a": 1.0}, ["a hint"], ["it yields"]), Part(grave=["it slips"])]
+    parts = [
+        SummaryPart(warnings=["off by 2 %"]),
+        SummaryPart({"a": 1.0}, ["a hint"], ["it yields"]),
+        SummaryPart(grave=["it slips"]),
+    ]
     assert combine_parts(parts)["warnings"] == ["it yields", "it slips", "off by 2 %", "a hint"]
 
 
 def test_no_part_overwrites_what_another_one_says() -> None:
     with pytest.raises(ValueError, match="two parts of a summary have a, b"):
-        combine_parts([Part({"a": 1, "b": 2}), Part({"b": 3, "a": 4})])
+        combine_parts([SummaryPart({"a": 1, "b": 2}), SummaryPart({"b": 3, "a": 4})])
 
 
 def test_libraries_stand_beside_the_versions(load_scene) -> None:

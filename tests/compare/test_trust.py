@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pmr.compare.trust import ALTERNATING, distrust, doubts, missing_references
+from pmr.compare.trust import ALTERNATING, distrust_warnings, missing_reference_warnings, reason_for_distrust
 from pmr.errors import InputError, SimulationError
 from pmr.fem.compat import MPI
 from pmr.files import npz
@@ -41,18 +41,18 @@ def response(displacement: np.ndarray, surplus: float = np.nan) -> Response:
 
 def test_what_can_be_trusted() -> None:
     smooth = np.sin(20.0 * T)
-    assert distrust(response(smooth)) is distrust(response(smooth, 0.05)) is None
-    assert "12 % of its largest energy" in str(distrust(response(smooth, 0.12)))
-    assert "overflows" in str(distrust(response(smooth, np.inf)))
-    assert "not finite" in str(distrust(response(np.full(200, np.nan), 0.0)))
+    assert reason_for_distrust(response(smooth)) is reason_for_distrust(response(smooth, 0.05)) is None
+    assert "12 % of its largest energy" in str(reason_for_distrust(response(smooth, 0.12)))
+    assert "overflows" in str(reason_for_distrust(response(smooth, np.inf)))
+    assert "not finite" in str(reason_for_distrust(response(np.full(200, np.nan), 0.0)))
     shaken = smooth + 3.0 * ALTERNATING * (-1.0) ** np.arange(200)
-    assert "changes its sign with every step" in str(distrust(response(shaken)))
+    assert "changes its sign with every step" in str(reason_for_distrust(response(shaken)))
 
 
 def test_warnings() -> None:
     smooth = np.sin(20.0 * T)
-    assert missing_references({}) == doubts(response(smooth, 0.01)) == []
-    [reference], [reduced] = missing_references({"ancf": "it broke"}), doubts(response(smooth, 0.3))
+    assert missing_reference_warnings({}) == distrust_warnings(response(smooth, 0.01)) == []
+    [reference], [reduced] = missing_reference_warnings({"ancf": "it broke"}), distrust_warnings(response(smooth, 0.3))
     assert reference == "no reference by the ANCF cable: it broke"
     assert reduced.startswith("the reduced model's motion is not to be trusted: 30 % of its largest energy")
 
@@ -70,7 +70,7 @@ def test_a_run_without_reference_says_so(load_scene) -> None:
     [warning] = [warning for warning in summary["warnings"] if warning.startswith("no reference by the full model")]
     assert "rho_inf" in warning
     table = errors.rows(result)
-    assert [row.comparison for row in table if row.here == "no reference"] == ["reduced against full"]
+    assert [row.comparison for row in table if row.value == "no reference"] == ["reduced against full"]
     shown = chapter(result, "case-1")
     assert [warning[:1].upper() + warning[1:]] == [line for line in shown.warnings if "no reference" in line.lower()]
     assert "times the true error" not in " ".join(point.text for point in shown.points)

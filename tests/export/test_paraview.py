@@ -86,7 +86,7 @@ def test_a_boom_in_a_frame_stands_where_that_is_in_space(
     luffing, slewing = np.deg2rad(50.0), np.deg2rad(-30.0)
     frame = {"pivot": [0.5, 0.0, -0.3], "unit": "degrees", "luffing": 50.0, "slewing": -30.0}
     result = make_space(fields=make_fields(kind), frame=frame)
-    ((fields, along),) = result.travelling.values()
+    ((fields, along),) = result.moving_fields.values()
     bodies = {"": Travelling(fields, along, result.pose(fields.t))}
     sets = (
         ElementTree.parse(write_series(tmp_path, "boom", bodies, pads_over_time(result)))

@@ -38,7 +38,7 @@ def case(number: int, rng: Random, folder: Path) -> str:
     from pmr.export.exudyn_script import write_exudyn_script
     from pmr.fem.compat import MPI
     from pmr.pipeline import run
-    from pmr.report.document import page as render
+    from pmr.report.document import render_runs as render
     from pmr.report.sections import chapter as report_case
 
     title, name, other = f"{hostile(rng)}{hostile(rng)}", fit(hostile(rng)), fit(hostile(rng))

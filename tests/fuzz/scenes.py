@@ -72,7 +72,7 @@ def ran(scene: Scene, folder: Path, drawn: bool) -> str:
     from pmr.fem.compat import MPI
     from pmr.pipeline import run
     from pmr.reduced.model import ReducedModel
-    from pmr.report.document import page as render
+    from pmr.report.document import render_runs as render
     from pmr.report.sections import chapter as report_case
 
     outcome = run(scene, MPI.COMM_SELF)

@@ -16,7 +16,7 @@ from pmr import scene as scenes
 from pmr.compare import responses
 from pmr.compare.forces import forces_part
 from pmr.compare.frequencies import frequency_map
-from pmr.compare.responses import respond
+from pmr.compare.responses import evaluate_motion
 from pmr.errors import InputError
 from pmr.export.paraview import Travelling, write_series
 from pmr.fem.compat import MPI
@@ -30,7 +30,7 @@ from pmr.report.document import write_report
 from pmr.results import RunResult
 from pmr.results import load as load_frames
 from pmr.results.response import outputs_of
-from pmr.results.tables import tables
+from pmr.results.tables import build_tables
 from pmr.scene import Scene
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems
@@ -148,7 +148,7 @@ def test_three_shells_are_the_same_on_all_ranks_as_on_one() -> None:
 
 
 def test_tables_hold_forces_frequencies_and_probes_of_all_sections(outcome: Outcome) -> None:
-    result, found = outcome.result, tables(outcome.result)
+    result, found = outcome.result, build_tables(outcome.result)
     assert set(found) == {"forces", "reactions", "frequencies", "probes"}
     reactions = [row[1] for row in found["reactions"].rows if row[0] == "reduced"]
     assert reactions == ["base: clamp x", "base: clamp z", "base: clamp ry"]
@@ -303,9 +303,9 @@ def test_fields_of_every_section_are_what_its_outputs_say_and_stand_where_it_is(
     assert max(by_section) == largest["reduced"]
     page = write_report([result], tmp_path).html.read_text(encoding="utf-8")
     assert "Largest von Mises stress of each section" in page and "fly, full" in page
-    along = {name: one[1] for name, one in result.travelling.items()}
+    along = {name: one[1] for name, one in result.moving_fields.items()}
     assert along["fly"][[0, -1]] == pytest.approx([2.0, 3.2]) and not along["base"].any()
-    listing = write_series(tmp_path, "fields", {name: Travelling(*one) for name, one in result.travelling.items()})
+    listing = write_series(tmp_path, "fields", {name: Travelling(*one) for name, one in result.moving_fields.items()})
     assert listing.read_text().count("DataSet") == 3 * 6
     first = meshio.read(tmp_path / "fields" / "fly-00005.vtu")
     assert first.points[:, 0].max() == pytest.approx(9.2)
@@ -367,7 +367,7 @@ def test_a_rigid_cylinder_pushes_with_mass_times_acceleration_weight_along_the_b
     masses["fly"] += 250.0
     system = system_of(boom, {name: one.model for name, one in reduce_bodies(boom, build_bodies(boom)).items()})
     given = Excitation.of(boom)
-    found = respond(system, systems.simulate(system, given, systems.static_start(system, given)))
+    found = evaluate_motion(system, systems.simulate(system, given, systems.static_start(system, given)))
     t = given.times
     x = t / 4.0
     a = 3.0 * (60.0 * x - 180.0 * x**2 + 120.0 * x**3) / 4.0**2

@@ -10,8 +10,8 @@ from newton_euler import needed, of_masses
 
 import pmr
 from pmr import scene as scenes
-from pmr.compare.responses import respond
-from pmr.compare.simulated import excitation_in
+from pmr.compare.responses import evaluate_motion
+from pmr.compare.simulated import excitation_of_scene
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies
 from pmr.pipeline.full_order import FullOrder
@@ -164,9 +164,9 @@ def test_what_the_pivot_bears_is_what_the_frame_s_momentum_says() -> None:
     undamped = ["section.reduction.estimate=false", "damping.ratio=0.0", "time.end=4.0"]
     scene = scenes.load_any(LUFFING, undamped)
     reduced = pmr.reduce(scene)
-    excitation = excitation_in(scene, reduced.system)
+    excitation = excitation_of_scene(scene, reduced.system)
     run = systems.simulate(reduced.system, excitation, systems.start_of(reduced.system, excitation))
-    found, h = at_pivot(scene, respond(reduced.system, run)), scene.time.step
+    found, h = at_pivot(scene, evaluate_motion(reduced.system, run)), scene.time.step
     for j, given in (("x", 0.0), ("z", scene.sections[2].loads[0].signal.value(run.t))):
         momentum, force = np.zeros_like(run.t), np.zeros_like(run.t) + given
         for number, (name, body) in enumerate(reduced.system.bodies.items()):

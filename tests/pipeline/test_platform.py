@@ -31,7 +31,7 @@ def test_a_platform_of_four_octagons_is_as_far_from_shells_as_its_budget_says() 
     beam = scene("platform", *COARSE, short, "compare.richer=shell")
     stated = measure_model(beam, MPI.COMM_SELF, None, lambda scene: pmr.reduce(scene).system)
     shell = scene("platform_shell", *COARSE, short)
-    own, richer = (Motion.of(one, pmr.reduce(one).system) for one in (beam, shell))
+    own, richer = (Motion.compute(one, pmr.reduce(one).system) for one in (beam, shell))
     true = model_budget(beam, own, richer, "shell")
     for kind in ("beam", "tip", "pad_force", "frequency"):
         assert 0.5 < stated[kind] / true[kind] < 2.0

@@ -13,8 +13,8 @@ from scipy.optimize import brentq
 
 import pmr
 from pmr import scene as scenes
-from pmr.compare.frequencies import frequencies_on_way, frequency_map, places_on_way
-from pmr.compare.responses import respond
+from pmr.compare.frequencies import frequencies_on_way, frequency_map, way_points
+from pmr.compare.responses import evaluate_motion
 from pmr.compare.saved_model import simulate_saved
 from pmr.errors import InputError
 from pmr.fullmodel.build import build_bodies
@@ -49,7 +49,7 @@ def natural(scene: Scene) -> Frequencies:
     """Of the reduced system, beside its full model."""
     made, excitation = pmr.reduce(scene), Excitation.of(scene)
     full = FullOrder.join(scene, {name: one.model for name, one in made.built.items()})
-    at = places_on_way(scene, excitation, full.system.size)
+    at = way_points(scene, excitation, full.system.size)
     c = excitation.amplitudes(list(excitation.terms), at.t)
     found = frequencies_on_way(scene, made.system, excitation, at)
     return replace(found, models={**found.models, "full": full.frequencies(at.s, at.count, c)})
@@ -119,7 +119,7 @@ def test_lanczos_iterations_find_the_frequencies_of_a_stressed_crane() -> None:
     scene = load(*SMALL, *fast, file=CRANE)
     excitation = Excitation.of(scene)
     dense = FullOrder.join(scene, {name: one.model for name, one in build_bodies(scene).items()})
-    at = places_on_way(scene, excitation, dense.system.size)
+    at = way_points(scene, excitation, dense.system.size)
     c = excitation.amplitudes(list(excitation.terms), at.t)
     sparse = FullOrder(scene, dense.system, "petsc").frequencies(at.s, at.count, c)
     found = dense.frequencies(at.s, at.count, c)
@@ -304,7 +304,7 @@ def test_a_base_bears_the_moment_of_the_weight_of_bent_sections() -> None:
                  "section.reduction.estimate=false", "sections.fly.loads.0.signal=0.0", file=LUFFING)  # fmt: skip
     system = pmr.reduce(scene).system
     run = systems.simulate(system, excitation := Excitation.of(scene), systems.start_of(system, excitation))
-    found = at_pivot(scene, respond(system, run))
+    found = at_pivot(scene, evaluate_motion(system, run))
     aside = sum(
         np.asarray(body.B)[:, body.input_names.index("inertia z")] @ run.bodies[name].q[0]
         for name, body in system.bodies.items()

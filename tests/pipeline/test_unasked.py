@@ -42,7 +42,7 @@ def test_a_shell_is_compared_with_one_on_cells_twice_as_long(tmp_path: Path) -> 
     """Their difference is what it is taken to be off by: of first order, as under pads."""
     cells = ["mesh.size=0.15", "mesh.along=0.3", "recovery.stress=false", "reduction.estimate=false"]
     shell = pmr.load_scene(WORKFLOWS / "boom_shell.toml", [*CHANGES, *cells])
-    coarse = mesh.once(mesh.coarser_walls(shell))
+    coarse = mesh.motion_only(mesh.coarser_walls(shell))
     assert (coarse.mesh.size, coarse.mesh.along) == (0.3, 0.6) and coarse.alone.reduction.estimate is False
     result = pmr.run(shell, measures=tmp_path).result
     summary = result.summary["budget"]
@@ -92,6 +92,6 @@ def test_a_python_run_measures_nothing_unasked() -> None:
     ],
 )
 def test_cells_that_are_long_beside_pads_are_warned_of(changes: list[str], said: str) -> None:
-    found = mesh.warnings(pmr.load_scene(WORKFLOWS / "boom_shell.toml", changes))
+    found = mesh.mesh_warnings(pmr.load_scene(WORKFLOWS / "boom_shell.toml", changes))
     assert len(found) == bool(said) and said in "".join(found)
-    assert mesh.warnings(scene()) == []  # walls of these don't give way
+    assert mesh.mesh_warnings(scene()) == []  # walls of these don't give way

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from boom_results import boom, make_fields, make_space  # noqa: F401 fixtures
 
-from pmr.report.document import ReportFiles, page, write
+from pmr.report.document import ReportFiles, render_runs, write_page
 from pmr.report.sections import chapter
 from pmr.results import BodyResult, Energy, Frequencies, Loads, Paths, Response, RunResult, Shapes
 from pmr.scene import Scene
@@ -193,7 +193,7 @@ def written(tmp_path_factory: pytest.TempPathFactory, whole: RunResult, bare: Ru
     folder = tmp_path_factory.mktemp("results")
     whole.save(folder)
     results = [RunResult.load(folder), bare]
-    return Written(page([chapter(one, f"case-{number}") for number, one in enumerate(results, start=1)]))
+    return Written(render_runs([chapter(one, f"case-{number}") for number, one in enumerate(results, start=1)]))
 
 
 @dataclass(frozen=True)
@@ -211,6 +211,6 @@ def printed(tmp_path_factory: pytest.TempPathFactory, written: Written) -> Print
     handler = logging.Handler(logging.WARNING)
     handler.emit = records.append  # type: ignore[method-assign]
     logging.getLogger().addHandler(handler)
-    files = write(written.html, tmp_path_factory.mktemp("report") / "new" / "folder")
+    files = write_page(written.html, tmp_path_factory.mktemp("report") / "new" / "folder")
     logging.getLogger().removeHandler(handler)
     return Printed(files, [record.getMessage() for record in records])

@@ -9,9 +9,9 @@ from boom_results import MakeSpace
 from matplotlib.colors import same_color
 
 from pmr.fields.stress import Envelope
-from pmr.report.figures.canvas import of_sections
-from pmr.report.figures.loads import envelopes
-from pmr.report.stresses import along_beams
+from pmr.report.figures.canvas import section_colours
+from pmr.report.figures.loads import envelope_figure
+from pmr.report.stresses import section_force_block
 from pmr.results import BodyResult, RunResult
 
 SPACE = "\u00a0"
@@ -29,8 +29,8 @@ def with_envelope(result: RunResult, back: float = -2e3) -> RunResult:
 
 def test_extremes_are_in_a_table_and_round_off_is_not(make_space: MakeSpace) -> None:
     plain = make_space()
-    assert along_beams(plain, "run") is None
-    block = along_beams(with_envelope(plain), "run")
+    assert section_force_block(plain, "run") is None
+    block = section_force_block(with_envelope(plain), "run")
     assert block is not None and len(block.rows) == 1
     (row,) = block.grids[0].rows
     assert row[0] == "bending moment y"
@@ -38,12 +38,12 @@ def test_extremes_are_in_a_table_and_round_off_is_not(make_space: MakeSpace) -> 
 
 
 def test_an_end_that_is_nothing_has_no_place(make_space: MakeSpace) -> None:
-    block = along_beams(with_envelope(make_space(), back=-1.0), "run")
+    block = section_force_block(with_envelope(make_space(), back=-1.0), "run")
     assert block is not None and block.grids[0].rows[0][1] == "0"
 
 
 def test_the_figure_has_a_panel_a_quantity_from_least_to_most(make_space: MakeSpace) -> None:
-    figure = envelopes(with_envelope(make_space()), ["bending moment y"])
+    figure = envelope_figure(with_envelope(make_space()), ["bending moment y"])
     (ax,) = figure.axes
     assert ax.get_title(loc="left") == "Bending moment y in kN m"
     (band,) = ax.collections
@@ -55,5 +55,5 @@ def test_a_section_has_the_colour_of_its_place_in_the_boom(make_space: MakeSpace
     """Blue, the second from the base, as where the boom is drawn as a whole; not the first of those in the figure."""
     beam = with_envelope(make_space())
     boom = replace(beam, bodies={"base": BodyResult(), "fly": beam.body})
-    (band,) = envelopes(boom, ["bending moment y"]).axes[0].collections
-    assert same_color(band.get_facecolor()[0][:3], of_sections(["base", "fly"])["fly"])
+    (band,) = envelope_figure(boom, ["bending moment y"]).axes[0].collections
+    assert same_color(band.get_facecolor()[0][:3], section_colours(["base", "fly"])["fly"])

@@ -15,7 +15,7 @@ from waiting import PATIENCE, wait_until
 
 from pmr.errors import InputError, environment
 from pmr.report.background import BackgroundReport, has_free_core
-from pmr.report.document import page, with_date
+from pmr.report.document import render_runs, with_date
 from pmr.report.sections import chapter
 from pmr.results import RunResult
 
@@ -54,7 +54,7 @@ def test_the_page_is_the_same_with_what_was_measured_last(boom: RunResult, tmp_p
         report.draw(result)
         summary["budget"] = MEASURED
         written = report.write([result], tmp_path)
-    text = page([chapter(result, "case-1")], with_date("Simulation report", [summary]))
+    text = render_runs([chapter(result, "case-1")], with_date("Simulation report", [summary]))
     assert "this says so last" in text
     assert written.html.read_text(encoding="utf-8") == text
     assert written.pdf.read_bytes().startswith(b"%PDF-")

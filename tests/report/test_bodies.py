@@ -5,35 +5,43 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pmr.report.bodies import instants, of_the_peak, place_of_the_peak, positions, scale, stress_of, top
+from pmr.report.bodies import (
+    cell_stresses,
+    displacement_scale,
+    drawn_moments,
+    largest_colour_stress,
+    moment_of_peak,
+    mouth_positions,
+    place_of_peak,
+)
 
 
 def test_each_third_of_the_way_shows_its_largest_stress(make_space, make_fields) -> None:
     fields = make_fields("triangle")
     result = make_space(fields=fields)
-    found = instants(result)
+    found = drawn_moments(result)
     # s rises from 1.5 m at 0.2 s to 4 m at 0.7 s, the stress follows half a sine over the second
     assert [moment.t for moment in found] == pytest.approx([0.35, 0.5, 0.55])
     assert [moment.extension for moment in found] == pytest.approx([6.0 - moment.s for moment in found])
-    assert [moment.s for moment in found] == pytest.approx(positions(result)[[moment.frame for moment in found]])
-    assert found[1].peak == pytest.approx(stress_of(fields).max())
+    assert [moment.s for moment in found] == pytest.approx(mouth_positions(result)[[moment.frame for moment in found]])
+    assert found[1].peak == pytest.approx(cell_stresses(fields).max())
 
 
 def test_pictures_stand_in_order_of_time_where_the_mouth_goes_back(make_space, make_fields) -> None:
     back = {"path": {"kind": "ramp", "times": [0.2, 0.7], "values": [4.0, 1.5]}}
-    found = instants(make_space(fields=make_fields("triangle"), slider=back))
+    found = drawn_moments(make_space(fields=make_fields("triangle"), slider=back))
     assert len(found) == 3 and [moment.t for moment in found] == sorted(moment.t for moment in found)
 
 
 def test_a_mouth_at_rest_is_shown_once(make_space, make_fields) -> None:
     fields = make_fields("line")
-    (only,) = instants(make_space(fields=fields, slider={"path": 2.0}))
+    (only,) = drawn_moments(make_space(fields=fields, slider={"path": 2.0}))
     assert (only.t, only.s) == (0.5, 2.0)
 
 
 def test_without_stresses_the_largest_displacement_counts(make_space, make_fields) -> None:
     fields = replace(make_fields("line"), von_mises={})
-    found = instants(make_space(fields=fields))
+    found = drawn_moments(make_space(fields=fields))
     assert [moment.t for moment in found] == pytest.approx([0.35, 0.5, 0.55])
     assert {moment.peak for moment in found} == {0.0}
 
@@ -41,21 +49,21 @@ def test_without_stresses_the_largest_displacement_counts(make_space, make_field
 def test_scale_and_quarters_of_the_colours_are_round(make_space, make_fields) -> None:
     fields = make_fields("triangle")
     result = make_space(fields=fields)
-    assert scale(result) == 50.0  # 8 mm of 6 m
-    assert top(result) == pytest.approx(48e6)
-    assert np.quantile(stress_of(fields).max(axis=0), 0.98) <= top(result)
+    assert displacement_scale(result) == 50.0  # 8 mm of 6 m
+    assert largest_colour_stress(result) == pytest.approx(48e6)
+    assert np.quantile(cell_stresses(fields).max(axis=0), 0.98) <= largest_colour_stress(result)
     for most, colour in ((24.3e6, 28e6), (47.3e6, 48e6), (9.9e6, 10e6), (4.0e5, 4.0e5)):
-        level = replace(fields, von_mises={"outer": np.full_like(stress_of(fields), most)})
-        assert top(make_space(fields=level)) == pytest.approx(colour)
-    still = replace(fields, displacement=0.0 * fields.displacement, von_mises={"outer": 0.0 * stress_of(fields)})
+        level = replace(fields, von_mises={"outer": np.full_like(cell_stresses(fields), most)})
+        assert largest_colour_stress(make_space(fields=level)) == pytest.approx(colour)
+    still = replace(fields, displacement=0.0 * fields.displacement, von_mises={"outer": 0.0 * cell_stresses(fields)})
     rests = make_space(fields=still)
-    assert (scale(rests), top(rests)) == (1.0, 1.0)
+    assert (displacement_scale(rests), largest_colour_stress(rests)) == (1.0, 1.0)
 
 
 def test_a_peak_that_is_shared_is_shown_where_the_text_has_it(make_space, make_fields) -> None:
     """Two cells and two moments with the same stress, as far as single precision keeps it: the summary decides."""
     fields = make_fields("triangle")
-    count = stress_of(fields).shape[1]
+    count = cell_stresses(fields).shape[1]
     level = np.full((len(fields.t), count), 1e6, np.float32)
     level[[4, 12], 3] = 5e6
     level[[4, 12], count - 2] = np.nextafter(np.float32(5e6), np.float32(1e7), dtype=np.float32)
@@ -64,12 +72,12 @@ def test_a_peak_that_is_shared_is_shown_where_the_text_has_it(make_space, make_f
         place = [0.1 * cell, 0.15, -0.2]
         peak = {"value": 5e6, "t": float(fields.t[frame]), "position": place, "cell": cell}
         result = make_space(fields=twice, summary={"stress_peak": {"reduced": peak}})
-        shown, (body, found) = of_the_peak(result), place_of_the_peak(result, of_the_peak(result))
+        shown, (body, found) = moment_of_peak(result), place_of_peak(result, moment_of_peak(result))
         assert (shown.frame, body, list(found)) == (frame, "", place)
     between = {"t": float(0.6 * fields.t[7] + 0.4 * fields.t[8])}  # kept neither then nor there
-    shown = of_the_peak(make_space(fields=twice, summary={"stress_peak": {"reduced": between}}))
+    shown = moment_of_peak(make_space(fields=twice, summary={"stress_peak": {"reduced": between}}))
     assert shown.frame == 7
-    largest = of_the_peak(make_space(fields=twice, summary={}))
+    largest = moment_of_peak(make_space(fields=twice, summary={}))
     assert largest.frame == 4
-    _, place = place_of_the_peak(make_space(fields=twice, summary={}), largest)
+    _, place = place_of_peak(make_space(fields=twice, summary={}), largest)
     assert list(place) == list(fields.points[fields.cells[count - 2]].mean(axis=0))

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from pmr.report import errors, sections
-from pmr.report.document import page as render
+from pmr.report.document import render_runs as render
 from pmr.report.document import write_report
 from pmr.report.figures import histories
 from pmr.report.figures.canvas import style
-from pmr.report.figures.loads import stress, stresses
+from pmr.report.figures.loads import stress_figure, stress_histories
 from pmr.report.sections import chapter as case
-from pmr.report.sentences import where_the_peak_is
+from pmr.report.sentences import simulator_peak_clause
 from pmr.results import RunResult
 
 BOX = {"length": 6.0, "width": 0.3, "height": 0.4, "wall": 0.008}
@@ -63,7 +63,7 @@ def test_models_that_differ_by_nothing_along_a_direction_have_no_difference_ther
         moved = own.displacement.copy()
         moved[:, -2] += share * largest
         result = replace(boom, responses={"full": replace(own, displacement=moved), "reduced": own})
-        tip = next(of for of in sections.tip(result, "run").drawings if of.name == "run-tip-y")
+        tip = next(of for of in sections.tip_block(result, "run").drawings if of.name == "run-tip-y")
         assert ("Difference in " in tip.svg) == is_drawn
         assert ("that of the full model differs by " in tip.caption) != is_drawn
 
@@ -78,14 +78,14 @@ def test_what_lies_within_the_error_of_the_step_has_no_panel_and_is_said(boom: R
     for step, said in ((0.0, "below, the difference to the full model"), (0.5, "differs by less than the time step's")):
         result = replace(boom, summary=boom.summary | {"step": {"tip": step, "beam": step}})
         with style():
-            labels = [ax.get_ylabel() for ax in stress(result, body).axes]
+            labels = [ax.get_ylabel() for ax in stress_figure(result, body).axes]
         energy = histories.drawn_history("a", result, total, "Total energy", "Total energy", "J")
-        parts = histories.energy_parts("a", result)
+        parts = histories.energy_drawing("a", result)
         assert any(label.startswith("Difference") for label in labels) == (step == 0.0)
         assert ("Difference in " in energy.svg) == ("Difference in " in parts.svg) == (step == 0.0)
         assert said in energy.caption
         assert said in histories.difference_clause(
-            histories.Timeline(result), stresses(result, body), "below, the difference"
+            histories.Timeline(result), stress_histories(result, body), "below, the difference"
         )
         assert ("on the right" in parts.caption) == (step == 0.0)
 
@@ -94,7 +94,7 @@ def test_a_figure_has_a_name_without_spaces_whatever_a_section_is_called(make_sp
     """In the page it begins identifiers, which a reference in an SVG can't quote: curves ran out of their axes."""
     planar = make_space(body={"model": "beam2d", "box": BOX})
     names = ("base", "fly jib (2)")
-    block = sections.basis(replace(planar, bodies=dict.fromkeys(names, planar.body)), "case-1")
+    block = sections.basis_block(replace(planar, bodies=dict.fromkeys(names, planar.body)), "case-1")
     drawn = [drawing.name for drawing in block.drawings if "basis" in drawing.name]
     assert len(set(drawn)) == 2 and all(re.fullmatch(r"[\w-]+", name) for name in drawn)
 
@@ -105,7 +105,7 @@ def test_parts_of_the_energy_have_one_unit(boom: RunResult) -> None:
         for name, one in boom.responses.items()
     }
     labels = re.findall(
-        "<text[^>]*>([^<]+ in [^<]+)</text>", histories.energy_parts("a", replace(boom, responses=small)).svg
+        "<text[^>]*>([^<]+ in [^<]+)</text>", histories.energy_drawing("a", replace(boom, responses=small)).svg
     )
     units = {of: {label for label in labels if label.startswith(of)} for of in ("Difference", "Kinetic")}
     assert units == {"Difference": {"Difference in mJ"}, "Kinetic": {"Kinetic energy in J"}}
@@ -133,7 +133,7 @@ def test_page_says(page: str, said: str) -> None:
 
 
 def test_the_error_table_has_pad_forces_in_newtons_and_stresses(boom: RunResult) -> None:
-    table = {(row.comparison, row.place): (row.here, row.absolute) for row in errors.rows(boom)}
+    table = {(row.comparison, row.place): (row.value, row.absolute) for row in errors.rows(boom)}
     assert table["reduced against full", "pad forces"] == ("0.300\u00a0%", "450\u00a0N")
     assert table["largest von Mises stress", "reduced to full"] == ("−2.0\u00a0%", None)
 
@@ -175,8 +175,8 @@ def test_kinds_of_cases_mix_in_one_report(boom: RunResult, whole: RunResult, tmp
 def test_a_zero_has_no_sign(make_space) -> None:
     peak = {"t": 0.5, "position": [1.0, -1e-13, 0.0], "face": "bottom left", "region": ""}
     beam = make_space(summary={"stress_peak": {"reduced": peak}}, body={"model": "beam3d", "box": BOX})
-    assert where_the_peak_is(beam, "reduced") == "at 0.50\u00a0s and (1.00, 0.00, 0.00)\u00a0m, bottom left corner"
-    assert where_the_peak_is(beam, "full") == ""
+    assert simulator_peak_clause(beam, "reduced") == "at 0.50\u00a0s and (1.00, 0.00, 0.00)\u00a0m, bottom left corner"
+    assert simulator_peak_clause(beam, "full") == ""
 
 
 def test_places_that_share_the_peak_are_named_too(make_space) -> None:
@@ -185,7 +185,7 @@ def test_places_that_share_the_peak_are_named_too(make_space) -> None:
         ([[1.0, -0.1, 0.2]], ", and as large at (1.00, \u22120.10, 0.20)\u00a0m"),
         ([[1.0, -0.1, 0.2], [1.0, 0.1, -0.2], [1.0, -0.1, -0.2]], ", and as large at 3 other places"),
     ):
-        found = where_the_peak_is(
+        found = simulator_peak_clause(
             make_space(summary={"stress_peak": {"reduced": peak | {"shared": shared}}}), "reduced"
         )
         assert found == "at 0.50\u00a0s and (1.00, 0.10, 0.20)\u00a0m, outer face" + said
@@ -195,6 +195,8 @@ def test_an_error_of_round_off_is_called_so_and_is_in_no_sentence(boom: RunResul
     """A cylinder that bears what it is told to: no reduction changes its force."""
     found = {"tip": 0.01, "beam": 0.02, "cylinder_force": 1e-12}
     result = replace(boom, summary=boom.summary | {"errors": {"reduced_vs_full": found}, "estimate": found})
-    of_cylinders = [row.here for row in errors.rows(result) if "cylinder" in row.place]
+    of_cylinders = [row.value for row in errors.rows(result) if "cylinder" in row.place]
     assert of_cylinders == ["round-off", "round-off"]
-    assert "cylinder" not in errors.estimate(result) and "2.00\u00a0% along" in errors.estimate(result)
+    assert "cylinder" not in errors.estimate_sentence(result) and "2.00\u00a0% along" in errors.estimate_sentence(
+        result
+    )

@@ -15,7 +15,7 @@ import pytest
 
 from pmr.report import document, errors, sentences
 from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNumber, Picture, Table
-from pmr.report.document import page as render
+from pmr.report.document import render_runs as render
 from pmr.report.document import with_date, write_report
 from pmr.report.sections import chapter as case
 from pmr.results import RunResult
@@ -274,7 +274,7 @@ def test_the_estimate_stands_beside_the_true_error(make_result) -> None:
     estimated = {"beam": 0.0126, "tip": 0.012, "chi": 0.7, "largest": 1e-3, "seconds": 0.01}
     summary = make_result().summary | {"estimate": estimated}
     result = make_result(summary=summary)
-    said = " ".join(point.text for point in sentences.points(result))
+    said = " ".join(point.text for point in sentences.sentence_points(result))
     assert "1.26\u00a0% along the beam; along the beam it is 1.20 times the true error." in said
     numbers = {number.label: number for number in sentences.key_numbers(result)}
     said = "at the tip 1.05\u00a0%; estimated without the full model 1.26\u00a0%"
@@ -282,16 +282,18 @@ def test_the_estimate_stands_beside_the_true_error(make_result) -> None:
         "1.05\u00a0%",
         said,
     )
-    of_probe = errors.estimate(make_result(summary=summary | {"estimate": estimated | {"probe": 0.031}}))
+    of_probe = errors.estimate_sentence(make_result(summary=summary | {"estimate": estimated | {"probe": 0.031}}))
     assert "along the beam, and at most 3.10\u00a0% of what a probe measures" in of_probe
     alone = make_result(summary={"estimate": estimated})
     assert "estimated error along the beam" in [number.label for number in sentences.key_numbers(alone)]
-    assert errors.estimate(alone).endswith("along the beam; it includes a margin of a quarter.")
+    assert errors.estimate_sentence(alone).endswith("along the beam; it includes a margin of a quarter.")
     none = make_result(summary={"estimate": {"beam": None, "reason": "the basis is no good"}})
-    assert errors.estimate(none) == "The error can't be estimated without the full model: the basis is no good."
+    assert (
+        errors.estimate_sentence(none) == "The error can't be estimated without the full model: the basis is no good."
+    )
     known = {"estimate": {"beam": None, "reason": "no"}, "errors": {"reduced_vs_full": {"beam": 0.01}}}
-    assert errors.estimate(make_result(summary=known)) == ""  # nobody misses an estimate of what is known
-    assert errors.estimate(make_result(summary={})) == ""
+    assert errors.estimate_sentence(make_result(summary=known)) == ""  # nobody misses an estimate of what is known
+    assert errors.estimate_sentence(make_result(summary={})) == ""
     assert not any("estimated" in number.label for number in sentences.key_numbers(none))
 
 
@@ -333,14 +335,16 @@ class Printer:
 
 def test_paper_goes_without_what_is_shown_at_a_pointer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(document, "needed", lambda _: SimpleNamespace(HTML=Printer))
-    made = document.write(f"<p>a{SCREEN}\n1{END_OF_SCREEN}b{SCREEN}2{END_OF_SCREEN}</p>", tmp_path / "report")
+    made = document.write_page(f"<p>a{SCREEN}\n1{END_OF_SCREEN}b{SCREEN}2{END_OF_SCREEN}</p>", tmp_path / "report")
     assert made.pdf.read_text() == "<p>ab</p>" and "\n1" in made.html.read_text()
 
 
 def test_on_paper_figures_are_images_and_text_stays_as_it_is(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(document, "needed", lambda _: SimpleNamespace(HTML=Printer))
     drawn = '<svg viewBox="0 0 2 1"><path d="M0 0"/><text>a &lt; b</text></svg>'
-    text = document.write(f"<style>.pair svg {{ width: 1px }}</style><p>svg {{</p>{drawn}", tmp_path).pdf.read_text()
+    text = document.write_page(
+        f"<style>.pair svg {{ width: 1px }}</style><p>svg {{</p>{drawn}", tmp_path
+    ).pdf.read_text()
     image = re.search('base64,([^"]*)', text)
     assert image is not None
     shown = ElementTree.fromstring(base64.b64decode(image[1]))

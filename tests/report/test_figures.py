@@ -12,10 +12,10 @@ from matplotlib.axis import Axis
 
 from pmr import report
 from pmr.report.blocks import Drawing
-from pmr.report.columns import tips
+from pmr.report.columns import tip_displacements
 from pmr.report.figures import shapes, sketch
-from pmr.report.figures.canvas import HALF, PENS, SHADE, WIDE, log_axis, octave_axis, sheet, style, svg
-from pmr.report.figures.histories import Span, Timeline, band, drawn_history, sliding_spans
+from pmr.report.figures.canvas import HALF, PENS, SHADE, WIDE, log_axis, make_sheet, octave_axis, style, svg
+from pmr.report.figures.histories import Span, Timeline, drawn_history, estimate_band, sliding_spans
 from pmr.results import Paths, RunResult
 from pmr.results.run import FrequencyMap
 
@@ -37,7 +37,9 @@ LABELS = {
 
 def tip_history(result: RunResult) -> Drawing:
     """The tip's history alone."""
-    return drawn_history("a", result, tips(result)["z"], "Displacement of the tip, vertical, z", "Displacement", "m")
+    return drawn_history(
+        "a", result, tip_displacements(result)["z"], "Displacement of the tip, vertical, z", "Displacement", "m"
+    )
 
 
 WHOLE, BARE = "case-1", "case-2"
@@ -90,7 +92,7 @@ def test_sliding_phases(rate: list[float], spans: list[tuple[float, float]]) -> 
 def tip_detail(result: RunResult) -> Span | None:
     """The part of the tip's history that is enlarged."""
     time = Timeline(result)
-    return time.detail(time.signals(tips(result)["z"]))
+    return time.detail(time.signals(tip_displacements(result)["z"]))
 
 
 def test_detail_surrounds_the_largest_tip_difference(make_result) -> None:
@@ -178,14 +180,14 @@ def labels_of(axis: Axis) -> list[str]:
 
 def test_what_would_steer_the_page_is_spelled_out_beside_a_tick() -> None:
     with style():
-        figure, axes = sheet(3.0, 2.0)
+        figure, axes = make_sheet(3.0, 2.0)
         axes[0, 0].set_xticks([0.5], ["one\x1b"])
         assert "one\\x1b" in svg(figure, "a", "")
 
 
 @pytest.mark.parametrize(("low", "high"), [(2e-17, 8e-17), (1e-30, 1e-2), (1.0, 1.0), (3e-13, 1.0)])
 def test_logarithmic_axes_always_have_labels(low: float, high: float) -> None:
-    _, axes = sheet(3.0, 2.0)
+    _, axes = make_sheet(3.0, 2.0)
     ax = axes[0, 0]
     log_axis(ax, low, high)
     bottom, top = ax.get_ylim()
@@ -196,10 +198,10 @@ def test_logarithmic_axes_always_have_labels(low: float, high: float) -> None:
 
 
 def test_frequencies_over_decades_are_labelled_in_hertz() -> None:
-    _, axes = sheet(3.0, 2.0)
+    _, axes = make_sheet(3.0, 2.0)
     octave_axis(axes[0, 0], 0.9, 44.0)
     assert labels_of(axes[0, 0].yaxis) == ["1", "2", "5", "10", "20"]
-    _, axes = sheet(3.0, 2.0)
+    _, axes = make_sheet(3.0, 2.0)
     octave_axis(axes[0, 0], 0.0, 44.0)
     octave_axis(axes[0, 0], 31.0, 44.0)
     assert axes[0, 0].get_yscale() == "linear"
@@ -207,8 +209,8 @@ def test_frequencies_over_decades_are_labelled_in_hertz() -> None:
 
 def test_the_band_of_the_estimate_holds_what_is_drawn(make_result) -> None:
     result = make_result()
-    wide = np.full(len(result.along), 2e-3)
-    figure = band(result, lambda response: response.tip, wide)
+    wide = np.full(len(result.abscissa), 2e-3)
+    figure = estimate_band(result, lambda response: response.tip, wide)
     (filled,) = [one for one in figure.axes[0].collections if len(one.get_paths()[0].vertices) > 4]
     off = 1e3 * np.abs(result.responses["reduced"].tip - result.responses["full"].tip).max()
     edges = filled.get_paths()[0].vertices[:, 1]
@@ -236,7 +238,7 @@ def test_contours_have_their_labels_within_the_map(whole: RunResult) -> None:
     ways = Paths(("a", "b"), np.stack([first, first], axis=1), np.ones((9, 2)))
     result = replace(whole, paths=ways, frequencies=replace(whole.frequencies, over_joints=found))
     with style():
-        ax = shapes.frequency_map(result).axes[0]
+        ax = shapes.frequency_map_figure(result).axes[0]
     shown = [one for one in ax.texts if one.get_visible()]
     places = (np.array([one.get_position() for one in shown]) - first[0]) / (first[-1] - first[0])
     assert len(shown) >= 4 and (places > 0.05).all() and (places < 0.95).all()

@@ -11,10 +11,10 @@ from boom_results import SUMMARY, MakeSpace
 
 from pmr.report import columns
 from pmr.report.blocks import Chapter, Drawing, KeyNumber, Table
-from pmr.report.document import page as rendered
+from pmr.report.document import render_runs as rendered
 from pmr.report.figures import sketch, space
 from pmr.report.figures.canvas import INK
-from pmr.report.first_page import tables
+from pmr.report.first_page import first_page_tables
 from pmr.results import Response, RunResult
 
 SPACE = "\u00a0"
@@ -37,7 +37,7 @@ def result(make_space: MakeSpace) -> RunResult:
 
 
 def rows(result: RunResult, title: str) -> dict[str, str]:
-    return dict(next(table.rows for table in tables(result) if table.title == title))
+    return dict(next(table.rows for table in first_page_tables(result) if table.title == title))
 
 
 def test_what_was_asked_is_said_in_rows(result: RunResult) -> None:
@@ -95,7 +95,9 @@ def test_what_is_not_known_is_said(make_space: MakeSpace) -> None:
 
 
 def trust(make_space: MakeSpace, **summary: object) -> Table:
-    return next(one for one in tables(make_space(summary=SUMMARY | summary)) if one.title == "How far to trust it")
+    return next(
+        one for one in first_page_tables(make_space(summary=SUMMARY | summary)) if one.title == "How far to trust it"
+    )
 
 
 def test_every_part_that_is_known_has_a_bar_on_one_scale(make_space: MakeSpace) -> None:
@@ -231,8 +233,8 @@ def test_a_boom_stands_as_it_is_raised_with_a_ring_where_it_is_stressed_most(mak
     raised, turned = make_space(gravity={"inclination": 60.0}), make_space(frame=frame)
     (axis,) = columns.body_axes(raised, [0])
     assert axis.side[0, -1] - axis.side[0, 0] == pytest.approx([0.5 * 5.8, 3**0.5 / 2.0 * 5.8], abs=0.02)
-    assert list(space.moments(raised)) == [500] and 500 in space.moments(turned)  # 0.5 s, of the largest stress
-    figure = sketch.sketch(turned)
+    assert list(space.drawn_steps(raised)) == [500] and 500 in space.drawn_steps(turned)  # 0.5 s, of the largest stress
+    figure = sketch.draw_sketch(turned)
     (ring,) = [line for line in figure.axes[0].lines if line.get_markersize() == 9.0]
     expected = 1.5 * np.array([np.cos(0.5), np.sin(0.5)])
     assert ring.get_xydata()[0] == pytest.approx(expected, abs=0.3)  # its deflection is drawn larger
@@ -241,7 +243,7 @@ def test_a_boom_stands_as_it_is_raised_with_a_ring_where_it_is_stressed_most(mak
     assert np.arctan2(z, x) == pytest.approx(0.5, abs=0.1)  # at that moment, the others are paler
     assert "luffing cylinder" in [text.get_text() for text in figure.legends[0].get_texts()]
     assert "49.0\u00a0MPa" in [text.get_text() for text in figure.axes[0].texts]
-    assert "the ring is the place of the largest stress" in sketch.caption(turned)
+    assert "the ring is the place of the largest stress" in sketch.sketch_caption(turned)
 
 
 @pytest.mark.slow
@@ -264,7 +266,7 @@ def test_the_first_page_in_print_answers_all_of_it(make_space: MakeSpace) -> Non
     found = replace(found, responses={name: named(one) for name, one in found.responses.items()})
     drawn = Drawing("case-1-sketch", '<svg width="80mm" height="70mm"></svg>', 150 * "m", half=True)
     first = Chapter(
-        anchor="case-1", title="Boom", opening=50 * "m", sketch=drawn, first=tables(found),
+        anchor="case-1", title="Boom", opening=50 * "m", sketch=drawn, first=first_page_tables(found),
         warnings=["second order is left out"], key_numbers=[KeyNumber("1", "coordinates")],
     )  # fmt: skip
     page, *_ = weasyprint.HTML(string=rendered([first])).render().pages

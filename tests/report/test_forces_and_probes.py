@@ -10,7 +10,7 @@ import pytest
 from pmr.report import forces as drawn
 from pmr.report import sentences, stresses
 from pmr.report.errors import rows as error_rows
-from pmr.report.forces import contact
+from pmr.report.forces import contact_block
 from pmr.results import RunResult
 
 SPACE = "\u00a0"
@@ -39,7 +39,7 @@ def probed(make_result) -> RunResult:
 
 @pytest.mark.slow
 def test_probes_have_extremes_and_load_cycles(probed: RunResult) -> None:
-    block = stresses.probes(probed, "case-1")
+    block = stresses.probe_block(probed, "case-1")
     assert block is not None
     extremes, stress, strain = block.grids
     assert [row[0] for row in extremes.rows] == [
@@ -58,7 +58,7 @@ def test_probes_have_extremes_and_load_cycles(probed: RunResult) -> None:
 
 
 def test_forces_have_extremes_with_time_and_place(probed: RunResult) -> None:
-    (grid,) = contact(probed, "case-1").grids
+    (grid,) = contact_block(probed, "case-1").grids
     assert grid.head == ("", "least in N", "largest in N") and grid.caption.endswith("the path coordinate s then.")
     ((name, least, largest),) = grid.rows
     t = probed.responses["reduced"].t[probed.responses["reduced"].slider_force[:, 0].argmin()]
@@ -80,19 +80,19 @@ def idle(result: RunResult, **forces: float) -> RunResult:
 def test_a_pad_that_never_touches_has_no_panel_and_no_row(probed: RunResult, monkeypatch) -> None:
     """Neither one without any force, nor one that round-off alone presses on; both are named."""
     result, panels = idle(probed, lower=1.0, upper=0.0, aside=1e-14, other=1e-3), []
-    monkeypatch.setattr(drawn, "drawing", lambda *given: panels.extend(force.called for force in given[-1]))
-    block = contact(result, "case-1")
+    monkeypatch.setattr(drawn, "drawing", lambda *given: panels.extend(force.output_name for force in given[-1]))
+    block = contact_block(result, "case-1")
     assert block is not None and panels == ["force of lower", "force of other"]
     assert [row[0] for row in block.grids[0].rows] == ["lower", "other"]
     assert block.text == "No force at any time on upper, aside."
     panels.clear()
-    block = contact(idle(probed, lower=0.0), "case-1")
+    block = contact_block(idle(probed, lower=0.0), "case-1")
     assert block is not None and (block.rows, block.grids, panels) == ((), (), [])
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_what_is_nothing_beside_the_largest_of_its_kind_is_zero(probed: RunResult) -> None:
-    (grid,) = contact(idle(probed, lower=1.0, other=0.9e-4, aside=1.1e-4), "case-1").grids
+    (grid,) = contact_block(idle(probed, lower=1.0, other=0.9e-4, aside=1.1e-4), "case-1").grids
     largest = {name: cell.partition(" at")[0] for name, _, cell in grid.rows}
     assert largest == {"lower": "100", "other": "0", "aside": "0.0110"}
 
@@ -107,7 +107,7 @@ def test_moments_of_supports_that_give_way_are_no_forces(make_space, monkeypatch
     names, reduced = ("force of leg", "force of hinge"), result.responses["reduced"]
     bearing = replace(reduced, slider_force=np.array([2e3, 5e4]) * np.ones((len(reduced.t), 2)), force_names=names)
     monkeypatch.setattr(drawn, "drawing", lambda *given: figures.append([force.unit for force in given[-1]]))
-    block = drawn.supports(replace(result, responses={"reduced": bearing}), "case-1")
+    block = drawn.support_block(replace(result, responses={"reduced": bearing}), "case-1")
     assert block is not None and figures == [["N"], ["N m"]]
     assert [grid.head[1] for grid in block.grids] == ["least in kN", "least in kN m"]
     assert [grid.rows[0][0] for grid in block.grids] == ["leg", "hinge"]
@@ -121,7 +121,7 @@ def test_round_off_of_cylinders_is_no_key_number(make_result) -> None:
 
 
 def test_the_error_table_has_probes_in_their_units(probed: RunResult) -> None:
-    found = {row.place: (row.here, row.absolute) for row in error_rows(probed)}
+    found = {row.place: (row.value, row.absolute) for row in error_rows(probed)}
     assert found["weld stress along"] == ("0.200\u00a0%", "2.00\u00a0kPa")
     assert found["weld strain along"] == ("0.300\u00a0%", "1.00\u00a0·\u00a010⁻⁶")
 
@@ -130,12 +130,14 @@ def test_regions_stand_beside_the_full_model(make_result) -> None:
     peak = {"value": 50e6, "t": 0.5, "position": [1.0, 0.1, 0.2], "face": "outer"}
     both = {"top": peak, "bottom": peak | {"value": 40e6}}
     found = {"stress_by_region": {"reduced": both, "full": {name: one | {"value": 51e6} for name, one in both.items()}}}
-    (grid,) = stresses.stress(make_result(summary=found), "case-1").grids
+    (grid,) = stresses.stress_block(make_result(summary=found), "case-1").grids
     assert grid.head[:3] == ("region", "in MPa", "full model")
     assert grid.rows[1] == ("bottom", "40.00", "51.00", "0.5000", "(1.00, 0.100, 0.200)", "outer")
-    assert stresses.stress(make_result(summary={"stress_by_region": {"reduced": {"body": peak}}}), "case-1") is None
+    assert (
+        stresses.stress_block(make_result(summary={"stress_by_region": {"reduced": {"body": peak}}}), "case-1") is None
+    )
 
 
 def test_without_probes_or_names_of_forces_nothing_is_said(make_result) -> None:
-    assert stresses.probes(make_result(), "case-1") is None
-    assert contact(make_result(), "case-1").grids == ()
+    assert stresses.probe_block(make_result(), "case-1") is None
+    assert contact_block(make_result(), "case-1").grids == ()

@@ -12,7 +12,7 @@ from fuzz.names import fit
 
 from pmr.errors.text import visible
 from pmr.report.blocks import Chapter
-from pmr.report.document import page as render
+from pmr.report.document import render_runs as render
 from pmr.report.document import write_report
 from pmr.report.sections import chapter as case
 

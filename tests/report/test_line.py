@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pmr.report.columns import spread
+from pmr.report.columns import spread_indices
 from pmr.report.player import FRAMES, POINTS, axis_motion, scale_words
 from pmr.results import RunResult
 
@@ -24,7 +24,7 @@ def data(whole: RunResult) -> dict[str, Any]:
 
 
 def test_motion_is_that_of_the_beam(whole: RunResult, data: dict[str, Any]) -> None:
-    frames = spread(len(whole.along), FRAMES)
+    frames = spread_indices(len(whole.abscissa), FRAMES)
     assert [lane["label"] for lane in data["lanes"]] == ["full", "ANCF", "reduced"]
     for lane, name in zip(data["lanes"], ("full", "ancf", "reduced"), strict=True):
         (beam,) = lane["beams"]
@@ -35,8 +35,8 @@ def test_motion_is_that_of_the_beam(whole: RunResult, data: dict[str, Any]) -> N
 
 
 def test_slider_and_load_go_with_it(whole: RunResult, data: dict[str, Any]) -> None:
-    frames = spread(len(whole.along), FRAMES)
-    assert unpacked(data["s"]) == pytest.approx(whole.along[frames], abs=1e-3)
+    frames = spread_indices(len(whole.abscissa), FRAMES)
+    assert unpacked(data["s"]) == pytest.approx(whole.abscissa[frames], abs=1e-3)
     force, values = unpacked(data["loads"][0]["force"]).reshape(-1, 3), whole.loads.values[frames, 0]
     assert force[:, 2] == pytest.approx(values / np.abs(values).max(), rel=1e-3)
     assert data["loads"][0]["at"] == 5.0 and not force[:, :2].any()

@@ -15,11 +15,11 @@ from pmr.report.blocks import (
     ErrorTable,
     Mark,
     Row,
+    count_verdicts,
     deviating_rows,
     mark_for,
-    verdicts,
 )
-from pmr.report.errors import reasons, rows
+from pmr.report.errors import error_notes, rows
 from pmr.results import RunResult
 
 
@@ -66,7 +66,7 @@ def test_only_published_figures_are_marked(whole: RunResult) -> None:
     table = {(row.comparison, row.place): row for row in rows(whole)}
     unpublished = table["reduced against ANCF", "tip"]
     assert (unpublished.published, unpublished.deviation, unpublished.mark) == (None, None, None)
-    assert verdicts(rows(whole)) == {WITHIN.text: 2, SAME.text: 1, BETTER.text: 1, WORSE.text: 1}
+    assert count_verdicts(rows(whole)) == {WITHIN.text: 2, SAME.text: 1, BETTER.text: 1, WORSE.text: 1}
 
 
 def test_published_figures_keep_the_decimals_of_their_publication(whole: RunResult) -> None:
@@ -75,7 +75,7 @@ def test_published_figures_keep_the_decimals_of_their_publication(whole: RunResu
 
 
 def test_a_figure_that_rounds_to_the_published_one_is_explained(whole: RunResult) -> None:
-    first, *others = reasons(whole, rows(whole))
+    first, *others = error_notes(whole, rows(whole))
     assert first.startswith(
         "full against ANCF, tip: the published 0.07\u00a0% is a rounded figure; 0.0740\u00a0% rounds"
     )
@@ -86,9 +86,9 @@ def test_an_unexplained_difference_is_said_to_be_so(make_result) -> None:
     published = {"source": "a paper", "errors": {"reduced_vs_full": {"tip": 0.02}}}
     summary = {"errors": {"reduced_vs_full": {"tip": 0.01}}}
     result = make_result(published=published, summary=summary)
-    assert reasons(result, rows(result)) == ["No reason is recorded with this result."]
+    assert error_notes(result, rows(result)) == ["No reason is recorded with this result."]
     close = make_result(published=published, summary={"errors": {"reduced_vs_full": {"tip": 0.0201}}})
-    assert reasons(close, rows(close)) == [] and deviating_rows(rows(close)) == []
+    assert error_notes(close, rows(close)) == [] and deviating_rows(rows(close)) == []
 
 
 def test_a_run_without_reference_has_no_error_to_show(make_result) -> None:
@@ -99,9 +99,9 @@ def test_a_run_without_reference_has_no_error_to_show(make_result) -> None:
 def test_columns_that_all_lines_leave_empty_are_left_out() -> None:
     full = Row("a", "b", "1", "2", "+3", WITHIN, "4 m")
     table = ErrorTable("", [replace(full, published=None, deviation=None, mark=None), full])
-    assert (table.published, table.deviations, table.norms, table.marks) == (True, True, True, [WITHIN])
+    assert (table.has_published, table.has_deviations, table.has_norms, table.marks) == (True, True, True, [WITHIN])
     words = ErrorTable("", [replace(full, deviation=None, mark=None, absolute=None)])
-    assert (words.published, words.deviations, words.norms, words.marks) == (True, False, False, [])
+    assert (words.has_published, words.has_deviations, words.has_norms, words.marks) == (True, False, False, [])
 
 
 def test_marks_stand_in_the_order_of_their_worth() -> None:
@@ -109,4 +109,4 @@ def test_marks_stand_in_the_order_of_their_worth() -> None:
     table = ErrorTable("", [found[mark] for mark in sorted(RANKED, key=lambda mark: mark.symbol)])
     words = [mark.text for mark in table.marks]
     assert words == ["better", "same when rounded", "within 5\u00a0%", "different", "worse"]
-    assert list(verdicts(table.rows)) == words
+    assert list(count_verdicts(table.rows)) == words

@@ -17,13 +17,13 @@ from matplotlib.text import Text
 from pmr.fields.series import Fields
 from pmr.report import album, columns, player, sections, subject
 from pmr.report import forces as loads
-from pmr.report.document import page
+from pmr.report.document import render_runs
 from pmr.report.figures import loads as drawn_loads
 from pmr.report.figures import space as figures
 from pmr.report.figures.canvas import style
 from pmr.report.figures.histories import Timeline
 from pmr.report.sections import chapter
-from pmr.report.sentences import energy, frame
+from pmr.report.sentences import energy_sentence, frame_sentences
 from pmr.results import RunResult
 
 TURNING = {
@@ -42,7 +42,7 @@ class _Result:
 
 def said(**summary: Any) -> str:
     result: RunResult = _Result(**summary)  # type: ignore[assignment]
-    return frame(result)
+    return frame_sentences(result)
 
 
 def test_nothing_is_said_of_a_frame_that_there_is_not() -> None:
@@ -63,10 +63,10 @@ def test_second_order_is_said_with_the_buckling_factor(factor: float | None, exp
 
 def test_the_energy_in_space_is_said_with_who_does_the_work() -> None:
     found: RunResult = _Result(energy={"change": 12.0, "drives": 20.0, "others": -5.0, "lost": 3.0})  # type: ignore[assignment]
-    text = energy(found)
+    text = energy_sentence(found)
     for figure in ("12.0", "20.0", "\u22125.00", "3.00"):
         assert f"{figure}\u00a0J" in text
-    assert energy(_Result()) == ""  # type: ignore[arg-type]
+    assert energy_sentence(_Result()) == ""  # type: ignore[arg-type]
 
 
 FRAME = {
@@ -137,7 +137,7 @@ def test_the_player_has_what_puts_the_tip_where_it_is(turned: RunResult) -> None
 
 @pytest.mark.slow
 def test_a_page_shows_the_boom_in_space_and_only_with_a_frame(turned: RunResult, boom: RunResult) -> None:
-    here, there = page([chapter(turned, "case-1")]), page([chapter(boom, "case-1")])
+    here, there = render_runs([chapter(turned, "case-1")]), render_runs([chapter(boom, "case-1")])
     for figure in ("plan", "tip-in-space", "buckling-reach", "buckling-angle", "pivot-forces", "pivot-moments"):
         assert f'id="case-1-{figure}"' in here and f'id="case-1-{figure}"' not in there
     assert "Height over the pivot in m" in here and "animation space" in here
@@ -148,12 +148,12 @@ def test_no_panel_is_empty_and_round_off_is_not_drawn(turned: RunResult) -> None
     """A force that stays at -75 kN lies within its axes; what is 1e-11 of it has no curve."""
     outputs = turned.responses["reduced"].outputs
     with style():
-        drawn = drawn_loads.pivot(turned, [one for one in outputs if one.name == "reaction of pivot x"])
+        drawn = drawn_loads.pivot_figure(turned, [one for one in outputs if one.name == "reaction of pivot x"])
         views = [
-            figures.side(turned),
-            figures.plan(turned),
-            figures.tip(turned),
-            *(figures.buckling(turned, over) for over in ("reach", "angle")),
+            figures.side_view(turned),
+            figures.plan_view(turned),
+            figures.tip_figure(turned),
+            *(figures.buckling_figure(turned, over) for over in ("reach", "angle")),
         ]
     (ax,) = drawn.axes
     curve, (low, high) = ax.lines[0].get_ydata(), ax.get_ylim()
@@ -178,7 +178,7 @@ def test_all_that_is_prescribed_is_shaded(make_space: MakeSpace) -> None:
     time = Timeline(make_space(frame={"pivot": [0.0, 0.0, 0.0], "luffing": luffing, "slewing": slewing}))
     found = np.array([(phase.start, phase.end) for phase in time.phases])
     assert found == pytest.approx(np.array([(0.0, 0.1), (0.2, 0.9)]), abs=1.5e-3)  # of steps of 1 ms
-    assert [patch.get_label() for patch in time.shade()] == ["boom moves"]
+    assert [patch.get_label() for patch in time.shade_legend()] == ["boom moves"]
 
 
 def boxes(figure: Figure, text: str) -> list[np.ndarray]:
@@ -196,7 +196,7 @@ def test_labels_of_moments_do_not_cover_each_other(make_space: MakeSpace) -> Non
     for high, count in ((0.602, 1), (1.6, 4)):
         result = make_space(frame={"pivot": [0.0, 0.0, 0.0], "luffing": angle | {"values": [0.6, high]}})
         with style():
-            found = boxes(figures.side(result), "\u00a0s")
+            found = boxes(figures.side_view(result), "\u00a0s")
         assert len(found) == count
         for k, one in enumerate(found):
             assert not any((one[0] < other[1]).all() and (other[0] < one[1]).all() for other in found[:k])
@@ -204,7 +204,7 @@ def test_labels_of_moments_do_not_cover_each_other(make_space: MakeSpace) -> Non
 
 def test_the_largest_stress_is_written_where_nothing_is_drawn(turned: RunResult) -> None:
     with style():
-        figure = figures.side(turned)
+        figure = figures.side_view(turned)
         ((low, high),) = boxes(figure, "MPa")
     for curve in figure.axes[0].lines:
         x, y = figure.axes[0].transData.transform(curve.get_xydata()).T
@@ -219,19 +219,19 @@ def test_an_angle_that_stays_as_it_is_is_not_drawn(make_space: MakeSpace, turned
     result = make_space(frame=still | {"luffing": ramp})
     assert list(subject.changing_angles(result)) == ["luffing"]
     assert list(subject.changing_angles(turned)) == ["luffing", "slewing"]
-    captions = [one.caption for one in sections.inputs_over_time(result, "case-1").drawings]
+    captions = [one.caption for one in sections.input_block(result, "case-1").drawings]
     assert captions[-1] == "Luffing over time."
-    drawings = sections.inputs_over_time(make_space(frame=still | {"luffing": 0.3}), "case-1").drawings
+    drawings = sections.input_block(make_space(frame=still | {"luffing": 0.3}), "case-1").drawings
     assert [one.name for one in drawings] == ["case-1-position", "case-1-loads"]
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_sums_over_all_supports_stand_with_the_machine_and_not_among_supports(turned: RunResult) -> None:
     """The force along y, 1e-11 of that along x, has no row."""
-    block = loads.pivot(turned, "case-1")
+    block = loads.pivot_block(turned, "case-1")
     assert block is not None and [[row[0] for row in grid.rows] for grid in block.grids] == [["x"], ["ry"]]
     assert block.grids[0].rows[0][1] == "\u221275.0 at 0\u00a0s, 1.5\u00a0m"
-    assert list(loads.reactions(turned)) == []
+    assert list(loads.reaction_grids(turned)) == []
 
 
 @pytest.mark.parametrize("kind", ["line", "triangle"])

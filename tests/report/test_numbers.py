@@ -54,7 +54,7 @@ def test_units_suit_the_largest_value(largest: float, base: str, unit: Unit) -> 
     ],
 )
 def test_plain(value: float, text: str) -> None:
-    assert numbers.plain(value) == text
+    assert numbers.format_input(value) == text
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_plain(value: float, text: str) -> None:
     [(0.0007127, "0.713\u00a0mm"), (0.0478586, "47.9\u00a0mm"), (1.5, "1.50\u00a0m"), (2e-6, "2.00\u00a0µm")],
 )
 def test_length(value: float, text: str) -> None:
-    assert numbers.length(value) == text
+    assert numbers.format_length(value) == text
 
 
 @pytest.mark.parametrize(("largest", "step"), [(10.4, 10.0), (9.99, 5.0), (0.02, 0.02), (0.5, 0.5), (0.3, 0.2)])
@@ -88,5 +88,8 @@ def test_an_estimate_is_compared_with_an_error_above_round_off_only(true: float 
 
 
 def test_a_share_that_is_round_off_has_no_digits() -> None:
-    assert numbers.percent(6.71e-12) == f"less than 10⁻⁶{SPACE}%"
-    assert numbers.percent(0.0) == f"0{SPACE}%" and numbers.percent(1.2e-8) == f"1.20{SPACE}·{SPACE}10⁻⁶{SPACE}%"
+    assert numbers.format_percent(6.71e-12) == f"less than 10⁻⁶{SPACE}%"
+    assert (
+        numbers.format_percent(0.0) == f"0{SPACE}%"
+        and numbers.format_percent(1.2e-8) == f"1.20{SPACE}·{SPACE}10⁻⁶{SPACE}%"
+    )

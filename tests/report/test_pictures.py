@@ -14,9 +14,9 @@ from waiting import PATIENCE
 from pmr.report import album as pictures
 from pmr.report import renderer as studio
 from pmr.report import sections
-from pmr.report.album import album
-from pmr.report.document import page as render
-from pmr.report.renderer import NoPictureError, Piece, Shot, develop, frame_shots
+from pmr.report.album import start_album
+from pmr.report.document import render_runs as render
+from pmr.report.renderer import NoPictureError, Piece, Shot, frame_shots, render_shots
 from pmr.report.sections import chapter as case
 
 SQUARE = Piece(np.array([(0.0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1)]), np.array([(0, 1, 2, 3)]), np.array([1.0]))
@@ -33,8 +33,8 @@ def test_all_shots_of_a_side_have_one_scale_and_hold_what_they_show() -> None:
 
 @pytest.mark.slow
 def test_a_picture_shows_what_it_is_told_to_and_is_the_same_again() -> None:
-    first, second = develop([SHOT, SHOT])
-    assert first == second == develop([SHOT])[0]
+    first, second = render_shots([SHOT, SHOT])
+    assert first == second == render_shots([SHOT])[0]
     seen = np.asarray(Image.open(io.BytesIO(first)).convert("RGB")).astype(int)
     assert seen.shape == (40, 80, 3)
     assert np.all(seen[:8] == 255) and np.all(seen[:, :28] == 255)  # white around it
@@ -48,7 +48,7 @@ def test_without_pyvista_the_report_says_so(monkeypatch, make_space, make_fields
     )
     run = studio.subprocess.run
     monkeypatch.setattr(studio.subprocess, "run", lambda c, **k: run([sys.executable, "-c", hidden, c[-1]], **k))
-    found = album(make_space(fields=make_fields("line")), "case-1")()
+    found = start_album(make_space(fields=make_fields("line")), "case-1")()
     assert found.pictures == () and "pyvista" in found.absent
 
 
@@ -57,13 +57,13 @@ def test_a_driver_that_ends_its_process_ends_no_report(monkeypatch) -> None:
     crash = "import os; os.abort()"
     monkeypatch.setattr(studio.subprocess, "run", lambda c, **k: run([sys.executable, "-c", crash], **k))
     with pytest.raises(NoPictureError, match="the graphics library ended unexpectedly"):
-        develop([SHOT])
+        render_shots([SHOT])
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_pictures_stand_in_the_page(monkeypatch, make_space, make_fields) -> None:
-    monkeypatch.setattr(pictures, "develop", lambda shots: [b"picture"] * len(shots))
+    monkeypatch.setattr(pictures, "render_shots", lambda shots: [b"picture"] * len(shots))
     page = render([case(make_space(fields=make_fields("triangle")), "case-1")])
     images = re.findall(
         r'<figure id="case-1-([^"]+)" class="picture">\s*<img src="data:image/png;base64,cGljdHVyZQ=="', page
@@ -78,7 +78,7 @@ def test_pictures_stand_in_the_page(monkeypatch, make_space, make_fields) -> Non
 def test_all_else_is_drawn_while_pictures_are_made(monkeypatch, make_space, make_fields) -> None:
     drawn = Event()
     monkeypatch.setattr(sections, "SECTIONS", (lambda result, prefix: drawn.set(),))
-    monkeypatch.setattr(pictures, "develop", lambda shots: [b"late" if drawn.wait(PATIENCE) else b""] * len(shots))
+    monkeypatch.setattr(pictures, "render_shots", lambda shots: [b"late" if drawn.wait(PATIENCE) else b""] * len(shots))
     (block,) = sections.figures_of(make_space(fields=make_fields("line")), "case-1").blocks
     assert {one.data for one in block.pictures} == {base64.b64encode(b"late").decode()}
 
@@ -88,6 +88,6 @@ def test_a_page_without_pictures_says_why(monkeypatch, make_space, make_fields) 
     def refuse(shots: object) -> None:
         raise NoPictureError("nothing to draw with")
 
-    monkeypatch.setattr(pictures, "develop", refuse)
+    monkeypatch.setattr(pictures, "render_shots", refuse)
     page = render([case(make_space(fields=make_fields("line")), "case-1")])
     assert "There are no pictures: nothing to draw with." in page and 'class="picture"' not in page

@@ -12,8 +12,8 @@ import pytest
 
 from pmr.report import album as pictures
 from pmr.report import player as players
-from pmr.report.bodies import surface
-from pmr.report.document import page as render
+from pmr.report.bodies import body_surface
+from pmr.report.document import render_runs as render
 from pmr.report.player import body_motion, compress, drawing_sentence
 from pmr.report.renderer import NoPictureError
 from pmr.report.sections import chapter as case
@@ -41,8 +41,8 @@ def data(boom_in_motion: RunResult) -> dict[str, Any]:
 
 def test_motion_and_stress_are_those_of_the_fields(boom_in_motion: RunResult, data: dict[str, Any]) -> None:
     fields = boom_in_motion.body.fields
-    body = surface(fields)
-    moved = body.moved(fields, fields.displacement).reshape(len(fields.t), -1)
+    body = body_surface(fields)
+    moved = body.point_displacements(fields, fields.displacement).reshape(len(fields.t), -1)
     assert np.abs(frames_of(data["bodies"][0]["motion"]) - moved).max() < 1e-4 * np.abs(moved).max()
     stress = fields.von_mises["outer"][:, body.cell] / 48e6
     assert np.abs(frames_of(data["bodies"][0]["stress"]) - stress).max() < 1e-4 * stress.max()
@@ -50,7 +50,7 @@ def test_motion_and_stress_are_those_of_the_fields(boom_in_motion: RunResult, da
 
 
 def test_the_page_gets_what_the_surface_has(boom_in_motion: RunResult, data: dict[str, Any]) -> None:
-    body = surface(boom_in_motion.body.fields)
+    body = body_surface(boom_in_motion.body.fields)
     assert np.allclose(unpacked(data["bodies"][0]["points"]).reshape(-1, 3), body.points, atol=1e-3)
     indices = np.frombuffer(base64.b64decode(data["bodies"][0]["triangles"]), "<u4").reshape(-1, 3)
     assert np.array_equal(indices, body.triangles) and data["bodies"][0]["faces"] == len(body.faces)
@@ -110,7 +110,7 @@ def test_the_page_plays_offline_and_pictures_stand_beside(monkeypatch, boom_in_m
     def refuse(shots: object) -> None:
         raise NoPictureError("nothing to draw with")
 
-    monkeypatch.setattr(pictures, "develop", refuse)
+    monkeypatch.setattr(pictures, "render_shots", refuse)
     page = render([case(boom_in_motion, "case-1")])
     assert page.count("<canvas") == page.count("class BodyPlayer") == 1 and "LinePlayer" not in page
     assert re.search(r'<option value="50" selected>50 ×</option>', page)

@@ -17,7 +17,7 @@ LOAD, GREY, INK = "#7b2d8e", "#5b6875", "#1c2733"
 
 
 def drawn(result: RunResult) -> Drawing:
-    return drawing("case-1-sketch", sketch.sketch, sketch.caption(result), result)
+    return drawing("case-1-sketch", sketch.draw_sketch, sketch.sketch_caption(result), result)
 
 
 def texts(result: RunResult) -> list[str]:
@@ -35,8 +35,8 @@ def coloured(result: RunResult, colour: str) -> int:
 def test_a_beam_has_its_length_its_sliders_way_and_its_loads(whole: RunResult, make_result) -> None:
     assert texts(whole) == ["s = 1.25 m … 3.75 m", "5 m", "F"]
     still = make_result(slider={"path": 2.0})
-    assert texts(still) == ["5 m", "F"] and "hollow" not in sketch.caption(still)
-    assert "hollow" in sketch.caption(whole)
+    assert texts(still) == ["5 m", "F"] and "hollow" not in sketch.sketch_caption(still)
+    assert "hollow" in sketch.sketch_caption(whole)
 
 
 def test_a_boom_has_what_is_attached_to_it(boom: RunResult, make_space) -> None:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmr.report.bodies import Block, stage, surface
+from pmr.report.bodies import Block, body_surface, build_surroundings
 from pmr.results import RunResult
 from pmr.results.pads import THICK
 
@@ -12,7 +12,7 @@ from pmr.results.pads import THICK
 def blocks(make_space, make_fields) -> tuple[RunResult, object]:
     fields = make_fields("triangle")
     result = make_space(fields=fields)
-    return result, stage(result, surface(fields))
+    return result, build_surroundings(result, body_surface(fields))
 
 
 def extent(block: Block) -> np.ndarray:
@@ -32,6 +32,6 @@ def test_pads_lie_on_their_faces(blocks) -> None:
 def test_the_next_section_holds_the_body_at_every_extension(blocks) -> None:
     result, around = blocks
     (back, *_), (front, *_) = extent(around.section[0])
-    assert back < -result.along.max() and front == pytest.approx(0.15)
+    assert back < -result.abscissa.max() and front == pytest.approx(0.15)
     assert np.all(extent(around.section[0])[0, 1:] < (-0.15 - THICK, -0.2 - THICK))
     assert len(around.section[0].sides) == 4  # open at both ends

@@ -11,7 +11,7 @@ import pytest
 from boom_results import boom, make_space  # noqa: F401 fixtures
 
 from pmr.files import npz
-from pmr.report.columns import forces, tips
+from pmr.report.columns import forces_by_group, tip_displacements
 from pmr.results import Energy, Response, RunResult
 from pmr.results.response import outputs_of
 from pmr.system.body import force_outputs, kinds_of, length_outputs, other_outputs
@@ -88,8 +88,13 @@ def test_a_result_without_kinds_is_read_by_its_names_or_their_order(boom: RunRes
     assert again.responses["full"].outputs == () and again.loads.names == ()
     found = outputs_of(again.scene, again.responses["full"])
     assert [one.kind for one in found] == ["beam"] * 10 + ["tip"] * 2 + ["pad"] * 7
-    assert list(tips(again)) == ["y", "z"] and [len(pads) for pads in forces(again).values()] == [3, 4]
-    assert np.array_equal(tips(again)["y"](again.responses["full"]), boom.responses["full"].displacement[:, -2])
+    assert list(tip_displacements(again)) == ["y", "z"] and [len(pads) for pads in forces_by_group(again).values()] == [
+        3,
+        4,
+    ]
+    assert np.array_equal(
+        tip_displacements(again)["y"](again.responses["full"]), boom.responses["full"].displacement[:, -2]
+    )
 
 
 class Model:

@@ -8,7 +8,7 @@ from pmr.results.pads import CUBE, THICK, pads_over_time
 
 def test_pads_of_the_mouth_stay_and_those_of_the_tail_move_with_the_body(make_space, make_fields) -> None:  # noqa: F811
     result = make_space(fields=make_fields("triangle"))
-    found, along = pads_over_time(result), result.travelling[""][1]
+    found, along = pads_over_time(result), result.moving_fields[""][1]
     assert found is not None and len(found.names) == sum(len(ring.places) for ring in result.scene.pads)
     moving = [ring.moving for ring in result.scene.pads for _ in ring.places]
     start = found.corners[:, :, :, 0].min(axis=2)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pmr.results import Energy, Response
-from pmr.results.quantities import LIMITED, QUANTITIES, label_of_error, with_unit
+from pmr.results.quantities import LIMITED, QUANTITIES, error_label, with_unit
 from pmr.results.response import KINDS, Extreme, Extremes
 from pmr.scene.run_settings import OutputKind
 
@@ -74,14 +74,16 @@ def test_its_histories_are_the_columns_of_its_kinds_with_the_peaks_of_forces(
     ],
 )
 def test_the_extreme_that_is_reported_has_its_sign_time_and_place(key: str, value: Extreme) -> None:
-    extremes = Extremes.of(np.array([-7.0, -8.0, 4.0]), np.array([0.0, 1.0, 2.0]), np.array([10.0, 20.0, 30.0]))
+    extremes = Extremes.from_history(
+        np.array([-7.0, -8.0, 4.0]), np.array([0.0, 1.0, 2.0]), np.array([10.0, 20.0, 30.0])
+    )
     assert QUANTITIES[key].value(extremes) == value and extremes.size == 8.0
 
 
 def test_errors_between_kinks_and_of_outputs_have_a_name() -> None:
-    assert label_of_error("pad_force_between_kinks") == "pad forces between kinks"
-    assert label_of_error("tip") == "displacements of the tip"
-    assert label_of_error("weld stress xx") == "weld stress xx"
+    assert error_label("pad_force_between_kinks") == "pad forces between kinks"
+    assert error_label("tip") == "displacements of the tip"
+    assert error_label("weld stress xx") == "weld stress xx"
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import pmr
 from pmr.compare.summary import utilisation_part
 from pmr.reduction.section_forces import PIECES
 from pmr.results import RunResult
-from pmr.results.tables import tables
+from pmr.results.tables import build_tables
 from pmr.scene import Scene, load_any
 
 BOOM = Path(__file__).parents[2] / "workflows" / "boom_three.toml"
@@ -47,7 +47,9 @@ def test_moments_at_a_clamp_are_its_reaction(ran: RunResult, tmp_path: Path) -> 
         assert np.abs(end[[moment, shear], -1]).max() <= 1e-6 * clamp
     t = envelope.most_at[moment, 0]
     assert t == pytest.approx(reactions["base: clamp ry"]["t_max"], abs=2.0 * STEP)
-    rows = [row for row in tables(ran)["section_forces"].rows if row[1] == "base" and row[2] == "bending moment y"]
+    rows = [
+        row for row in build_tables(ran)["section_forces"].rows if row[1] == "base" and row[2] == "bending moment y"
+    ]
     assert len(rows) == PIECES * ELEMENTS + 1 and rows[0][4] == 0.0 and rows[0][7] == envelope.most[moment, 0]
     extremes = ran.summary["sections"][0]["section_forces"]["reduced"]["bending moment y"]
     assert extremes["max"] == envelope.most[moment, 0] and extremes["x_max"] == 0.0
@@ -56,7 +58,7 @@ def test_moments_at_a_clamp_are_its_reaction(ran: RunResult, tmp_path: Path) -> 
 @pytest.mark.slow
 def test_stress_and_its_share_of_the_yield_stress_are_known(ran: RunResult) -> None:
     """Navier's: the moment at the clamp over the section modulus; the table has all sections."""
-    rows = {row[1]: row for row in tables(ran)["stress"].rows}
+    rows = {row[1]: row for row in build_tables(ran)["stress"].rows}
     assert list(rows) == ["base: whole body", "middle: whole body", "fly: whole body"]
     used = ran.summary["utilisation"]["reduced"]
     assert used["section"] == "base" and used["position"][0] == 0.0 and used["yield"] == 355e6

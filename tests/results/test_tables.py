@@ -14,7 +14,7 @@ from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.pipeline import run
 from pmr.results import RunResult
-from pmr.results.tables import write
+from pmr.results.tables import write_tables
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 CHANGES = (
@@ -30,7 +30,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     outcome = run(scenes.load(WORKFLOWS / "boom_beam.toml", CHANGES))
     assert outcome is not None
     outcome.result.save(folder)
-    write(outcome.result, folder)
+    write_tables(outcome.result, folder)
     return folder
 
 
@@ -49,7 +49,7 @@ def test_forces_have_their_extremes_times_and_places(folder: Path) -> None:
         force = response.force(f"force of {row['force of']}", 0)
         assert (float(row["min [N]"]), float(row["max [N]"])) == (force.min(), force.max())
         at = int(np.flatnonzero(response.t == float(row["t_max [s]"]))[0])
-        assert force[at] == force.max() and float(row["s_max [m]"]) == pytest.approx(result.along[at], rel=1e-12)
+        assert force[at] == force.max() and float(row["s_max [m]"]) == pytest.approx(result.abscissa[at], rel=1e-12)
 
 
 def test_frequencies_are_in_hertz_over_the_path(folder: Path) -> None:

@@ -15,7 +15,7 @@ from fuzz import toml
 from ways.kinds import RAISED, SPACE, boom, rings
 
 import pmr
-from pmr.report.studies.document import page
+from pmr.report.studies.document import render_studies
 from pmr.scene import load_any
 from pmr.scene.model_ladder import model_comparison
 from pmr.simulation.statics.postures import Postures, Stands, with_hook
@@ -81,7 +81,7 @@ def test_the_bar_has_the_structural_model(chart: StudyResults, folder: Path) -> 
         assert min(abs(own - error - loads[n]), abs(own + error - loads[n])) < 0.03 * error
         assert float(row[f"{limit['name']} error [kg]"]) >= error
     assert float(row["lower bound [kg]"]) <= min(arrays["load"][0, :2] - arrays["error.model"][0, :2])
-    assert "structural model, from shells" in page(folder)
+    assert "structural model, from shells" in render_studies(folder)
 
 
 def test_a_chart_warns_as_a_run_of_the_boom_at_rest_does(chart: StudyResults, folder: Path) -> None:
@@ -102,7 +102,7 @@ def test_a_chart_warns_as_a_run_of_the_boom_at_rest_does(chart: StudyResults, fo
     assert row["warnings"] == " | ".join(record.warnings)
     (run,) = json.loads((folder / "summary.json").read_text())["runs"]
     assert run["warnings"] == list(record.warnings)
-    assert all(one[:1].upper() + one[1:].partition(" =")[0] in page(folder) for one in record.warnings)
+    assert all(one[:1].upper() + one[1:].partition(" =")[0] in render_studies(folder) for one in record.warnings)
 
 
 def test_a_chart_names_loads_of_runs_that_no_case_has(folder: Path) -> None:

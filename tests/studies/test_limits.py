@@ -15,7 +15,7 @@ from pmr.compare.outputs import run_from_start
 from pmr.errors import InputError
 from pmr.files import npz
 from pmr.reduction.bodies import join_bodies, reduce_bodies
-from pmr.results.quantities import mises
+from pmr.results.quantities import von_mises_stress
 from pmr.scene import Scene, load_any
 from pmr.scene.built import Load
 from pmr.scene.signals import Constant, SignalBase
@@ -384,8 +384,8 @@ def test_a_field_of_walls_is_that_of_probes_at_its_points() -> None:
     load = loads([field], at)[0]
     state = Place(at, 0, [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in at.parts], G).equilibria.state(load)
     each = [
-        mises(state.outputs[list(one.values())], tuple(one))
-        for p, one in at.columns.stresses().items()
+        von_mises_stress(state.outputs[list(one.values())], tuple(one))
+        for p, one in at.columns.stress_columns().items()
         if "field of" in p
     ]
     assert len(each) == len(points) and max(each) == pytest.approx(100e6, rel=1e-6)

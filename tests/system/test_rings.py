@@ -10,7 +10,7 @@ import pytest
 
 import pmr
 from pmr import scene as scenes
-from pmr.compare.simulated import excitation_in
+from pmr.compare.simulated import excitation_of_scene
 from pmr.kernel import data
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems
@@ -39,7 +39,7 @@ def crane() -> tuple[System, Excitation]:
     system = pmr.reduce(scene).system
     softer = [replace(c, compliance=3.0 * c.compliance) if "bottom" in c.name else c for c in system.contacts]
     system = replace(system, contacts=tuple(softer))
-    return system, excitation_in(scene, system)
+    return system, excitation_of_scene(scene, system)
 
 
 @pytest.mark.slow

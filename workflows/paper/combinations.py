@@ -17,8 +17,8 @@ from nested_models import TREATMENTS, combination, errors
 from published import COMBINATIONS, EXPLAINED, TREATED
 
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
-from pmr.report.figures.canvas import SHADE, WIDE, dots, drawing, key, log_axis, sheet
-from pmr.report.numbers import percent, plain
+from pmr.report.figures.canvas import SHADE, WIDE, add_legend, curve_style, drawing, log_axis, make_sheet
+from pmr.report.numbers import format_input, format_percent
 
 SETTINGS = {"scene": "paper_evolved", "combinations": [[5, 6], [15, 1], [10, 10]], "fewest": 3}
 #: Coordinates for which kappa and errors are stated, the budget of the error map.
@@ -91,7 +91,7 @@ def chapter(results: dict[str, Row], findings: Findings) -> Chapter:
         for name, result in results.items()
     }
     said = [
-        ", ".join(f"{name} {percent(stated[name][treatment])}" for name in results)
+        ", ".join(f"{name} {format_percent(stated[name][treatment])}" for name in results)
         for treatment in ("round_off", "dropped")
     ]
     over = (
@@ -105,7 +105,7 @@ def chapter(results: dict[str, Row], findings: Findings) -> Chapter:
     at_budget = Grid(
         f"Error along the beam with {STATED} coordinates (or all that there are).",
         ("combination", *TREATED.values()),
-        tuple((name, *(percent(error) for error in errors.values())) for name, errors in stated.items()),
+        tuple((name, *(format_percent(error) for error in errors.values())) for name, errors in stated.items()),
     )
     first = Grid(
         "Number of coordinates from which on the error is below its maximum.",
@@ -119,7 +119,9 @@ def chapter(results: dict[str, Row], findings: Findings) -> Chapter:
         anchor="combinations",
         title="Selected combinations",
         headline=f"With {STATED} coordinates: {said[0]} with the pin's rows left in, {said[1]} with them dropped.",
-        key_numbers=[KeyNumber(percent(float(error)), f"{name}, all, rows left in") for name, error in last.items()],
+        key_numbers=[
+            KeyNumber(format_percent(float(error)), f"{name}, all, rows left in") for name, error in last.items()
+        ],
         paragraphs=[EXPLAINED],
         blocks=[
             Block(
@@ -140,13 +142,13 @@ def at_most(coordinates: np.ndarray, error: np.ndarray, most: int) -> float:
 
 def _number(value: float | None) -> str:
     """Return a number as text, a dash for None."""
-    return "–" if value is None else plain(value)
+    return "–" if value is None else format_input(value)
 
 
 def draw_errors(results: dict[str, Row]) -> Figure:
     """Draw both errors over the number of coordinates; on the left with the pin's rows, on the right without."""
     columns = ("round_off", "dropped")
-    figure, axes = sheet(
+    figure, axes = make_sheet(
         WIDE,
         4.4,
         rows=2,
@@ -164,7 +166,7 @@ def draw_errors(results: dict[str, Row]) -> Figure:
             for number, result in enumerate(results.values()):
                 error = result[f"{treatment}.{measure}"]
                 shown = np.nan_to_num(error) > 0.0
-                ax.plot(result["coordinates"][shown], error[shown], **dots(number, 1.8))
+                ax.plot(result["coordinates"][shown], error[shown], **curve_style(number, 1.8))
                 values.append(error[shown])
             if line == 0:
                 ax.set_title(f"pin's {TREATED[treatment]}", loc="left", pad=4.0)
@@ -174,24 +176,24 @@ def draw_errors(results: dict[str, Row]) -> Figure:
         log_axis(axes[line, 0], float(every.min()), float(every.max()))
         axes[line, 0].set_ylabel(label)
     axes[0, 0].set_xlim(0.0, max(result["coordinates"][-1] for result in results.values()) + 1.0)
-    key(figure, [Line2D([], [], label=name, **dots(number)) for number, name in enumerate(results)])
+    add_legend(figure, [Line2D([], [], label=name, **curve_style(number)) for number, name in enumerate(results)])
     return figure
 
 
 def draw_singular_values(results: dict[str, Row]) -> Figure:
     """Draw the singular values of all combinations over the first of each."""
-    figure, axes = sheet(WIDE, 2.4)
+    figure, axes = make_sheet(WIDE, 2.4)
     ax, least = axes[0, 0], 1.0
     for number, result in enumerate(results.values()):
         relative = result["singular_values"] / result["singular_values"][0]
         shown = relative > 0.0
-        ax.plot(np.arange(1, len(relative) + 1)[shown], relative[shown], **dots(number, 2.0))
+        ax.plot(np.arange(1, len(relative) + 1)[shown], relative[shown], **curve_style(number, 2.0))
         least = min(least, float(relative[shown].min()))
     log_axis(ax, least, 1.0)
     ax.set_xlim(0.0, None)
     ax.set_xlabel("Number k (–)")
     ax.set_ylabel("Singular value σ(k) / σ(1) (–)")
-    key(figure, [Line2D([], [], label=name, **dots(number)) for number, name in enumerate(results)])
+    add_legend(figure, [Line2D([], [], label=name, **curve_style(number)) for number, name in enumerate(results)])
     return figure
 
 

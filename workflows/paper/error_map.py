@@ -21,8 +21,8 @@ from nested_models import TREATMENTS, combination, errors
 from published import ERROR_MAP, EXPLAINED, TREATED
 
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
-from pmr.report.figures.canvas import HALF, INK, MUTED, WIDE, drawing, sheet
-from pmr.report.numbers import percent, plain
+from pmr.report.figures.canvas import HALF, INK, MUTED, WIDE, drawing, make_sheet
+from pmr.report.numbers import format_input, format_percent
 
 #: Pools hold `smallest_pool` to `largest_pool` snapshots; errors are averaged over the `averaged` largest numbers of
 #: coordinates up to `budget` or the size of the pool, but not below `fewest`; the `marked` best are named; a curve is
@@ -102,7 +102,7 @@ def chapter(results: dict[tuple[int, int], Row], settings: Settings, findings: F
     """Return the chapter of the report on these rows, by snapshots and modes."""
     figures = findings.figures
     best = {name: f"({str(figures[f'{name}.best']).replace('x', ',')})" for name in TREATED}
-    error = {name: percent(float(figures[f"{name}.error"])) for name in TREATED}
+    error = {name: format_percent(float(figures[f"{name}.error"])) for name in TREATED}
     captions = {
         "round_off": "Normalised RMS error of the transverse displacement along the beam, averaged over up to "
         f"{settings['averaged']} numbers of coordinates, {settings['budget']} at most. Black squares: the "
@@ -116,7 +116,7 @@ def chapter(results: dict[tuple[int, int], Row], settings: Settings, findings: F
         drawing(f"error-map-{name.replace('_', '-')}", draw_map, caption, results, settings, figures, name, width)
         for (name, caption), width in zip(captions.items(), (WIDE, HALF, HALF), strict=True)
     ]
-    pools = {name: plain(float(figures[f"{name}.pool"])) for name in TREATED}
+    pools = {name: format_input(float(figures[f"{name}.pool"])) for name in TREATED}
     singular = int(figures["round_off.singular"])
     return Chapter(
         anchor="error-map",
@@ -149,7 +149,7 @@ def _best(results: dict[tuple[int, int], Row], figures: dict[str, object]) -> Gr
         if place >= len(columns[name]):
             return "–"
         n, m = map(int, columns[name][place].split("x"))
-        return f"({n},{m})  {percent(results[n, m][name])}"
+        return f"({n},{m})  {format_percent(results[n, m][name])}"
 
     most = max(map(len, columns.values()))
     table = tuple((str(place + 1), *(cell(name, place) for name in TREATED)) for place in range(most))
@@ -162,7 +162,7 @@ def draw_map(
     """Draw a treatment's errors as tiles over snapshots and modes, in logarithmic colours; `width` is in inches."""
     n, m, wide = settings["most_snapshots"], settings["most_modes"], width > HALF
     margins = {"left": 0.6, "right": 0.62, "top": 0.1, "bottom": 0.38}
-    figure, axes = sheet(width, 0.48 + (width - 1.22) * (0.62 if wide else 0.75), margins=margins)
+    figure, axes = make_sheet(width, 0.48 + (width - 1.22) * (0.62 if wide else 0.75), margins=margins)
     ax, errors = axes[0, 0], {tile: result[treatment] for tile, result in results.items()}
     ax.grid(visible=False)
     norm = LogNorm(np.nanmin(list(errors.values())), 1.0)

@@ -25,7 +25,7 @@ import numpy as np
 
 import pmr
 from pmr.report.blocks import Block, Chapter
-from pmr.report.document import render, with_date, write
+from pmr.report.document import render, with_date, write_page
 from pmr.report.studies.finished import comparison
 from pmr.studies.study import Statement
 
@@ -93,7 +93,7 @@ def report(out: Path, chapters: Sequence[Chapter], title: str = "") -> Path:
     text = render(
         "study_report.html", title or chapters[0].title, chapters, kind=with_date("Study report", []), introduction=()
     )
-    return write(text, out).html
+    return write_page(text, out).html
 
 
 def save(out: Path, **content: Any) -> None:

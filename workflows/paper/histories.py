@@ -17,8 +17,8 @@ from published import histories
 import pmr
 from pmr.compare.errors import nrms
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
-from pmr.report.figures.canvas import SHADE, WIDE, dots, drawing, key, sheet
-from pmr.report.numbers import length, percent
+from pmr.report.figures.canvas import SHADE, WIDE, add_legend, curve_style, drawing, make_sheet
+from pmr.report.numbers import format_length, format_percent
 
 SETTINGS = {"scenes": ["paper_simple", "paper_evolved"]}
 SIMULATORS = ("full", "ancf", "reduced")
@@ -88,7 +88,12 @@ def chapter(results: dict[str, Row], findings: Findings) -> Chapter:
         "The same basis with the pin's rows dropped, against the full beam: all coordinates move.",
         ("case", "tip", "beam", "largest difference"),
         tuple(
-            (names[scene], percent(r["dropped.tip"]), percent(r["dropped.beam"]), length(r["dropped.max_error"]))
+            (
+                names[scene],
+                format_percent(r["dropped.tip"]),
+                format_percent(r["dropped.beam"]),
+                format_length(r["dropped.max_error"]),
+            )
             for scene, r in results.items()
         ),
     )
@@ -98,7 +103,10 @@ def chapter(results: dict[str, Row], findings: Findings) -> Chapter:
         tuple(
             (
                 names[scene],
-                *(" / ".join(percent(r[f"errors.{pair}.{place}"]) for place in ("tip", "beam")) for pair in PAIRS),
+                *(
+                    " / ".join(format_percent(r[f"errors.{pair}.{place}"]) for place in ("tip", "beam"))
+                    for pair in PAIRS
+                ),
             )
             for scene, r in results.items()
         ),
@@ -106,10 +114,10 @@ def chapter(results: dict[str, Row], findings: Findings) -> Chapter:
     return Chapter(
         anchor="histories",
         title="Tip displacement, energy and accuracy",
-        headline=f"The reduced model is within {percent(worst)} of the full one; without the pin's rows within "
-        f"{percent(dropped)}.",
+        headline=f"The reduced model is within {format_percent(worst)} of the full one; without the pin's rows within "
+        f"{format_percent(dropped)}.",
         key_numbers=[
-            KeyNumber(percent(r["errors.reduced_vs_full.beam"]), f"error along the beam, {names[scene]}")
+            KeyNumber(format_percent(r["errors.reduced_vs_full.beam"]), f"error along the beam, {names[scene]}")
             for scene, r in results.items()
         ],
         paragraphs=[
@@ -129,7 +137,7 @@ def chapter(results: dict[str, Row], findings: Findings) -> Chapter:
 
 def draw_histories(result: Row) -> Figure:
     """Draw slider position, load, tip displacement and energy of one scene over time."""
-    figure, axes = sheet(WIDE, 4.8, rows=4, sharex=True, gridspec_kw={"hspace": 0.18}, margins={"top": 0.35})
+    figure, axes = make_sheet(WIDE, 4.8, rows=4, sharex=True, gridspec_kw={"hspace": 0.18}, margins={"top": 0.35})
     t = result["t"]
     panels = [("Slider in m", {"": result["s"]}), ("Load in N", {"": result["load"]})]
     panels.append(("Tip in mm", {name: 1e3 * result[f"{name}.tip_history"] for name in SIMULATORS}))
@@ -139,11 +147,13 @@ def draw_histories(result: Row) -> Figure:
             t, 0.0, 1.0, where=result["moving"], transform=ax.get_xaxis_transform(), color=SHADE, linewidth=0.0
         )
         for number, curve in enumerate(curves.values()):
-            ax.plot(t, curve, color=dots(number)["color"], linewidth=0.8)
+            ax.plot(t, curve, color=curve_style(number)["color"], linewidth=0.8)
         ax.set_ylabel(label)
     axes[-1, 0].set_xlabel("Time in s")
     labels = {"full": "full", "ancf": "ANCF", "reduced": "reduced"}
-    key(figure, [Line2D([], [], label=labels[name], color=dots(n)["color"]) for n, name in enumerate(SIMULATORS)])
+    add_legend(
+        figure, [Line2D([], [], label=labels[name], color=curve_style(n)["color"]) for n, name in enumerate(SIMULATORS)]
+    )
     return figure
 
 

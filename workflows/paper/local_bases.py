@@ -31,8 +31,8 @@ from scipy.interpolate import CubicSpline
 import pmr
 from pmr.compare.errors import nrms
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
-from pmr.report.figures.canvas import WIDE, dots, drawing, key, log_axis, sheet
-from pmr.report.numbers import percent
+from pmr.report.figures.canvas import WIDE, add_legend, curve_style, drawing, log_axis, make_sheet
+from pmr.report.numbers import format_percent
 
 SETTINGS = {"scenes": ["simple_residual", "evolved_residual"], "coordinates": [2, 3, 4, 5, 6, 8, 10, 12, 16, 20]}
 METHODS = {"local": "local bases", "matrices": "interpolated matrices", "flexibility": "residual flexibility"}
@@ -136,7 +136,7 @@ def chapter(figures: dict[str, float], settings: Settings, findings: Findings) -
             f"Error along the beam, {scene.replace('_', ' ')}.",
             ("method", *map(str, sizes)),
             tuple(
-                (words, *("–" if np.isnan(e := figures[f"{scene}.{method}.{r}"]) else percent(e) for r in sizes))
+                (words, *("–" if np.isnan(e := figures[f"{scene}.{method}.{r}"]) else format_percent(e) for r in sizes))
                 for method, words in METHODS.items()
             ),
         )
@@ -148,7 +148,7 @@ def chapter(figures: dict[str, float], settings: Settings, findings: Findings) -
         title="Local bases",
         headline="Modes with the slider held, interpolated along the path, beside one basis with residual flexibility.",
         key_numbers=[
-            KeyNumber(percent(figures[f"{scenes[-1]}.{method}.{middle}"]), f"{words}, {middle} coordinates")
+            KeyNumber(format_percent(figures[f"{scenes[-1]}.{method}.{middle}"]), f"{words}, {middle} coordinates")
             for method, words in METHODS.items()
             if np.isfinite(figures[f"{scenes[-1]}.{method}.{middle}"])
         ],
@@ -161,18 +161,20 @@ def chapter(figures: dict[str, float], settings: Settings, findings: Findings) -
 def draw_errors(figures: dict[str, float], settings: Settings) -> Figure:
     """Draw the errors over the number of coordinates, one panel for each scene."""
     scenes, sizes = settings["scenes"], np.array(settings["coordinates"])
-    figure, axes = sheet(
+    figure, axes = make_sheet(
         WIDE, 2.6, columns=len(scenes), margins={"top": 0.5}, sharey=True, gridspec_kw={"wspace": 0.05}
     )
     for ax, scene in zip(axes[0], scenes, strict=True):
         for number, method in enumerate(METHODS):
             error = np.array([figures[f"{scene}.{method}.{r}"] for r in sizes])
-            ax.plot(sizes[np.isfinite(error)], error[np.isfinite(error)], **dots(number, 2.2))
+            ax.plot(sizes[np.isfinite(error)], error[np.isfinite(error)], **curve_style(number, 2.2))
         ax.set_title(scene.replace("_", " "), loc="left", pad=3.0)
         ax.set_xlabel("Number of coordinates (–)")
     log_axis(axes[0, 0], float(np.nanmin(list(figures.values()))), 1.0)
     axes[0, 0].set_ylabel("e_NRMS (–)")
-    key(figure, [Line2D([], [], label=words, **dots(number)) for number, words in enumerate(METHODS.values())])
+    add_legend(
+        figure, [Line2D([], [], label=words, **curve_style(number)) for number, words in enumerate(METHODS.values())]
+    )
     return figure
 
 

@@ -13,7 +13,7 @@ import speed
 from experiment import Settings, report, run
 
 from pmr.report.blocks import Chapter
-from pmr.report.studies.document import chapter
+from pmr.report.studies.document import study_chapter
 from pmr.report.studies.finished import FinishedStudy
 
 TITLE = "Model order reduction of a sliding beam using a global basis: every experiment"
@@ -36,7 +36,7 @@ def main(settings: Settings, out: Path, jobs: int) -> list[Chapter]:
     first = chapter_of("histories", histories)
     command = [sys.executable, "-m", "pmr", "study", settings["convergence"]]
     subprocess.run([*command, "--out", str(out / "convergence"), "--jobs", str(jobs)], check=True)
-    converged = chapter(FinishedStudy.load(out / "convergence"), "convergence")
+    converged = study_chapter(FinishedStudy.load(out / "convergence"), "convergence")
     return [first, converged, *(chapter_of(name, module) for name, module in EXPERIMENTS.items())]
 
 

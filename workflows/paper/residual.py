@@ -29,8 +29,8 @@ from matplotlib.lines import Line2D
 import pmr
 from pmr.compare.errors import nrms
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
-from pmr.report.figures.canvas import WIDE, dots, drawing, log_axis, log_x, sheet
-from pmr.report.numbers import percent, significant
+from pmr.report.figures.canvas import WIDE, curve_style, drawing, log_axis, log_x, make_sheet
+from pmr.report.numbers import format_percent, significant
 from pmr.scene import Scene
 
 SETTINGS = {
@@ -200,7 +200,7 @@ def chapter(results: dict[tuple[str, str], Row], sizes: list[int], findings: Fin
         f"{significant(most, 2)} times more accurate, least in the scene {words[least]}.",
         key_numbers=[
             *(
-                KeyNumber(percent(figures[f"{s}.flexibility.{few}"]), f"{words[s]}, {few} coordinates")
+                KeyNumber(format_percent(figures[f"{s}.flexibility.{few}"]), f"{words[s]}, {few} coordinates")
                 for s in scenes[:2]
             ),
             KeyNumber(ratio, "estimate over true error"),
@@ -225,7 +225,7 @@ def chapter(results: dict[tuple[str, str], Row], sizes: list[int], findings: Fin
 
 def _percent(error: float) -> str:
     """Return an error in per cent as text, a dash for NaN."""
-    return "–" if np.isnan(error) else percent(error)
+    return "–" if np.isnan(error) else format_percent(error)
 
 
 def draw_errors(results: dict[tuple[str, str], Row], sizes: list[int]) -> Figure:
@@ -233,7 +233,7 @@ def draw_errors(results: dict[tuple[str, str], Row], sizes: list[int]) -> Figure
     scenes = list(dict.fromkeys(scene for scene, _ in results))
     lines = -(-len(scenes) // 2)
     gaps = {"wspace": 0.05, "hspace": 0.3}
-    figure, axes = sheet(
+    figure, axes = make_sheet(
         WIDE,
         0.7 + 1.45 * lines,
         rows=lines,
@@ -248,7 +248,7 @@ def draw_errors(results: dict[tuple[str, str], Row], sizes: list[int]) -> Figure
     for ax, scene in zip(axes.flat, scenes, strict=False):
         for number, basis in enumerate(NAMES):
             shown = results[scene, basis]["shown"]
-            ax.plot(np.array(sizes)[np.isfinite(shown)], shown[np.isfinite(shown)], **dots(number, 2.2))
+            ax.plot(np.array(sizes)[np.isfinite(shown)], shown[np.isfinite(shown)], **curve_style(number, 2.2))
         ax.set_title(scene.replace("_", " "), loc="left", pad=3.0)
     log_axis(axes[0, 0], float(np.nanmin([one["shown"] for one in results.values()])), 1.0)
     for ax in axes[:, 0]:
@@ -261,12 +261,12 @@ def draw_errors(results: dict[tuple[str, str], Row], sizes: list[int]) -> Figure
 
 def draw_time(results: dict[tuple[str, str], Row], scene: str) -> Figure:
     """Draw the errors of all bases in one scene over the compiled simulator's time."""
-    figure, axes = sheet(WIDE, 2.8, margins={"top": 0.5})
+    figure, axes = make_sheet(WIDE, 2.8, margins={"top": 0.5})
     ax = axes[0, 0]
     for number, basis in enumerate(NAMES):
         shown = np.isfinite(results[scene, basis]["shown"])
         seconds, error = (results[scene, basis][name][shown] for name in ("seconds", "shown"))
-        ax.plot(1e3 * seconds, error, **dots(number, 2.2))
+        ax.plot(1e3 * seconds, error, **curve_style(number, 2.2))
     seconds, errors = (np.concatenate([line.get_data()[k] for line in ax.lines]) for k in (0, 1))
     log_x(ax, 0.9 * float(seconds.min()), 1.1 * float(seconds.max()))
     log_axis(ax, float(errors.min()), float(errors.max()))
@@ -278,7 +278,7 @@ def draw_time(results: dict[tuple[str, str], Row], scene: str) -> Figure:
 
 def _draw_legend(figure: Figure) -> None:
     """Draw the legend of all bases in two rows, filled row by row."""
-    handles = [Line2D([], [], label=label, **dots(number, 2.2)) for number, label in enumerate(NAMES.values())]
+    handles = [Line2D([], [], label=label, **curve_style(number, 2.2)) for number, label in enumerate(NAMES.values())]
     by_column = [handle for column in range(3) for handle in handles[column::3]]
     figure.legend(handles=by_column, loc="upper left", bbox_to_anchor=(0.07, 1.0), ncols=3, borderaxespad=0.25)
 

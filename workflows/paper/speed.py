@@ -22,8 +22,8 @@ import pmr
 from pmr.compare.outputs import run_from_start
 from pmr.compare.responses import simulate_cable
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
-from pmr.report.figures.canvas import INK, MUTED, WIDE, drawing, key, log_x, sheet
-from pmr.report.numbers import SPACE, percent, plain, quantity, significant
+from pmr.report.figures.canvas import INK, MUTED, WIDE, add_legend, drawing, log_x, make_sheet
+from pmr.report.numbers import SPACE, format_input, format_percent, format_quantity, significant
 from pmr.scene.signals import SignalBase
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import simulate_system
@@ -159,19 +159,20 @@ def chapter(results: dict[tuple[str, str], Row], scenes: list[str], repeats: int
     """Return the chapter of the report on these rows, by scene and approach."""
     figures, span = findings.figures, findings.figures["span"]
     parts = {name: one["share"] for (_, name), one in results.items() if one["share"] < 1.0}
-    said = ", ".join(f"{APPROACHES[name][2]}: {percent(share)}" for name, share in parts.items())
+    said = ", ".join(f"{APPROACHES[name][2]}: {format_percent(share)}" for name, share in parts.items())
     extrapolated = f" Extrapolated from stretches spread over the time span: {said} of it." if parts else ""
     caption = (
-        f"Solver time for {plain(span)}{SPACE}s of motion, {repeats} repeats and their median. Orange: the paper's "
-        f"three approaches in Exudyn; blue: other ways to the same trajectories. Dashed: real time.{extrapolated}"
+        f"Solver time for {format_input(span)}{SPACE}s of motion, {repeats} repeats and their median. Orange: "
+        f"the paper's three approaches in Exudyn; blue: other ways to the same trajectories. "
+        f"Dashed: real time.{extrapolated}"
     )
     words = {scene: f"{scene.removeprefix('paper_')} case" for scene in scenes}
     slowest = max(figures[f"{scene}.seconds.reduced-march"] for scene in scenes)
     return Chapter(
         anchor="speed",
         title="Computational speed",
-        headline=f"The compiled simulator needs {quantity(slowest, 's', 2)} for {plain(span)}{SPACE}s of the reduced "
-        f"model.",
+        headline=f"The compiled simulator needs {format_quantity(slowest, 's', 2)} for {format_input(span)}{SPACE}s "
+        "of the reduced model.",
         key_numbers=[
             KeyNumber(f"{significant(figures[f'{scene}.{ratio}'], 2)}{SPACE}×", f"{text}, {words[scene]}")
             for scene in scenes
@@ -203,7 +204,9 @@ def _grid(results: dict[tuple[str, str], Row], scene: str, words: str, span: flo
         one = results[scene, name]
         median, least = float(np.median(one["seconds"])), float(one["seconds"].min())
         real = f"{significant(span / median, 2)}{SPACE}×"
-        lines.append((text, plain(one["coordinates"]), quantity(median, "s"), quantity(least, "s"), real))
+        lines.append(
+            (text, format_input(one["coordinates"]), format_quantity(median, "s"), format_quantity(least, "s"), real)
+        )
     head = ("approach", "coordinates", "median", "least", "against real time")
     return Grid(f"{words.capitalize()}: solver time for the whole time span.", head, tuple(lines))
 
@@ -211,7 +214,9 @@ def _grid(results: dict[tuple[str, str], Row], scene: str, words: str, span: flo
 def draw_seconds(results: dict[tuple[str, str], Row], scenes: list[str], span: float) -> Figure:
     """Draw repeats and medians of the solver's times on a logarithmic axis, one panel for each scene."""
     margins, places = {"left": 1.75, "top": 0.45}, {name: -n for n, name in enumerate(APPROACHES)}
-    figure, axes = sheet(WIDE, 3.1, columns=len(scenes), margins=margins, sharey=True, gridspec_kw={"wspace": 0.08})
+    figure, axes = make_sheet(
+        WIDE, 3.1, columns=len(scenes), margins=margins, sharey=True, gridspec_kw={"wspace": 0.08}
+    )
     every = np.concatenate([one["seconds"] for one in results.values()])
     for ax, scene in zip(axes[0], scenes, strict=True):
         for name, place in places.items():
@@ -232,7 +237,7 @@ def draw_seconds(results: dict[tuple[str, str], Row], scenes: list[str], span: f
         Line2D([], [], label="median", color=MUTED, linewidth=1.6),
         Line2D([], [], label="real time", color=INK, linewidth=0.8, linestyle=(0, (4, 2))),
     ]
-    key(figure, handles)
+    add_legend(figure, handles)
     return figure
 
 

@@ -107,22 +107,24 @@ def coarser_walls(scene: Scene) -> Scene:
     return scene.model_copy(update={"sections": tuple(parts)})
 
 
-def mesh_budget(scene: Scene, beside_own: Callable[[Callable[[], Scene], str], Mapping[str, Any]]) -> dict[str, Any]:
+def mesh_budget(
+    scene: Scene, simulate_other: Callable[[Callable[[], Scene], str], Mapping[str, Any]]
+) -> dict[str, Any]:
     """``mesh``, the error of the mesh by kind, and ``mesh_reason``, why there is none, of the error budget.
 
-    `beside_own` makes and runs a scene, given a function that makes it and its name, and returns its differences to
+    `simulate_other` makes and runs a scene, given a function that makes it and its name, and returns its differences to
     this scene by kind, as fractions of this scene's motion.
     """
     try:
         other = other_mesh(scene)
     except InputError as error:
         return {"mesh": None, "mesh_reason": error.allowed}
-    errors = beside_own(lambda: once(other.scene), other.called)
+    errors = simulate_other(lambda: motion_only(other.scene), other.called)
     kinds = [kind for kind in MEASURED if errors.get(kind) is not None]
     return {"mesh": {kind: other.share * errors[kind] for kind in kinds} or None, "mesh_reason": errors.get("reason")}
 
 
-def warnings(scene: Scene) -> list[str]:
+def mesh_warnings(scene: Scene) -> list[str]:
     """A warning if cells of walls are so long relative to pads that the walls and the mesh's error are in doubt."""
     worst, message = LONGEST, ""
     for member in members(scene):
@@ -143,7 +145,7 @@ def warnings(scene: Scene) -> list[str]:
     return [message] if message else []
 
 
-def once(scene: Scene) -> Scene:
+def motion_only(scene: Scene) -> Scene:
     """The scene, to be simulated once by ``march``, without estimate and recovery, for its motion alone."""
     once = scene.simulation.model_copy(update={"simulators": ("march",), "repeats": 1})
     parts = [
@@ -153,19 +155,23 @@ def once(scene: Scene) -> Scene:
     return scene.model_copy(update={"sections": tuple(parts), "simulation": once, "recovery": None})
 
 
-def part_of(of_scene: Trials, other: Trials, sizes: Sizes, steps: int, share: float) -> dict[str, float]:
+def mesh_errors(of_scene: Trials, other: Trials, sizes: Sizes, steps: int, share: float) -> dict[str, float]:
     """Error of the mesh by kind, fractions of the scene's motion: `share` times the difference to the other mesh.
 
     `of_scene` and `other` are the trials on both meshes.  The scheme hardly damps either run, as in
     `pmr.compare.step_error`.  Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
     """
     (mine, floors), (theirs, _) = of_scene.run_undamped(sizes, steps), other.run_undamped(sizes, steps)
-    numbers, other_numbers = _common(of_scene.places, other.places)
-    apart = differences(theirs.moved_at(other_numbers), mine.moved_at(numbers), floors, of_scene.wanted)
+    numbers, other_numbers = _common_displacements(of_scene.output_positions, other.output_positions)
+    apart = differences(
+        theirs.select_displacements(other_numbers), mine.select_displacements(numbers), floors, of_scene.wanted
+    )
     return {kind: share * size for kind, size in apart.items()}
 
 
-def _common(places: Sequence[tuple[str, float]], other: Sequence[tuple[str, float]]) -> tuple[list[int], list[int]]:
+def _common_displacements(
+    places: Sequence[tuple[str, float]], other: Sequence[tuple[str, float]]
+) -> tuple[list[int], list[int]]:
     """Numbers, in each of two models, of the displacements that both have; of many nodes not all are observed.
 
     `places` and `other` are the names and positions in m of both models' displacements.  Displacements are the same if

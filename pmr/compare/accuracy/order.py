@@ -11,9 +11,16 @@ from typing import Any
 import numpy as np
 
 from pmr.compare.accuracy import mesh
-from pmr.compare.accuracy.search import best_within, is_within, reach, reasons, share, thin_out
+from pmr.compare.accuracy.search import (
+    explain_trial,
+    find_best_affordable,
+    find_sufficient_trial,
+    is_within,
+    reduce_cost,
+    worst_ratio,
+)
 from pmr.compare.accuracy.trials import Trial, Trials
-from pmr.compare.estimate import no_estimate
+from pmr.compare.estimate import reason_without_estimate
 from pmr.compare.trust import LOAD_JUMPS, SLIDER_IMPACTS
 from pmr.errors import InputError
 from pmr.errors.text import rounded
@@ -55,15 +62,15 @@ class Choice:
     seconds: float = 0.0  # wall time of the search
 
     @property
-    def sum(self) -> dict[str, float]:
+    def total_errors(self) -> dict[str, float]:
         """Errors of reduction, step and, if it is known, the mesh together, by kind of output."""
         return {kind: size + (self.mesh or {}).get(kind, 0.0) for kind, size in self.trial.total.items()}
 
     @property
-    def holds(self) -> bool:
+    def meets_tolerance(self) -> bool:
         """Whether the sum of errors is within the tolerance, if there is one, and the step's error is settled."""
         accuracy = self.scene.accuracy
-        return accuracy is None or (self.trial.settled and max(self.sum.values()) <= accuracy.tolerance)
+        return accuracy is None or (self.trial.settled and max(self.total_errors.values()) <= accuracy.tolerance)
 
 
 def prepare_scene(scene: Scene) -> Scene:
@@ -100,25 +107,27 @@ class Search:
 
     def __init__(self, scene: Scene, models: Mapping[str, ReducedModel]) -> None:
         begin, self.scene = time.perf_counter(), scene
-        if why := no_estimate(models):
+        if why := reason_without_estimate(models):
             raise InputError("scene", _key(scene), None, f"there is no estimate to go by: {why}")
         self.trials = trials = trials_of(scene, models)
         if lacking := [kind for kind in trials.wanted if kind not in trials.kinds]:
-            _refuse(scene, f"no {lacking[0]}, or a scene with {_NEEDED.get(lacking[0], 'such outputs')}, is allowed")
-        if "pad_force" in trials.wanted and trials.impulsive:
-            _refuse(
+            _refuse_outputs(
+                scene, f"no {lacking[0]}, or a scene with {_NEEDED.get(lacking[0], 'such outputs')}, is allowed"
+            )
+        if "pad_force" in trials.wanted and trials.has_impulsive_forces:
+            _refuse_outputs(
                 scene, f"no pad_force, or a path without kinks, is allowed; there is no estimate of {SLIDER_IMPACTS}"
             )
-        self._coarsest = trials.coarsest(scene.recovery.every if scene.recovery else None)
+        self._coarsest = trials.fewest_steps(scene.recovery.every if scene.recovery else None)
         self.mesh: Mapping[str, float] | None = None
         if scene.budget is not None:
-            self.trial = best_within(trials, scene.budget, self._coarsest)
+            self.trial = find_best_affordable(trials, scene.budget, self._coarsest)
         else:
-            sizes = trials.own if len(trials.own) > 1 else trials.uniform(scene.reduction.coordinates)
-            self.trial = reach(trials, sizes, scene.time.steps, self._allowed_errors)
+            sizes = trials.own if len(trials.own) > 1 else trials.uniform_sizes(scene.reduction.coordinates)
+            self.trial = find_sufficient_trial(trials, sizes, scene.time.steps, self._allowed_errors)
         unknown = {} if self.trial.estimate is None else self.trial.estimate.unknown
         if "pad_force" in trials.wanted and unknown.get("pad_force") == LOAD_JUMPS:
-            _refuse(
+            _refuse_outputs(
                 scene, f"no pad_force, or loads that set in smoothly, are allowed; there is no estimate of {LOAD_JUMPS}"
             )
         self._seconds = time.perf_counter() - begin
@@ -138,12 +147,12 @@ class Search:
     def compare_meshes(self, other: mesh.OtherMesh, on_other: Mapping[str, ReducedModel]) -> Search:
         """Compute the error of the mesh and return this search, which uses it from then on.
 
-        `on_other` are the models of the scene that `on_other_mesh` returns.  Raises InputError or SimulationError as
-        for `pmr.simulation.Simulator`.
+        `on_other` are the models of the scene that `scene_on_other_mesh` returns.  Raises InputError or SimulationError
+        as for `pmr.simulation.Simulator`.
         """
         trial = self.trial
         theirs = trials_of(_with_step(self.scene, trial.steps), on_other)
-        self.mesh = mesh.part_of(self.trials, theirs, trial.sizes, trial.steps, other.share)
+        self.mesh = mesh.mesh_errors(self.trials, theirs, trial.sizes, trial.steps, other.share)
         return self
 
     def choose(self, mesh_reason: str | None) -> Choice:
@@ -154,17 +163,17 @@ class Search:
         """
         begin, trials = time.perf_counter(), self.trials
         if self.scene.budget is None:
-            self.trial = reach(trials, self.trial.sizes, self.trial.steps, self._allowed_errors)
+            self.trial = find_sufficient_trial(trials, self.trial.sizes, self.trial.steps, self._allowed_errors)
             if is_within(self.trial, self._allowed_errors):
-                self.trial = thin_out(trials, self.trial, self._allowed_errors, self._coarsest)
+                self.trial = reduce_cost(trials, self.trial, self._allowed_errors, self._coarsest)
         trial, chosen = self.trial, _with_step(self.scene, self.trial.steps)
         if ALONE in trials.models(trial.sizes):
             reduction = chosen.reduction.model_copy(update={"coordinates": trial.coordinates})
             chosen = chosen.model_copy(update={"reduction": reduction})
         if self.scene.budget is None:
-            why = tuple(reasons(trials, trial, self._coarsest))
+            why = tuple(explain_trial(trials, trial, self._coarsest))
         else:
-            took = trials.seconds_a_step(trial.sizes)
+            took = trials.seconds_per_step(trial.sizes)
             ratio = rounded(self.scene.time.end / (took * trial.steps))
             why = (
                 f"{trial.coordinates} coordinates are what the budget allows",
@@ -174,7 +183,7 @@ class Search:
         return Choice(chosen, trials.models(trial.sizes), trial, self.mesh, mesh_reason, why, seconds)
 
 
-def on_other_mesh(scene: Scene, trial: Trial) -> mesh.OtherMesh:
+def scene_on_other_mesh(scene: Scene, trial: Trial) -> mesh.OtherMesh:
     """The scene with a trial's step, on the mesh by which the error of its own mesh is estimated.
 
     A body alone has `COORDINATES` coordinates, or a multiple of them by a power of 2 that suffices, so that most
@@ -191,7 +200,7 @@ def on_other_mesh(scene: Scene, trial: Trial) -> mesh.OtherMesh:
     return replace(other, scene=changed)
 
 
-def summary(choice: Choice) -> dict[str, Any]:
+def accuracy_summary(choice: Choice) -> dict[str, Any]:
     """``accuracy`` and ``budget`` of summary.json.
 
     ``accuracy``: ``tolerance``, ``outputs``, ``holds``, ``chosen.{coordinates,step}``, of sections ``chosen.sections``
@@ -207,7 +216,7 @@ def summary(choice: Choice) -> dict[str, Any]:
     accuracy = {
         "tolerance": choice.scene.accuracy.tolerance if choice.scene.accuracy else None,
         "outputs": list(ordered.outputs),
-        "holds": choice.holds,
+        "holds": choice.meets_tolerance,
         "chosen": {"coordinates": trial.coordinates, **of_bodies, "step": choice.scene.time.step},
         "reasons": list(choice.reasons),
         "seconds": choice.seconds,
@@ -216,7 +225,7 @@ def summary(choice: Choice) -> dict[str, Any]:
     budget |= {
         "mesh": choice.mesh,
         "mesh_reason": choice.mesh_reason,
-        "sum": _finite(choice.sum),
+        "sum": _finite(choice.total_errors),
         "first": max(parts, key=lambda name: max(parts[name].values())),
     }
     return {"accuracy": accuracy, "budget": budget}
@@ -227,7 +236,7 @@ def _finite(errors: Mapping[str, float]) -> dict[str, float | None]:
     return {kind: size if np.isfinite(size) else None for kind, size in errors.items()}
 
 
-def warnings(choice: Choice) -> list[str]:
+def accuracy_warnings(choice: Choice) -> list[str]:
     """Warnings if the tolerance isn't held, by the model and its step or by the mesh; none without a tolerance."""
     accuracy, trial = choice.scene.accuracy, choice.trial
     if accuracy is None:
@@ -236,7 +245,7 @@ def warnings(choice: Choice) -> list[str]:
     allowed = dict.fromkeys(trial.total, accuracy.tolerance)
     if not is_within(trial, allowed):
         model = f"{trial.coordinates} coordinates with steps of {choice.scene.time.step:.3g} s"
-        larger = "reduction" if share(trial.reduction, allowed) >= share(trial.step, allowed) else "step"
+        larger = "reduction" if worst_ratio(trial.reduction, allowed) >= worst_ratio(trial.step, allowed) else "step"
         cause = f"most of it by the {larger}" if trial.settled else "and shorter steps do not settle it"
         sizes = _list_errors(accuracy.tolerance, trial.total)
         lines.append(f"the tolerance of {limit} isn't held: {model} are off by {sizes}, {cause}")
@@ -244,8 +253,11 @@ def warnings(choice: Choice) -> list[str]:
     if beyond:
         sizes = _list_errors(accuracy.tolerance, beyond)
         lines.append(f"the mesh can't hold the tolerance of {limit}: it is off by {sizes}; shorter cells help")
-    elif not lines and not choice.holds:
-        sizes, of_mesh = _list_errors(accuracy.tolerance, choice.sum), _percent(max((choice.mesh or {}).values()))
+    elif not lines and not choice.meets_tolerance:
+        sizes, of_mesh = (
+            _list_errors(accuracy.tolerance, choice.total_errors),
+            _percent(max((choice.mesh or {}).values())),
+        )
         lines.append(
             f"the tolerance of {limit} isn't held: all is off by {sizes}, {of_mesh} by the mesh; shorter cells help"
         )
@@ -263,7 +275,7 @@ def _key(scene: Scene) -> str:
     return "budget" if scene.accuracy is None else "accuracy"
 
 
-def _refuse(scene: Scene, allowed: str) -> None:
+def _refuse_outputs(scene: Scene, allowed: str) -> None:
     """Raise an InputError at the key of the outputs that the scene names; `allowed` says what is allowed."""
     raise InputError("scene", f"{_key(scene)}.outputs", list(_request(scene).outputs), allowed)
 

@@ -26,17 +26,17 @@ HALF = 0.5
 SECOND_ORDER = 4.0
 
 
-def share(errors: Mapping[str, float], allowed: Allowed) -> float:
+def worst_ratio(errors: Mapping[str, float], allowed: Allowed) -> float:
     """The largest ratio, over all kinds of outputs, of the error to the error that is allowed."""
     return max(errors[kind] / size for kind, size in allowed.items())
 
 
 def is_within(trial: Trial, allowed: Allowed) -> bool:
     """Whether errors of reduction and step together are allowed, and the step's error is settled."""
-    return trial.settled and share(trial.total, allowed) <= 1.0
+    return trial.settled and worst_ratio(trial.total, allowed) <= 1.0
 
 
-def reach(trials: Trials, sizes: Sizes, steps: int, allowed: Allowed) -> Trial:
+def find_sufficient_trial(trials: Trials, sizes: Sizes, steps: int, allowed: Allowed) -> Trial:
     """The first trial whose errors are allowed, with shorter steps and more coordinates; the best one if none is.
 
     The search begins with these `sizes` and `steps`.  Whether there are too few coordinates is decided by runs whose
@@ -44,30 +44,32 @@ def reach(trials: Trials, sizes: Sizes, steps: int, allowed: Allowed) -> Trial:
     """
     tried = list[Trial]()
     while True:
-        finer, coarse = 2 * steps <= trials.longest, _coarse(trials, sizes, steps, allowed)
-        if coarse <= 1.0 or not finer or trials.resolved(sizes, steps):
-            larger, few = trials.double_sizes(sizes), share(trials.reduction(sizes, steps), allowed)
+        finer, coarse = 2 * steps <= trials.most_steps, _step_ratio(trials, sizes, steps, allowed)
+        if coarse <= 1.0 or not finer or trials.is_resolved(sizes, steps):
+            larger, few = trials.double_sizes(sizes), worst_ratio(trials.reduction_errors(sizes, steps), allowed)
             if coarse <= 1.0 or not finer:
-                tried.append(trial := trials.judge(sizes, steps))
+                tried.append(trial := trials.estimate_trial(sizes, steps))
                 if is_within(trial, allowed):
                     return trial
-            grows = finer and not np.isfinite(few) and not trials.pushing  # a shorter step helps the estimate
+            grows = (
+                finer and not np.isfinite(few) and not trials.has_pushing_contacts
+            )  # a shorter step helps the estimate
             if few > HALF and larger != sizes and (few >= coarse or not finer) and not grows:
                 sizes = larger
                 continue
             if not finer or few > 1.0 >= coarse and not grows:
-                return min(tried, key=lambda candidate: share(candidate.total, allowed))
+                return min(tried, key=lambda candidate: worst_ratio(candidate.total, allowed))
         halvings = np.ceil(np.log(coarse / HALF) / np.log(SECOND_ORDER)) if np.isfinite(coarse) else 1.0
-        steps <<= int(np.clip(halvings, 1.0, np.log2(trials.longest / steps)))
+        steps <<= int(np.clip(halvings, 1.0, np.log2(trials.most_steps / steps)))
 
 
-def _coarse(trials: Trials, sizes: Sizes, steps: int, allowed: Allowed) -> float:
+def _step_ratio(trials: Trials, sizes: Sizes, steps: int, allowed: Allowed) -> float:
     """Ratio of the step's error to the error that is allowed; more than 1 if the step's error is not settled."""
-    size = share(trials.step(sizes, steps), allowed)
-    return size if trials.settled(sizes, steps) else max(size, 1.0 + HALF)
+    size = worst_ratio(trials.step_errors(sizes, steps), allowed)
+    return size if trials.is_settled(sizes, steps) else max(size, 1.0 + HALF)
 
 
-def thin_out(trials: Trials, trial: Trial, allowed: Allowed, coarsest: int) -> Trial:
+def reduce_cost(trials: Trials, trial: Trial, allowed: Allowed, coarsest: int) -> Trial:
     """Trial whose errors are still allowed, with as few coordinates, and then as few steps, as possible.
 
     `trial` is the one to begin with; `coarsest` is the smallest number of steps.
@@ -75,18 +77,21 @@ def thin_out(trials: Trials, trial: Trial, allowed: Allowed, coarsest: int) -> T
 
     def suits(reduction: Mapping[str, float], step: Mapping[str, float]) -> bool:
         """Whether errors of reduction and step together are allowed."""
-        return share({kind: size + step[kind] for kind, size in reduction.items()}, allowed) <= 1.0
+        return worst_ratio({kind: size + step[kind] for kind, size in reduction.items()}, allowed) <= 1.0
 
-    fewest = _fewest(trials, trial, allowed)
-    for sizes in (fewest, *trials.neighbours(fewest, 1)):  # by its own estimate a model may be a little further off
-        if suits(trials.reduction(sizes, trial.steps), trial.step):
-            thinner = trials.judge(sizes, trial.steps)
+    fewest = _fewest_modes(trials, trial, allowed)
+    for sizes in (
+        fewest,
+        *trials.neighbouring_sizes(fewest, 1),
+    ):  # by its own estimate a model may be a little further off
+        if suits(trials.reduction_errors(sizes, trial.steps), trial.step):
+            thinner = trials.estimate_trial(sizes, trial.steps)
             if is_within(thinner, allowed):
-                return _longest(trials, thinner, coarsest, suits)
-    return _longest(trials, trial, coarsest, suits)
+                return _longest_steps(trials, thinner, coarsest, suits)
+    return _longest_steps(trials, trial, coarsest, suits)
 
 
-def best_within(trials: Trials, budget: Budget, coarsest: int) -> Trial:
+def find_best_affordable(trials: Trials, budget: Budget, coarsest: int) -> Trial:
     """The trial with the smallest error that a budget allows.
 
     A budget of coordinates or of the time of a step: the most coordinates that it allows, with the longest step whose
@@ -95,30 +100,35 @@ def best_within(trials: Trials, budget: Budget, coarsest: int) -> Trial:
     """
     key = "microseconds_per_step" if budget.real_time is None else "real_time"
     if budget.coordinates is not None:
-        return _balance(trials, _most_coordinates(trials, budget.coordinates), coarsest)
+        return _balance_errors(trials, _most_coordinates(trials, budget.coordinates), coarsest)
     if budget.microseconds_per_step is not None:
-        sizes = _largest(trials, 1e-6 * budget.microseconds_per_step)
-        options = [] if sizes is None else [_balance(trials, sizes, coarsest)]
+        sizes = _largest_sizes(trials, 1e-6 * budget.microseconds_per_step)
+        options = [] if sizes is None else [_balance_errors(trials, sizes, coarsest)]
     else:
-        options = list(_in_real_time(trials, budget.real_time or 1.0, coarsest))
+        options = list(_real_time_trials(trials, budget.real_time or 1.0, coarsest))
     if not options:
-        took = rounded(1e6 * trials.seconds_a_step(trials.uniform(trials.least)))
+        took = rounded(1e6 * trials.seconds_per_step(trials.uniform_sizes(trials.least)))
         raise InputError(
             "scene", f"budget.{key}", getattr(budget, key), f"the smallest model takes {took} us a step here"
         )
     return min(options, key=lambda trial: max(trial.total.values()))
 
 
-def reasons(trials: Trials, trial: Trial, coarsest: int) -> Iterator[str]:
+def explain_trial(trials: Trials, trial: Trial, coarsest: int) -> Iterator[str]:
     """Why the trial has these coordinates and this number of steps, a clause each."""
     r, steps = trial.coordinates, trial.steps
-    coarse = trials.fewest_resolved(steps)
-    if fewer := [max(trials.beside(trial, sizes, coarse).values()) for sizes in trials.neighbours(trial.sizes, -1)]:
+    coarse = trials.fewest_resolving_steps(steps)
+    if fewer := [
+        max(trials.difference_to_trial(trial, sizes, coarse).values())
+        for sizes in trials.neighbouring_sizes(trial.sizes, -1)
+    ]:
         yield f"{r} coordinates: with {r - 1} the reduction alone is off by {_percent(min(fewer))}"
     else:
         yield f"{r} coordinates: all rigid-body modes, and one mode at least"
     if steps <= coarsest:
-        why = "would take as many parts where pads push" if trials.pushing else "don't follow path and loads"
+        why = (
+            "would take as many parts where pads push" if trials.has_pushing_contacts else "don't follow path and loads"
+        )
         yield f"{steps} steps: fewer {why}"
     else:
         yield (
@@ -127,30 +137,32 @@ def reasons(trials: Trials, trial: Trial, coarsest: int) -> Iterator[str]:
         )
 
 
-def _fewest(trials: Trials, trial: Trial, allowed: Allowed) -> Sizes:
+def _fewest_modes(trials: Trials, trial: Trial, allowed: Allowed) -> Sizes:
     """The fewest modes whose error against the trial is within what its step leaves: of all bodies, then of each.
 
     The runs have the fewest steps that resolve the motion.
     """
     margin = {kind: size - trial.step[kind] for kind, size in allowed.items()}
-    steps = trials.fewest_resolved(trial.steps)
+    steps = trials.fewest_resolving_steps(trial.steps)
 
     def enough(sizes: Sizes) -> bool:
         """Whether the error of these sizes against the trial is within what its step leaves."""
-        return share(trials.beside(trial, sizes, steps), margin) <= 1.0
+        return worst_ratio(trials.difference_to_trial(trial, sizes, steps), margin) <= 1.0
 
-    low, high = trials.least - 1, trials.elastic(trial.sizes)
+    low, high = trials.least - 1, trials.most_elastic_modes(trial.sizes)
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if enough(trials.cap_sizes(trial.sizes, middle)) else (middle, high)
     sizes = trials.cap_sizes(trial.sizes, high)
     for body in range(len(sizes) if len(sizes) > 1 else 0):
-        while fewer := [modes for modes in trials.neighbours(sizes, -1) if modes[body] < sizes[body] and enough(modes)]:
+        while fewer := [
+            modes for modes in trials.neighbouring_sizes(sizes, -1) if modes[body] < sizes[body] and enough(modes)
+        ]:
             sizes = fewer[0]
     return sizes
 
 
-def _longest(
+def _longest_steps(
     trials: Trials,
     trial: Trial,
     coarsest: int,
@@ -163,51 +175,51 @@ def _longest(
     while trial.steps > coarsest:
         least = {kind: size / ROUGH for kind, size in trial.step.items()}  # of half as many steps
         fewer = trial.steps // 2
-        if not suits(trial.reduction, least) or not suits(trial.reduction, trials.step(trial.sizes, fewer)):
+        if not suits(trial.reduction, least) or not suits(trial.reduction, trials.step_errors(trial.sizes, fewer)):
             break
-        longer = trials.judge(trial.sizes, fewer)
+        longer = trials.estimate_trial(trial.sizes, fewer)
         if not longer.settled or not suits(longer.reduction, longer.step):
             break
         trial = longer
     return trial
 
 
-def _balance(trials: Trials, sizes: Sizes, coarsest: int) -> Trial:
+def _balance_errors(trials: Trials, sizes: Sizes, coarsest: int) -> Trial:
     """Trial with the longest step whose error is no more than that of the reduction; else with the shortest step."""
 
     def suits(reduction: Mapping[str, float], step: Mapping[str, float]) -> bool:
         """Whether the largest error of the step is no more than that of the reduction."""
         return max(step.values()) <= max(reduction.values())
 
-    trial = trials.judge(sizes, trials.excitation.stepping.steps)
-    while not (trial.settled and suits(trial.reduction, trial.step)) and 2 * trial.steps <= trials.longest:
-        trial = trials.judge(sizes, 2 * trial.steps)
-    return _longest(trials, trial, coarsest, suits)
+    trial = trials.estimate_trial(sizes, trials.excitation.stepping.steps)
+    while not (trial.settled and suits(trial.reduction, trial.step)) and 2 * trial.steps <= trials.most_steps:
+        trial = trials.estimate_trial(sizes, 2 * trial.steps)
+    return _longest_steps(trials, trial, coarsest, suits)
 
 
-def _in_real_time(trials: Trials, ratio: float, coarsest: int) -> Iterator[Trial]:
+def _real_time_trials(trials: Trials, ratio: float, coarsest: int) -> Iterator[Trial]:
     """For each number of steps, `coarsest` at least, the trial with the largest model that is fast enough.
 
     It has to be simulated `ratio` times as fast as real time.
     """
     steps = coarsest
-    while steps <= trials.longest:
-        sizes = _largest(trials, trials.excitation.stepping.end / (steps * ratio))
+    while steps <= trials.most_steps:
+        sizes = _largest_sizes(trials, trials.excitation.stepping.end / (steps * ratio))
         if sizes is None:
             return
-        yield trials.judge(sizes, steps)
+        yield trials.estimate_trial(sizes, steps)
         steps *= 2
 
 
-def _largest(trials: Trials, seconds: float) -> Sizes | None:
+def _largest_sizes(trials: Trials, seconds: float) -> Sizes | None:
     """Most modes of each body with which a step takes no more than `seconds`; None if the fewest modes take longer."""
-    low, high = trials.least - 1, trials.elastic(trials.most) + 1
+    low, high = trials.least - 1, trials.most_elastic_modes(trials.most) + 1
     middle = high - 1
     while high - low > 1:  # all of them first: most budgets of time are generous
-        fits = trials.seconds_a_step(trials.uniform(middle)) <= seconds
+        fits = trials.seconds_per_step(trials.uniform_sizes(middle)) <= seconds
         low, high = (middle, high) if fits else (low, middle)
         middle = (low + high) // 2
-    return trials.uniform(low) if low >= trials.least else None
+    return trials.uniform_sizes(low) if low >= trials.least else None
 
 
 def _most_coordinates(trials: Trials, allowed: int) -> Sizes:
@@ -215,12 +227,16 @@ def _most_coordinates(trials: Trials, allowed: int) -> Sizes:
 
     Raises InputError if the smallest model has more coordinates than are allowed.
     """
-    sizes, steps = trials.uniform(trials.least), trials.excitation.stepping.steps
+    sizes, steps = trials.uniform_sizes(trials.least), trials.excitation.stepping.steps
     if allowed < (least := trials.coordinates(sizes)) and len(sizes) > 1:
         needed = f"at least {least} are needed: rigid-body motions, one mode of each section, those of cylinders"
         raise InputError("scene", "budget.coordinates", allowed, needed)
-    while trials.coordinates(sizes) < allowed and (more := trials.neighbours(sizes, 1)):
-        sizes = more[0] if len(more) == 1 else min(more, key=lambda size: max(trials.reduction(size, steps).values()))
+    while trials.coordinates(sizes) < allowed and (more := trials.neighbouring_sizes(sizes, 1)):
+        sizes = (
+            more[0]
+            if len(more) == 1
+            else min(more, key=lambda size: max(trials.reduction_errors(size, steps).values()))
+        )
     return sizes
 
 

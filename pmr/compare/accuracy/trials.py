@@ -12,20 +12,20 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.estimate import MARGIN, Estimate, estimate
+from pmr.compare.estimate import MARGIN, Estimate, estimate_error
 from pmr.compare.outputs import (
     OUTPUT_KINDS,
-    Floors,
     Outputs,
-    between_kinks,
+    RoundOffBounds,
     differences,
+    divide_steps,
+    fits_in_memory,
     force_kinds_of_system,
-    impulsive,
-    in_parts,
-    is_recorded,
+    has_impulsive_force,
     outputs_of_run,
     outputs_without_rates,
     run_from_start,
+    without_kink_forces,
 )
 from pmr.compare.step_error import StepError, reference_rho, step_error
 from pmr.errors import SimulationError
@@ -82,7 +82,7 @@ class Trial:
 class Trials:
     """Runs of a system of bodies for any number of modes of each body and any number of steps; each run is made once.
 
-    `models` on free modes, by body, have an estimate (`pmr.compare.estimate.no_estimate` is None); `join` makes the
+    `models` on free modes, by body, have an estimate (`reason_without_estimate` is None); `join` makes the
     system that is simulated from models of any size.  Errors are those in the `kinds` of outputs, also called `wanted`.
     `sizes` are always numbers of modes, one for each body.
     """
@@ -120,26 +120,26 @@ class Trials:
         return tuple(dict.fromkeys((*OUTPUT_KINDS[:2], *forces, "velocity", *probes)))
 
     @property
-    def impulsive(self) -> bool:
+    def has_impulsive_forces(self) -> bool:
         """Whether forces of a body alone have no limit, as those of rigid sliders at kinks.
 
         Of sections it is false: their forces are compared between kinks.
         """
-        return ALONE in self._wholes and impulsive(self._wholes[ALONE], self.excitation)
+        return ALONE in self._wholes and has_impulsive_force(self._wholes[ALONE], self.excitation)
 
     @property
-    def pushing(self) -> bool:
+    def has_pushing_contacts(self) -> bool:
         """Whether any contact only pushes."""
         return not np.isnan(self.system(self.own).clearance).all()
 
     @property
-    def longest(self) -> int:
+    def most_steps(self) -> int:
         """Largest number of steps of a run."""
         least = FINER * self.excitation.stepping.steps
-        return least if self.pushing else max(least, LONGEST if len(self.own) == 1 else LONGEST_OF_SEVERAL)
+        return least if self.has_pushing_contacts else max(least, LONGEST if len(self.own) == 1 else LONGEST_OF_SEVERAL)
 
     @property
-    def places(self) -> list[tuple[str, float]]:
+    def output_positions(self) -> list[tuple[str, float]]:
         """Name of each displacement output and its position along its body in m."""
         return [
             (named(name, output), float(x))
@@ -147,14 +147,14 @@ class Trials:
             for output, x in zip(column_names(body).moved, body.output_positions[length_outputs(body)], strict=True)
         ]
 
-    def coarsest(self, every: float | None = None) -> int:
+    def fewest_steps(self, every: float | None = None) -> int:
         """The fewest steps, from halving the scene's number, that follow path and loads.
 
         If `every` in s is not None, it is a multiple of the step.  Where contacts only push the number is the scene's:
         impacts need their parts of steps anyhow, so longer steps save nothing.
         """
         steps = self.excitation.stepping.steps
-        for _ in range(0 if self.pushing else COARSER):
+        for _ in range(0 if self.has_pushing_contacts else COARSER):
             if steps % 2 or steps < 2 * FEWEST:
                 break
             half = self.with_steps(steps // 2)
@@ -169,7 +169,7 @@ class Trials:
         grid = self.excitation.stepping
         return self.excitation.on_grid(TimeStepping(grid.end, grid.end / steps, grid.rho_inf))
 
-    def uniform(self, elastic: int) -> Sizes:
+    def uniform_sizes(self, elastic: int) -> Sizes:
         """Sizes with `elastic` elastic modes of each body, or all of those that it has."""
         return self.cap_sizes(self.most, elastic)
 
@@ -177,7 +177,7 @@ class Trials:
         """Sizes with no more than `elastic` elastic modes of each body."""
         return tuple(min(size, rigid + elastic) for size, rigid in zip(sizes, self._rigid, strict=True))
 
-    def elastic(self, sizes: Sizes) -> int:
+    def most_elastic_modes(self, sizes: Sizes) -> int:
         """Largest number of elastic modes of any body."""
         return max(size - rigid for size, rigid in zip(sizes, self._rigid, strict=True))
 
@@ -186,7 +186,7 @@ class Trials:
         of_bodies = zip(sizes, self._rigid, self.most, strict=True)
         return tuple(max(size, min(rigid + max(2 * (size - rigid), 1), most)) for size, rigid, most in of_bodies)
 
-    def neighbours(self, sizes: Sizes, more: int) -> list[Sizes]:
+    def neighbouring_sizes(self, sizes: Sizes, more: int) -> list[Sizes]:
         """All sizes that differ from `sizes` by `more` modes of one body, within the limits of that body.
 
         `more` is negative for fewer modes.
@@ -211,28 +211,28 @@ class Trials:
         """Number of coordinates of all bodies, modes of cylinders included."""
         return sum(body.size for body in self.system(sizes).bodies.values())
 
-    def judge(self, sizes: Sizes, steps: int) -> Trial:
+    def estimate_trial(self, sizes: Sizes, steps: int) -> Trial:
         """Run models of these sizes with this number of steps and estimate the errors of the run."""
-        reduction, step, at = self.reduction(sizes, steps), self.step(sizes, steps), (sizes, steps)
+        reduction, step, at = self.reduction_errors(sizes, steps), self.step_errors(sizes, steps), (sizes, steps)
         of_run = self._estimates[at], self._step_errors[at]
-        return Trial(sizes, self.coordinates(sizes), steps, reduction, step, self.settled(sizes, steps), *of_run)
+        return Trial(sizes, self.coordinates(sizes), steps, reduction, step, self.is_settled(sizes, steps), *of_run)
 
-    def resolved(self, sizes: Sizes, steps: int) -> bool:
+    def is_resolved(self, sizes: Sizes, steps: int) -> bool:
         """Whether steps are short enough to show whether there are too few coordinates.
 
         The run's error of the step has to be computed before (`step`).
         """
         run_error = self._step_errors[sizes, steps]
-        return run_error is not None and run_error.settled and max(self.step(sizes, steps).values()) <= RESOLVED
+        return run_error is not None and run_error.settled and max(self.step_errors(sizes, steps).values()) <= RESOLVED
 
-    def fewest_resolved(self, steps: int) -> int:
+    def fewest_resolving_steps(self, steps: int) -> int:
         """The smallest number of steps, `steps` at most, with which a run was found to resolve the motion."""
         return min(
-            (count for sizes, count in self._step_errors if count < steps and self.resolved(sizes, count)),
+            (count for sizes, count in self._step_errors if count < steps and self.is_resolved(sizes, count)),
             default=steps,
         )
 
-    def beside(self, trial: Trial, sizes: Sizes, steps: int) -> dict[str, float]:
+    def difference_to_trial(self, trial: Trial, sizes: Sizes, steps: int) -> dict[str, float]:
         """Error by kind of a reduction to fewer modes, `sizes`, than a trial has, from the difference of two runs.
 
         Both runs have `steps` steps.  Modes that both models lack move at other frequencies than those that one of them
@@ -243,11 +243,11 @@ class Trials:
         if key not in self._beside:
             excitation = self.with_steps(steps)
             try:
-                if self.pushing:
+                if self.has_pushing_contacts:
                     system = self.system(trial.sizes)
-                    excitation = in_parts(system, excitation, self._run(trial.sizes, steps))
+                    excitation = divide_steps(system, excitation, self._run(trial.sizes, steps))
                 better, fewer = (self.motion(of_bodies, excitation) for of_bodies in (trial.sizes, sizes))
-                floors = Floors.of(self.system(trial.sizes), excitation, better.force)
+                floors = RoundOffBounds.for_system(self.system(trial.sizes), excitation, better.force)
                 apart = differences(fewer, better, floors, self.wanted)
                 errors = {kind: float(np.hypot(MARGIN * apart[kind], trial.reduction[kind])) for kind in self.wanted}
             except SimulationError:
@@ -255,12 +255,12 @@ class Trials:
             self._beside[key] = errors
         return self._beside[key]
 
-    def reduction(self, sizes: Sizes, steps: int) -> dict[str, float]:
+    def reduction_errors(self, sizes: Sizes, steps: int) -> dict[str, float]:
         """Estimated error of the reduction by kind; for forces of sections that between kinks."""
         if (sizes, steps) not in self._estimates:
             try:
                 run = self._run(sizes, steps)
-                run_estimate = estimate(self.models(sizes), self.system(sizes), self.with_steps(steps), run)
+                run_estimate = estimate_error(self.models(sizes), self.system(sizes), self.with_steps(steps), run)
             except SimulationError:
                 run_estimate = None
             self._estimates[sizes, steps] = run_estimate
@@ -268,19 +268,19 @@ class Trials:
         between = "" if ALONE in self._wholes else "_between_kinks"
         return {kind: errors.get(f"{kind}{between}", errors.get(kind, np.inf)) for kind in self.wanted}
 
-    def step(self, sizes: Sizes, steps: int) -> dict[str, float]:
+    def step_errors(self, sizes: Sizes, steps: int) -> dict[str, float]:
         """Error of the step by kind, a fraction; infinite where it could not be computed."""
         if (sizes, steps) not in self._step_errors:
             system, excitation = self.system(sizes), self.with_steps(steps)
             try:
-                run = self._run(sizes, steps) if is_recorded(system, excitation.stepping) else None
+                run = self._run(sizes, steps) if fits_in_memory(system, excitation.stepping) else None
                 self._step_errors[sizes, steps] = step_error(system, excitation, run, self.wanted, band=False)
             except SimulationError:
                 self._step_errors[sizes, steps] = None
         run_error = self._step_errors[sizes, steps]
-        return {kind: np.inf if run_error is None else run_error.of(kind) for kind in self.wanted}
+        return {kind: np.inf if run_error is None else run_error.error_of(kind) for kind in self.wanted}
 
-    def settled(self, sizes: Sizes, steps: int) -> bool:
+    def is_settled(self, sizes: Sizes, steps: int) -> bool:
         """Whether runs with shorter steps than these approach each other in all kinds of outputs that are wanted.
 
         The run's error of the step has to be computed before (`step`).
@@ -295,17 +295,17 @@ class Trials:
         run_outputs = (
             outputs_of_run(system, run, excitation) if "velocity" in self.wanted else outputs_without_rates(system, run)
         )
-        return between_kinks(system, run_outputs, excitation, excitation.times, excitation.stepping.step)
+        return without_kink_forces(system, run_outputs, excitation, excitation.times, excitation.stepping.step)
 
-    def run_undamped(self, sizes: Sizes, steps: int) -> tuple[Outputs, Floors]:
+    def run_undamped(self, sizes: Sizes, steps: int) -> tuple[Outputs, RoundOffBounds]:
         """Outputs of a run that the scheme hardly damps (`pmr.compare.step_error`), and bounds of their round-off."""
         system, excitation = self.system(sizes), self.with_steps(steps)
         grid = excitation.stepping
         stepping = TimeStepping(grid.end, grid.step, reference_rho(system, grid.rho_inf))
         motion = self.motion(sizes, excitation.with_stepping(stepping))
-        return motion, Floors.of(system, excitation, motion.force)
+        return motion, RoundOffBounds.for_system(system, excitation, motion.force)
 
-    def seconds_a_step(self, sizes: Sizes) -> float:
+    def seconds_per_step(self, sizes: Sizes) -> float:
         """Shortest time in s that `march` takes for a step, on this machine."""
         form, excitation = SystemForm.of(self.system(sizes)), self.with_steps(TIMED)
         return min(systems.observe(form, excitation, every=TIMED).seconds for _ in range(TIMES)) / TIMED

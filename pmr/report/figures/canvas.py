@@ -28,7 +28,7 @@ from matplotlib.ticker import MaxNLocator, NullLocator
 
 from pmr.errors.text import visible
 from pmr.report.blocks import Drawing
-from pmr.report.numbers import plain, power_of_ten
+from pmr.report.numbers import format_input, power_of_ten
 
 WIDE = 6.7  # in, the text width of an A4 page
 HALF = 3.25  # in, width of each of two figures beside each other
@@ -104,12 +104,12 @@ PENS: Mapping[str, Pen] = {
 }
 
 
-def of_sections(names: Iterable[str]) -> dict[str, str]:
+def section_colours(names: Iterable[str]) -> dict[str, str]:
     """Colour of each section of a boom, named from the base out; all figures have the same colours."""
     return {name: SECTIONS[k % len(SECTIONS)] for k, name in enumerate(names)}
 
 
-def pale(colour: str, share: float) -> Any:
+def mix_with_white(colour: str, share: float) -> Any:
     """Mix the share `share` (0 to 1) of a colour with white: an opaque colour, so nothing below shows through."""
     return colour if share == 1.0 else tuple(1.0 - share * (1.0 - channel) for channel in to_rgb(colour))
 
@@ -121,7 +121,7 @@ def style() -> Iterator[None]:
         yield
 
 
-def sheet(
+def make_sheet(
     width: float,
     height: float,
     rows: int = 1,
@@ -165,7 +165,7 @@ def equal_axes(ax: Axes) -> None:
     _place_labels(ax)
 
 
-def key_rows(names: Sequence[str], width: float) -> int:
+def legend_rows(names: Sequence[str], width: float) -> int:
     """Number of rows that a legend of these names needs above the axes of a figure `width` in wide.
 
     A figure has to be higher by `ROW` for each row after the first.
@@ -174,7 +174,7 @@ def key_rows(names: Sequence[str], width: float) -> int:
     return max(1, min(ceil(entries / (width - 0.6)), len(names)))
 
 
-def key(figure: Figure, handles: list[Any], rows: int = 1) -> None:
+def add_legend(figure: Figure, handles: list[Any], rows: int = 1) -> None:
     """Add a legend of `handles` above the axes, where no curve is, in so many rows."""
     if handles:
         left_edge, roomy = figure.axes[0].get_position().x0, figure.get_figwidth() > HALF
@@ -228,7 +228,7 @@ def log_x(ax: Axes, low: float, high: float) -> None:
     ticks = _round_values(0.999 * low, 1.001 * high, (1.0,) if many else (1.0, 2.0, 5.0))
     ax.set_xscale("log")
     ax.set_xlim(low, high)
-    ax.set_xticks(ticks, [power_of_ten(round(log10(tick))) if many else plain(tick) for tick in ticks])
+    ax.set_xticks(ticks, [power_of_ten(round(log10(tick))) if many else format_input(tick) for tick in ticks])
     ax.xaxis.set_minor_locator(NullLocator())
 
 
@@ -238,7 +238,7 @@ def _round_values(low: float, high: float, steps: Sequence[float] = (1.0, 2.0, 5
     return [tick for decade in decades for step in steps if low <= (tick := step * 10.0**decade) <= high]
 
 
-def dots(number: int, size: float = 2.6) -> dict[str, Any]:
+def curve_style(number: int, size: float = 2.6) -> dict[str, Any]:
     """Keywords for `Axes.plot` of the curve with this number: colour, marker, and dash.
 
     After all colours of `SERIES`, the next curves have other dashes and fills of their markers.
@@ -267,15 +267,15 @@ def stress_colours() -> LinearSegmentedColormap:
     return LinearSegmentedColormap.from_list("stress", RAMP)
 
 
-def ramp(largest: float) -> Figure:
+def colour_scale(largest: float) -> Figure:
     """Draw the colours of stresses from 0 to `largest` in MPa and above, with their scale."""
     colours = stress_colours()
-    figure, axes = sheet(HALF, 0.55, margins={"left": 0.1, "right": 0.3, "top": 0.08, "bottom": 0.36})
+    figure, axes = make_sheet(HALF, 0.55, margins={"left": 0.1, "right": 0.3, "top": 0.08, "bottom": 0.36})
     ax = axes[0, 0]
     for k in range(SHADES):
         ax.axvspan(k / SHADES, (k + 1.2) / SHADES, color=colours(k / (SHADES - 1.0)), linewidth=0.0)
     ticks = np.linspace(0.0, 1.0, 5)
-    names = [plain(float(f"{tick * largest:.3g}")) for tick in ticks]
+    names = [format_input(float(f"{tick * largest:.3g}")) for tick in ticks]
     ax.set_xticks(ticks, [*names[:-1], f"≥ {names[-1]}"])
     ax.set_yticks([])
     ax.set_xlim(0.0, 1.0)
@@ -316,10 +316,10 @@ def svg(figure: Figure, name: str, description: str) -> str:
         figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Creator", "Date", "Format", "Type")))
     lines = buffer.getvalue().decode().split("\n")
     root = ElementTree.fromstring("\n".join(map(visible, lines)))  # labels of ticks are made when they are drawn
-    used = {target for element in root.iter() for target in _targets(element)}
+    used = {target for element in root.iter() for target in _referred_identifiers(element)}
     box = root.get("viewBox", "0 0 1 1")
     _, _, width, height = box.split()
-    content = "".join(_write_element(child, name, used) for child in _flat(root))
+    content = "".join(_write_element(child, name, used) for child in _flatten(root))
     return (
         f'<svg viewBox="{box}" width="{width}pt" height="{height}pt" role="img" stroke-linejoin="round" '
         f'font-family="{FONT}" aria-label="{escape(visible(description))}">{content}</svg>'
@@ -333,22 +333,22 @@ def drawing(name: str, draw: Callable[..., Figure], caption: str, *arguments: An
         return Drawing(name, svg(figure, name, caption), caption, half=figure.get_figwidth() <= HALF)
 
 
-def words(drawn: str) -> str:
+def drawn_text(drawn: str) -> str:
     """All text in an SVG, from which the characters of the embedded font are taken."""
     return "".join(re.findall(r">([^<]+)<", drawn))
 
 
-def _targets(element: Element) -> Iterator[str]:
+def _referred_identifiers(element: Element) -> Iterator[str]:
     """Yield the identifiers that an element refers to."""
     for attribute in (f"{_XLINK}href", "clip-path"):
         yield from _REFERENCE.findall(element.get(attribute, ""))
 
 
-def _flat(parent: Element) -> Iterator[Element]:
+def _flatten(parent: Element) -> Iterator[Element]:
     """Yield the children of `parent`; a group without attributes is replaced by its own children."""
     for child in parent:
         if child.tag == f"{_SVG}g" and not set(child.attrib) - {"id"}:
-            yield from _flat(child)
+            yield from _flatten(child)
         elif child.find(f"{_SVG}style") is None:
             yield child
 
@@ -361,7 +361,7 @@ def _write_element(element: Element, name: str, used: set[str]) -> str:
     tag = element.tag.removeprefix(_SVG)
     attributes = "".join(f' {key}="{escape(value)}"' for key, value in _attributes(element, name, used))
     content = escape(element.text or "").strip() if tag == "text" else ""
-    content += "".join(_write_element(child, name, used) for child in _flat(element))
+    content += "".join(_write_element(child, name, used) for child in _flatten(element))
     return f"<{tag}{attributes}>{content}</{tag}>" if content else f"<{tag}{attributes}/>"
 
 
@@ -380,14 +380,14 @@ def _attributes(element: Element, name: str, used: set[str]) -> Iterator[tuple[s
         elif key in (f"{_XLINK}href", "clip-path"):
             yield key.removeprefix(_XLINK), value.replace("#", f"#{name}-")
         elif key == "d":
-            yield key, _short(" ".join(value.split()))
+            yield key, _round_decimals(" ".join(value.split()))
         elif key == "transform" and value.startswith("rotate(-0 "):
             continue
         else:
-            yield key, _short(value)
+            yield key, _round_decimals(value)
 
 
-def _short(numbers: str) -> str:
+def _round_decimals(numbers: str) -> str:
     """Round all decimal numbers in a text to two decimals."""
     return _NUMBER.sub(lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), numbers)
 

@@ -17,9 +17,21 @@ from numpy.typing import NDArray
 
 from pmr.report import subject
 from pmr.report.blocks import Drawing
-from pmr.report.columns import Quantity, extremes, onto, unseen, upper_envelope
-from pmr.report.figures.canvas import HALF, INK, PENS, SHADE, STEPS, WIDE, bins_of, drawing, key, log_axis, sheet
-from pmr.report.numbers import NOTHING, SPACE, length, percent, unit_for
+from pmr.report.columns import Quantity, envelope_indices, extreme_indices, interpolate, invisible_difference
+from pmr.report.figures.canvas import (
+    HALF,
+    INK,
+    PENS,
+    SHADE,
+    STEPS,
+    WIDE,
+    add_legend,
+    bins_of,
+    drawing,
+    log_axis,
+    make_sheet,
+)
+from pmr.report.numbers import NOTHING, SPACE, format_length, format_percent, unit_for
 from pmr.results import Response, RunResult
 
 Array = NDArray[np.float64]
@@ -37,7 +49,7 @@ class Span:
     end: float
 
 
-def in_order(result: RunResult) -> Mapping[str, Response]:
+def responses_in_drawing_order(result: RunResult) -> Mapping[str, Response]:
     """Responses of a result in the order in which they are drawn, the thickest line first."""
     return {name: result.responses[name] for name in PENS if name in result.responses}
 
@@ -86,7 +98,10 @@ class Timeline:
 
         Simulators without finite values at all times are left out.
         """
-        signals = {name: onto(self.t, response.t, what(response)) for name, response in in_order(self.result).items()}
+        signals = {
+            name: interpolate(self.t, response.t, what(response))
+            for name, response in responses_in_drawing_order(self.result).items()
+        }
         return {name: signal for name, signal in signals.items() if np.isfinite(signal).all()}
 
     def differences(self, signals: Mapping[str, Array]) -> dict[str, Array]:
@@ -104,7 +119,9 @@ class Timeline:
         """
         differences = [self.differences(signals) for signals in panels]
         most = max(largest, largest_of(*panels))
-        return differences if largest_of(*differences) > unseen(self.result) * most else [{} for _ in panels]
+        return (
+            differences if largest_of(*differences) > invisible_difference(self.result) * most else [{} for _ in panels]
+        )
 
     def detail(self, signals: Mapping[str, Array], largest: float = 0.0) -> Span | None:
         """Window, a twentieth of the time, about the largest visible difference of the reduced model.
@@ -129,7 +146,7 @@ class Timeline:
         span = span or self.whole
         inside = np.flatnonzero((self.t >= span.start) & (self.t <= span.end))
         for order, (name, curve) in enumerate(curves.items()):
-            shown = inside[extremes(curve[inside], bins_of(ax))]
+            shown = inside[extreme_indices(curve[inside], bins_of(ax))]
             ax.plot(self.t[shown], curve[shown] / size, zorder=2.0 + order / 10.0, **PENS[name].line(weight))
 
     def frame(self, ax: Axes, label: str, span: Span | None = None, last: bool = True) -> None:
@@ -151,9 +168,9 @@ class Timeline:
 
     def legend(self, names: Sequence[str]) -> list[Any]:
         """Legend entries of these simulators and of the shade."""
-        return [*(Line2D([], [], label=PENS[name].label, **PENS[name].line()) for name in names), *self.shade()]
+        return [*(Line2D([], [], label=PENS[name].label, **PENS[name].line()) for name in names), *self.shade_legend()]
 
-    def shade(self) -> list[Any]:
+    def shade_legend(self) -> list[Any]:
         """List of the legend entry for the phases in which something moves; empty if nothing moves."""
         what = "boom" if subject.changing_angles(self.result) else subject.moving_part(self.result)
         return [Patch(facecolor=SHADE, label=f"{what} moves")] if self.phases else []
@@ -188,13 +205,13 @@ def drawn_history(
     apart = largest_of(time.differences(signals))
     clause = difference_clause(time, signals, "below, the difference", most)
     if largest is not None and not differs and apart > 0.0:
-        clause = f"; that of {model_words(time.reference or '')} differs by {length(apart, 2)} at most"
+        clause = f"; that of {model_words(time.reference or '')} differs by {format_length(apart, 2)} at most"
     caption = f"{description}{clause}."
     if window is not None:
         where = "" if largest is None else f", where it {'deviates' if differs else 'moves'} most"
         span = f"{window.start:.2f}{SPACE}s to {window.end:.2f}{SPACE}s{where}"
         caption += f" The frame, {span}, is enlarged on the right."
-    return drawing(name, curves, caption, time, signals, label, base, window, most)
+    return drawing(name, history_figure, caption, time, signals, label, base, window, most)
 
 
 def difference_clause(time: Timeline, signals: Mapping[str, Array], shown: str, largest: float = 0.0) -> str:
@@ -202,16 +219,16 @@ def difference_clause(time: Timeline, signals: Mapping[str, Array], shown: str, 
 
     If the difference is visible, the clause begins with `shown`, which says where; else it says how small it is.
     """
-    base, limit = time.reference, unseen(time.result)
+    base, limit = time.reference, invisible_difference(time.result)
     if base is None or base not in signals:
         return ""
     if time.visible_differences(signals, largest=largest)[0]:
         return f"; {shown} to {model_words(base)}"
-    share = "the time step's error" if limit > NOTHING else f"{percent(NOTHING, 1)} of the largest value"
+    share = "the time step's error" if limit > NOTHING else f"{format_percent(NOTHING, 1)} of the largest value"
     return f"; {model_words(base)} differs by less than {share}"
 
 
-def _widen(ax: Axes, panel: Mapping[str, Array], size: float) -> None:
+def _widen_limits(ax: Axes, panel: Mapping[str, Array], size: float) -> None:
     """Set the limits of an axis whose signals hardly change, so that the labels of its ticks stay short.
 
     The signals (T,) are drawn over `size`.
@@ -227,7 +244,7 @@ def model_words(simulator: str) -> str:
     return "ANCF" if simulator == "ancf" else f"the {simulator} model"
 
 
-def curves(
+def history_figure(
     time: Timeline,
     signals: Mapping[str, Array],
     label: str,
@@ -244,22 +261,22 @@ def curves(
     widths, heights = ((3.6, 1.0) if window else (1.0,)), (1.35, 1.0)[: len(panels)]
     gaps = {"width_ratios": widths, "height_ratios": heights, "wspace": 0.05, "hspace": 0.12}
     tall = 2.75 if len(panels) > 1 else 1.9
-    figure, axes = sheet(WIDE, tall, len(panels), len(widths), sharey="row", gridspec_kw=gaps)
+    figure, axes = make_sheet(WIDE, tall, len(panels), len(widths), sharey="row", gridspec_kw=gaps)
     for number, (row, (name, panel)) in enumerate(zip(axes, panels, strict=True), start=1):
         unit = unit_for(largest_of(panel), base)
         for ax, span in zip(row, (time.whole, window), strict=False):
             time.trace(ax, panel, unit.size, span)
             time.frame(ax, f"{name} in {unit.name}" if ax is row[0] else "", span, last=number == len(panels))
-        _widen(row[0], panel, unit.size)
+        _widen_limits(row[0], panel, unit.size)
         if window:
             # no label where the last one of the first axes is
             row[1].xaxis.set_major_locator(MaxNLocator(3, steps=STEPS, prune="lower"))
             row[0].axvspan(window.start, window.end, facecolor="none", edgecolor=INK, linewidth=0.6, zorder=4.0)
-    key(figure, time.legend(list(signals)))
+    add_legend(figure, time.legend(list(signals)))
     return figure
 
 
-def energy_parts(name: str, result: RunResult) -> Drawing:
+def energy_drawing(name: str, result: RunResult) -> Drawing:
     """Draw strain, kinetic and external energy over time, and on the right their differences to the reference."""
     time, parts = Timeline(result), ("strain", "kinetic", "external")
     signals = [time.signals(attrgetter(f"energy.{part}")) for part in parts]
@@ -280,22 +297,22 @@ def _energies(
     columns = [([f"{part.capitalize()} energy" for part in parts], signals)]
     columns += [(["Difference"] * len(parts), differences)] if any(differences) else []
     gaps = {"wspace": 0.24, "hspace": 0.14}
-    figure, axes = sheet(WIDE, 3.9, len(parts), len(columns), sharex=True, gridspec_kw=gaps)
+    figure, axes = make_sheet(WIDE, 3.9, len(parts), len(columns), sharex=True, gridspec_kw=gaps)
     for column, (labels, panels) in zip(axes.T, columns, strict=True):
         unit = unit_for(largest_of(*panels), "J")
         for ax, label, panel in zip(column, labels, panels, strict=True):
             time.trace(ax, panel, unit.size, weight=0.6)
             time.frame(ax, f"{label} in {unit.name}", last=ax is column[-1])
-            _widen(ax, panel, unit.size)
-    key(figure, time.legend(list(signals[-1])))
+            _widen_limits(ax, panel, unit.size)
+    add_legend(figure, time.legend(list(signals[-1])))
     return figure
 
 
-def residual(name: str, result: RunResult, level: str, unit: str) -> Drawing:
+def residual_drawing(name: str, result: RunResult, level: str, unit: str) -> Drawing:
     """Draw the residual of the moving constraint over time, at `level` ``position`` or ``velocity``, in `unit`."""
     time = Timeline(result)
     signals = {of: np.abs(signal) for of, signal in time.signals(attrgetter(f"residual_{level}")).items()}
-    unknown = [PENS[of].label for of in in_order(result) if of not in signals]
+    unknown = [PENS[of].label for of in responses_in_drawing_order(result) if of not in signals]
     missing = f" It is not known for {' and '.join(unknown)}." if unknown else ""
     caption = f"Constraint residual at {level} level, the largest value of each interval.{missing}"
     return drawing(name, _residuals, caption, time, signals, f"Residual of {level} in {unit}")
@@ -303,10 +320,10 @@ def residual(name: str, result: RunResult, level: str, unit: str) -> Drawing:
 
 def _residuals(time: Timeline, signals: Mapping[str, Array], label: str) -> Figure:
     """Draw the upper envelopes of signals (T,) on a logarithmic axis."""
-    figure, axes = sheet(HALF, 2.0)
+    figure, axes = make_sheet(HALF, 2.0)
     ax, drawn_values = axes[0, 0], [0.0]
     for order, (name, signal) in enumerate(signals.items()):
-        shown = upper_envelope(signal, bins_of(ax))
+        shown = envelope_indices(signal, bins_of(ax))
         shown = shown[signal[shown] > 0.0]
         ax.plot(time.t[shown], signal[shown], zorder=2.0 + order / 10.0, **PENS[name].line())
         drawn_values.extend(signal[shown])
@@ -316,23 +333,23 @@ def _residuals(time: Timeline, signals: Mapping[str, Array], label: str) -> Figu
     else:
         ax.set_ylim(0.0, 1.0)
         ax.text(0.5, 0.5, "zero at all times" if signals else "not known", transform=ax.transAxes, ha="center")
-    key(figure, time.legend(list(signals)))
+    add_legend(figure, time.legend(list(signals)))
     return figure
 
 
-def band(result: RunResult, what: Quantity, wide: Array) -> Figure:
+def estimate_band(result: RunResult, what: Quantity, wide: Array) -> Figure:
     """Draw the estimated error `wide` (T,) in m of a tip displacement as a band about 0.
 
     The difference of the reduced to the full model is drawn in it, if that is known.
     """
     time = Timeline(result)
     off = {name: values for name, values in time.differences(time.signals(what)).items() if name == "reduced"}
-    figure, axes = sheet(WIDE, 1.7)
-    ax, shown = axes[0, 0], upper_envelope(wide, bins_of(axes[0, 0]))
+    figure, axes = make_sheet(WIDE, 1.7)
+    ax, shown = axes[0, 0], envelope_indices(wide, bins_of(axes[0, 0]))
     unit = unit_for(max(float(wide.max()), largest_of(off)), "m")
     edge = wide[shown] / unit.size
     ax.fill_between(time.t[shown], -edge, edge, color=BAND, linewidth=0.0, zorder=1.0)
     time.trace(ax, off, unit.size)
     time.frame(ax, f"Difference in {unit.name}")
-    key(figure, [*time.legend(list(off)), Patch(color=BAND, label="estimate")])
+    add_legend(figure, [*time.legend(list(off)), Patch(color=BAND, label="estimate")])
     return figure

@@ -22,12 +22,12 @@ from pmr.report.figures.canvas import (
     SECTIONS,
     SHADE,
     WIDE,
+    add_legend,
     equal_axes,
-    key,
-    key_rows,
-    of_sections,
-    pale,
-    sheet,
+    legend_rows,
+    make_sheet,
+    mix_with_white,
+    section_colours,
 )
 from pmr.report.numbers import enlargement
 
@@ -46,7 +46,7 @@ TALLEST = 0.65
 
 
 @dataclass(frozen=True)
-class Chart:
+class LoadChart:
     """Load chart for E reaches and A angles: tip (E, A, 2) in m, load (E, A) in kg, and governing limit (E, A).
 
     The tip is a radius and a height from the pivot; `which` is the number of a limit in `names`, -1 where none governs.
@@ -63,12 +63,12 @@ class Chart:
         return sorted(int(k) for k in np.unique(self.which) if k >= 0)
 
 
-def load_chart(chart: Chart) -> Figure:
+def load_chart(chart: LoadChart) -> Figure:
     """Draw a load chart: a coloured cell about each position of the tip, and curves of constant load."""
-    return _draw(chart)[0]
+    return _draw_chart(chart)[0]
 
 
-def pointer_cells(chart: Chart, texts: Sequence[str]) -> str:
+def pointer_cells(chart: LoadChart, texts: Sequence[str]) -> str:
     """Transparent cells, as elements for the end of a chart's SVG, that show a text under a pointer.
 
     `texts` are those of the positions, by reach, then angle.  No cells are returned if there are more than
@@ -76,7 +76,7 @@ def pointer_cells(chart: Chart, texts: Sequence[str]) -> str:
     """
     if not 0 < len(texts) <= MOST_CELLS:
         return ""
-    figure, corners = _draw(chart)
+    figure, corners = _draw_chart(chart)
     to_points = figure.axes[0].transData.transform(corners.reshape(-1, 2)) * 72.0 / figure.dpi
     x, y = to_points.reshape(corners.shape).transpose(2, 0, 1)
     y = figure.get_figheight() * 72.0 - y
@@ -89,14 +89,16 @@ def pointer_cells(chart: Chart, texts: Sequence[str]) -> str:
     return "".join(cells)
 
 
-def _draw(chart: Chart) -> tuple[Figure, Array]:
+def _draw_chart(chart: LoadChart) -> tuple[Figure, Array]:
     """Draw a load chart; return the figure and the corners (E + 1, A + 1, 2) in m of its cells."""
     corners = _corners(chart.place)
     low, high = np.minimum(corners.min(axis=(0, 1)), 0.0), np.maximum(corners.max(axis=(0, 1)), 0.0)
     names = [chart.names[k] for k in chart.governing_limits]
-    rows = key_rows(names, WIDE) if names else 0
+    rows = legend_rows(names, WIDE) if names else 0
     figure, ax = _side_view(low, high, TALLEST, rows)
-    colours = {k: pale(SECTIONS[(n + 1) % len(SECTIONS)], 1.0 - PALE) for n, k in enumerate(chart.governing_limits)}
+    colours = {
+        k: mix_with_white(SECTIONS[(n + 1) % len(SECTIONS)], 1.0 - PALE) for n, k in enumerate(chart.governing_limits)
+    }
     around = (corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:])
     cells = np.stack([*around, around[0]], axis=2)
     for number in np.unique(chart.which):  # one outline for each colour: single cells take seconds in a PDF
@@ -104,7 +106,7 @@ def _draw(chart: Chart) -> tuple[Figure, Array]:
         codes = [Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY] * len(cells_of_limit)
         outline = Path(cells_of_limit.reshape(-1, 2), codes)
         ax.add_patch(PathPatch(outline, color=colours.get(int(number), SHADE), linewidth=0.3, zorder=1.0))
-    levels = _levels(chart.load)
+    levels = _contour_loads(chart.load)
     if min(chart.load.shape) > 1 and levels:
         load = np.ma.masked_invalid(chart.load)
         drawn = ax.contour(*chart.place.transpose(2, 0, 1), load, levels=levels, colors=INK, linewidths=0.7, zorder=2.0)
@@ -112,11 +114,11 @@ def _draw(chart: Chart) -> tuple[Figure, Array]:
     ax.plot(0.0, 0.0, marker="o", color=MUTED, markersize=4.0, clip_on=False, zorder=3.0)
     equal_axes(ax)
     entries = zip(colours.values(), names, strict=True)
-    key(figure, [Line2D([], [], color=of, linewidth=6.0, label=name) for of, name in entries], max(rows, 1))
+    add_legend(figure, [Line2D([], [], color=of, linewidth=6.0, label=name) for of, name in entries], max(rows, 1))
     return figure, corners
 
 
-def _levels(load: Array) -> list[float]:
+def _contour_loads(load: Array) -> list[float]:
     """Loads in kg for which curves are drawn: round ones, `CURVES` at most; empty if all loads are equal.
 
     If no round one is between the least and the largest load, three in equal intervals are returned.
@@ -136,7 +138,7 @@ def _side_view(low: Array, high: Array, tallest: float, rows: int = 1) -> tuple[
     A legend of so many `rows` has room above them.
     """
     top, tall = 0.12 + ROW * rows, min((WIDE - 0.76) * float(np.divide(*(high - low)[::-1])), tallest * WIDE)
-    figure, axes = sheet(WIDE, tall + top + 0.42, margins={"left": 0.6, "right": 0.16, "top": top, "bottom": 0.42})
+    figure, axes = make_sheet(WIDE, tall + top + 0.42, margins={"left": 0.6, "right": 0.16, "top": top, "bottom": 0.42})
     ax: Axes = axes[0, 0]
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="Radius in m", ylabel="Height in m")
     return figure, ax
@@ -179,7 +181,7 @@ BENT, SIDE_TALLEST = 0.06, 0.42
 
 
 @dataclass(frozen=True)
-class AtRest:
+class BentBoom:
     """Bent boom at rest: b points on its axis, and their displacement upwards, across it."""
 
     along: Array  # (b,) m, from the base's tail
@@ -194,7 +196,7 @@ class AtRest:
         return enlargement(float(np.abs(self.across).max(initial=0.0)), BENT * float(self.along.max()))
 
 
-def at_rest(boom: AtRest) -> Figure:
+def bent_boom(boom: BentBoom) -> Figure:
     """Draw a boom at rest from the side: its undeformed axis, thin, and the bent sections, displacements enlarged."""
     c, s = np.cos(boom.luffing), np.sin(boom.luffing)
     deflection = boom.scale * boom.across
@@ -206,7 +208,7 @@ def at_rest(boom: AtRest) -> Figure:
     low, high = low - edge, high + edge
     figure, ax = _side_view(low, high, SIDE_TALLEST)
     ax.plot([0.0, reach * c], [0.0, reach * s], color=MUTED, linewidth=0.6, zorder=1.0)
-    colours = of_sections(boom.names)
+    colours = section_colours(boom.names)
     for k, colour in enumerate(colours.values()):
         of_section = boom.section == k
         order = np.argsort(boom.along[of_section])
@@ -217,5 +219,5 @@ def at_rest(boom: AtRest) -> Figure:
     ax.annotate("", (x[-1], z[-1] - 0.12 * reach), (x[-1], z[-1]), arrowprops={"arrowstyle": "->", "color": INK})
     ax.set_ylim(min(low[1], z[-1] - 0.14 * reach), high[1])
     equal_axes(ax)
-    key(figure, [Line2D([], [], color=colour, linewidth=2.0, label=name) for name, colour in colours.items()])
+    add_legend(figure, [Line2D([], [], color=colour, linewidth=2.0, label=name) for name, colour in colours.items()])
     return figure

@@ -12,11 +12,22 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pmr.report import subject
-from pmr.report.columns import Force, extremes, onto
-from pmr.report.figures.canvas import HALF, INK, ROW, SECTIONS, WIDE, bins_of, key, key_rows, of_sections, sheet
-from pmr.report.figures.histories import Array, Timeline, curves, largest_of
+from pmr.report.columns import Force, extreme_indices, interpolate
+from pmr.report.figures.canvas import (
+    HALF,
+    INK,
+    ROW,
+    SECTIONS,
+    WIDE,
+    add_legend,
+    bins_of,
+    legend_rows,
+    make_sheet,
+    section_colours,
+)
+from pmr.report.figures.histories import Array, Timeline, history_figure, largest_of
 from pmr.report.numbers import unit_for, with_sign
-from pmr.report.subject import length, moving_part, offsets, stress_times
+from pmr.report.subject import field_times, moving_part, reach, slider_offsets
 from pmr.results import BodyResult, RunResult
 from pmr.results.response import Output
 from pmr.scene.keys import named
@@ -25,44 +36,48 @@ from pmr.scene.signals import SignalBase
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000")
 
 
-def position(result: RunResult) -> Figure:
+def path_figure(result: RunResult) -> Figure:
     """Draw the extensions of a boom's sections over time, or the positions of what moves along a body alone."""
-    time, ahead, sections = Timeline(result), offsets(result), result.reach is not None
-    figure, axes = sheet(HALF, 2.0 if sections else 1.7)
+    time, ahead, sections = Timeline(result), slider_offsets(result), result.reach is not None
+    figure, axes = make_sheet(HALF, 2.0 if sections else 1.7)
     ax = axes[0, 0]
     if sections:
         names, last = result.paths.names, len(result.paths.names) - 1
         widths = [1.0 + 1.2 * (last - k) for k in range(last + 1)]  # sections may extend together
-        colours = [of_sections(result.scene.bodies)[name] for name in names]
+        colours = [section_colours(result.scene.bodies)[name] for name in names]
         _plot(ax, time.t, result.paths.values.T, colours, widths)
-        key(figure, [*_legend(names, colours, least=1), *time.shade()])
+        add_legend(figure, [*_legend(names, colours, least=1), *time.shade_legend()])
         time.frame(ax, "Extension in m")
         return figure
-    _plot(ax, time.t, [result.along + offset for offset in ahead])
+    _plot(ax, time.t, [result.abscissa + offset for offset in ahead])
     time.frame(ax, f"{moving_part(result).capitalize()} position in m")
-    ax.set_ylim(0.0, length(result))
-    key(figure, [*_legend([f"s {with_sign(offset)} m" if offset else "s" for offset in ahead]), *time.shade()])
+    ax.set_ylim(0.0, reach(result))
+    add_legend(
+        figure, [*_legend([f"s {with_sign(offset)} m" if offset else "s" for offset in ahead]), *time.shade_legend()]
+    )
     return figure
 
 
-def angles(result: RunResult, changing: Mapping[str, SignalBase]) -> Figure:
+def angle_figure(result: RunResult, changing: Mapping[str, SignalBase]) -> Figure:
     """Draw the angles that change during the run over time, in degrees."""
     time = Timeline(result)
-    figure, axes = sheet(HALF, 1.7)
+    figure, axes = make_sheet(HALF, 1.7)
     _plot(axes[0, 0], time.t, [np.rad2deg(angle.value(time.t)) for angle in changing.values()])
     time.frame(axes[0, 0], "Angle in degrees")
-    key(figure, [*_legend(list(changing), least=1), *time.shade()])
+    add_legend(figure, [*_legend(list(changing), least=1), *time.shade_legend()])
     return figure
 
 
-def loads(result: RunResult) -> Figure:
+def load_figure(result: RunResult) -> Figure:
     """Draw loads over time: forces, and in a panel of their own moments."""
-    time, acting = Timeline(result), subject.loads_as_asked(result)
+    time, acting = Timeline(result), subject.scene_loads(result)
     units = sorted({load.unit for load in acting})
-    rows = key_rows([*(named(load.body, load.name) for load in acting), "boom moves"], HALF) if len(acting) > 1 else 1
+    rows = (
+        legend_rows([*(named(load.body, load.name) for load in acting), "boom moves"], HALF) if len(acting) > 1 else 1
+    )
     more = ROW * (rows - 1)
     tall = 0.8 + 0.9 * len(units) + more
-    figure, axes = sheet(HALF, tall, rows=len(units), margins={"top": 0.28 + more}, sharex=True)
+    figure, axes = make_sheet(HALF, tall, rows=len(units), margins={"top": 0.28 + more}, sharex=True)
     names: list[str] = []
     for row, base in enumerate(units):
         ax, chosen = axes[row, 0], [load for load in acting if load.unit == base]
@@ -73,7 +88,7 @@ def loads(result: RunResult) -> Figure:
         ax.axhline(0.0, linewidth=0.0)  # the axis of a constant load includes zero
         ax.margins(y=0.1)
         names += [named(load.body, load.name) for load in chosen]
-    key(figure, [*_legend(names), *time.shade()], rows)
+    add_legend(figure, [*_legend(names), *time.shade_legend()], rows)
     return figure
 
 
@@ -86,7 +101,7 @@ def _plot(
 ) -> None:
     """Draw signals (T,) over the times `t` (T,), with colours and widths that are used in turn."""
     for i, signal in enumerate(signals):
-        shown = extremes(signal, bins_of(ax))
+        shown = extreme_indices(signal, bins_of(ax))
         ax.plot(t[shown], signal[shown], color=colours[i % len(colours)], linewidth=widths[i % len(widths)])
 
 
@@ -100,15 +115,15 @@ def _legend(names: Sequence[str], colours: Sequence[str] = _COLOURS, least: int 
 MOST_FORCES = 8  # panels of one figure
 
 
-def forces(result: RunResult, group: Sequence[Force]) -> Figure:
+def force_figure(result: RunResult, group: Sequence[Force]) -> Figure:
     """Draw up to `MOST_FORCES` forces, or moments, over time, each in a panel of its own on one scale."""
     time = Timeline(result)
-    signals = [time.signals(force.of) for force in group]
+    signals = [time.signals(force.history) for force in group]
     unit, columns = unit_for(largest_of(*signals), group[0].unit), min(len(group), 2)
     rows = -(-len(group) // columns)
     gaps, what = {"hspace": 0.3, "wspace": 0.09}, "Moment" if group[0].unit == "N m" else "Force"
     tall, margins = 0.85 if columns > 1 else 1.39, {"top": 0.42}  # each panel has a title below the legend
-    figure, axes = sheet(
+    figure, axes = make_sheet(
         WIDE, 0.66 + tall * rows, rows, columns, margins=margins, sharex=True, sharey=True, gridspec_kw=gaps
     )
     for k, (force, panel) in enumerate(zip(group, signals, strict=True)):
@@ -119,38 +134,38 @@ def forces(result: RunResult, group: Sequence[Force]) -> Figure:
         ax.set_title(force.name, loc="left", pad=2.0)
     for ax in axes.flat[len(group) :]:
         ax.set_visible(False)
-    key(figure, time.legend(list(signals[0])))
+    add_legend(figure, time.legend(list(signals[0])))
     return figure
 
 
-def pivot(result: RunResult, outputs: Sequence[Output]) -> Figure:
+def pivot_figure(result: RunResult, outputs: Sequence[Output]) -> Figure:
     """Draw the forces, or moments, of the boom on its machine over time, all in one panel."""
     time, response = Timeline(result), result.responses["reduced"]
     signals = [response.other(output.name) for output in outputs]
     unit = unit_for(max(float(np.abs(signal).max()) for signal in signals), outputs[0].unit)
-    figure, axes = sheet(HALF, 1.9)
+    figure, axes = make_sheet(HALF, 1.9)
     lines = list(zip(signals, [output.name.rpartition(" ")[2] for output in outputs], SECTIONS[1:], strict=False))
     for signal, _, colour in lines:
-        shown = extremes(signal, bins_of(axes[0, 0]))
+        shown = extreme_indices(signal, bins_of(axes[0, 0]))
         axes[0, 0].plot(time.t[shown], signal[shown] / unit.size, color=colour, linewidth=0.8)
     time.frame(axes[0, 0], f"{'Moment' if outputs[0].unit == 'N m' else 'Force'} in {unit.name}")
     axes[0, 0].axhline(0.0, linewidth=0.0)
-    shade = time.shade() if len(lines) < 4 else ()  # there is no room for a fifth name
-    key(figure, [*(Line2D([], [], color=colour, label=name) for _, name, colour in lines), *shade])
+    shade = time.shade_legend() if len(lines) < 4 else ()  # there is no room for a fifth name
+    add_legend(figure, [*(Line2D([], [], color=colour, label=name) for _, name, colour in lines), *shade])
     return figure
 
 
-def stresses(result: RunResult, body: BodyResult) -> dict[str, Array]:
+def stress_histories(result: RunResult, body: BodyResult) -> dict[str, Array]:
     """Largest stress of a body over time (T,) in Pa, by model, in the order in which they are drawn."""
-    names, t = [name for name in ("full", "reduced") if name in body.peak_stress], stress_times(result, body)
-    return {name: onto(result.responses["reduced"].t, t, body.peak_stress[name]) for name in names}
+    names, t = [name for name in ("full", "reduced") if name in body.peak_stress], field_times(result, body)
+    return {name: interpolate(result.responses["reduced"].t, t, body.peak_stress[name]) for name in names}
 
 
-def stress(result: RunResult, body: BodyResult) -> Figure:
+def stress_figure(result: RunResult, body: BodyResult) -> Figure:
     """Draw the largest von Mises stress over time, its difference to the reference, and the time about its peak."""
-    time, signals = Timeline(result), stresses(result, body)
+    time, signals = Timeline(result), stress_histories(result, body)
     peak = int(np.argmax(signals["reduced"]))
-    figure = curves(time, signals, "Stress", "Pa", time.window(peak))
+    figure = history_figure(time, signals, "Stress", "Pa", time.window(peak))
     unit = unit_for(largest_of(signals), "Pa")
     for ax in figure.axes[: 2 if time.window(peak) else 1]:
         ax.plot(time.t[peak], signals["reduced"][peak] / unit.size, "o", markersize=4.0, color=INK, zorder=5.0)
@@ -158,7 +173,7 @@ def stress(result: RunResult, body: BodyResult) -> Figure:
     return figure
 
 
-def envelopes(result: RunResult, quantities: Sequence[str]) -> Figure:
+def envelope_figure(result: RunResult, quantities: Sequence[str]) -> Figure:
     """Draw the range over time of each force or moment along the beams, by the reduced model, in a panel each."""
     envelopes_by_body = {
         name: body.envelopes["reduced"] for name, body in result.bodies.items() if "reduced" in body.envelopes
@@ -166,8 +181,10 @@ def envelopes(result: RunResult, quantities: Sequence[str]) -> Figure:
     columns = min(len(quantities), 2)
     rows = -(-len(quantities) // columns)
     gaps = {"hspace": 0.45, "wspace": 0.28}
-    figure, axes = sheet(WIDE, 0.66 + 1.25 * rows, rows, columns, margins={"top": 0.42}, sharex=True, gridspec_kw=gaps)
-    colours = {name: colour for name, colour in of_sections(result.bodies).items() if name in envelopes_by_body}
+    figure, axes = make_sheet(
+        WIDE, 0.66 + 1.25 * rows, rows, columns, margins={"top": 0.42}, sharex=True, gridspec_kw=gaps
+    )
+    colours = {name: colour for name, colour in section_colours(result.bodies).items() if name in envelopes_by_body}
     for k, quantity in enumerate(quantities):
         ax = axes.flat[k]
         shown = {name: envelope for name, envelope in envelopes_by_body.items() if quantity in envelope.names}
@@ -187,5 +204,5 @@ def envelopes(result: RunResult, quantities: Sequence[str]) -> Figure:
             ax.tick_params(labelbottom=True)
     for ax in axes.flat[len(quantities) :]:
         ax.set_visible(False)
-    key(figure, [Patch(color=colour, alpha=0.45, label=name) for name, colour in colours.items() if name])
+    add_legend(figure, [Patch(color=colour, alpha=0.45, label=name) for name, colour in colours.items() if name])
     return figure

@@ -16,12 +16,12 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
-from pmr.report.columns import lines, onto, spread, tips
+from pmr.report.columns import axis_points, interpolate, spread_indices, tip_displacements
 from pmr.report.errors import error_name
-from pmr.report.figures.canvas import HALF, INK, MUTED, PENS, RAMP, WIDE, key, log_axis, octave_axis, sheet
-from pmr.report.figures.histories import in_order
+from pmr.report.figures.canvas import HALF, INK, MUTED, PENS, RAMP, WIDE, add_legend, log_axis, make_sheet, octave_axis
+from pmr.report.figures.histories import responses_in_drawing_order
 from pmr.report.numbers import enlargement, share_captured, unit_for
-from pmr.report.subject import fixtures, length, moving_part, offsets
+from pmr.report.subject import fixtures, moving_part, reach, slider_offsets
 from pmr.results import FrequencyResponse, RunResult, Shapes
 
 MOST_SHAPES = 25
@@ -33,7 +33,7 @@ SNAPSHOTS = 6
 REACH = 0.05
 
 
-def basis(result: RunResult, of: Shapes) -> Figure:
+def basis_figure(result: RunResult, of: Shapes) -> Figure:
     """Draw the transverse shape of each basis vector, over its largest value, in small panels.
 
     They share one pair of axes, since two dozen pairs take longer to draw than all other figures.
@@ -42,10 +42,10 @@ def basis(result: RunResult, of: Shapes) -> Figure:
     count = min(shapes.shape[1], MOST_SHAPES)
     columns = min(COLUMNS, count)
     rows = -(-count // columns)
-    figure, axes = sheet(WIDE, 0.45 + max(0.5 * rows, 1.2), margins={"top": 0.08})
+    figure, axes = make_sheet(WIDE, 0.45 + max(0.5 * rows, 1.2), margins={"top": 0.08})
     ax = axes[0, 0]
-    end = length(result)
-    amplitude, flat = np.abs(shapes).max(axis=0), _flat(of)
+    end = reach(result)
+    amplitude, flat = np.abs(shapes).max(axis=0), _is_axial(of)
     for k in range(count):
         x_offset, middle = (k % columns) * GAP * end, -CELL * (k // columns)
         ax.plot([x_offset, x_offset + end], [middle, middle], color="#c9d1d9", linewidth=0.5, zorder=1.0)
@@ -64,19 +64,25 @@ def basis(result: RunResult, of: Shapes) -> Figure:
     return figure
 
 
-def snapshots(result: RunResult) -> Figure:
+def snapshot_figure(result: RunResult) -> Figure:
     """Draw the deflected beams at the time of the largest tip displacement in each of `SNAPSHOTS` parts of the run."""
-    reduced, beams = result.responses["reduced"], in_order(result)
-    farthest, parts = np.abs(tips(result)["z"](reduced)), np.array_split(np.arange(len(reduced.t)), SNAPSHOTS)
+    reduced, beams = result.responses["reduced"], responses_in_drawing_order(result)
+    farthest, parts = (
+        np.abs(tip_displacements(result)["z"](reduced)),
+        np.array_split(np.arange(len(reduced.t)), SNAPSHOTS),
+    )
     chosen = [int(part[np.argmax(farthest[part])]) for part in parts if len(part)]
-    axis = lines(result, reduced)
+    axis = axis_points(result, reduced)
     deflected = {
-        name: [(of, onto(reduced.t, response.t, of.moved(response))[chosen]) for of in lines(result, response)]
+        name: [
+            (of, interpolate(reduced.t, response.t, of.displacements(response))[chosen])
+            for of in axis_points(result, response)
+        ]
         for name, response in beams.items()
     }
     unit = unit_for(max(float(np.abs(w).max()) for curves in deflected.values() for _, w in curves), "m")
     gaps = {"wspace": 0.05, "hspace": 0.4}
-    figure, axes = sheet(
+    figure, axes = make_sheet(
         WIDE, 2.8, SNAPSHOTS // 2, 2, margins={"top": 0.45}, sharex=True, sharey=True, gridspec_kw=gaps
     )
     for i, ax in enumerate(axes.flat[: len(chosen)]):
@@ -84,15 +90,15 @@ def snapshots(result: RunResult) -> Figure:
             for axis_line, (of, w) in zip(axis, deflected_lines, strict=True):
                 at = axis_line.tail[chosen[i]] + of.x
                 ax.plot(at, w[i] / unit.size, zorder=2.0 + order / 10.0, **PENS[name].line())
-        _fixtures(ax, result, float(result.along[chosen[i]]))
+        _fixtures(ax, result, float(result.abscissa[chosen[i]]))
         ax.set_title(f"t = {float(reduced.t[chosen[i]]):.4g} s", loc="left", pad=2.0)
-    end = length(result)
+    end = reach(result)
     axes[0, 0].set_xlim(-0.03 * end, 1.02 * end)
     figure.supxlabel("x in m", fontsize=7.5, y=0.02)
     figure.supylabel(f"Transverse displacement in {unit.name}", fontsize=7.5, x=0.004)
-    markers = {moving_part(result): ("s", MUTED)} if offsets(result) else {}
+    markers = {moving_part(result): ("s", MUTED)} if slider_offsets(result) else {}
     markers |= {"support": ("^", INK)}
-    key(
+    add_legend(
         figure,
         [Line2D([], [], label=PENS[name].label, **PENS[name].line()) for name in beams]
         + [
@@ -105,23 +111,25 @@ def snapshots(result: RunResult) -> Figure:
 
 def _fixtures(ax: Axes, result: RunResult, s: float) -> None:
     """Draw sliders, with the path at `s` m, and supports."""
-    for offset in offsets(result):
+    for offset in slider_offsets(result):
         ax.plot([s + offset], [0.0], marker="s", markersize=5.0, color=MUTED, zorder=1.9)
     for support in fixtures(result):
-        ax.plot([support.at], [0.0], marker="^", markersize=5.0, color=INK, zorder=1.9)
+        ax.plot([support.position], [0.0], marker="^", markersize=5.0, color=INK, zorder=1.9)
 
 
-def _flat(of: Shapes) -> NDArray[np.bool_]:
+def _is_axial(shapes: Shapes) -> NDArray[np.bool_]:
     """Whether each of the r basis vectors moves the body along its axis only, (r,)."""
-    amplitude = np.abs(of.shapes).max(axis=0)
+    amplitude = np.abs(shapes.shapes).max(axis=0)
     return np.asarray(amplitude <= FLAT * amplitude.max())
 
 
 def exaggeration(result: RunResult) -> float:
     """Factor by which a boom's deflection is drawn, a round number."""
     response = result.responses["reduced"]
-    largest = max(float(np.abs(line.moved(response)).max(initial=0.0)) for line in lines(result, response))
-    return enlargement(largest, REACH * length(result))
+    largest = max(
+        float(np.abs(line.displacements(response)).max(initial=0.0)) for line in axis_points(result, response)
+    )
+    return enlargement(largest, REACH * reach(result))
 
 
 CLOSED_FORM_POINTS = 11
@@ -134,10 +142,10 @@ EDGE = 0.06
 COLOURS = ("#440154", "#3b528b", "#21918c", "#5ec962", "#c9b30e")
 
 
-def singular_values(result: RunResult, of: Shapes) -> Figure:
+def singular_value_figure(result: RunResult, shapes: Shapes) -> Figure:
     """Draw singular values over the first one; those of the basis are filled, and kappa is the share they capture."""
-    sigma, taken = of.singular_values, of.shapes.shape[1]
-    figure, axes = sheet(HALF, 2.15)
+    sigma, taken = shapes.singular_values, shapes.shapes.shape[1]
+    figure, axes = make_sheet(HALF, 2.15)
     ax = axes[0, 0]
     number, relative = np.arange(1, len(sigma) + 1), sigma / sigma[0]
     positive = relative > 0.0
@@ -146,7 +154,7 @@ def singular_values(result: RunResult, of: Shapes) -> Figure:
         (positive & (number > taken), "white", "left out"),
     ):
         if chosen.any():
-            look = _dots(PENS["reduced"].colour, fill, 3.2)
+            look = _circle_style(PENS["reduced"].colour, fill, 3.2)
             ax.plot(number[chosen], relative[chosen], label=label, **look)
     if taken < len(sigma):
         ax.axvline(taken + 0.5, color=MUTED, linewidth=0.7, linestyle=(0, (3, 2)))
@@ -157,11 +165,11 @@ def singular_values(result: RunResult, of: Shapes) -> Figure:
     kappa = result.summary.get("basis", {}).get("kappa")
     if kappa is not None:
         ax.text(0.03, 0.06, share_captured(kappa, taken), transform=ax.transAxes)
-    key(figure, ax.get_legend_handles_labels()[0])
+    add_legend(figure, ax.get_legend_handles_labels()[0])
     return figure
 
 
-def frequencies(result: RunResult) -> Figure:
+def frequency_figure(result: RunResult) -> Figure:
     """Draw the lowest natural frequencies in Hz over the slider's position, the boom's reach, or time.
 
     For a body that slides out of a mouth the axis is its length beyond the mouth.  Closed forms are left out above the
@@ -174,32 +182,32 @@ def frequencies(result: RunResult) -> Figure:
     closed = lowest.models.get("closed_form", np.empty((len(lowest.along), 0)))
     closed = np.where(closed <= 1.01 * top, closed, np.nan)
     heads = {"slider": "Slider position s in m", "mouth": "Length beyond the mouth in m"}
-    x = length(result) - lowest.along if moving_part(result) == "mouth" else lowest.along
+    x = reach(result) - lowest.along if moving_part(result) == "mouth" else lowest.along
     head = heads.get(moving_part(result), "Reach from the base's tail in m")
     if lowest.t is not None and len(x) > 1 and not np.ptp(x):  # the boom stays, and forces that stress it change
         x, head = lowest.t, "Time in s"
     single = {"marker": "o"} if len(x) == 1 else {}
-    figure, axes = sheet(HALF, 2.15)
+    figure, axes = make_sheet(HALF, 2.15)
     ax = axes[0, 0]
     handles = []
-    few = spread(len(x), CLOSED_FORM_POINTS)
+    few = spread_indices(len(x), CLOSED_FORM_POINTS)
     drawn = [(name, x, curves[name], PENS[name].line() | single) for name in PENS if name in curves]
-    for label, at, f, look in (*drawn, ("closed form", x[few], closed[few], _dots(INK, "none", 2.6))):
+    for label, at, f, look in (*drawn, ("closed form", x[few], closed[few], _circle_style(INK, "none", 2.6))):
         if np.isfinite(f).any():
             ax.plot(at, f, **look)
             handles.append(Line2D([], [], label=label, **look))
     octave_axis(ax, min(float(np.nanmin(f)) for f in curves.values()), float(top.max()))
     ax.set_xlabel(head)
     ax.set_ylabel("Eigenfrequency in Hz")
-    key(figure, handles)
+    add_legend(figure, handles)
     return figure
 
 
-def frequency_map(result: RunResult) -> Figure:
+def frequency_map_figure(result: RunResult) -> Figure:
     """Draw lines of equal first natural frequency over the extensions of two joints, and the path of the run."""
     over_joints = result.frequencies.over_joints
     assert over_joints is not None  # the caller draws no map without it
-    figure, axes = sheet(HALF, 2.6)
+    figure, axes = make_sheet(HALF, 2.6)
     ax = axes[0, 0]
     levels = MaxNLocator(LEVELS).tick_values(over_joints.lowest.min(), over_joints.lowest.max())
     ax.contourf(
@@ -222,7 +230,7 @@ def frequency_map(result: RunResult) -> Figure:
     return figure
 
 
-def _dots(edge: str, fill: str, size: float) -> dict[str, Any]:
+def _circle_style(edge: str, fill: str, size: float) -> dict[str, Any]:
     """Keywords for `Axes.plot` of circles without a line."""
     return {
         "linestyle": "none",
@@ -234,9 +242,9 @@ def _dots(edge: str, fill: str, size: float) -> dict[str, Any]:
     }
 
 
-def gain(response: FrequencyResponse, load: int) -> Figure:
+def gain_figure(response: FrequencyResponse, load: int) -> Figure:
     """Draw the gain over frequency for the load of number `load`, a curve for each position of the sliders."""
-    figure, axes = sheet(HALF, 2.15)
+    figure, axes = make_sheet(HALF, 2.15)
     ax, values = axes[0, 0], response.gain[:, :, load]
     handles = []
     for k, s in enumerate(response.s):
@@ -251,20 +259,20 @@ def gain(response: FrequencyResponse, load: int) -> Figure:
     log_axis(ax, max(float(positive.min()), 1e-6 * float(positive.max())), float(positive.max()))
     ax.set_xlabel("Frequency in Hz")
     ax.set_ylabel(f"Gain in {response.units[load]}")
-    key(figure, handles)
+    add_legend(figure, handles)
     return figure
 
 
 PARTS = {"reduction": "#d55e00", "step": "#56b4e9", "mesh": "#00664b", "model": "#cc79a7"}
 
 
-def budget(result: RunResult) -> Figure:
+def budget_figure(result: RunResult) -> Figure:
     """Draw a bar in % for each part of the error and each kind of output, and a line for the tolerance."""
     summary = result.summary
     kinds, errors = summary["accuracy"]["outputs"], summary["budget"]
     parts = [name for name in PARTS if any((errors.get(name) or {}).get(kind) is not None for kind in kinds)]
     height = 0.16 * len(kinds) * (len(parts) + 1)
-    figure, axes = sheet(WIDE, 0.7 + height, margins={"left": 1.3, "top": 0.3, "bottom": 0.4})
+    figure, axes = make_sheet(WIDE, 0.7 + height, margins={"left": 1.3, "top": 0.3, "bottom": 0.4})
     ax, pitch, ticks = axes[0, 0], len(parts) + 1, []
     for row, kind in enumerate(kinds):
         for number, name in enumerate(parts):
@@ -281,7 +289,7 @@ def budget(result: RunResult) -> Figure:
         look: dict[str, Any] = {"color": INK, "linewidth": 0.9, "linestyle": (0, (4, 2))}
         ax.axvline(100.0 * tolerance, **look)
         handles.append(Line2D([], [], label="tolerance", **look))
-    key(figure, handles)
+    add_legend(figure, handles)
     return figure
 
 
@@ -298,7 +306,7 @@ def basis_caption(shapes: Shapes) -> str:
     first = f"the first {MOST_SHAPES} of {count}" if count > MOST_SHAPES else f"all {count}"
     flat = " A flat line belongs to a vector that moves the body along its axis only."
     scaled = f"Transverse shapes of the basis vectors, {first}, each over its largest value."
-    return f"{scaled}{flat if _flat(shapes)[:MOST_SHAPES].any() else ''}"
+    return f"{scaled}{flat if _is_axial(shapes)[:MOST_SHAPES].any() else ''}"
 
 
 def frequencies_caption(result: RunResult) -> str:

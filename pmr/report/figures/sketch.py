@@ -12,12 +12,21 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle, Polygon, Rectangle
 from numpy.typing import NDArray
 
-from pmr.report.columns import lines
+from pmr.report.columns import axis_points
 from pmr.report.figures import space
-from pmr.report.figures.canvas import INK, LIMIT, MUTED, sheet
+from pmr.report.figures.canvas import INK, LIMIT, MUTED, make_sheet
 from pmr.report.figures.space import largest_stress
-from pmr.report.numbers import SPACE, plain, quantity
-from pmr.report.subject import Acting, axial_supports, fixtures, is_alone, length, loads, moving_part, offsets
+from pmr.report.numbers import SPACE, format_input, format_quantity
+from pmr.report.subject import (
+    AppliedLoad,
+    axial_supports,
+    fixtures,
+    input_loads,
+    is_alone,
+    moving_part,
+    reach,
+    slider_offsets,
+)
 from pmr.results import RunResult
 from pmr.scene.box import Box
 
@@ -31,7 +40,7 @@ class Paper:
 
     def __init__(self, left_end: float, right_end: float, height: float) -> None:
         inches = WIDTH - LABELS - 0.2
-        self.figure, axes = sheet(WIDTH, height, margins={"left": 0.0, "right": 0.0, "top": 0.0, "bottom": 0.0})
+        self.figure, axes = make_sheet(WIDTH, height, margins={"left": 0.0, "right": 0.0, "top": 0.0, "bottom": 0.0})
         self.ax: Axes = axes[0, 0]
         self.inch = (right_end - left_end) / inches
         self.ax.set_xlim(left_end - 0.2 * self.inch, right_end + LABELS * self.inch)
@@ -90,24 +99,26 @@ class _Stretch:
 
     def words(self, low: float, high: float) -> str:
         """Format a range in m."""
-        return f"{plain(round(low, 3))}{SPACE}m … {plain(round(high, 3))}{SPACE}m"
+        return f"{format_input(round(low, 3))}{SPACE}m … {format_input(round(high, 3))}{SPACE}m"
 
 
-def sketch(result: RunResult) -> Figure:
+def draw_sketch(result: RunResult) -> Figure:
     """Draw a boom from the side, in true position, or a body alone with its supports, sliders, pads and loads."""
     if _is_boom(result):
-        return space.side(result)
+        return space.side_view(result)
     low, high = result.scene.path_bounds
-    stretch = _Stretch(float(result.along[0]), low, high)
-    return _telescopic(result, stretch) if moving_part(result) == "mouth" else _on_supports(result, stretch)
+    stretch = _Stretch(float(result.abscissa[0]), low, high)
+    return _draw_telescopic(result, stretch) if moving_part(result) == "mouth" else _draw_on_supports(result, stretch)
 
 
 def _is_boom(result: RunResult) -> bool:
     """Whether the system is drawn in true position: a boom of sections, or a body alone in a frame."""
-    return not is_alone(result) or (result.scene.frame is not None and bool(lines(result, result.responses["reduced"])))
+    return not is_alone(result) or (
+        result.scene.frame is not None and bool(axis_points(result, result.responses["reduced"]))
+    )
 
 
-def caption(result: RunResult) -> str:
+def sketch_caption(result: RunResult) -> str:
     """Caption of the sketch."""
     if _is_boom(result):
         return space.view_caption(result, "from the side")
@@ -118,30 +129,30 @@ def caption(result: RunResult) -> str:
     return f"The system at the beginning{'; hollow: the other end of the way' if high > low else ''}{ring}."
 
 
-def _on_supports(result: RunResult, stretch: _Stretch) -> Figure:
+def _draw_on_supports(result: RunResult, stretch: _Stretch) -> Figure:
     """Draw a body alone on its supports, with sliders at the start of the run and at the far end of the path."""
-    end = length(result)
+    end = reach(result)
     paper = Paper(0.0, end, 1.35)
     paper.ax.plot([0.0, end], [0.0, 0.0], color=BODY, linewidth=2.4, solid_capstyle="butt")
     for fixture in fixtures(result):
-        _fixture(paper, fixture.at, fixture.kind)
-    for ahead in offsets(result):
-        _slider(paper, stretch.start + ahead, MUTED)
+        _draw_fixture(paper, fixture.position, fixture.kind)
+    for ahead in slider_offsets(result):
+        _draw_slider(paper, stretch.start + ahead, MUTED)
         if stretch.moves:
-            _slider(paper, (stretch.high if stretch.start < stretch.high else stretch.low) + ahead, "none")
-    first = offsets(result)[0]
+            _draw_slider(paper, (stretch.high if stretch.start < stretch.high else stretch.low) + ahead, "none")
+    first = slider_offsets(result)[0]
     if stretch.moves:
         range_text = f"s = {stretch.words(stretch.low, stretch.high)}"
         paper.range(-0.28 * paper.inch, stretch.low + first, stretch.high + first, range_text)
-    paper.range(-0.52 * paper.inch, 0.0, end, f"{plain(end)}{SPACE}m")
-    _loads(paper, result, 0.0, end, 0.05 * paper.inch)
-    _ring(paper, result, 0.0, 0.0)
+    paper.range(-0.52 * paper.inch, 0.0, end, f"{format_input(end)}{SPACE}m")
+    _draw_loads(paper, result, 0.0, end, 0.05 * paper.inch)
+    _draw_stress_ring(paper, result, 0.0, 0.0)
     return paper.figure
 
 
-def _telescopic(result: RunResult, stretch: _Stretch) -> Figure:
+def _draw_telescopic(result: RunResult, stretch: _Stretch) -> Figure:
     """Draw a body that slides out of a mouth at x = 0, at its largest extension."""
-    end = length(result)
+    end = reach(result)
     ahead = max((ring.at + ring.length / 2.0 for ring in result.scene.pads if ring.moving), default=0.0)
     paper = Paper(-stretch.high - 0.1, end - stretch.low, 1.5)
     inch, shape = paper.inch, result.scene.body.box
@@ -150,7 +161,7 @@ def _telescopic(result: RunResult, stretch: _Stretch) -> Figure:
     tail, tip, outer = -stretch.low, end - stretch.low, tall / 2.0 + gap
     for side in (-1.0, 1.0):
         paper.ax.plot([-stretch.high - 0.1, ahead], [side * outer] * 2, color=MUTED, linewidth=1.6)
-    _body(paper, shape, tail, end, tall)
+    _draw_body(paper, shape, tail, end, tall)
     for ring in result.scene.pads:
         centre = ring.at if ring.moving else tail + ring.at
         wide = max(ring.length, 0.05 * inch)
@@ -166,19 +177,19 @@ def _telescopic(result: RunResult, stretch: _Stretch) -> Figure:
         back = end - stretch.high
         paper.ax.plot([back] * 2, [-tall / 2.0, tall / 2.0], color=BODY, linewidth=0.8, linestyle=(0, (3, 2)))
         paper.ax.plot([0.0, 0.0], [-outer - 0.3 * inch, -outer], color=MUTED, linewidth=0.5)
-    out = stretch.words(end - stretch.high, tip) if stretch.moves else f"{plain(tip)}{SPACE}m"
+    out = stretch.words(end - stretch.high, tip) if stretch.moves else f"{format_input(tip)}{SPACE}m"
     paper.range(-outer - 0.24 * inch, 0.0, tip, f"{out} beyond the mouth")
     if result.scene.gravity is not None:
         middle = tail + 0.62 * end
         along, _, up = (ARROW * inch * part for part in result.scene.gravity.direction)
         paper.arrow(middle - along, tall / 2.0 - up, along, up, MUTED)
         paper.write(middle + 0.1 * inch, tall / 2.0 + 0.2 * inch, "g", MUTED)
-    _loads(paper, result, tail, tip, tall / 2.0)
-    _ring(paper, result, tail, tall / 2.0)
+    _draw_loads(paper, result, tail, tip, tall / 2.0)
+    _draw_stress_ring(paper, result, tail, tall / 2.0)
     return paper.figure
 
 
-def _body(paper: Paper, shape: Box | None, tail: float, end: float, tall: float) -> None:
+def _draw_body(paper: Paper, shape: Box | None, tail: float, end: float, tall: float) -> None:
     """Draw the outline of a body of length `end` with its tapers, frames and doublers, its tail at x = `tail`.
 
     `tall` is the largest height as drawn; without a `shape` the body is a rectangle.
@@ -204,15 +215,15 @@ def _body(paper: Paper, shape: Box | None, tail: float, end: float, tall: float)
                 paper.ax.add_patch(Polygon(np.vstack([edge, inner[::-1]]), facecolor=BODY, edgecolor="none"))
 
 
-def _ring(paper: Paper, result: RunResult, tail: float, above: float) -> None:
+def _draw_stress_ring(paper: Paper, result: RunResult, tail: float, above: float) -> None:
     """Draw a ring around the point of the largest stress, and write its value above; nothing without stresses."""
     if (worst := largest_stress(result)) is not None:
         at = tail + worst.x
         paper.disc(at, 0.0, 0.08 * paper.inch, facecolor="none", edgecolor=LIMIT)
-        paper.write(at, above + 0.22 * paper.inch, quantity(worst.value, "Pa"), LIMIT)
+        paper.write(at, above + 0.22 * paper.inch, format_quantity(worst.value, "Pa"), LIMIT)
 
 
-def _fixture(paper: Paper, at: float, kind: str) -> None:
+def _draw_fixture(paper: Paper, at: float, kind: str) -> None:
     """Draw a support at x = `at` by its symbol."""
     inch = paper.inch
     if kind == "clamped":
@@ -224,7 +235,7 @@ def _fixture(paper: Paper, at: float, kind: str) -> None:
         paper.box(at - 0.09 * inch, -0.19 * inch, 0.18 * inch, 0.015 * inch, facecolor=INK)
 
 
-def _slider(paper: Paper, at: float, fill: str) -> None:
+def _draw_slider(paper: Paper, at: float, fill: str) -> None:
     """Draw a slider at x = `at`: a roller above the body and one below."""
     for side in (-1.0, 1.0):
         centre = (at, side * 0.08 * paper.inch)
@@ -236,15 +247,15 @@ def _slider(paper: Paper, at: float, fill: str) -> None:
         )
 
 
-def _loads(paper: Paper, result: RunResult, tail: float, tip: float, above: float) -> None:
+def _draw_loads(paper: Paper, result: RunResult, tail: float, tip: float, above: float) -> None:
     """Draw loads and masses; names of those at the tip stand beside it, other names above their arrows.
 
     The body reaches from `tail` to `tip`, and arrows upwards start at the height `above`.
     """
-    inch, listed = paper.inch, list(_masses(paper, result, tip))
-    for load in loads(result):
-        at = min(tail + load.at, tip)
-        _load(paper, load, load.values, at, above)
+    inch, listed = paper.inch, list(_draw_masses(paper, result, tip))
+    for load in input_loads(result):
+        at = min(tail + load.position, tip)
+        _draw_load(paper, load, load.values, at, above)
         if at > tip - 0.5 * inch:
             listed.append((load.name, LOAD))
         else:
@@ -254,14 +265,14 @@ def _loads(paper: Paper, result: RunResult, tail: float, tip: float, above: floa
         paper.write(tip + 0.22 * inch, y, name if len(name) < 24 else f"{name[:22]}…", colour, ha="left")
 
 
-def _masses(paper: Paper, result: RunResult, tip: float) -> Iterator[tuple[str, str]]:
+def _draw_masses(paper: Paper, result: RunResult, tip: float) -> Iterator[tuple[str, str]]:
     """Draw point masses at the tip, and yield their names with the colour of the text."""
     for mass in result.scene.masses:
         paper.disc(tip, 0.0, 0.07 * paper.inch, facecolor=INK, edgecolor="none")
-        yield f"{mass.name}, {plain(mass.mass)}{SPACE}kg", INK
+        yield f"{mass.name}, {format_input(mass.mass)}{SPACE}kg", INK
 
 
-def _load(paper: Paper, load: Acting, values: NDArray[np.float64], at: float, above: float) -> None:
+def _draw_load(paper: Paper, load: AppliedLoad, values: NDArray[np.float64], at: float, above: float) -> None:
     """Draw a load at x = `at` in its direction, with two heads if its `values` change sign.
 
     A moment is drawn as an arc, a lateral force as the tip of an arrow.

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from pmr.report.blocks import Block, Drawing
-from pmr.report.columns import Axis, body_axes, lines, spread, turns
+from pmr.report.columns import Axis, axis_points, body_axes, frame_rotations, spread_indices
 from pmr.report.figures.canvas import (
     HALF,
     INK,
@@ -22,18 +22,18 @@ from pmr.report.figures.canvas import (
     MUTED,
     ROW,
     SECTIONS,
+    add_legend,
     drawing,
-    key,
-    key_rows,
+    legend_rows,
+    make_sheet,
+    mix_with_white,
     octave_axis,
-    of_sections,
-    pale,
-    sheet,
+    section_colours,
 )
 from pmr.report.figures.histories import Timeline
 from pmr.report.figures.shapes import exaggeration
-from pmr.report.numbers import SPACE, plain, quantity
-from pmr.report.subject import length
+from pmr.report.numbers import SPACE, format_input, format_quantity
+from pmr.report.subject import reach
 from pmr.results import RunResult
 
 Array = NDArray[np.float64]
@@ -49,39 +49,39 @@ FAINT = 0.3  # share of its colour with which a boom is drawn at moments other t
 CLEAR = 0.06  # in, between a label and what is drawn
 
 
-def side(result: RunResult) -> Figure:
+def side_view(result: RunResult) -> Figure:
     """Draw the boom from the side at a few moments: distance from the pivot in the plane of luffing, and height."""
-    return _boom(result, "side", "Distance from the pivot in m", "Height over the pivot in m", ground=True)
+    return _draw_boom(result, "side", "Distance from the pivot in m", "Height over the pivot in m", ground=True)
 
 
-def plan(result: RunResult) -> Figure:
+def plan_view(result: RunResult) -> Figure:
     """Draw the boom from above at a few moments."""
-    return _boom(result, "plan", "X in m", "Y in m")
+    return _draw_boom(result, "plan", "X in m", "Y in m")
 
 
-def tip(result: RunResult) -> Figure:
+def tip_figure(result: RunResult) -> Figure:
     """Draw the distance of the tip from the pivot, in the plane of luffing, and its height over time."""
-    time, steps = Timeline(result), spread(len(result.responses["reduced"].t), WAY)
-    figure, axes = sheet(HALF, 1.9)
+    time, steps = Timeline(result), spread_indices(len(result.responses["reduced"].t), WAY)
+    figure, axes = make_sheet(HALF, 1.9)
     lines = list(zip(body_axes(result, steps)[-1].side[:, -1].T, ("distance", "height"), SECTIONS[1:], strict=False))
     for values, _, colour in lines:
         axes[0, 0].plot(time.t[steps], values, color=colour)
     time.frame(axes[0, 0], "Tip from the pivot in m")
-    key(figure, [*(Line2D([], [], color=colour, label=name) for _, name, colour in lines), *time.shade()])
+    add_legend(figure, [*(Line2D([], [], color=colour, label=name) for _, name, colour in lines), *time.shade_legend()])
     return figure
 
 
-def buckling(result: RunResult, over: str) -> Figure:
+def buckling_figure(result: RunResult, over: str) -> Figure:
     """Draw the buckling factor during the run, over the ``reach`` or over the ``angle`` of luffing."""
     over_way, frame, times = result.summary["buckling"]["over"], result.scene.frame, result.responses["reduced"].t
     assert frame is not None  # only a boom in a frame has a factor
     t, factor = np.array(over_way["t"]), np.array([np.nan if value is None else value for value in over_way["factor"]])
-    figure, axes = sheet(HALF, 2.0)
+    figure, axes = make_sheet(HALF, 2.0)
     ax: Axes = axes[0, 0]
     if over == "angle":
         x, label = np.rad2deg(frame.angles[0].value(t)), "Luffing angle in degrees"
     else:
-        x, label = np.interp(t, times, result.along_at(times)), f"{result.coordinate.capitalize()} in m"
+        x, label = np.interp(t, times, result.abscissa_at(times)), f"{result.abscissa_name.capitalize()} in m"
     ax.plot(x, factor, color=INK, linewidth=0.7, marker=".", markersize=3.0)
     ax.plot(x[:1], factor[:1], "o", color=INK, markersize=4.5)
     ax.axhline(1.0, color=LIMIT, linewidth=0.9)
@@ -90,37 +90,37 @@ def buckling(result: RunResult, over: str) -> Figure:
         ax.set_ylim(bottom=0.0)
     ax.set_xlabel(label)
     ax.set_ylabel("Buckling factor")
-    key(figure, [Line2D([], [], color=LIMIT, linewidth=0.9, label="1: the boom buckles")])
+    add_legend(figure, [Line2D([], [], color=LIMIT, linewidth=0.9, label="1: the boom buckles")])
     return figure
 
 
 def view_caption(result: RunResult, what: str) -> str:
     """Caption of a view of the boom; `what` says from where it is seen."""
-    steps, t, scale = moments(result), result.responses["reduced"].t, plain(exaggeration(result))
+    steps, t, scale = drawn_steps(result), result.responses["reduced"].t, format_input(exaggeration(result))
     when = f"at {len(steps)} moments" if len(steps) > 1 else f"at {float(t[steps[0]]):.3g}{SPACE}s"
     worst = largest_stress(result)
     mark = "; the ring is the place of the largest stress" if worst is not None else ""
     if worst is not None and len(steps) > 1:
         mark += f", at {float(t[worst.step]):.3g}{SPACE}s; other moments are paler"
-    way = "; dashed: the path of its tip" if float(np.ptp(result.along)) > 0.0 or len(steps) > 1 else ""
+    way = "; dashed: the path of its tip" if float(np.ptp(result.abscissa)) > 0.0 or len(steps) > 1 else ""
     return f"The boom {what} {when}{way}; deflection is drawn {scale} times its size{mark}."
 
 
-def _boom(result: RunResult, view: str, across: str, up: str, ground: bool = False) -> Figure:
-    """Draw the boom in a `view`, ``side`` or ``plan``, at the steps of `moments`; `across` and `up` label the axes.
+def _draw_boom(result: RunResult, view: str, across: str, up: str, ground: bool = False) -> Figure:
+    """Draw the boom in a `view`, ``side`` or ``plan``, at the steps of `drawn_steps`; `across` and `up` label the axes.
 
     If `ground`, the ground and the luffing cylinder are drawn too.
     """
-    steps, t, scale = moments(result), result.responses["reduced"].t, exaggeration(result)
+    steps, t, scale = drawn_steps(result), result.responses["reduced"].t, exaggeration(result)
     bodies = body_axes(result, steps, scale)
-    way = getattr(body_axes(result, spread(len(t), WAY), scale)[-1], view)[:, -1]
+    way = getattr(body_axes(result, spread_indices(len(t), WAY), scale)[-1], view)[:, -1]
     raising = _cylinders(result, steps) if ground else []
-    worst, colours = largest_stress(result), of_sections(item.body for item in bodies)
+    worst, colours = largest_stress(result), section_colours(item.body for item in bodies)
     named = [Line2D([], [], color=colour, linewidth=2.0, label=name) for name, colour in colours.items()]
     named = named * (len(bodies) > 1) + [Line2D([], [], **RAISING, label="luffing cylinder")] * bool(raising)
     drawn = [way, *(getattr(item, view).reshape(-1, 2) for item in bodies), *raising]
-    ax, figure = _paper(drawn, across, up, rows := key_rows([str(item.get_label()) for item in named], HALF))
-    key(figure, named, rows)
+    ax, figure = _make_paper(drawn, across, up, rows := legend_rows([str(item.get_label()) for item in named], HALF))
+    add_legend(figure, named, rows)
     ax.plot(*way.T, color=MUTED, linewidth=0.6, linestyle=(0, (4.0, 2.5)), zorder=1.5)
     moment = 0 if worst is None else int(np.argmax(steps == worst.step))
     faint = [1.0 if worst is None or k == moment else FAINT for k in range(len(steps))]  # the ring is on one boom only
@@ -128,15 +128,15 @@ def _boom(result: RunResult, view: str, across: str, up: str, ground: bool = Fal
         width = 1.0 + 1.1 * (len(bodies) - 1 - k)
         for places, share in zip(getattr(body, view), faint, strict=True):
             over = 2.0 + share / 10.0 - k / 1e3  # a section is drawn over the sections in it
-            colour = pale(colours[body.body], share)
+            colour = mix_with_white(colours[body.body], share)
             ax.plot(*places.T, color=colour, linewidth=width, solid_capstyle="butt", zorder=over)
     for places, share in zip(raising, faint, strict=False):
-        ax.plot(*places.T, **{**RAISING, "color": pale(MUTED, share)}, zorder=1.8)
+        ax.plot(*places.T, **{**RAISING, "color": mix_with_white(MUTED, share)}, zorder=1.8)
     if ground:
         ax.plot(ax.get_xlim(), [0.0, 0.0], color=GROUND, linewidth=1.2, zorder=1.0)
-    labels = _labels(ax, getattr(bodies[-1], view), t[steps], moment)
+    labels = _label_times(ax, getattr(bodies[-1], view), t[steps], moment)
     if worst is not None:
-        _ring(ax, worst, next(item for item in bodies if item.body == worst.body), view, moment, labels)
+        _draw_stress_ring(ax, worst, next(item for item in bodies if item.body == worst.body), view, moment, labels)
     ax.plot([0.0], [0.0], marker="^" if ground else "o", markersize=6.0, color=INK, zorder=4.0)
     return figure
 
@@ -149,7 +149,7 @@ def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:
     return [np.array([frame.cylinder.foot, lug]) for lug in frame.cylinder.raised(frame.angles[0].value(t[steps]))]
 
 
-def _labels(ax: Axes, axes: Array, t: Array, first: int) -> list[Array]:
+def _label_times(ax: Axes, axes: Array, t: Array, first: int) -> list[Array]:
     """Write the time beside the end of each axis (S, n, 2) in m; return corners (2, 2) in inches of each label's box.
 
     A label that would cover another is left out.  The moment numbered `first`, that of the largest stress, always has
@@ -161,7 +161,7 @@ def _labels(ax: Axes, axes: Array, t: Array, first: int) -> list[Array]:
         aside = 6.0 * way / max(float(np.linalg.norm(way)), 1e-300)
         where = "left" if aside[0] > 2.0 else "right" if aside[0] < -2.0 else "center"
         up = "center" if abs(aside[1]) < 4.0 else "bottom"
-        box = _box(_inches(ax, axes[k, -1]) + aside / 72.0, text, where, up)
+        box = _text_box(_to_inches(ax, axes[k, -1]) + aside / 72.0, text, where, up)
         if not any((box[0] < other[1]).all() and (other[0] < box[1]).all() for other in boxes):
             boxes.append(box)
             ax.annotate(
@@ -171,16 +171,22 @@ def _labels(ax: Axes, axes: Array, t: Array, first: int) -> list[Array]:
     return boxes
 
 
-def _ring(ax: Axes, worst: Stressed, body: Axis, view: str, moment: int, labels: Sequence[Array]) -> None:
+def _draw_stress_ring(
+    ax: Axes, worst: LargestStress, body: Axis, view: str, moment: int, labels: Sequence[Array]
+) -> None:
     """Draw a ring around the point of the largest stress, and write its value beside it, clear of all that is drawn."""
     places = getattr(body, view)[moment]
     at = np.array([np.interp(worst.x, body.x, places[:, 0]), np.interp(worst.x, body.x, places[:, 1])])
-    drawn = [_fine(_inches(ax, np.asarray(line.get_xydata()))) for line in ax.lines]
+    drawn = [_subdivide(_to_inches(ax, np.asarray(line.get_xydata()))) for line in ax.lines]
     corners = [np.array([(x, y) for x in box[:, 0] for y in box[:, 1]]) for box in labels]
     ax.plot(*at, "o", markersize=9.0, markerfacecolor="none", markeredgecolor=LIMIT, markeredgewidth=1.4, zorder=5.0)
-    text = quantity(worst.value, "Pa")
-    ring, low, high = _inches(ax, at), _inches(ax, np.array(ax.viewLim.min)), _inches(ax, np.array(ax.viewLim.max))
-    aside = _clear(ring, text, np.concatenate([*drawn, *corners, ring[None]]), low, high)
+    text = format_quantity(worst.value, "Pa")
+    ring, low, high = (
+        _to_inches(ax, at),
+        _to_inches(ax, np.array(ax.viewLim.min)),
+        _to_inches(ax, np.array(ax.viewLim.max)),
+    )
+    aside = _free_offset(ring, text, np.concatenate([*drawn, *corners, ring[None]]), low, high)
     leader = {"arrowstyle": "-", "color": LIMIT, "linewidth": 0.6, "shrinkA": 0.0, "shrinkB": 5.0}
     ax.annotate(
         text, (at[0], at[1]), xytext=(72.0 * aside[0], 72.0 * aside[1]), textcoords="offset points", ha="center",
@@ -188,7 +194,7 @@ def _ring(ax: Axes, worst: Stressed, body: Axis, view: str, moment: int, labels:
     )  # fmt: skip
 
 
-def _clear(at: Array, text: str, drawn: Array, low: Array, high: Array) -> Array:
+def _free_offset(at: Array, text: str, drawn: Array, low: Array, high: Array) -> Array:
     """Offset (2,) from a point to the middle of a text that is clear of the points `drawn` (P, 2); all in inches.
 
     It is the shortest one tried that keeps the text between the corners `low` and `high` and `CLEAR` off all points; if
@@ -197,7 +203,7 @@ def _clear(at: Array, text: str, drawn: Array, low: Array, high: Array) -> Array
     turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
     clearest, best = np.zeros(2), -1.0
     for aside in (far * np.array([np.cos(turn), np.sin(turn)]) for far in np.arange(0.3, 3.0, 0.1) for turn in turns):
-        box = _box(at + aside, text, "center", "center")
+        box = _text_box(at + aside, text, "center", "center")
         if (box[0] < low).any() or (box[1] > high).any():
             continue
         away = float(np.linalg.norm(np.maximum(np.maximum(box[0] - drawn, drawn - box[1]), 0.0), axis=1).min())
@@ -207,19 +213,19 @@ def _clear(at: Array, text: str, drawn: Array, low: Array, high: Array) -> Array
     return clearest
 
 
-def _inches(ax: Axes, places: Array) -> Array:
+def _to_inches(ax: Axes, places: Array) -> Array:
     """Positions (..., 2) on the sheet in inches of points (..., 2) in m."""
     return np.asarray(ax.transData.transform(places)) / ax.figure.dpi
 
 
-def _fine(line: Array) -> Array:
+def _subdivide(line: Array) -> Array:
     """Points along a polyline (n, 2) in inches, at most `CLEAR` / 2 from each other."""
     steps = np.maximum(np.ceil(np.linalg.norm(np.diff(line, axis=0), axis=1) / (CLEAR / 2.0)).astype(int), 1)
     pieces = [np.linspace(line[k], line[k + 1], count, endpoint=False) for k, count in enumerate(steps)]
     return np.concatenate([*pieces, line[-1:]])
 
 
-def _box(at: Array, text: str, across: str, up: str) -> Array:
+def _text_box(at: Array, text: str, across: str, up: str) -> Array:
     """Lower left and upper right corner (2, 2) of a text at a point (2,), all in inches.
 
     `across` and `up` are its alignments: ``left``, ``center`` or ``right``, and ``bottom`` or ``center``.
@@ -229,7 +235,7 @@ def _box(at: Array, text: str, across: str, up: str) -> Array:
     return np.stack([low, low + size])
 
 
-def _paper(drawn: Sequence[Array], across: str, up: str, rows: int) -> tuple[Axes, Figure]:
+def _make_paper(drawn: Sequence[Array], across: str, up: str, rows: int) -> tuple[Axes, Figure]:
     """Make axes of one scale around points `drawn` (..., 2) in m, the pivot and labels; return axes and figure.
 
     A legend of so many `rows` has room above them.
@@ -243,7 +249,7 @@ def _paper(drawn: Sequence[Array], across: str, up: str, rows: int) -> tuple[Axe
     tall = max(metre * float(high[1] - low[1]), FLATTEST)
     top = TOP + ROW * (rows - 1)
     margins = {"left": LEFT, "right": RIGHT, "top": top, "bottom": BOTTOM}
-    figure, axes = sheet(HALF, tall + top + BOTTOM, margins=margins)
+    figure, axes = make_sheet(HALF, tall + top + BOTTOM, margins=margins)
     ax: Axes = axes[0, 0]
     for limits, size, k in ((ax.set_xlim, wide, 0), (ax.set_ylim, tall, 1)):
         middle, half = float(low[k] + high[k]) / 2.0, size / metre / 2.0
@@ -253,16 +259,16 @@ def _paper(drawn: Sequence[Array], across: str, up: str, rows: int) -> tuple[Axe
     return ax, figure
 
 
-def moments(result: RunResult) -> NDArray[np.intp]:
+def drawn_steps(result: RunResult) -> NDArray[np.intp]:
     """Time steps at which the boom is drawn: evenly along the path of its tip, both ends included.
 
     A tip at rest, and a boom at constant angles, have one step; the latter that of the largest extension, as shorter
     ones would lie on top of it.  The step of the largest stress replaces the one nearest to it.
     """
-    t, out, worst = result.responses["reduced"].t, _out(result), largest_stress(result)
-    turned = turns(result, t)
+    t, out, worst = result.responses["reduced"].t, _tip_distance(result), largest_stress(result)
+    turned = frame_rotations(result, t)
     way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(turned[:, :, 0] * out[:, None], axis=0), axis=1)))
-    if way[-1] <= 1e-9 * length(result):
+    if way[-1] <= 1e-9 * reach(result):
         steps = np.array([0])
     elif np.ptp(turned, axis=0).max() == 0.0:
         steps = np.array([int(np.argmax(out))])
@@ -274,7 +280,7 @@ def moments(result: RunResult) -> NDArray[np.intp]:
 
 
 @dataclass(frozen=True)
-class Stressed:
+class LargestStress:
     """Largest stress of a boom: time step, body, distance from the body's tail in m, and value."""
 
     step: int
@@ -283,20 +289,20 @@ class Stressed:
     value: float  # Pa
 
 
-def largest_stress(result: RunResult) -> Stressed | None:
+def largest_stress(result: RunResult) -> LargestStress | None:
     """Largest von Mises stress of the reduced model; None if no stresses were computed."""
     peak = result.summary.get("stress_peak", {}).get("reduced")
     if peak is None:
         return None
     step = int(np.argmin(np.abs(result.responses["reduced"].t - peak["t"])))
-    return Stressed(step, peak.get("section", ""), float(peak["position"][0]), float(peak["value"]))
+    return LargestStress(step, peak.get("section", ""), float(peak["position"][0]), float(peak["value"]))
 
 
-def _out(result: RunResult) -> Array:
+def _tip_distance(result: RunResult) -> Array:
     """Distance of the tip along the boom (T,) in m."""
     if result.reach is not None:
-        return result.along_at(result.responses["reduced"].t)
-    return np.full(len(result.responses["reduced"].t), length(result))
+        return result.abscissa_at(result.responses["reduced"].t)
+    return np.full(len(result.responses["reduced"].t), reach(result))
 
 
 def slews(result: RunResult) -> bool:
@@ -305,20 +311,20 @@ def slews(result: RunResult) -> bool:
     return bool(angle["max"] > angle["min"])
 
 
-def in_space(result: RunResult, prefix: str) -> Block | None:
+def space_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block with the boom in true position, if the animation shows fields; else, or without a frame, None."""
     played = any(body.fields is not None for body in result.bodies.values())
-    if result.scene.frame is None or not played or not lines(result, result.responses["reduced"]):
+    if result.scene.frame is None or not played or not axis_points(result, result.responses["reduced"]):
         return None
-    return Block(heading="The boom in space", rows=drawings(result, prefix))
+    return Block(heading="The boom in space", rows=space_drawings(result, prefix))
 
 
-def drawings(result: RunResult, prefix: str) -> tuple[tuple[Drawing, ...], ...]:
+def space_drawings(result: RunResult, prefix: str) -> tuple[tuple[Drawing, ...], ...]:
     """Draw the tip over time, the boom from above if it slews, and the buckling factor if it is known, row by row."""
     caption = "The tip over time: its distance from the pivot in the plane of luffing, and its height over the pivot."
-    row = [drawing(f"{prefix}-tip-in-space", tip, caption, result)]
+    row = [drawing(f"{prefix}-tip-in-space", tip_figure, caption, result)]
     if slews(result):  # the view from the side is at the top of the page
-        row.insert(0, drawing(f"{prefix}-plan", plan, view_caption(result, "from above"), result))
+        row.insert(0, drawing(f"{prefix}-plan", plan_view, view_caption(result, "from above"), result))
     figures = [tuple(row)]
     if any(result.summary.get("buckling", {}).get("over", {}).get("factor", ())):
         caption = (
@@ -327,6 +333,6 @@ def drawings(result: RunResult, prefix: str) -> tuple[tuple[Drawing, ...], ...]:
         caption += "way of this run, which begins at the larger dot."
         captions = (("reach", caption), ("angle", "The same over the angle of luffing."))
         figures.append(
-            tuple(drawing(f"{prefix}-buckling-{x}", buckling, caption, result, x) for x, caption in captions)
+            tuple(drawing(f"{prefix}-buckling-{x}", buckling_figure, caption, result, x) for x, caption in captions)
         )
     return tuple(figures)

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from pmr.errors.text import rounded
 from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNumber, Table
-from pmr.report.columns import spread
+from pmr.report.columns import spread_indices
 from pmr.report.figures.canvas import drawing
-from pmr.report.figures.load_chart import AtRest, Chart, at_rest, load_chart, pointer_cells
-from pmr.report.numbers import SPACE, plain, quantity
+from pmr.report.figures.load_chart import BentBoom, LoadChart, bent_boom, load_chart, pointer_cells
+from pmr.report.numbers import SPACE, format_input, format_quantity
 from pmr.report.studies.finished import FinishedStudy
 from pmr.results.response import FORCES
 from pmr.scene.keys import ALONE
@@ -35,22 +35,25 @@ NOT_REACHED = "limit not reached"
 SHOWN = 0.5
 
 
-def content(study: FinishedStudy, prefix: str) -> Chapter:
+def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     """Build the chapter about a load chart; `prefix` is put before every identifier.
 
     If no limit is reached anywhere, only the tables of limits and load cases are there.
     """
-    names = [*(str(limit["name"]) for limit in study.asked["limits"]), STABILITY]
+    names = [*(str(limit["name"]) for limit in study.study_file["limits"]), STABILITY]
     parts = [study.results.arrays(run.key) for run in study.results.runs]
     table = _least_over_slewing(study, parts)
     load = np.where(np.isnan(table["load"]), np.inf, table["load"])
     which = governing_limit(table["load"].reshape(-1, len(names))).reshape(load.shape[:2])
     least = np.where(which >= 0, load.min(axis=2), np.nan)
     if not np.isfinite(least).any():  # picture and table of loads would be empty
-        limits, cases = Block("Limits", grids=(_limits(study, names),)), Block("Load cases", grids=(_cases(study),))
+        limits, cases = (
+            Block("Limits", grids=(_limit_grid(study, names),)),
+            Block("Load cases", grids=(_case_grid(study),)),
+        )
         return Chapter(anchor=prefix, title=study.title, headline=_headline(study, least), blocks=[limits, cases])
     error = np.where(which >= 0, np.take_along_axis(table["error"], np.maximum(which, 0)[..., None], 2)[..., 0], np.nan)
-    chart = Chart(table["place"], least, which, names)
+    chart = LoadChart(table["place"], least, which, names)
     caption = (
         "Load in kg over radius and height of the tip, from the pivot, undeformed, with curves of constant load. "
         "Colours say which limit governs, grey that none does up to the largest load that is looked for. "
@@ -68,10 +71,10 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
         paragraphs=_paragraphs(study, parts),
         blocks=[
             Block("Load chart", ((picture,),)),
-            Block("Limits", grids=(_limits(study, names), *_bars(study, names, parts))),
-            Block("Load cases", grids=(_cases(study),)),
-            Block("Loads", grids=(_loads(chart, error, table["luffing"]),)),
-            *pages(study, names, parts, prefix),
+            Block("Limits", grids=(_limit_grid(study, names), *_error_bar_grids(study, names, parts))),
+            Block("Load cases", grids=(_case_grid(study),)),
+            Block("Loads", grids=(_load_grid(chart, error, table["luffing"]),)),
+            *governing_pages(study, names, parts, prefix),
         ],
     )
 
@@ -82,7 +85,7 @@ def _least_over_slewing(study: FinishedStudy, parts: Parts) -> Mapping[str, Arra
     They are ``load`` and ``error`` (E, A, l) in kg for l limits, NaN where a limit is not reached; ``place`` (E, A, 2)
     in m; ``runs``, the run of each reach; and ``luffing``, the angles.  `parts` are the arrays of the runs.
     """
-    turns = len(study.asked["slewing"])
+    turns = len(study.study_file["slewing"])
     table: dict[str, Any] = {}
     shaped = {n: np.array([p[n].reshape(-1, turns, p[n].shape[1]) for p in parts]) for n in ("load", "error", "place")}
     limited = np.where(np.isnan(shaped["load"]), np.inf, shaped["load"])
@@ -92,14 +95,14 @@ def _least_over_slewing(study: FinishedStudy, parts: Parts) -> Mapping[str, Arra
     order = np.argsort(np.linalg.norm(table["place"][:, 0], axis=1), kind="stable")
     table = {name: array[order] for name, array in table.items()}
     table["runs"] = [study.results.runs[k] for k in order]
-    luffing = study.asked["luffing"]
+    luffing = study.study_file["luffing"]
     table["luffing"] = (
         np.linspace(luffing["least"], luffing["most"], luffing["count"]) if isinstance(luffing, dict) else luffing
     )
     return table
 
 
-def _cell_text(study: FinishedStudy, table: Mapping[str, Any], chart: Chart, error: Array, number: int) -> str:
+def _cell_text(study: FinishedStudy, table: Mapping[str, Any], chart: LoadChart, error: Array, number: int) -> str:
     """Text under a pointer on the cell `number`, counted by reach, then angle: position, load, and load of each limit.
 
     `error` (E, A) are error bars in kg.
@@ -111,7 +114,7 @@ def _cell_text(study: FinishedStudy, table: Mapping[str, Any], chart: Chart, err
         lines.append(f"{name.removeprefix('extension.')} out {float(value):.3g} m")
     lines.append(f"raised by {float(table['luffing'][k]):.3g}")
     if chart.which[i, k] < 0:
-        return "\n".join([*lines, f"no limit up to {study.asked['up_to']:g} kg"])
+        return "\n".join([*lines, f"no limit up to {study.study_file['up_to']:g} kg"])
     bar = f" ± {error[i, k]:.0f}" if error[i, k] >= SHOWN else ""
     lines.append(f"load {chart.load[i, k]:.5g}{bar} kg, by {chart.names[chart.which[i, k]]}")
     loads_of_limits = zip(chart.names, table["load"][i, k], strict=True)
@@ -120,9 +123,9 @@ def _cell_text(study: FinishedStudy, table: Mapping[str, Any], chart: Chart, err
     )
 
 
-def _kg(load: Any) -> str:
+def _format_load(load: Any) -> str:
     """Format a load in kg with four digits, without a power of ten."""
-    return f"{plain(float(f'{load:.4g}'))}{SPACE}kg"
+    return f"{format_input(float(f'{load:.4g}'))}{SPACE}kg"
 
 
 def _headline(study: FinishedStudy, least: Array) -> str:
@@ -130,22 +133,22 @@ def _headline(study: FinishedStudy, least: Array) -> str:
     if not np.isfinite(least).any():
         hint = (
             ""
-            if study.asked["limits"]
+            if study.study_file["limits"]
             else f" It was looked for {STABILITY} alone: [[limits]] of the study adds others."
         )
-        return f"No limit is reached up to {study.asked['up_to']:g}{SPACE}kg at any of {least.size} points.{hint}"
+        return f"No limit is reached up to {study.study_file['up_to']:g}{SPACE}kg at any of {least.size} points.{hint}"
     low, high = np.nanmin(least), np.nanmax(least)
-    return f"It carries {_kg(low)} to {_kg(high)}, depending on extension and angle."
+    return f"It carries {_format_load(low)} to {_format_load(high)}, depending on extension and angle."
 
 
 def _key_numbers(study: FinishedStudy, least: Array, error: Array) -> list[KeyNumber]:
     """Key numbers: count of points, largest and least load, and if known the largest error bar and points in doubt."""
-    count = len(study.asked["limits"]) + 1
+    count = len(study.study_file["limits"]) + 1
     key_numbers = [KeyNumber(str(least.size), "points", f"{count} limit{'s' if count > 1 else ''}")]
-    key_numbers.append(KeyNumber(_kg(np.nanmax(least)), "most"))
-    key_numbers.append(KeyNumber(_kg(np.nanmin(least)), "least"))
+    key_numbers.append(KeyNumber(_format_load(np.nanmax(least)), "most"))
+    key_numbers.append(KeyNumber(_format_load(np.nanmin(least)), "least"))
     if np.isfinite(error).any():
-        largest, doubt = _kg(float(f"{np.nanmax(error):.2g}")), str(study.figures["in_doubt"])
+        largest, doubt = _format_load(float(f"{np.nanmax(error):.2g}")), str(study.figures["in_doubt"])
         key_numbers.append(KeyNumber(largest, "error bar, at most", "reduction, mesh, model, rotations"))
         key_numbers.append(KeyNumber(doubt, "points where another limit may govern", "within the error bars"))
     return key_numbers
@@ -158,7 +161,7 @@ def _paragraphs(study: FinishedStudy, parts: Parts) -> list[str]:
         "half as long; the structural model, from shells in place of beams; and what second order neglects where "
         "the boom bends far. The lower bound in chart.csv is what all limits allow at least, less their error bars. "
         f"Not covered: {parts[0]['not_covered'][0]}."
-        if study.asked["error_bars"]
+        if study.study_file["error_bars"]
         else "Error bars were not asked for."
     )
     return [
@@ -171,7 +174,7 @@ def _paragraphs(study: FinishedStudy, parts: Parts) -> list[str]:
 
 def _hoisting_sentences(study: FinishedStudy) -> list[str]:
     """List of a sentence on how many times its weight a load pulls while it is hoisted off the ground; may be empty."""
-    hoist, figures = study.asked.get("hoist"), study.figures
+    hoist, figures = study.study_file.get("hoist"), study.figures
     if not hoist or "hoist.most" not in figures:
         return []
     rope = f"{hoist['speed']:g}{SPACE}m/s on a rope of {hoist['rope_stiffness']:.3g}{SPACE}N/m"
@@ -184,15 +187,15 @@ def _hoisting_sentences(study: FinishedStudy) -> list[str]:
     return [f"{sentence}. No load in the chart has this factor unless a case says so."]
 
 
-def _limits(study: FinishedStudy, names: list[str]) -> Grid:
+def _limit_grid(study: FinishedStudy, names: list[str]) -> Grid:
     """Build the table of limits: amount, factor, and the numbers of points at which each governs or is not reached."""
-    limits = {str(limit["name"]): limit for limit in study.asked["limits"]}
+    limits = {str(limit["name"]): limit for limit in study.study_file["limits"]}
     rows = []
     for name in names:
         limit = limits.get(name, {"of": "equilibrium", "factor": 1.0})
         amount = limit.get("most") or limit.get("least")
         counts = (str(study.figures[f"{what}.{name}"]) for what in ("governs", "never", "at_no_load"))
-        rows.append((name, str(limit["of"]), _amount(limit, amount), f"{limit['factor']:g}", *counts))
+        rows.append((name, str(limit["of"]), _format_amount(limit, amount), f"{limit['factor']:g}", *counts))
     heads = ("limit", "of", "amount", "factor", "governs", "not reached", "at no load")
     return Grid(
         "Limits, the number of points at which they govern, are not reached up to the largest load that is looked for, "
@@ -202,39 +205,45 @@ def _limits(study: FinishedStudy, names: list[str]) -> Grid:
     )
 
 
-def _bars(study: FinishedStudy, names: list[str], parts: Parts) -> list[Grid]:
+def _error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> list[Grid]:
     """List of a table with the error bars of each limit and their parts, as shares of the load.
 
     It is empty if no error bars were asked for.
     """
-    if not study.asked["error_bars"]:
+    if not study.study_file["error_bars"]:
         return []
     load = np.concatenate([part["load"] for part in parts])
     rows = []
     for k, name in enumerate(names):
         some = load[:, k] > 0.0
         shares = [np.concatenate([p[f"error{of}"][:, k] for p in parts])[some] / load[some, k] for of in PARTS]
-        rows.append((name, *(_per_cent(np.median(share)) for share in shares if len(share)), *_most(shares[0])))
+        rows.append(
+            (
+                name,
+                *(_format_share(np.median(share)) for share in shares if len(share)),
+                *_largest_share_cells(shares[0]),
+            )
+        )
     caption = "Half width of the error bars as a share of the load: the median of all points, of each part by itself."
     return [Grid(caption, ("limit", "in all", "reduction", "mesh", "model", "large rotations", "largest"), tuple(rows))]
 
 
-def _most(shares: Array) -> tuple[str, ...]:
+def _largest_share_cells(shares: Array) -> tuple[str, ...]:
     """Cell with the largest share; if there are no shares, cells that fill the row and say the limit is not reached."""
-    return (_per_cent(shares.max()),) if len(shares) else (NOT_REACHED, *["–"] * len(PARTS))
+    return (_format_share(shares.max()),) if len(shares) else (NOT_REACHED, *["–"] * len(PARTS))
 
 
-def _per_cent(share: Any) -> str:
+def _format_share(share: Any) -> str:
     """Format a share in per cent; NaN is ``not known``."""
     return "not known" if np.isnan(share) else f"{rounded(100.0 * share)}{SPACE}%" if share >= 1e-5 else "0"
 
 
-def _cases(study: FinishedStudy) -> Grid:
+def _case_grid(study: FinishedStudy) -> Grid:
     """Build the table of load cases: factors of weight and load, wind, loads of the scene, and the verdict."""
     rows = []
-    for content in study.asked["cases"]:
+    for content in study.study_file["cases"]:
         case = LoadCase.model_validate(content)
-        hoisted = case.hoisting_factor(study.asked["classes"])
+        hoisted = case.hoisting_factor(study.study_file["classes"])
         load = (
             f"{case.load:g}"
             if case.hoisting_class is None
@@ -260,20 +269,20 @@ def _cases(study: FinishedStudy) -> Grid:
     return Grid("What acts at once: factors of weight and load, pressure of the wind, and loads.", heads, tuple(rows))
 
 
-def _amount(limit: Mapping[str, Any], amount: float | None) -> str:
+def _format_amount(limit: Mapping[str, Any], amount: float | None) -> str:
     """Format the amount of a limit with its unit; None is a dash."""
     if amount is None:
         return "–"
     unit = "Pa" if limit.get("area") else KINDS[str(limit["of"])].unit
     if unit == "Hz":
         return f"{amount:g}{SPACE}Hz"  # nobody speaks of a boom's millihertz
-    return quantity(amount, unit) if unit else f"{amount:g}"
+    return format_quantity(amount, unit) if unit else f"{amount:g}"
 
 
-def _loads(chart: Chart, error: Array, luffing: Any) -> Grid:
+def _load_grid(chart: LoadChart, error: Array, luffing: Any) -> Grid:
     """Build the table of loads over at most `ROWS` reaches and `COLUMNS` luffing angles."""
     E, A = chart.load.shape
-    rows, columns = spread(E, ROWS), spread(A, COLUMNS)
+    rows, columns = spread_indices(E, ROWS), spread_indices(A, COLUMNS)
 
     def cell(i: int, k: int) -> str:
         """Load of reach number `i` and angle number `k` in kg, with its error bar."""
@@ -294,7 +303,7 @@ Parts = Sequence[Mapping[str, NDArray[Any]]]
 ROUND_OFF = 1e-9
 
 
-def pages(study: FinishedStudy, names: list[str], arrays: Parts, prefix: str) -> Iterator[Block]:
+def governing_pages(study: FinishedStudy, names: list[str], arrays: Parts, prefix: str) -> Iterator[Block]:
     """Yield a block for each limit that governs anywhere: the point at which it governs under the largest load.
 
     Each begins a new page on paper.
@@ -303,10 +312,10 @@ def pages(study: FinishedStudy, names: list[str], arrays: Parts, prefix: str) ->
         best = [(float(a["load"][k, n]) if (k := int(a["at.place"][n])) >= 0 else -1.0) for a in arrays]
         row = int(np.argmax(best))
         if best[row] > 0.0:
-            yield _page(study, names, n, row, arrays[row], f"{prefix}-at-{n + 1}")
+            yield _governing_page(study, names, n, row, arrays[row], f"{prefix}-at-{n + 1}")
 
 
-def _page(
+def _governing_page(
     study: FinishedStudy, names: list[str], n: int, row: int, arrays: Mapping[str, NDArray[Any]], anchor: str
 ) -> Block:
     """Build the block about the largest load that limit number `n` governs, in run number `row` with these arrays."""
@@ -317,7 +326,7 @@ def _page(
     section, upwards = arrays["at.bent.section"].astype(int), arrays["at.direction.names"] == "z"
     sections = tuple(str(name) if name != ALONE else "boom" for name in arrays["at.section.names"])
     radius, height = arrays["place"][k]
-    boom = AtRest(
+    boom = BentBoom(
         along=(arrays["at.bent.x"] + tails[section])[upwards],
         across=arrays["at.bent"][n][upwards],
         section=section[upwards],
@@ -329,26 +338,28 @@ def _page(
         "large; thin where it is without any load."
     )
     stands = ", ".join(f"{name} out {value:.3g}{SPACE}m" for name, value in out.items())
-    bar = f" ± {plain(float(f'{error:.2g}'))}" if np.isfinite(error) else ""
+    bar = f" ± {format_input(float(f'{error:.2g}'))}" if np.isfinite(error) else ""
     text = (
         f"Raised by {np.rad2deg(angle):.3g}°{', ' if stands else ''}{stands}: radius {radius:.4g}{SPACE}m, height "
         f"{height:.4g}{SPACE}m. It carries {load:.5g}{bar}{SPACE}kg, by {names[n]}, the largest load that this limit "
         "governs."
     )
-    text += "".join(f" {name}" for name in _stops(study, names[n], arrays["at.stops"][n]))
-    drawn = drawing(anchor, at_rest, caption, boom)
+    text += "".join(f" {name}" for name in _stop_sentences(study, names[n], arrays["at.stops"][n]))
+    drawn = drawing(anchor, bent_boom, caption, boom)
     return Block(
-        f"Governed by {names[n]}", ((drawn,),), text=text, tables=_tables(names, n, arrays, sections), page=True
+        f"Governed by {names[n]}", ((drawn,),), text=text, tables=_use_tables(names, n, arrays, sections), page=True
     )
 
 
-def _stops(study: FinishedStudy, limit: str, stops: Array) -> Iterator[str]:
+def _stop_sentences(study: FinishedStudy, limit: str, stops: Array) -> Iterator[str]:
     """Yield a sentence for each stop of the study that is known at this point: how far the tip swings then.
 
     Each row of `stops` has: how many times as far the tip swings as a steady deceleration moves it (NaN if not known);
     the use of the limit at rest, under the steady deceleration, and at most; and the speed in rad/s.
     """
-    for stop, (factor, at_rest_share, steady, most, speed) in zip(study.asked["stops"], stops.tolist(), strict=True):
+    for stop, (factor, at_rest_share, steady, most, speed) in zip(
+        study.study_file["stops"], stops.tolist(), strict=True
+    ):
         if np.isnan(factor):
             continue
         sentence = (
@@ -363,23 +374,25 @@ def _stops(study: FinishedStudy, limit: str, stops: Array) -> Iterator[str]:
         yield f"{sentence}."
 
 
-def _tables(names: list[str], n: int, arrays: Mapping[str, NDArray[Any]], sections: tuple[str, ...]) -> list[Table]:
+def _use_tables(names: list[str], n: int, arrays: Mapping[str, NDArray[Any]], sections: tuple[str, ...]) -> list[Table]:
     """Build tables of the use of each limit, stresses of probes, displacements of the sections' tips, and forces."""
     used = zip(names, arrays["at.used"][n], strict=True)
     tables = [Table("Used of each limit", tuple((name, f"{100.0 * share:.3g}{SPACE}%") for name, share in used))]
     if len(stress := arrays["at.stress"][n]):
         probes = zip(arrays["at.stress.names"], stress, strict=True)
         tables.append(
-            Table("Von Mises' stress", tuple((str(name), quantity(float(value), "Pa")) for name, value in probes))
+            Table(
+                "Von Mises' stress", tuple((str(name), format_quantity(float(value), "Pa")) for name, value in probes)
+            )
         )
     direction, of, bent = arrays["at.direction.names"], arrays["at.bent.section"], _zero_round_off(arrays["at.bent"][n])
     for d, way in (("z", "upwards"), ("y", "to the left")):
         if (direction == d).any():
             deflections = [float(bent[(of == k) & (direction == d)][-1]) for k in range(len(sections))]
-            tips = tuple((name, quantity(value, "m")) for name, value in zip(sections, deflections, strict=True))
+            tips = tuple((name, format_quantity(value, "m")) for name, value in zip(sections, deflections, strict=True))
             tables.append(Table(f"Tips of sections, across the boom {way}", tips))
     forces = zip(arrays["at.forces.names"], arrays["at.kinds"], _zero_round_off(arrays["at.forces"][n]), strict=True)
-    some = tuple((str(name), quantity(float(f), "N")) for name, kind, f in forces if kind in FORCES)
+    some = tuple((str(name), format_quantity(float(f), "N")) for name, kind, f in forces if kind in FORCES)
     return [*tables, Table("Forces, positive where they push", some)] if some else tables
 
 

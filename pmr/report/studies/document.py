@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from pmr.report.blocks import Block, Chapter, Grid, Table
-from pmr.report.document import ReportFiles, render, with_date, write
-from pmr.report.numbers import SPACE, quantity
+from pmr.report.document import ReportFiles, render, with_date, write_page
+from pmr.report.numbers import SPACE, format_quantity
 from pmr.report.studies import chart, convergence, runs, trade
 from pmr.report.studies.finished import FinishedStudy, comparison, studies_in
 from pmr.report.studies.tables import run_name
@@ -20,24 +20,24 @@ CHAPTERS = {"chart": chart, "convergence": convergence, "trade": trade}
 
 def write_report(folder: Path) -> ReportFiles:
     """Write report.html and report.pdf of the study or collection in `folder` into it, and return their paths."""
-    return write(page(folder), folder)
+    return write_page(render_studies(folder), folder)
 
 
-def page(folder: Path) -> str:
+def render_studies(folder: Path) -> str:
     """Render the report of the study or collection in `folder` as HTML.
 
     It holds its figures, fonts and styles, and loads nothing from outside.  Equal results give equal pages, byte by
     byte.
     """
     summary, studies = studies_in(folder)
-    chapters = [chapter(study, f"study-{number}") for number, study in enumerate(studies, start=1)]
-    chapters.append(_provenance(summary, studies))
+    chapters = [study_chapter(study, f"study-{number}") for number, study in enumerate(studies, start=1)]
+    chapters.append(_provenance_chapter(summary, studies))
     return render(
         "study_report.html", str(summary["title"]), chapters, kind=with_date("Study report", [summary]), introduction=()
     )
 
 
-def _provenance(summary: Mapping[str, Any], studies: Sequence[FinishedStudy]) -> Chapter:
+def _provenance_chapter(summary: Mapping[str, Any], studies: Sequence[FinishedStudy]) -> Chapter:
     """Build the chapter with the number and time of all runs, the machine and the software."""
     rows = [(name, str(value)) for name, value in summary["machine"].items()]
     if summary.get("date"):
@@ -47,7 +47,7 @@ def _provenance(summary: Mapping[str, Any], studies: Sequence[FinishedStudy]) ->
     effort = []
     for study in studies:
         seconds = sum(run.seconds.get("task", 0.0) for run in study.results.runs)
-        effort.append((study.title, str(len(study.results.runs)), quantity(seconds, "s")))
+        effort.append((study.title, str(len(study.results.runs)), format_quantity(seconds, "s")))
     caption = "Runs, and the time that all workers together spent in them."
     software = [f"{name}{SPACE}{version}" for name, version in summary["versions"].items()]
     blocks = (
@@ -57,7 +57,7 @@ def _provenance(summary: Mapping[str, Any], studies: Sequence[FinishedStudy]) ->
     return Chapter(anchor="provenance", title="Provenance", blocks=blocks)
 
 
-def chapter(study: FinishedStudy, anchor: str) -> Chapter:
+def study_chapter(study: FinishedStudy, anchor: str) -> Chapter:
     """Build the chapter about a study; if a run has no result yet, about the runs that have one."""
     content = (runs if study.unfinished else CHAPTERS.get(study.kind, runs)).content(study, anchor)
     hints = [f"{text[:1].upper()}{text[1:]}" for text in study.summary.get("hints", ())]

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from pmr.report.blocks import DIFFERENT, SAME, ErrorTable, Mark, Row, mark_for, signed_deviation
-from pmr.report.numbers import SPACE, in_unit, plain, significant
+from pmr.report.numbers import SPACE, format_in_unit, format_input, significant
 from pmr.studies.results import RunRecord, StudyResults
 from pmr.studies.study import Statement
 from pmr.studies.tasks import Scalar, cell_number
@@ -56,7 +56,7 @@ class FinishedStudy:
         return list(dict.fromkeys(str(run.parameters["scene"]) for run in self.results.runs))
 
     @property
-    def asked(self) -> Mapping[str, Any]:
+    def study_file(self) -> Mapping[str, Any]:
         """Content of the study file, without names of files."""
         return dict(self.summary["asked"])
 
@@ -92,7 +92,7 @@ def studies_in(folder: Path) -> tuple[Mapping[str, Any], list[FinishedStudy]]:
     return summary, [FinishedStudy.load(folder)]
 
 
-class Compared(Protocol):
+class HasPublishedValues(Protocol):
     """Values of a study or an experiment, with what is published about them."""
 
     @property
@@ -103,14 +103,14 @@ class Compared(Protocol):
     def summary(self) -> Mapping[str, Any]: ...
 
 
-def comparison(study: Compared) -> ErrorTable:
+def comparison(study: HasPublishedValues) -> ErrorTable:
     """Build the table of published statements beside the study's values; statements on values it lacks are left out."""
     rows, reasons = [], list[str]()
     for statement in study.published:
         figure = study.figures.get(statement.figure)
         if figure is None:
             continue
-        rows.append(_row(statement, figure))
+        rows.append(_comparison_row(statement, figure))
         if statement.why and statement.why not in reasons:
             reasons.append(statement.why)
     source = str(study.summary["source"]) or "publication"
@@ -120,20 +120,22 @@ def comparison(study: Compared) -> ErrorTable:
 def format_figure(value: Scalar, kind: str) -> str:
     """Format a value by the kind of its quantity (``ratio``, ``share``, ``length``, ``energy`` or ``seconds``)."""
     if isinstance(value, str):
-        return combination(value)
+        return format_combination(value)
     if kind == "ratio":
         return f"{significant(cell_number(value), 2)}{SPACE}×"
     units = {"share": "%", "length": "m", "energy": "J", "seconds": "s"}
-    return in_unit(cell_number(value), units[kind]) if kind in units else plain(round(cell_number(value), 9))
+    return (
+        format_in_unit(cell_number(value), units[kind]) if kind in units else format_input(round(cell_number(value), 9))
+    )
 
 
-def combination(key: str) -> str:
+def format_combination(key: str) -> str:
     """Format ``"5x6"`` as (5,6); other texts are returned unchanged."""
     first, _, second = key.partition("x")
     return f"({first},{second})" if first.isdigit() and second.isdigit() else key
 
 
-def _row(statement: Statement, figure: Scalar) -> Row:
+def _comparison_row(statement: Statement, figure: Scalar) -> Row:
     """Build the row of a published statement and the study's value."""
     shown = format_figure(figure, statement.quantity)
     if statement.value is None:

@@ -11,14 +11,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pmr.report.blocks import Block, Chapter, Drawing, Grid, KeyNumber
-from pmr.report.figures.canvas import WIDE, dots, drawing, log_axis, log_x, sheet
+from pmr.report.figures.canvas import WIDE, curve_style, drawing, log_axis, log_x, make_sheet
 from pmr.report.numbers import SPACE, Unit, unit_for
 from pmr.report.studies import tables
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.tables import (
     TIME,
-    differs,
     heading,
+    is_varied,
     key_words,
     list_words,
     number_of,
@@ -43,12 +43,12 @@ VISIBLE = 0.01
 COSTLY = ("reduction", "mesh", "time", "simulation", "body", "scene", "case")
 
 
-def content(study: FinishedStudy, prefix: str) -> Chapter:
+def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     """Build the chapter about the runs of a study; `prefix` is put before every identifier."""
     runs = study.results.runs
     done = [run for run in runs if run.status == "done"]
     error = next((name for name in ERRORS if runs_with(done, name)), None)
-    glance = tables.at_a_glance(tables.few(runs))
+    glance = tables.largest_value_block(tables.few_runs(runs))
     return Chapter(
         anchor=prefix,
         title=study.title,
@@ -59,7 +59,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
             *([glance] if glance is not None else ()),  # largest values come before errors
             *_figures(done, error, prefix),
             Block("Runs", grids=tuple(_grids(runs))),
-            *tables.blocks(runs),
+            *tables.value_blocks(runs),
         ],
     )
 
@@ -106,7 +106,7 @@ def _key_numbers(done: Sequence[RunRecord], error: str | None) -> Iterator[KeyNu
             continue
         what, ordered = quantity_of(name), sorted(runs_with_figure, key=lambda run: value_of(run, name))  # noqa: B023
         best, worst = ordered[0], ordered[-1]
-        if not differs(runs_with_figure, name):
+        if not is_varied(runs_with_figure, name):
             yield KeyNumber(what.cell(worst.figures[name]), what.label, "in all runs")
         elif name in (error, "max_error"):
             note = f"at best {what.cell(best.figures[name])}, {run_name(best)}"
@@ -134,19 +134,21 @@ def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Itera
         return
     drawn = list[tuple[Drawing, ...]]()
     ranges = [name for name in dict.fromkeys(n for run in done for n in run.figures) if name.endswith(".range")]
-    shown = [name for name in (error, *BESIDE, *ranges[:1]) if name and differs(done, name) and _is_visible(done, name)]
+    shown = [
+        name for name in (error, *BESIDE, *ranges[:1]) if name and is_varied(done, name) and _is_visible(done, name)
+    ]
     if shown:
         other_parameters = {key_words(key) for key in done[0].parameters if key != over}
         apart = f", a curve for each {' and '.join(sorted(other_parameters))}" if other_parameters else ""
         caption = f"What was found over the {key_words(over)}{apart}."
         for k in range(0, len(shown), MOST_PANELS):  # more panels would not fit on one page
             name, panels = f"{prefix}-varied{k // MOST_PANELS or ''}", shown[k : k + MOST_PANELS]
-            drawn.append((drawing(name, over_parameter, caption, done, over, panels),))
+            drawn.append((drawing(name, value_figure, caption, done, over, panels),))
     timed = [run for run in done if run.seconds.get(TIME)]
     if error and len(runs_with(timed, error)) > 1 and _cost_differs(timed):
         label = quantity_of(error).label.capitalize()
         caption = f"{label} over the time that one simulation of the reduced model takes."
-        drawn.append((drawing(f"{prefix}-seconds", over_seconds, caption, timed, over, error),))
+        drawn.append((drawing(f"{prefix}-seconds", error_over_time_figure, caption, timed, over, error),))
     if drawn:
         yield Block(f"Over the {key_words(over)}", tuple(drawn))
 
@@ -173,7 +175,7 @@ def varied_parameter(done: Sequence[RunRecord]) -> str | None:
     return most if most is not None and counts[most] > 1 else None
 
 
-def overview(runs: Sequence[RunRecord], columns: int, rows: int) -> Grid:
+def terminal_grid(runs: Sequence[RunRecord], columns: int, rows: int) -> Grid:
     """Build a table of runs for a terminal that has room for so many columns and rows.
 
     It shows parameters, the error and the largest values of each run, or, for a study that has none of these, its own
@@ -181,10 +183,10 @@ def overview(runs: Sequence[RunRecord], columns: int, rows: int) -> Grid:
     first.
     """
     heads, error = _varied_keys(runs), next((name for name in ERRORS if runs_with(runs, name)), None)
-    cells_by_name = {quantity_of(error).label: [_cell(run, error) for run in runs]} if error else {}
+    cells_by_name = {quantity_of(error).label: [_format_cell(run, error) for run in runs]} if error else {}
     cells_by_name |= tables.largest_values(runs)
     if len(cells_by_name) < 2:
-        cells_by_name |= {quantity_of(name).label: [_cell(run, name) for run in runs] for name in _columns(runs)}
+        cells_by_name |= {quantity_of(name).label: [_format_cell(run, name) for run in runs] for name in _columns(runs)}
     more = f"{len(runs) - rows} more runs and all" if len(runs) > rows else "All"
     caption = f"{more} figures, with times and places, stand in runs.csv."
     if len(runs) <= columns - 2:  # the first column is as wide as two
@@ -192,7 +194,10 @@ def overview(runs: Sequence[RunRecord], columns: int, rows: int) -> Grid:
         return Grid(caption, ("", *map(run_name, runs)), tuple(lines))
     differ = [name for name, cells in cells_by_name.items() if len(set(cells)) > 1]
     first = [*differ, *(name for name in cells_by_name if name not in differ)][: max(columns - len(heads), 1)]
-    lines = [(*_names(run, heads), *(cells_by_name[name][k] for name in first)) for k, run in enumerate(runs[:rows])]
+    lines = [
+        (*_parameter_cells(run, heads), *(cells_by_name[name][k] for name in first))
+        for k, run in enumerate(runs[:rows])
+    ]
     return Grid(caption, (*_headings(heads), *first), tuple(lines))
 
 
@@ -207,7 +212,7 @@ def _headings(keys: Sequence[str]) -> tuple[str, ...]:
     return tuple(map(heading, keys)) or ("run",)
 
 
-def _names(run: RunRecord, keys: Sequence[str]) -> list[str]:
+def _parameter_cells(run: RunRecord, keys: Sequence[str]) -> list[str]:
     """Cells with the values of these parameters in a run; the key of the run if there are none."""
     return [value_words(run.parameters.get(key)) for key in keys] or [run.key]
 
@@ -219,16 +224,17 @@ def _grids(runs: Sequence[RunRecord]) -> Iterator[Grid]:
     """
     parameters = list(dict.fromkeys(key for run in runs for key in run.parameters))
     heads = _varied_keys(runs)
-    cells_by_name = {name: [_cell(run, name) for run in runs] for name in _columns(runs)}
+    cells_by_name = {name: [_format_cell(run, name) for run in runs] for name in _columns(runs)}
     same = {name: cells[0] for name, cells in cells_by_name.items() if len(runs) > 1 and len(set(cells)) == 1}
-    shown = [name for name in cells_by_name if name not in same and not _doubles(runs, name, parameters)]
+    shown = [name for name in cells_by_name if name not in same and not _repeats_parameter(runs, name, parameters)]
     alike = "; ".join(f"{quantity_of(name).label}: {cell}" for name, cell in same.items() if cell != "–")
     wide = max(MOST_COLUMNS - max(len(heads), 1), 2)
     parts = [shown[k : k + wide] for k in range(0, len(shown), wide)][:MOST_GRIDS] or [[]]
     is_cut = len(shown) > wide * MOST_GRIDS or len(runs) > MOST_ROWS
     for place, part in enumerate(parts):
         rows = tuple(
-            (*_names(run, heads), *(cells_by_name[name][k] for name in part)) for k, run in enumerate(runs[:MOST_ROWS])
+            (*_parameter_cells(run, heads), *(cells_by_name[name][k] for name in part))
+            for k, run in enumerate(runs[:MOST_ROWS])
         )
         sentences = [f"In all runs: {alike}."] if alike and place == 0 else []
         sentences += ["Everything else stands in runs.csv."] if is_cut and place == len(parts) - 1 else []
@@ -243,13 +249,13 @@ def _columns(runs: Sequence[RunRecord]) -> list[str]:
     return list(dict.fromkeys([*figures, *seconds]))
 
 
-def _doubles(runs: Sequence[RunRecord], name: str, parameters: Sequence[str]) -> bool:
+def _repeats_parameter(runs: Sequence[RunRecord], name: str, parameters: Sequence[str]) -> bool:
     """Whether a value equals a parameter in all runs, such as a number of coordinates."""
     values = [run.figures.get(name) for run in runs]
     return any(values == [run.parameters.get(key) for run in runs] for key in parameters)
 
 
-def _cell(run: RunRecord, name: str) -> str:
+def _format_cell(run: RunRecord, name: str) -> str:
     """Format a value, or the time, of this name in a run."""
     return quantity_of(name).cell(run.seconds[name] if name in run.seconds else run.figures.get(name))
 
@@ -258,39 +264,39 @@ MOST_CURVES = 15  # curves in a legend, at most
 LOGARITHMIC = 5.0  # largest over least error above which the axis is logarithmic
 
 
-def over_parameter(done: Sequence[RunRecord], over: str, names: Sequence[str]) -> Figure:
+def value_figure(done: Sequence[RunRecord], over: str, names: Sequence[str]) -> Figure:
     """Draw values over the parameter `over`, a panel for each of `names`.
 
     Runs that differ in no other parameter are joined by a curve.
     """
     rows, columns = -(-len(names) // 2), min(len(names), 2)
     gaps = {"wspace": 0.28, "hspace": 0.42}
-    figure, axes = sheet(WIDE, 0.7 + 1.75 * rows, rows, columns, _room(done, over), gridspec_kw=gaps)
+    figure, axes = make_sheet(WIDE, 0.7 + 1.75 * rows, rows, columns, _legend_margin(done, over), gridspec_kw=gaps)
     unit = unit_of(over)
     for name, ax in zip(names, axes.flat, strict=False):
         for look, group in _curves(done, over):
-            x, y = _points(group, name, {run.key: cell_number(run.parameters[over]) for run in group})
+            x, y = _curve_points(group, name, {run.key: cell_number(run.parameters[over]) for run in group})
             ax.plot(x, y, **look)
         _value_axis(ax, name)
         ax.set_xlabel(f"{key_words(over).capitalize()} {f'in {unit}' if unit else '(–)'}")
         ax.margins(x=0.04)
     for ax in axes.flat[len(names) :]:
         ax.set_visible(False)
-    _legend(figure, done, over)
+    _add_legend(figure, done, over)
     return figure
 
 
-def over_seconds(done: Sequence[RunRecord], over: str, error: str) -> Figure:
+def error_over_time_figure(done: Sequence[RunRecord], over: str, error: str) -> Figure:
     """Draw an error over the time of a simulation in ms."""
-    figure, axes = sheet(WIDE, 2.5, margins=_room(done, over))
+    figure, axes = make_sheet(WIDE, 2.5, margins=_legend_margin(done, over))
     ax, times = axes[0, 0], {run.key: 1e3 * run.seconds[TIME] for run in done}
     for look, group in _curves(done, over):
-        x, y = _points(group, error, times)
+        x, y = _curve_points(group, error, times)
         ax.plot(x, y, **look | {"linestyle": "none"})
     log_x(ax, 0.8 * min(times.values()), 1.25 * max(times.values()))
     _value_axis(ax, error)
     ax.set_xlabel("Time of one simulation in ms")
-    _legend(figure, done, over)
+    _add_legend(figure, done, over)
     return figure
 
 
@@ -299,10 +305,12 @@ def _curves(done: Sequence[RunRecord], over: str) -> list[tuple[dict[str, Any], 
     groups: dict[str, list[RunRecord]] = {}
     for run in done:
         groups.setdefault(run_name(run, over) if len(run.parameters) > 1 else "", []).append(run)
-    return [(dots(k, 3.0) | {"label": name}, group) for k, (name, group) in enumerate(groups.items())]
+    return [(curve_style(k, 3.0) | {"label": name}, group) for k, (name, group) in enumerate(groups.items())]
 
 
-def _points(group: Sequence[RunRecord], name: str, places: Mapping[str, float]) -> tuple[list[float], list[float]]:
+def _curve_points(
+    group: Sequence[RunRecord], name: str, places: Mapping[str, float]
+) -> tuple[list[float], list[float]]:
     """Coordinates of the points of a curve, in increasing order of x.
 
     `places` maps keys of runs to x; y is the value called `name` in the unit of its quantity.
@@ -329,12 +337,12 @@ def _value_axis(ax: Axes, name: str) -> None:
     ax.set_ylabel(f"{what.label.capitalize()} in {unit.name}")
 
 
-def _room(done: Sequence[RunRecord], over: str) -> dict[str, float]:
+def _legend_margin(done: Sequence[RunRecord], over: str) -> dict[str, float]:
     """Margin above the axes in inches that the legend needs."""
     return {"top": 0.16 + 0.15 * min(-(-len(_curves(done, over)) // 3), MOST_CURVES // 3)}
 
 
-def _legend(figure: Figure, done: Sequence[RunRecord], over: str) -> None:
+def _add_legend(figure: Figure, done: Sequence[RunRecord], over: str) -> None:
     """Add a legend of the curves, three in a row; none for a single curve."""
     looks = [look for look, _ in _curves(done, over)][:MOST_CURVES]
     if len(looks) > 1:

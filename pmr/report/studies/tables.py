@@ -10,7 +10,7 @@ from typing import Any, get_args
 from pydantic import BaseModel
 
 from pmr.report.blocks import Block, Grid
-from pmr.report.numbers import SPACE, Unit, in_unit, plain, significant, unit_for
+from pmr.report.numbers import SPACE, Unit, format_in_unit, format_input, significant, unit_for
 from pmr.report.subject import MODELS
 from pmr.scene.joints import Part
 from pmr.scene.keys import quantity_of as quantity_in
@@ -30,7 +30,7 @@ _AGAINST = {"full": "", "ancf": " against ANCF"}
 
 
 @dataclass(frozen=True)
-class Quantity:
+class ValueLabel:
     """Label and unit of a value of a run; ``%`` is the unit of a fraction, ``–`` that of a plain number."""
 
     label: str
@@ -50,7 +50,7 @@ class Quantity:
             return value_words(value)
         if self.missing:
             return significant(max(1.0 - cell_number(value), 0.0), 2)
-        return plain(value) if isinstance(value, int) else in_unit(cell_number(value), self.unit)
+        return format_input(value) if isinstance(value, int) else format_in_unit(cell_number(value), self.unit)
 
 
 def key_words(key: str) -> str:
@@ -68,7 +68,11 @@ def value_words(value: Scalar) -> str:
         return "yes" if value else "no"
     if value in MODELS:
         return MODELS[str(value)].partition(" ")[2]
-    return value.replace("_", " ") if isinstance(value, str) else ("–" if value is None else plain(cell_number(value)))
+    return (
+        value.replace("_", " ")
+        if isinstance(value, str)
+        else ("–" if value is None else format_input(cell_number(value)))
+    )
 
 
 def unit_of(key: str) -> str:
@@ -113,33 +117,33 @@ def run_name(run: RunRecord, left_out: str = "") -> str:
     return ", ".join(words) or run.key
 
 
-def quantity_of(name: str) -> Quantity:
+def quantity_of(name: str) -> ValueLabel:
     """Label and unit of the value with this name."""
     parts = name.split(".", 2) if name.startswith("errors.") else name.split(".")
     if parts[0] == "errors" and len(parts) == 3:
         model, _, other = parts[1].partition("_vs_")
         of = "" if model == "reduced" else f", {model}"
-        return Quantity(f"error {_PLACES.get(parts[2], f'of {parts[2]}')}{of}{_AGAINST.get(other, other)}", "%")
+        return ValueLabel(f"error {_PLACES.get(parts[2], f'of {parts[2]}')}{of}{_AGAINST.get(other, other)}", "%")
     if parts[0] == "frequency_error":
-        return Quantity(f"error of frequency {parts[1]}", "%")
+        return ValueLabel(f"error of frequency {parts[1]}", "%")
     if parts[0] == "frequencies" and len(parts) == 3:
-        return Quantity(f"frequency {parts[2]}, {PLACES[parts[1]]}", "Hz")
+        return ValueLabel(f"frequency {parts[2]}, {PLACES[parts[1]]}", "Hz")
     if parts[0] == "mass":
-        return Quantity(", ".join(parts), "kg")
+        return ValueLabel(", ".join(parts), "kg")
     if parts[0] == "probes" and parts[-1] == "range":
-        return Quantity(f"range of {name[7:-6]}", "Pa" if " stress " in name else "–")
+        return ValueLabel(f"range of {name[7:-6]}", "Pa" if " stress " in name else "–")
     return {
-        "utilisation": Quantity("largest stress over yield stress", "%"),
-        "largest_force": Quantity("largest force", "N"),
-        "max_displacement": Quantity("largest displacement", "m"),
-        "max_error": Quantity("largest difference", "m"),
-        "coordinates.full": Quantity("coordinates, full"),
-        "coordinates.reduced": Quantity("coordinates, reduced"),
-        "basis.kappa": Quantity("left out by the basis, 1 − κ", missing=True),
-        "simulate.reduced": Quantity("time, reduced", "s"),
-        "simulate.full": Quantity("time, full", "s"),
-        "simulate.ancf": Quantity("time, ANCF", "s"),
-    }.get(name, Quantity(name.replace("_", " ").replace(".", ", ")))
+        "utilisation": ValueLabel("largest stress over yield stress", "%"),
+        "largest_force": ValueLabel("largest force", "N"),
+        "max_displacement": ValueLabel("largest displacement", "m"),
+        "max_error": ValueLabel("largest difference", "m"),
+        "coordinates.full": ValueLabel("coordinates, full"),
+        "coordinates.reduced": ValueLabel("coordinates, reduced"),
+        "basis.kappa": ValueLabel("left out by the basis, 1 − κ", missing=True),
+        "simulate.reduced": ValueLabel("time, reduced", "s"),
+        "simulate.full": ValueLabel("time, full", "s"),
+        "simulate.ancf": ValueLabel("time, ANCF", "s"),
+    }.get(name, ValueLabel(name.replace("_", " ").replace(".", ", ")))
 
 
 def runs_with(runs: Iterable[RunRecord], name: str) -> list[RunRecord]:
@@ -147,7 +151,7 @@ def runs_with(runs: Iterable[RunRecord], name: str) -> list[RunRecord]:
     return [run for run in runs if number_of(run.figures.get(name)) is not None]
 
 
-def differs(runs: Iterable[RunRecord], name: str) -> bool:
+def is_varied(runs: Iterable[RunRecord], name: str) -> bool:
     """Whether the printed value of this name differs between runs that have it."""
     return len({quantity_of(name).cell(run.figures[name]) for run in runs_with(runs, name)}) > 1
 
@@ -182,7 +186,7 @@ ROWS = {
 }
 
 
-def at_a_glance(runs: Sequence[RunRecord]) -> Block | None:
+def largest_value_block(runs: Sequence[RunRecord]) -> Block | None:
     """Build the block with the largest values of all runs; None if there are fewer than two quantities."""
     rows = [(word, *cells) for word, cells in largest_values(runs).items()]
     if len(rows) < 2:
@@ -195,13 +199,13 @@ def largest_values(runs: Sequence[RunRecord]) -> dict[str, list[str]]:
     """Cells of every run for each quantity in `ROWS` that any of the runs has."""
     cells = {}
     for word, (names, unit) in ROWS.items():
-        values = [_extreme(run, names, min if word.startswith("lowest") else max) for run in runs]
+        values = [_extreme_amount(run, names, min if word.startswith("lowest") else max) for run in runs]
         if any(value is not None for value in values):
-            cells[word] = ["–" if value is None else in_unit(value, unit) for value in values]
+            cells[word] = ["–" if value is None else format_in_unit(value, unit) for value in values]
     return cells
 
 
-def _extreme(run: RunRecord, names: str, which: Callable[..., float | None]) -> float | None:
+def _extreme_amount(run: RunRecord, names: str, which: Callable[..., float | None]) -> float | None:
     """Largest or least amount, by `which`, of a run's values whose names match the pattern `names`, or None."""
     numbers = (number_of(value) for name, value in run.figures.items() if re.fullmatch(names, name))
     return which((abs(value) for value in numbers if value is not None), default=None)
@@ -231,14 +235,14 @@ _SPANS = {
 _BASE = {"Pa": ("stress", True), "1": ("strain", False), "mm": ("displacement", False)}
 
 
-def blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
+def value_blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
     """Yield tables of forces, stresses, frequencies and probes; none for more than `MOST_RUNS` runs."""
-    if not (done := few(runs)):
+    if not (done := few_runs(runs)):
         return
-    tables = {heading: _spans(done, *of) for heading, of in _SPANS.items()}
+    tables = {heading: _span_rows(done, *of) for heading, of in _SPANS.items()}
     tables |= {
-        "Frequencies": (f"In Hz, while pads and sliders rest{_stretch(done)}.", _frequencies(done)),
-        "Probes": ("Least … largest, and the largest range of a load cycle.", _probes(done)),
+        "Frequencies": (f"In Hz, while pads and sliders rest{_path_clause(done)}.", _frequency_rows(done)),
+        "Probes": ("Least … largest, and the largest range of a load cycle.", _probe_rows(done)),
     }
     head = ("", *(run_name(run) for run in done))
     for heading, (caption, rows) in tables.items():
@@ -246,28 +250,28 @@ def blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
             yield Block(heading, grids=(Grid(caption, head, tuple(rows)),))
 
 
-def few(runs: Sequence[RunRecord]) -> list[RunRecord]:
+def few_runs(runs: Sequence[RunRecord]) -> list[RunRecord]:
     """Runs with a result; none of them if there are more than `MOST_RUNS`."""
     done = [run for run in runs if run.status == "done"]
     return done if len(done) <= MOST_RUNS else []
 
 
-def _spans(runs: Sequence[RunRecord], room: str, base: str, caption: str) -> tuple[str, list[tuple[str, ...]]]:
+def _span_rows(runs: Sequence[RunRecord], room: str, base: str, caption: str) -> tuple[str, list[tuple[str, ...]]]:
     """Caption and rows of values whose names begin with `room`, each from least to largest, without round-off.
 
     `base` is their unit without prefix, and `caption` begins the caption.
     """
     sizes = {
-        name: max(map(abs, _values(runs, room + name, "min", "max")), default=0.0)
-        for name in _names(runs, room, ".max")
+        name: max(map(abs, _numbers_called(runs, room + name, "min", "max")), default=0.0)
+        for name in _value_names(runs, room, ".max")
     }
     largest = max(sizes.values(), default=0.0)
     unit, names = unit_for(largest, base), [name for name, size in sizes.items() if size > NOTHING * largest]
-    rows = [(name, *(_span(run, room + name, unit.size) for run in runs)) for name in names]
+    rows = [(name, *(_format_span(run, room + name, unit.size) for run in runs)) for name in names]
     return f"{caption} in {unit.name}; times and places are in runs.csv.", rows
 
 
-def _frequencies(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
+def _frequency_rows(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
     """Rows of the natural frequencies in Hz."""
     keys = dict.fromkeys(key for run in runs for key in run.figures if key.startswith("frequencies."))
     rows = []
@@ -278,40 +282,42 @@ def _frequencies(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
     return rows
 
 
-def _stretch(runs: Sequence[RunRecord]) -> str:
+def _path_clause(runs: Sequence[RunRecord]) -> str:
     """Clause on the range of the path; empty unless it is the same in all runs."""
     ends = {(number_of(run.figures.get("path.s_min")), number_of(run.figures.get("path.s_max"))) for run in runs}
     low, high = ends.pop()
     if ends or low is None or high is None:
         return ""
-    return f"; s is {plain(round(low, 6))}{SPACE}m at least and {plain(round(high, 6))}{SPACE}m at most"
+    return f"; s is {format_input(round(low, 6))}{SPACE}m at least and {format_input(round(high, 6))}{SPACE}m at most"
 
 
-def _probes(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
+def _probe_rows(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
     """Rows of the measurements of probes, each followed by a row with its largest range of a load cycle."""
-    rows, names = [], _names(runs, "probes.", ".range")
+    rows, names = [], _value_names(runs, "probes.", ".range")
     for base, (word, prefix) in _BASE.items():
         of_kind = [name for name in names if f" {word} " in name]
-        sizes = {name: max(map(abs, _values(runs, f"probes.{name}", "min", "max")), default=0.0) for name in of_kind}
+        sizes = {
+            name: max(map(abs, _numbers_called(runs, f"probes.{name}", "min", "max")), default=0.0) for name in of_kind
+        }
         largest = max(sizes.values(), default=0.0)
         unit = unit_for(largest, base) if prefix else Unit(1.0, base)
         for name in of_kind:
             if sizes[name] <= NOTHING * largest:
                 continue
             of = f"{name} in {unit.name}" if unit.name != "1" else name
-            rows.append((of, *(_span(run, f"probes.{name}", unit.size) for run in runs)))
+            rows.append((of, *(_format_span(run, f"probes.{name}", unit.size) for run in runs)))
             ranges = (_format_value(run.figures.get(f"probes.{name}.range"), unit.size) for run in runs)
             rows.append((f"{SPACE}{SPACE}range", *ranges))
     return rows
 
 
-def _names(runs: Sequence[RunRecord], first: str, last: str) -> list[str]:
+def _value_names(runs: Sequence[RunRecord], first: str, last: str) -> list[str]:
     """Names of values of the runs that begin with `first` and end with `last`, without both."""
     keys = dict.fromkeys(key for run in runs for key in run.figures)
     return [key[len(first) : -len(last)] for key in keys if key.startswith(first) and key.endswith(last)]
 
 
-def _values(runs: Sequence[RunRecord], name: str, *keys: str) -> Iterator[float]:
+def _numbers_called(runs: Sequence[RunRecord], name: str, *keys: str) -> Iterator[float]:
     """Yield the numbers called `name` with each of `keys` appended, of all runs."""
     for run in runs:
         for key in keys:
@@ -319,7 +325,7 @@ def _values(runs: Sequence[RunRecord], name: str, *keys: str) -> Iterator[float]
                 yield value
 
 
-def _span(run: RunRecord, name: str, size: float) -> str:
+def _format_span(run: RunRecord, name: str, size: float) -> str:
     """Format the least and the largest value in a unit of this size; the least one may be missing."""
     figures: Mapping[str, Scalar] = run.figures
     least, most = figures.get(f"{name}.min"), figures.get(f"{name}.max")

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
-from pmr.report.figures.canvas import WIDE, dots, drawing, log_axis, log_x, sheet
-from pmr.report.numbers import percent, plain, quantity
+from pmr.report.figures.canvas import WIDE, curve_style, drawing, log_axis, log_x, make_sheet
+from pmr.report.numbers import format_input, format_percent, format_quantity
 from pmr.report.studies.finished import FinishedStudy
 from pmr.studies.kinds.trade import TOLERANCES, trade_points
 from pmr.studies.results import RunRecord
@@ -27,7 +27,7 @@ NAMES = {
 COLUMNS = 2
 
 
-def content(study: FinishedStudy, prefix: str) -> Chapter:
+def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     """Build the chapter about error and time of reduction methods; `prefix` is put before every identifier."""
     fronts_caption = (
         "Error along the body against the full model with a far shorter step, over the time of one simulation: of each "
@@ -38,7 +38,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
         anchor=prefix,
         title=study.title,
         headline="How much time an error costs, by method, number of coordinates and step.",
-        key_numbers=[KeyNumber(plain(len(study.scenes)), "scenes")],
+        key_numbers=[KeyNumber(format_input(len(study.scenes)), "scenes")],
         paragraphs=[
             "Coordinates and steps each have their part of the error. What holds a tolerance here holds it with all "
             "shorter steps too, so that no two parts cancel by chance.",
@@ -48,22 +48,22 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
         blocks=[
             Block(
                 "Error over time",
-                ((drawing(f"{prefix}-fronts", fronts, fronts_caption, study),),),
-                grids=(_offline(study),),
+                ((drawing(f"{prefix}-fronts", front_figure, fronts_caption, study),),),
+                grids=(_offline_grid(study),),
             ),
             Block("What holds a tolerance", grids=tuple(_tolerance_grid(study, scene) for scene in study.scenes)),
-            Block(energy, grids=tuple(_energies(study, scene) for scene in study.scenes[:2])),
+            Block(energy, grids=tuple(_energy_grid(study, scene) for scene in study.scenes[:2])),
         ],
     )
 
 
-def fronts(study: FinishedStudy) -> Figure:
+def front_figure(study: FinishedStudy) -> Figure:
     """Draw the front of error over time for each method, in a panel for each scene."""
     scenes = study.scenes
     rows, gaps = -(-len(scenes) // COLUMNS), {"wspace": 0.05, "hspace": 0.3}
     grid = {"sharex": True, "sharey": True, "gridspec_kw": gaps}
-    figure, axes = sheet(WIDE, 0.9 + 1.6 * rows, rows, COLUMNS, {"top": 0.7}, **grid)
-    every = [point for ax, scene in zip(axes.flat, scenes, strict=False) for point in _panel(ax, study, scene)]
+    figure, axes = make_sheet(WIDE, 0.9 + 1.6 * rows, rows, COLUMNS, {"top": 0.7}, **grid)
+    every = [point for ax, scene in zip(axes.flat, scenes, strict=False) for point in _draw_panel(ax, study, scene)]
     for ax in axes.flat[len(scenes) :]:
         ax.set_visible(False)
     seconds, errors = np.array(every).T
@@ -73,12 +73,12 @@ def fronts(study: FinishedStudy) -> Figure:
         ax.set_ylabel("e_NRMS (–)")
     for ax in axes[-1]:
         ax.set_xlabel("Time of one simulation in ms")
-    handles = [Line2D([], [], label=label, **dots(i, 2.2)) for i, label in enumerate(NAMES.values())]
+    handles = [Line2D([], [], label=label, **curve_style(i, 2.2)) for i, label in enumerate(NAMES.values())]
     figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.07, 1.0), ncols=4, borderaxespad=0.25)
     return figure
 
 
-def front(times_and_errors: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+def error_front(times_and_errors: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     """Points (seconds, error) that no other one beats in both, in increasing order of time."""
     best: list[tuple[float, float]] = []
     for seconds, error in sorted(times_and_errors):
@@ -87,13 +87,13 @@ def front(times_and_errors: Sequence[tuple[float, float]]) -> list[tuple[float, 
     return best
 
 
-def _panel(ax: Axes, study: FinishedStudy, scene: str) -> list[tuple[float, float]]:
+def _draw_panel(ax: Axes, study: FinishedStudy, scene: str) -> list[tuple[float, float]]:
     """Draw the fronts of all methods for a scene, and return their points."""
     every = []
     for i, method in enumerate(NAMES):
         for run in study.runs(scene=scene, method=method):
-            if shown := front(_times_and_errors(run)):
-                ax.plot(*np.array(shown).T, **dots(i, 2.2))
+            if shown := error_front(_times_and_errors(run)):
+                ax.plot(*np.array(shown).T, **curve_style(i, 2.2))
                 every += shown
     ax.set_title(scene.replace("_", " "), loc="left", pad=3.0)
     return every
@@ -117,35 +117,37 @@ def _tolerance_grid(study: FinishedStudy, scene: str) -> Grid:
         if study.runs(scene=scene, method=method):
             rows.append((name, *("–" if cell is None else str(cell).replace(" x ", " × ") for cell in cells)))
     caption = f"{scene.replace('_', ' ')}: coordinates × step (as a multiple of the scene's) that hold a tolerance."
-    return Grid(caption, ("method", *(percent(tolerance) for tolerance in TOLERANCES)), tuple(rows))
+    return Grid(caption, ("method", *(format_percent(tolerance) for tolerance in TOLERANCES)), tuple(rows))
 
 
-def _offline(study: FinishedStudy) -> Grid:
+def _offline_grid(study: FinishedStudy) -> Grid:
     """Build the table of the offline time of each method's largest model, by scene."""
     methods = [method for method in NAMES if study.runs(method=method)]
     rows = []
     for scene in study.scenes:
         runs_by_method = [study.runs(scene=scene, method=method) for method in methods]
-        rows.append((scene.replace("_", " "), *(_seconds(runs) for runs in runs_by_method)))
+        rows.append((scene.replace("_", " "), *(_format_seconds(runs) for runs in runs_by_method)))
     return Grid("Offline time of the largest model.", ("scene", *(NAMES[method] for method in methods)), tuple(rows))
 
 
-def _seconds(runs: Sequence[RunRecord]) -> str:
+def _format_seconds(runs: Sequence[RunRecord]) -> str:
     """Format the offline processor time of the first run; a dash if it has no models."""
     if not runs or not any(name.startswith("step.") for name in runs[0].seconds):
         return "–"
-    return quantity(runs[0].seconds["offline"], "s")
+    return format_quantity(runs[0].seconds["offline"], "s")
 
 
-def _energies(study: FinishedStudy, scene: str) -> Grid:
+def _energy_grid(study: FinishedStudy, scene: str) -> Grid:
     """Build the table of errors along the body and of the energy, by method and number of coordinates."""
-    sizes = [int(r) for r in study.asked["coordinates"]]
+    sizes = [int(r) for r in study.study_file["coordinates"]]
     rows = []
     for method, name in NAMES.items():
         for run in study.runs(scene=scene, method=method):
             pairs = [(run.figures.get(f"reduction.{r}"), run.figures.get(f"energy.{r}")) for r in sizes]
             cells = (
-                "–" if a is None or b is None else f"{percent(cell_number(a), 2)}, {percent(cell_number(b), 2)}"
+                "–"
+                if a is None or b is None
+                else f"{format_percent(cell_number(a), 2)}, {format_percent(cell_number(b), 2)}"
                 for a, b in pairs
             )
             rows.append((name, *cells))

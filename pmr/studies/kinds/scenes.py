@@ -17,9 +17,9 @@ from pydantic import Field
 from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.results import Frequencies, Response
-from pmr.results.fatigue import cycles
+from pmr.results.fatigue import rainflow_cycles
 from pmr.results.response import Extremes
-from pmr.results.tables import force_extremes, parts_of, probe_extremes, reaction_extremes, stress_by_part
+from pmr.results.tables import force_extremes, probe_extremes, reaction_extremes, stress_by_part, summaries_by_section
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE, Section, named
 from pmr.scene.model_ladder import candidates
@@ -200,7 +200,7 @@ def motion_figures(scene: Scene, response: Response, s: Array, frequencies: Arra
             record[f"frequencies.{place}.{i}"] = frequency if np.isfinite(frequency) else None
     for name, extremes in probe_extremes(response, path).items():
         record |= _extreme_figures(f"probes.{name}", extremes)
-        record[f"probes.{name}.range"] = float(cycles(response.t, response.other(name))[:1, 0].sum())
+        record[f"probes.{name}.range"] = float(rainflow_cycles(response.t, response.other(name))[:1, 0].sum())
     return record
 
 
@@ -243,7 +243,7 @@ def body_figures(summary: Mapping[str, Any]) -> dict[str, Scalar]:
         record |= {"utilisation": used["value"], "utilisation_t": used["t"]}
         record |= {f"utilisation_{axis}": float(at) for axis, at in zip("xyz", used["position"], strict=True)}
         record |= {"utilisation_section": used["section"]} if used["section"] != ALONE else {}
-    for name, part in parts_of(summary).items():
+    for name, part in summaries_by_section(summary).items():
         for quantity, forces in part.get("section_forces", {}).get("reduced", {}).items():
             if room := BEAM_FORCE_COLUMNS.get(forces["unit"]):
                 figures = {key: value for key, value in forces.items() if key != "unit"}

@@ -22,7 +22,7 @@ from pydantic import Field
 from pmr import scene as scenes
 from pmr.compare.errors import relative_error
 from pmr.compare.outputs import run_from_start
-from pmr.compare.responses import respond
+from pmr.compare.responses import evaluate_motion
 from pmr.compare.summary import warnings_of_response
 from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene
@@ -193,7 +193,9 @@ def errors_of_method(arguments: Arguments, needs: Needs) -> TaskResult:
         except (SimulationError, InputError):
             continue
         seconds[f"step.{r}"] = min(run.seconds for run in runs) / steps
-        record[f"reduction.{r}"] = relative_error(respond(system, runs[0]).displacement, case.response.displacement)
+        record[f"reduction.{r}"] = relative_error(
+            evaluate_motion(system, runs[0]).displacement, case.response.displacement
+        )
         if is_alone:
             moving = np.abs(case.excitation.path_rate) > 0.0
             off = np.abs(runs[0].energy - case.run.energy)[moving].max(initial=0.0)

@@ -10,7 +10,7 @@ from oracle import enriched, full_body
 
 from pmr.cli.run import _to
 from pmr.compare.accuracy import mesh
-from pmr.compare.accuracy.order import Choice, warnings
+from pmr.compare.accuracy.order import Choice, accuracy_warnings
 from pmr.compare.accuracy.trials import Sizes, Trial, Trials
 from pmr.compare.errors import relative_error
 from pmr.compare.simulated import simulate
@@ -89,7 +89,7 @@ def test_the_part_of_the_mesh_is_what_one_far_finer_says(load_scene) -> None:
     scenes = [load_scene("evolved_residual", [*SHORT, f"mesh.elements={count}"]) for count in (6, 12, 48)]
     model, finer, finest = (reduce(one).reduced for one in scenes)
     own, other = (trials(one, Excitation.of(scene), kinds) for one in (model, finer))
-    said = mesh.part_of(own, other, (model.size,), scene.time.steps, mesh.other_mesh(scenes[0]).share)
+    said = mesh.mesh_errors(own, other, (model.size,), scene.time.steps, mesh.other_mesh(scenes[0]).share)
     moved, truth = (simulate(asked, one) for asked, one in ((scenes[0], model), (scenes[2], finest)))
     for kind, error in (
         ("tip", relative_error(moved.displacement[:, -1:], truth.displacement[:, -1:])),
@@ -130,7 +130,7 @@ def test_what_is_beyond_a_tolerance_is_not_rounded_to_it(load_scene, share: floa
     scene = load_scene("evolved_tolerance", ["accuracy.tolerance=0.001"])
     sizes, none = {"beam": share, "tip": 1e-4}, {"beam": 0.0, "tip": 0.0}
     trial = Trial((6,), 6, 100, sizes, none, True, None, None)
-    lines = warnings(Choice(scene, {"": enriched(full_body(4), 4)}, trial, mesh=sizes))
+    lines = accuracy_warnings(Choice(scene, {"": enriched(full_body(4), 4)}, trial, mesh=sizes))
     assert f"are off by {said} in displacements, 0.01 % in the tip's" in lines[0]
     assert f"it is off by {said} in displacements; shorter cells help" in lines[1]
 
@@ -201,7 +201,7 @@ def test_a_budget_of_time_is_kept(load_scene, monkeypatch: pytest.MonkeyPatch) -
     def seconds(self: Trials, sizes: Sizes) -> float:
         return 1e-7 * sum(sizes)
 
-    monkeypatch.setattr(Trials, "seconds_a_step", seconds)
+    monkeypatch.setattr(Trials, "seconds_per_step", seconds)
     slow, fast = (budgeted(load_scene, f"real_time={ratio}") for ratio in (300.0, 30_000.0))
     for outcome, ratio in ((slow, 300.0), (fast, 30_000.0)):
         chosen = outcome.result.summary["accuracy"]["chosen"]

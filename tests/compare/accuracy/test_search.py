@@ -11,9 +11,15 @@ from alone import outputs, trials
 from oracle import enriched, flexible, full_body
 
 from pmr.compare import estimate as estimates
-from pmr.compare.accuracy.search import best_within, is_within, reach, reasons, thin_out
+from pmr.compare.accuracy.search import (
+    explain_trial,
+    find_best_affordable,
+    find_sufficient_trial,
+    is_within,
+    reduce_cost,
+)
 from pmr.compare.accuracy.trials import FINER, Sizes, Trial, Trials
-from pmr.compare.outputs import Floors, Outputs, differences
+from pmr.compare.outputs import Outputs, RoundOffBounds, differences
 from pmr.errors import GrowthError
 from pmr.scene.run_settings import Budget
 from pmr.scene.signals import Chirp, Constant, Sine, SmoothRamp
@@ -35,8 +41,8 @@ def driven(steps: int = 1000, load=LOAD, rho_inf: float = 0.9) -> Excitation:
 def found_by(tried: Trials, tolerance: float):
     """The trial that a tolerance gives, from six coordinates and the given step on."""
     allowed = dict.fromkeys(tried.wanted, tolerance)
-    trial = reach(tried, tried.own, tried.excitation.stepping.steps, allowed)
-    return thin_out(tried, trial, allowed, tried.coarsest()) if is_within(trial, allowed) else trial
+    trial = find_sufficient_trial(tried, tried.own, tried.excitation.stepping.steps, allowed)
+    return reduce_cost(tried, trial, allowed, tried.fewest_steps()) if is_within(trial, allowed) else trial
 
 
 def true_errors(tried: Trials, sizes: Sizes, steps: int) -> float:
@@ -44,7 +50,7 @@ def true_errors(tried: Trials, sizes: Sizes, steps: int) -> float:
     coarse, finest = 125, 64_000
     fine = outputs(FULL, driven(finest), finest // coarse)
     own = outputs(tried.models(sizes)[""], driven(steps), steps // coarse)
-    floors = Floors.of(System.of(RICH), driven())
+    floors = RoundOffBounds.for_system(System.of(RICH), driven())
     return max(differences(own, fine, floors, tried.wanted).values())
 
 
@@ -61,8 +67,8 @@ def test_the_tolerance_holds_and_three_coordinates_fewer_do_not(kinds: tuple[str
     fewer = trial.sizes[0] - 3
     if fewer >= 1:
         assert true_errors(tried, (fewer,), 8000) > tolerance / 2.0  # margins and the step have the rest
-    if trial.steps > tried.coarsest():
-        assert not is_within(tried.judge(trial.sizes, trial.steps // 2), dict.fromkeys(kinds, tolerance))
+    if trial.steps > tried.fewest_steps():
+        assert not is_within(tried.estimate_trial(trial.sizes, trial.steps // 2), dict.fromkeys(kinds, tolerance))
 
 
 @pytest.mark.slow
@@ -90,11 +96,13 @@ def judged_by(
         self._step_errors[sizes, steps] = None
         return dict.fromkeys(self.wanted, step(sizes, steps))
 
-    monkeypatch.setattr(Trials, "reduction", of_reduction)
-    monkeypatch.setattr(Trials, "step", of_step)
-    monkeypatch.setattr(Trials, "settled", lambda self, sizes, steps: settled(sizes, steps))
-    monkeypatch.setattr(Trials, "beside", lambda self, trial, sizes, steps: of_reduction(self, sizes, steps))
-    monkeypatch.setattr(Trials, "resolved", lambda self, sizes, steps: step(sizes, steps) <= 0.05)
+    monkeypatch.setattr(Trials, "reduction_errors", of_reduction)
+    monkeypatch.setattr(Trials, "step_errors", of_step)
+    monkeypatch.setattr(Trials, "is_settled", lambda self, sizes, steps: settled(sizes, steps))
+    monkeypatch.setattr(
+        Trials, "difference_to_trial", lambda self, trial, sizes, steps: of_reduction(self, sizes, steps)
+    )
+    monkeypatch.setattr(Trials, "is_resolved", lambda self, sizes, steps: step(sizes, steps) <= 0.05)
     return asked
 
 
@@ -137,7 +145,7 @@ def test_a_step_whose_error_is_not_settled_is_shortened(monkeypatch: pytest.Monk
 def test_its_own_step_is_not_refused_where_more_modes_grow_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """With rho_inf = 1 nothing damps modes that the step does not resolve: fewer of them judge the reduction then."""
     tried = trials(RICH, driven(250, rho_inf=1.0))
-    made, grown = estimates.respond, list[int]()
+    made, grown = estimates.evaluate_motion, list[int]()
 
     def grows(system: System, run):
         size = sum(body.size for body in system.bodies.values())
@@ -146,8 +154,8 @@ def test_its_own_step_is_not_refused_where_more_modes_grow_with_it(monkeypatch: 
             raise GrowthError("march: the motion grows without bound")
         return made(system, run)
 
-    monkeypatch.setattr(estimates, "respond", grows)
-    trial = tried.judge(tried.own, 250)
+    monkeypatch.setattr(estimates, "evaluate_motion", grows)
+    trial = tried.estimate_trial(tried.own, 250)
     assert grown and trial.estimate is not None and 0 < trial.estimate.enrichment < 30
     assert 0.0 < trial.reduction["beam"] < 0.1
 
@@ -155,16 +163,16 @@ def test_its_own_step_is_not_refused_where_more_modes_grow_with_it(monkeypatch: 
 def test_smaller_models_are_judged_by_their_difference_to_a_larger_one() -> None:
     """As their own estimates say, but for the margin of these."""
     tried = trials(MODEL, driven())
-    larger = tried.judge((12,), 1000)
+    larger = tried.estimate_trial((12,), 1000)
     for size in (4, 6, 8):
-        own, beside = tried.reduction((size,), 1000), tried.beside(larger, (size,), 1000)
+        own, beside = tried.reduction_errors((size,), 1000), tried.difference_to_trial(larger, (size,), 1000)
         assert own["beam"] / 1.25 <= beside["beam"] <= 1.25 * own["beam"]
 
 
 def test_reasons_are_a_clause_each(monkeypatch: pytest.MonkeyPatch) -> None:
     judged_by(monkeypatch, lambda sizes, steps: 30.0 * sizes[0] ** -3.5, second_order)
     tried = trials(MODEL, driven())
-    why = list(reasons(tried, found_by(tried, 0.01), tried.coarsest()))
+    why = list(explain_trial(tried, found_by(tried, 0.01), tried.fewest_steps()))
     assert why == [
         "11 coordinates: with 10 the reduction alone is off by 0.95 %",
         "1000 steps: they are off by 0.2 %, and half as many by 1.7 to 4 times as much",
@@ -174,10 +182,10 @@ def test_reasons_are_a_clause_each(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.slow
 def test_what_more_time_allows_is_no_worse(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a machine on which a step takes 10 ns a coordinate: the shortest steps are tried, too."""
-    monkeypatch.setattr(Trials, "seconds_a_step", lambda self, sizes: 1e-8 * sizes[0])
+    monkeypatch.setattr(Trials, "seconds_per_step", lambda self, sizes: 1e-8 * sizes[0])
     monkeypatch.setattr("pmr.compare.accuracy.trials.LONGEST", 32_000)
     tried, real_times = trials(MODEL, driven()), (30_000.0, 3000.0, 300.0)
-    found = [best_within(tried, Budget(real_time=ratio), tried.coarsest()) for ratio in real_times]
+    found = [find_best_affordable(tried, Budget(real_time=ratio), tried.fewest_steps()) for ratio in real_times]
     errors = [max(one.total.values()) for one in found]
     assert errors[0] > errors[1] > errors[2]
     for one, ratio in zip(found, real_times, strict=True):
@@ -187,17 +195,17 @@ def test_what_more_time_allows_is_no_worse(monkeypatch: pytest.MonkeyPatch) -> N
 def test_a_budget_of_coordinates_has_a_step_that_suits_them(monkeypatch: pytest.MonkeyPatch) -> None:
     judged_by(monkeypatch, lambda sizes, steps: 30.0 * sizes[0] ** -3.5, second_order)
     tried = trials(MODEL, driven())
-    few, more = (best_within(tried, Budget(coordinates=count), 62) for count in (6, 18))
+    few, more = (find_best_affordable(tried, Budget(coordinates=count), 62) for count in (6, 18))
     assert few.sizes == (6,) and few.steps == 250 and more.sizes == (18,) and more.steps == 2000
 
 
 def test_steps_follow_path_and_loads() -> None:
     slow, fast = Chirp(amplitude=1.0, times=(0.0, 1.0), frequencies=(1.0, 2.0)), Sine(amplitude=1.0, frequency=90.0)
-    few, many = (trials(MODEL, driven(960, load)).coarsest() for load in (slow, fast))
+    few, many = (trials(MODEL, driven(960, load)).fewest_steps() for load in (slow, fast))
     assert (few, many) == (30, 960)  # 15 steps are less than 20; 480 are 5 a period of the tone
-    every = trials(MODEL, driven(960, slow)).coarsest(every=1.0 / 120.0)
+    every = trials(MODEL, driven(960, slow)).fewest_steps(every=1.0 / 120.0)
     assert every == 120  # fields are wanted at each step
-    assert trials(MODEL, driven(999, slow)).coarsest() == 999
+    assert trials(MODEL, driven(999, slow)).fewest_steps() == 999
 
 
 def test_models_are_those_of_the_reduction() -> None:
@@ -219,7 +227,7 @@ def test_models_on_pads_that_push_take_the_same_parts_of_a_step(monkeypatch: pyt
     monkeypatch.setattr(Trials, "motion", noted)
     pushed = replace(flexible(FULL, 9), clearance=np.zeros(1))
     tried = trials(pushed, driven(load=Sine(amplitude=2e3, frequency=7.0)))
-    assert tried.coarsest() == 1000 and tried.longest == FINER * 1000
+    assert tried.fewest_steps() == 1000 and tried.most_steps == FINER * 1000
     errors = dict.fromkeys(tried.wanted, 0.0)
-    tried.beside(Trial((7,), 7, 1000, errors, errors, True, None, None), (5,), 1000)
+    tried.difference_to_trial(Trial((7,), 7, 1000, errors, errors, True, None, None), (5,), 1000)
     assert seen[0].schedule == seen[1].schedule and len(set(seen[0].schedule)) > 1

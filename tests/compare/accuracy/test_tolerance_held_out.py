@@ -17,7 +17,7 @@ import pytest
 from alone import trials
 from tolerance_scenes import KINDS, tolerance_scene, with_tolerance
 
-from pmr.compare.outputs import Floors, Outputs, differences, outputs_from
+from pmr.compare.outputs import Outputs, RoundOffBounds, differences, outputs_from_columns
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
@@ -163,7 +163,7 @@ def case(seed: int, scene: Scene) -> Case | None:
     assert isinstance(outcome, Outcome) and scene.accuracy is not None
     result, asked = outcome.result, scene.accuracy
     chosen, excitation = result.scene.time.steps, Excitation.of(scene)
-    times = trials(outcome.reduced, excitation).coarsest()
+    times = trials(outcome.reduced, excitation).fewest_steps()
     while chosen % times:
         times //= 2
     form = modal_form(build(scene, MPI.COMM_SELF).model.gather())
@@ -172,7 +172,7 @@ def case(seed: int, scene: Scene) -> Case | None:
         fine *= 2
     finest, half = (_full_motion(form, scene, outcome.reduced, steps, times) for steps in (fine, fine // 2))
     own = result.responses["reduced"]
-    floors = Floors.of(System.of(outcome.reduced), excitation)
+    floors = RoundOffBounds.for_system(System.of(outcome.reduced), excitation)
     y, forces = (history[:: chosen // times] for history in (own.displacement, own.slider_force))
     found = replace(finest, displacement=y, force=forces[:, : finest.force.shape[1]])
     true, reference = (
@@ -185,7 +185,7 @@ def _full_motion(form: ModalForm, scene: Scene, model: ReducedModel, steps: int,
     given = Excitation.of(scene)
     excitation = given.with_stepping(TimeStepping(scene.time.end, scene.time.end / steps, RHO))
     seen = one_body.observe(form, excitation, every=steps // times)
-    found, rows = outputs_from(System.of(form.body), seen.y, seen.multipliers), len(model.row_names)
+    found, rows = outputs_from_columns(System.of(form.body), seen.y, seen.multipliers), len(model.row_names)
     return replace(found, force=found.force[:, -rows:])  # rigid holds are rows of the full model alone
 
 

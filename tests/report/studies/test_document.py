@@ -51,7 +51,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def page(folder: Path) -> str:
-    return document.page(folder)
+    return document.render_studies(folder)
 
 
 def test_every_study_is_in_the_index_and_on_the_page(page: str) -> None:
@@ -88,7 +88,7 @@ def test_published_figures_stand_beside_ours(folder: Path, page: str) -> None:
 
 
 def test_the_same_results_give_the_same_page(folder: Path, page: str) -> None:
-    assert document.page(folder) == page
+    assert document.render_studies(folder) == page
 
 
 @pytest.mark.slow
@@ -105,6 +105,6 @@ def test_a_study_with_a_failed_run_says_so_and_shows_its_table(folder: Path, tmp
     summary = json.loads(file.read_text())
     summary["runs"][3] |= {"status": "failed", "reason": "the bearing broke", "figures": {}}
     file.write_text(json.dumps(summary | {"figures": {}}))
-    page = document.page(tmp_path / "broken")
+    page = document.render_studies(tmp_path / "broken")
     assert "the bearing broke" in page and "Error over the number of coordinates" not in page
     assert f"{len(summary['runs']) - 1} of {len(summary['runs'])} runs are there" in page

@@ -10,8 +10,8 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from pmr.report.figures.canvas import style
-from pmr.report.figures.load_chart import AtRest, Chart, at_rest, load_chart
-from pmr.report.studies.chart import content
+from pmr.report.figures.load_chart import BentBoom, LoadChart, bent_boom, load_chart
+from pmr.report.studies.chart import build_chapter
 
 
 def test_a_chart_on_which_no_limit_is_met_has_no_empty_picture_and_no_table_of_nothing() -> None:
@@ -26,9 +26,9 @@ def test_a_chart_on_which_no_limit_is_met_has_no_empty_picture_and_no_table_of_n
     figures = {"governs.stability": 0, "never.stability": 6, "at_no_load.stability": 0}
     results = SimpleNamespace(runs=runs, arrays=lambda key: arrays)
     study: Any = SimpleNamespace(
-        title="Chart", asked=asked | {"cases": [{"name": "rest"}]}, results=results, figures=figures
+        title="Chart", study_file=asked | {"cases": [{"name": "rest"}]}, results=results, figures=figures
     )
-    chapter = content(study, "part-1")
+    chapter = build_chapter(study, "part-1")
     assert [block.heading for block in chapter.blocks] == ["Limits", "Load cases"]
     assert not any(block.drawings for block in chapter.blocks) and not chapter.key_numbers
     assert "not reached" not in str([grid.rows for block in chapter.blocks for grid in block.grids])
@@ -43,7 +43,7 @@ def test_colours_end_where_the_machine_does(reaches: int, angles: int) -> None:
     place = reach[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     names = ["tip", "pads"]
     load, which = np.full(place.shape[:2], 500.0), np.zeros(place.shape[:2], dtype=int)
-    drawn = load_chart(Chart(place, load, which, names))
+    drawn = load_chart(LoadChart(place, load, which, names))
     corners = np.concatenate([patch.get_path().vertices for patch in drawn.axes[0].patches])
     far = np.linalg.norm(corners, axis=1)
     assert far.max() == pytest.approx(reach[-1], rel=1e-12)
@@ -56,7 +56,7 @@ def test_the_height_of_a_steep_boom_is_labelled_beside_its_ticks() -> None:
     """On axes that are narrow for a metre as long across as up the label stood on the ticks."""
     along, nothing = np.linspace(0.0, 20.0, 5), np.zeros(5)
     with style():
-        figure = at_rest(AtRest(along, nothing, nothing.astype(int), ("base",), 1.2))
+        figure = bent_boom(BentBoom(along, nothing, nothing.astype(int), ("base",), 1.2))
         FigureCanvasAgg(figure).draw()
         axis = figure.axes[0].yaxis
         ticks = [text.get_window_extent().x0 for text in axis.get_ticklabels() if text.get_text()]

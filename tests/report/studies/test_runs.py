@@ -9,7 +9,7 @@ import pytest
 
 from pmr.report.blocks import Chapter
 from pmr.report.studies.finished import FinishedStudy
-from pmr.report.studies.runs import MOST_COLUMNS, content, overview, varied_parameter
+from pmr.report.studies.runs import MOST_COLUMNS, build_chapter, terminal_grid, varied_parameter
 from pmr.report.studies.tables import heading, key_words, quantity_of, run_name, unit_of
 from pmr.studies.results import RunRecord, StudyResults
 
@@ -23,7 +23,7 @@ def run(key: str, parameters: dict, figures: dict | None = None, seconds: float 
 
 
 def said(*runs: RunRecord) -> Chapter:
-    return content(
+    return build_chapter(
         FinishedStudy("study", {"kind": "scenes", "title": "A study"}, StudyResults(Path(), runs)), "study-1"
     )
 
@@ -43,14 +43,14 @@ def sweep() -> list[RunRecord]:
 
 def test_a_terminal_has_a_row_for_each_of_many_runs_and_a_column_for_each_of_a_few() -> None:
     runs = sweep()
-    many = overview(runs, columns=4, rows=5)
+    many = terminal_grid(runs, columns=4, rows=5)
     assert many.head == ("basis", "coordinates", "error along the beam", "largest displacement")
     assert many.rows[0] == ("eigenmodes", "10", "1.00\u00a0%", "47.9\u00a0mm") and len(many.rows) == 5
     assert many.caption.startswith("1 more runs and all figures")
-    narrow = overview(runs, columns=3, rows=6)
+    narrow = terminal_grid(runs, columns=3, rows=6)
     assert narrow.head == many.head[:3]  # in which runs differ
     assert narrow.rows[5][2] == "–"  # of the run that failed
-    few = overview(runs[:2], columns=4, rows=5)
+    few = terminal_grid(runs[:2], columns=4, rows=5)
     assert few.head == ("", "basis eigenmodes, 10 coordinates", "basis eigenmodes, 12 coordinates")
     assert ("error along the beam", "1.00\u00a0%", "0.833\u00a0%") in few.rows
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from pmr.report.blocks import BETTER, DIFFERENT, SAME, WITHIN, WORSE, Mark
-from pmr.report.studies.finished import _row, combination, format_figure
+from pmr.report.studies.finished import _comparison_row, format_combination, format_figure
 from pmr.studies.study import Statement
 
 
@@ -23,7 +23,11 @@ def test_figures_are_printed_as_their_quantity(value: float | str, kind: str, te
 
 
 def test_only_combinations_are_written_as_such() -> None:
-    assert combination("10x10") == "(10,10)" and combination("expected") == "expected" and combination("x") == "x"
+    assert (
+        format_combination("10x10") == "(10,10)"
+        and format_combination("expected") == "expected"
+        and format_combination("x") == "x"
+    )
 
 
 @pytest.mark.parametrize(
@@ -41,10 +45,12 @@ def test_only_combinations_are_written_as_such() -> None:
     ],
 )
 def test_verdicts(here: float | str, given: dict[str, object], mark: Mark | None) -> None:
-    row = _row(Statement.model_validate({"figure": "f", "text": "what"} | given), here)
+    row = _comparison_row(Statement.model_validate({"figure": "f", "text": "what"} | given), here)
     assert row.mark is mark
 
 
 def test_words_go_before_numbers() -> None:
-    assert _row(Statement(figure="f", text="what", value=0.5, words="half"), 0.5).published == "half"
-    assert _row(Statement(figure="f", text="what", value=0.5, quantity="share"), 0.5).published == "50.0\u00a0%"
+    assert _comparison_row(Statement(figure="f", text="what", value=0.5, words="half"), 0.5).published == "half"
+    assert (
+        _comparison_row(Statement(figure="f", text="what", value=0.5, quantity="share"), 0.5).published == "50.0\u00a0%"
+    )

@@ -12,8 +12,8 @@ from turret import Turret
 
 import pmr
 from pmr import scene as scenes
-from pmr.compare.responses import respond
-from pmr.compare.simulated import excitation_in
+from pmr.compare.responses import evaluate_motion
+from pmr.compare.simulated import excitation_of_scene
 from pmr.report.columns import body_axes
 from pmr.results import Response
 from pmr.scene import Scene
@@ -86,14 +86,14 @@ class OnTurret:
 
 def on_turret(scene: Scene, system: System) -> Response:
     """Of the crane in Exudyn, under the inertia loads that Exudyn's own turret makes."""
-    excitation = excitation_in(scene, system)
+    excitation = excitation_of_scene(scene, system)
     turret, loads = OnTurret(scene, excitation.times), dict(excitation.loads)
     for name in loads:
         body, _, field = name.partition("." + INERTIA)
         if field:
             loads[name] = turret.load(scene.names.index(body), field)
     driven = replace(excitation, loads=loads)
-    return respond(system, simulate_system(system, driven, start_of(system, driven)))
+    return evaluate_motion(system, simulate_system(system, driven, start_of(system, driven)))
 
 
 @pytest.mark.parametrize("second_order", [False, True])

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.errors.environment import plugin_objects
-from pmr.report.studies.document import page
+from pmr.report.studies.document import render_studies
 from pmr.scene import load_any
 from pmr.studies import files, shared
 from pmr.studies.call import Progress, compute_results, save
@@ -123,7 +123,7 @@ def test_a_hoisted_load_pulls_with_more_than_its_weight(small: StudyResults, fol
     assert len(factors) == sum(float(row["load [kg]"]) > 0.0 for row in found) == 9
     assert all(1.0 < f < 1.0 + 0.4 * np.sqrt(8e5 / m) / 9.80665 for f, m in zip(factors, loads, strict=True))
     assert figures["hoist.most"] == pytest.approx(max(factors)) and figures["hoist.class"] == pytest.approx(1.118)
-    assert "Hoisted off the ground at 0.4" in page(folder)
+    assert "Hoisted off the ground at 0.4" in render_studies(folder)
 
 
 def test_what_is_met_at_no_load_or_never_is_told(small: StudyResults, folder: Path) -> None:
@@ -147,7 +147,7 @@ def test_cases_are_made_of_classes_and_winds(small: StudyResults, folder: Path) 
     passed = [row["storm, passed"] for row in found]
     assert figures["stands.storm"] == passed.count("none") and 0 < passed.count("none") < 12
     assert all("tip" in one for one, row in zip(passed, found, strict=True) if row["tip [kg]"] == "0")
-    text = page(folder)
+    text = render_studies(folder)
     assert "a standard of mine" in text and "1.27 (HC2)" in text and "250" in text and "storm" in text
 
 
@@ -158,12 +158,12 @@ def test_error_bars_are_the_sum_of_their_parts(small: StudyResults, folder: Path
     assert np.isnan(arrays["error.model"]).all()  # of beams that slide on points there are no shells
     assert np.isfinite(arrays["error"]).all() and (arrays["error"] == parts[0] + parts[1] + parts[2]).all()
     assert all((part >= 0.0).all() and (part > 0.0).any() for part in parts)
-    assert "large rotations" in page(folder)
+    assert "large rotations" in render_studies(folder)
 
 
 def test_pages_of_governing_points_say_what_the_boom_does_there(small: StudyResults, folder: Path) -> None:
     """The limit is all used; pads carry what statics say; the tip is where the limit of deflection has it."""
-    text = page(folder)
+    text = render_studies(folder)
     assert "If luffing at 2°/s stops within 0.6" in text and "own factor is 1.5" in text
     assert "Governed by cylinder<" in text and "Governed by pads<" not in text
     found = 0
@@ -241,7 +241,7 @@ def test_who_waits_is_told_what_it_carries(small: StudyResults, folder: Path) ->
     assert carried == f"it carries {min(known):.0f} to {max(known):.0f} kg at 12 points, by all limits"
     assert float(bars) > 0.0
     assert missing.startswith("the structural model: a point slides on beam2d only")
-    assert missing in page(folder) and all(row["not covered"] == missing for row in rows(folder))
+    assert missing in render_studies(folder) and all(row["not covered"] == missing for row in rows(folder))
     bare = [replace(run, figures={}) for run in small.runs]
     unmet = "no limit is reached up to 5000 kg at any of 12 points"
     assert study.summary_line(replace(small, runs=tuple(bare))) == unmet
@@ -250,7 +250,7 @@ def test_who_waits_is_told_what_it_carries(small: StudyResults, folder: Path) ->
 
 
 def test_the_report_shows_the_picture_with_values_at_the_pointer(small: StudyResults, folder: Path) -> None:
-    text = page(folder)
+    text = render_studies(folder)
     assert text.count("<title>radius") == 12
     assert "stability: limit not reached" in text and "not met" not in text
     assert "Limits, the number of points" in text and "It carries " in text
@@ -310,7 +310,7 @@ def test_a_limit_of_the_users_own_is_what_its_function_says(
     try:
         finished(tmp_path, STUDY.replace("[[cases]]", f"{ASKED}\n[[cases]]", 1))
         assert [row["own [kg]"] for row in rows(tmp_path)] == [row["pads [kg]"] for row in rows(folder)]
-        assert any(row["own [kg]"] for row in rows(tmp_path)) and "function" in page(tmp_path)
+        assert any(row["own [kg]"] for row in rows(tmp_path)) and "function" in render_studies(tmp_path)
         limit = Limit(name="own", of="function", function="nowhere", most=1.0)
         with pytest.raises(InputError, match="own.function = 'nowhere': one of largest pad, nothing is allowed"):
             limit.check(load_any(tmp_path / "scene.toml"))

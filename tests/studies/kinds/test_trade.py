@@ -10,7 +10,7 @@ from finished import finished, short_scene
 from pmr.compare.errors import nrms
 from pmr.errors import InputError
 from pmr.report.studies.finished import FinishedStudy
-from pmr.report.studies.trade import NAMES, content, front
+from pmr.report.studies.trade import NAMES, build_chapter, error_front
 from pmr.scene import load
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
@@ -93,11 +93,11 @@ def test_steps_that_do_not_meet_are_refused(tmp_path: Path) -> None:
 
 
 def test_fronts_hold_what_nothing_beats() -> None:
-    assert front([(1.0, 0.5), (2.0, 0.6), (3.0, 0.1), (0.5, 0.9)]) == [(0.5, 0.9), (1.0, 0.5), (3.0, 0.1)]
+    assert error_front([(1.0, 0.5), (2.0, 0.6), (3.0, 0.1), (0.5, 0.9)]) == [(0.5, 0.9), (1.0, 0.5), (3.0, 0.1)]
 
 
 def test_the_report_shows_fronts_tolerances_and_energies(small: StudyResults) -> None:
-    chapter = content(FinishedStudy.load(small.folder), "small")
+    chapter = build_chapter(FinishedStudy.load(small.folder), "small")
     fronts, holding, energies = chapter.blocks
     assert fronts.drawings and [row[0] for row in holding.grids[0].rows] == list(NAMES.values())
     assert [row[0] for row in energies.grids[0].rows] == list(NAMES.values())
