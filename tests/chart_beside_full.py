@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pmr.files import npz
 from pmr.scene import Scene, load_any
-from pmr.simulation.statics.postures import HOOK, WEIGHT, Postures, Stands, with_hook
+from pmr.simulation.statics.postures import HOOK, WEIGHT, PostureMatrices, PostureSet, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads
 from pmr.studies.chart_models import compute_postures
@@ -74,17 +74,19 @@ def beside(scene: Scene, places: Array, limits: Sequence[Limit], up_to: float) -
     asked |= scene_arguments(scene)
     found = allow_row(asked | {"cases": cases, "left": []}, {"postures": made}).arrays
     full = shared.full_system(scene)
-    whole = Postures.of(scene, full, Stands.of(at))
+    whole = PostureMatrices.from_scene(scene, full, PostureSet.from_task(at))
     amounts = [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in whole.parts]
     near = found["load"]
     exact = np.array([allowed_loads(limits, Place(whole, k, amounts, GRAVITY), up_to, near[k]) for k in range(count)])
     return Beside(found["load"], found["error.reduction"], exact, [*(one.name for one in limits), "stability"])
 
 
-def at_rest(scene: Scene, luffing: list[float], extensions: dict[str, list[float]] | None = None) -> Postures:
+def at_rest(scene: Scene, luffing: list[float], extensions: dict[str, list[float]] | None = None) -> PostureMatrices:
     """Equilibria of the reduced model at luffing angles in rad and extensions in m, by section."""
     found = arrays_at_rest(scene, luffing, extensions)
-    return npz.record(Postures, {n.removeprefix("reduced."): a for n, a in found.items() if n.startswith("reduced.")})
+    return npz.record(
+        PostureMatrices, {n.removeprefix("reduced."): a for n, a in found.items() if n.startswith("reduced.")}
+    )
 
 
 def arrays_at_rest(

@@ -24,8 +24,8 @@ from pmr.simulation import Excitation
 from pmr.simulation.excitation import places
 from pmr.simulation.native import systems
 from pmr.simulation.reactions import with_forces_on_machine
-from pmr.simulation.statics.loaded import States
-from pmr.simulation.statics.postures import HOOK, WEIGHT, Postures, with_hook
+from pmr.simulation.statics.loaded import LoadedStates
+from pmr.simulation.statics.postures import HOOK, WEIGHT, PostureMatrices, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place
 from pmr.studies.chart_models import compute_postures
@@ -74,12 +74,12 @@ def chart(
     common: dict[str, Any] = {"up_to": 4.0 * at_load, "error": True}
     made = compute_postures(scene_arguments(hooked) | common | {"at": at}, {})
     own = npz.record(
-        Postures, {n.removeprefix("reduced."): a for n, a in made.arrays.items() if n.startswith("reduced.")}
+        PostureMatrices, {n.removeprefix("reduced."): a for n, a in made.arrays.items() if n.startswith("reduced.")}
     )
     amounts = [{WEIGHT: 1.0, HOOK: 1.0, "wind": wind}.get(part, 0.0) for part in own.parts]
     place = Place(own, 0, amounts, G)
     limits = list[Limit]()
-    state = States.of([place.equilibria.state(at_load)])
+    state = LoadedStates.from_states([place.equilibria.state(at_load)])
     kinds = ["stress", "pad", "cylinder", "support", "luffing", "deflection", "buckling", "frequency", "overturning"]
     kinds += ["rope"] if own.rope_names else []
     for kind in kinds:
@@ -110,8 +110,8 @@ def chart(
         if load[k] > 0.0:
             step = max(error[k], 1e-4 * load[k])
             pair = [place.equilibria.state(max(load[k] + way * step, 0.0)) for way in (-1.0, 0.0)]
-            if all(one.stands for one in pair):
-                low, high = place.share(limit)(States.of(pair))
+            if all(one.in_equilibrium for one in pair):
+                low, high = place.share(limit)(LoadedStates.from_states(pair))
                 bar[k] = abs(high - low) * error[k] / step
     return Chart(limits, load, error, reduction, bar)
 

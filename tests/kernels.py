@@ -35,7 +35,7 @@ def motions_of(system: System, forms: Mapping[str, ModalForm], kernel: Kernel) -
     motions, first = np.zeros((assembly.size, kernel.modes)), 0
     for name, form in forms.items():
         r = form.body.size
-        motions[assembly.coordinates[name], first : first + r] = form.X[assembly.free[name]]
+        motions[assembly.coordinate_slices[name], first : first + r] = form.X[assembly.free_coordinates[name]]
         first += round_up(r)
     return motions
 

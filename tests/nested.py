@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.rows import Rows, carrier, fixed_row
+from pmr.constraints.rows import Rows, fixed_row, sparse_row
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import columns
 from pmr.fullmodel.assembly import assemble_model
@@ -173,10 +173,10 @@ def section(box: Box) -> FullModel:
     M.assemble()
     up = M.createVecRight()
     up.setArray(np.arange(beam.size) % 2 == 0)
-    loads = {"gravity": carrier(np.arange(beam.size), -(M * up).getArray(), beam.size)}
+    loads = {"gravity": sparse_row(np.arange(beam.size), -(M * up).getArray(), beam.size)}
     loads |= {"F": beam.displacement("tip")} if box.tip_mass else {}
     clamps = {"clamp deflection": 0, "clamp rotation": 1} if box.clamped else {}
-    held = [fixed_row(name, carrier(dof, 1.0, beam.size), (0.0, box.length)) for name, dof in clamps.items()]
+    held = [fixed_row(name, sparse_row(dof, 1.0, beam.size), (0.0, box.length)) for name, dof in clamps.items()]
     motions = beam.rigid_motions()
     return FullModel(
         M,

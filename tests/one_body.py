@@ -112,7 +112,7 @@ def respond(body: SlidingBody, found: Trajectory, path_rate: Array, loads: Array
     stored, work = energy_and_work(body, found, loads)
     whole = SystemTrajectory(
         t=found.t,
-        bodies={ALONE: Trajectory(found.t, found.q, found.v, system.pressed(ALONE, forces), x, found.seconds)},
+        bodies={ALONE: Trajectory(found.t, found.q, found.v, system.side_multipliers(ALONE, forces), x, found.seconds)},
         forces=forces,
         peaks=forces if peaks is None else peaks[:, contacts],
         loads=loads,

@@ -13,8 +13,8 @@ from scipy.interpolate import PPoly
 from textbook import LENGTH, beam_matrices
 
 from pmr.constraints.polynomials import stack_tables
-from pmr.constraints.rows import Row, Rows, SharedCarriers, carrier, fixed_row, row_on_coordinates
-from pmr.reduced.carriers import CarriedRows, CarrierFlexibility, EnrichmentModes, Flexibility
+from pmr.constraints.rows import Row, Rows, SharedCarriers, fixed_row, row_on_coordinates, sparse_row
+from pmr.reduced.carriers import CarrierFlexibility, CarrierRows, EnrichmentModes, Flexibility
 from pmr.reduced.matrices import Rayleigh
 from pmr.reduced.model import ReducedModel, satisfied_rows
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase
@@ -75,7 +75,7 @@ def full_body(elements: int) -> FullBody:
     B = np.zeros((n, 1))
     B[n - 2, 0] = 1.0
     rows = (
-        *(fixed_row(name, carrier(dof, 1.0, n), domain) for dof, name in enumerate(("pin x", "pin y"))),
+        *(fixed_row(name, sparse_row(dof, 1.0, n), domain) for dof, name in enumerate(("pin x", "pin y"))),
         slider_row(nodes),
     )
     return FullBody(
@@ -228,7 +228,7 @@ def enriched(full: FullBody, count: int, enrichment: int = 0) -> ReducedModel:
     return replace(model, enrichment=beside if enrichment else None, carriers=carriers)
 
 
-def carried_rows(full: FullBody, count: int) -> CarriedRows:
+def carried_rows(full: FullBody, count: int) -> CarrierRows:
     """Rows that hold no coordinate on their carriers, with flexibility and inertia that `count` modes leave out."""
     V, R = free_modes(full, count)
     shared = _shared(full)
@@ -238,13 +238,13 @@ def carried_rows(full: FullBody, count: int) -> CarriedRows:
         """Values of a matrix A (n, n) between carriers, inputs and outputs."""
         return CarrierFlexibility(U @ A @ U.T, U @ A @ B, O @ A @ U.T, O @ A @ B, B.T @ A @ B)
 
-    carried = CarriedRows.of(shared.rows, U @ V, between(R))
+    carried = CarrierRows.from_rows(shared.rows, U @ V, between(R))
     return replace(carried, inertia=between(R @ full.M @ R))
 
 
 def _shared(full: FullBody) -> SharedCarriers:
     """Carriers that the rows which hold no coordinate share."""
-    return Rows(tuple(row for row in full.rows.rows if row.held is None), full.size).shared
+    return Rows(tuple(row for row in full.rows.rows if row.held_coordinate is None), full.size).shared_carriers
 
 
 def generalized_alpha(
@@ -313,6 +313,6 @@ def nrms_error(signal: Array, reference: Array) -> float:
 def started(body: SlidingBody, s: float, s_rate: float, initial: InitialState | None) -> InitialState:
     """Consistent start of a body alone with its slider at s m, which moves by s_rate m/s."""
     system = System.of(body)
-    x = system.coordinates({SLIDER: s})
+    x = system.side_coordinates({SLIDER: s})
     x_rate = np.array([s_rate if side.place.path else 0.0 for side in system.sides])
     return consistent_start(Assembly(system), x, x_rate, {} if initial is None else {ALONE: initial})[ALONE]

@@ -63,7 +63,7 @@ class Plain:
         self.beta = (self.gamma + 0.5) ** 2 / 4.0
         self.pushes = ~np.isnan(self.system.clearance)
         self.clearance = np.where(self.pushes, self.system.clearance, 0.0)
-        self.friction = Friction.of(self.system.contacts)
+        self.friction = Friction.from_contacts(self.system.contacts)
         self.rubbed = np.zeros(0 if self.friction is None else len(self.friction.pads))
         self.energy = np.zeros(2)
 
@@ -74,7 +74,7 @@ class Plain:
         """
         self.x, self.f, self.q, self.v, self.a, self.alike = x, f, q, v, a, a.copy()
         self.forces, self.shares = forces.copy(), [forces.copy(), forces.copy()]  # and what they leave: force, share
-        self.travelled, self.rows = s, self.assembly.at(x)
+        self.travelled, self.rows = s, self.assembly.contact_rows(x)
         self.w = np.zeros(len(q))
         if self.friction is not None:
             drives = np.where(self.friction.cylinders >= 0, forces[self.friction.cylinders], 0.0)
@@ -111,7 +111,7 @@ class Plain:
         """Take one step, to sides at x, loads f (i,), amplitudes c of the terms and joints at s (J,) at its end."""
         h, gain = self.step, (1.0 - self.alpha_f) / (1.0 - self.alpha_m)
         dq, dv = self.beta * h**2 * gain, self.gamma * h * gain
-        old, rows = self.rows, self.assembly.at(x)
+        old, rows = self.rows, self.assembly.contact_rows(x)
         K_t = self.assembly.stiffness(c).toarray() - self.K
         D_t = self.assembly.damping(c).toarray() - self.D
         S = self.M + dv * (self.D + D_t) + dq * (self.K + K_t)
@@ -153,7 +153,7 @@ class Plain:
         if self.friction is not None:
             self.rubbed, self.gap, self.travelled = rubbed, gap, s
             driven = np.where(self.friction.cylinders >= 0, forces[self.friction.cylinders], 0.0)
-            self.drives = driven + self.friction.totals(rubbed) * (self.friction.cylinders >= 0)
+            self.drives = driven + self.friction.joint_totals(rubbed) * (self.friction.cylinders >= 0)
 
     def stored_at(self, rows: ContactRows, f: Array) -> float:
         """Set rows and loads, and return the stored energy in J."""
@@ -186,22 +186,22 @@ class Plain:
         assert known is not None and self.travelled is not None
         new = rubbed.copy()
         for i, cylinder in enumerate(known.cylinders):
-            own = slice(known.first[i], known.first[i + 1])
+            own = slice(known.first_pads[i], known.first_pads[i + 1])
             sliding, at_rest, falls_by = known.laws[own].T
             mu = sliding + (at_rest - sliding) * np.exp(-abs(s[i] - self.travelled[i]) / self.step / falls_by)
             limits = mu * np.abs(forces[known.pads[own]])
-            moved, gives, before = s[i] - self.travelled[i], known.gives[i], rubbed[own].sum()
+            moved, gives, before = s[i] - self.travelled[i], known.cylinder_compliance[i], rubbed[own].sum()
             if gives > 0.0:
                 moved -= gives * (forces[cylinder] + before - self.drives[i])
             slid = np.clip(self.rubbed[own] + known.stiffness[own] * moved, -limits, limits)
             new[own] = slid if gives == 0.0 else rubbed[own] + 0.2 * (slid - rubbed[own])  # under-relaxed
         moments = known.moments(new, forces)
-        gap = known.gaps(new) - self.assembly.turned_rows(x) @ moments
-        return self.assembly.slopes(x).T @ moments, gap, new
+        gap = known.compressions(new) - self.assembly.contact_motions_by_moments(x) @ moments
+        return self.assembly.row_slopes(x).T @ moments, gap, new
 
     def outputs(self) -> Array:
         """Outputs y (o,) in the current state."""
         y = self.assembly.outputs @ self.q + self.assembly.direct @ self.f - self.rows.X @ self.forces
         if self.friction is not None:
-            y = y + self.assembly.turned(self.x) @ self.friction.moments(self.rubbed, self.forces)
+            y = y + self.assembly.outputs_by_moments(self.x) @ self.friction.moments(self.rubbed, self.forces)
         return np.asarray(y)

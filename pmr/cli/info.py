@@ -83,7 +83,7 @@ def _frequencies(system: System) -> dict[str, str]:
         s = {path: ends[end] for path, ends in ranges.items()}
         where = ", ".join(f"{path} at {at:.4g} {_unit(path)}" for path, at in s.items()) or "at rest"
         try:
-            hertz = Assembly(system).frequencies(system.coordinates(s), FREQUENCIES)
+            hertz = Assembly(system).frequencies(system.side_coordinates(s), FREQUENCIES)
         except (InputError, SimulationError, np.linalg.LinAlgError):
             continue  # where two rigid pads meet
         without = ", without second order" if system.terms else ""

@@ -48,11 +48,11 @@ from pmr.compare.trust import (
     has_damped_jump,
     is_ringing,
 )
-from pmr.constraints.polynomials import columns, evaluate
+from pmr.constraints.polynomials import evaluate, select_columns
 from pmr.constraints.rows import Row
 from pmr.errors import GrowthError, InputError, SimulationError
 from pmr.reduced.attachment import LEFT_OUT, with_attachment_modes
-from pmr.reduced.carriers import CarriedRows
+from pmr.reduced.carriers import CarrierRows
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extend, is_modal
 from pmr.results import Response
@@ -403,7 +403,7 @@ def chi(body: ReducedModel, run: Trajectory, f: Array, mode: int) -> float:
     It is 0 if the mode moves by round-off only, as torsion does under loads in a plane of symmetry.
     """
     force = f @ body.B[mode] - np.einsum(
-        "tm,tm->t", evaluate(columns(body.rows, [mode]), run.s)[:, :, 0], run.multipliers
+        "tm,tm->t", evaluate(select_columns(body.rows, [mode]), run.s)[:, :, 0], run.multipliers
     )
     motion, most = _rms(run.q[:, mode]), float(np.abs(run.q).max(initial=0.0))
     return _rms(run.q[:, mode] - force / body.K[mode, mode]) / motion if motion > ROUND_OFF * most else 0.0
@@ -436,7 +436,7 @@ def carried_loads(system: System, run: SystemTrajectory) -> dict[str, sp.csr_mat
     return forces
 
 
-def carrier_forces_of_run(carriers: CarriedRows, rows: Sequence[Row], run: Trajectory, loads: Array) -> sp.csr_matrix:
+def carrier_forces_of_run(carriers: CarrierRows, rows: Sequence[Row], run: Trajectory, loads: Array) -> sp.csr_matrix:
     """Forces of rows on their carriers in a run of one body, and its loads (T, i): (S, K + i) in N.
 
     They are at S steps, at most `ANSWERED_STEPS`, evenly taken from all T.  `run.s` has to hold the path coordinate of
@@ -447,7 +447,7 @@ def carrier_forces_of_run(carriers: CarriedRows, rows: Sequence[Row], run: Traje
 
 
 def carrier_forces(
-    carriers: CarriedRows, rows: Sequence[Row], x: Array, multipliers: Array, loads: Array
+    carriers: CarrierRows, rows: Sequence[Row], x: Array, multipliers: Array, loads: Array
 ) -> sp.csr_matrix:
     r"""Forces of m rows on K carriers, then the loads: a sparse matrix (T, K + i) in N.
 
@@ -458,7 +458,7 @@ def carrier_forces(
     T, K = len(x), len(carriers.values)
     on, shares = [np.broadcast_to(K + np.arange(loads.shape[1]), loads.shape)], [loads]
     for row, at, force in zip(rows, x.T, multipliers.T, strict=True):
-        touched, b = row.on_carriers(at, 0)
+        touched, b = row.touched_weights(at, 0)
         on, shares = [*on, touched], [*shares, -b * force[:, None]]
     columns, entries = np.hstack(on), np.hstack(shares)
     ends = columns.shape[1] * np.arange(T + 1)
@@ -546,7 +546,7 @@ def system_with_attachment_modes(system: System, x: Array, forces: Sequence[Arra
         on = system.sides_of(name)
         rows = [system.row(system.sides[number].place) for number in on]
         pressing = [
-            carrier_forces(carriers, rows, x[:, on], system.pressed(name, of), acting[:, first:last])
+            carrier_forces(carriers, rows, x[:, on], system.side_multipliers(name, of), acting[:, first:last])
             for of, acting in zip(forces, loads, strict=True)
         ]
         bodies[name] = with_attachment_modes(extend(model), sp.vstack(pressing, "csr"), LEFT_OUT_AT_REST, at_rest=True)

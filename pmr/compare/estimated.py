@@ -37,7 +37,7 @@ from pmr.compare.trust import (
 from pmr.errors import InputError, SimulationError
 from pmr.errors.environment import Clock
 from pmr.errors.text import rounded
-from pmr.reduced.attachment import knows_matrices
+from pmr.reduced.attachment import has_frame_matrices
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extend
 from pmr.results import Response
@@ -148,7 +148,7 @@ def _effects_left_out(
     models: Mapping[str, ReducedModel], system: System, excitation: Excitation, count: int | None
 ) -> list[str]:
     """Effects that an estimate with up to `count` enrichment modes leaves out, a clause each."""
-    stressed = [SECOND_ORDER_EFFECTS] * (bool(system.terms) and not all(map(knows_matrices, models.values())))
+    stressed = [SECOND_ORDER_EFFECTS] * (bool(system.terms) and not all(map(has_frame_matrices, models.values())))
     if ALONE in models:
         return [*stressed, *effects_not_covered(models[ALONE], excitation.signals, excitation.stepping, count)]
     damped = any(body.rayleigh is None and body.D.any() for body in system.reduced.values())

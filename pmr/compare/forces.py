@@ -111,12 +111,12 @@ def _friction_figures(scene: Scene, system: System, response: Response, body: st
     stiffnesses :math:`\kappa` at which the joint's pads stick, as if all of them stuck alike (`pmr.system.contacts`).
     `body` is the name of the section.
     """
-    friction = Friction.of(system.contacts)
+    friction = Friction.from_contacts(system.contacts)
     assert friction is not None  # as the response has its friction
     joint = friction.joints.index(body)
     f, drive = response.other(friction_of(body)), response.force(force_of(cylinder_of(body)), 0)
-    y = scene.paths[body].value(response.t) - friction.gives[joint] * drive
-    grip = friction.stiffness[friction.first[joint] : friction.first[joint + 1]].sum()
+    y = scene.paths[body].value(response.t) - friction.cylinder_compliance[joint] * drive
+    grip = friction.stiffness[friction.first_pads[joint] : friction.first_pads[joint + 1]].sum()
     dissipated = (f[1:] + f[:-1]) @ np.diff(y) / 2.0 - (f[-1] ** 2 - f[0] ** 2) / (2.0 * grip)
     return {"friction": float(np.abs(f).max()), "dissipated": max(0.0, float(dissipated))}
 

@@ -61,7 +61,7 @@ def reduced_frequencies(model: ReducedModel, s: Array, count: int) -> Array:
     If fewer than `count` coordinates are free, the last columns are NaN.
     """
     system = System.of(model)
-    return Assembly(system).frequencies(system.coordinates({SLIDER: s}), count)
+    return Assembly(system).frequencies(system.side_coordinates({SLIDER: s}), count)
 
 
 def closed_form_frequencies(scene: Scene, s: Array, count: int) -> Array:
@@ -141,9 +141,9 @@ def frequency_response(
 ) -> FrequencyResponse:
     """Displacement of the tip per unit of each load over frequency, with all paths at rest.
 
-    It is what a drive or a controller meets.  Computed by `Assembly.answers` at `RESPONSE_FREQUENCIES` frequencies from
-    a tenth of the lowest natural frequency to 1.2 times the highest.  For each load the output is that displacement of
-    the tip which its static part moves most.
+    It is what a drive or a controller meets.  Computed by `Assembly.frequency_responses` at `RESPONSE_FREQUENCIES`
+    frequencies from a tenth of the lowest natural frequency to 1.2 times the highest.  For each load the output is that
+    displacement of the tip which its static part moves most.
 
     Parameters
     ----------
@@ -166,12 +166,14 @@ def frequency_response(
         allowed = f"contacts that hold both ways are allowed: {', '.join(pushing)} only push"
         raise InputError("scene", "observe.frequency_response", True, allowed)
     assembly = Assembly(system)
-    rows, natural = assembly.along(places), assembly.frequencies(places, assembly.size, c)
+    rows, natural = assembly.contact_rows_over_time(places), assembly.frequencies(places, assembly.size, c)
     names = system.output_names
     which = [k for k, name in enumerate(names) if name in tips]
     f = np.geomspace(0.1 * np.nanmin(natural), 1.2 * np.nanmax(natural), RESPONSE_FREQUENCIES)
     omega = 2.0 * np.pi * np.append(0.0, f)
-    answers = np.array([assembly.answers(rows.at(k), omega, c[k])[:, which] for k in range(len(along))])
+    answers = np.array(
+        [assembly.frequency_responses(rows.at_time(k), omega, c[k])[:, which] for k in range(len(along))]
+    )
     static = answers[:, 0].real
     furthest = np.abs(static).max(axis=0).argmax(axis=0)  # of each load, the direction in which it moves the tip
     inputs = np.arange(len(system.input_names))
@@ -223,7 +225,7 @@ class WayPoints:
 
     def sides(self, system: System) -> Array:
         """Path coordinates (S, sides) in m of the sides of all contacts of a system."""
-        return system.coordinates(dict(zip(system.paths, self.s.T, strict=True)))
+        return system.side_coordinates(dict(zip(system.paths, self.s.T, strict=True)))
 
 
 def result_paths(scene: Scene, excitation: Excitation) -> Paths:
@@ -334,7 +336,7 @@ def frequency_map(boom: Scene, system: System) -> FrequencyMap | None:
             if joint is not None and joint.follows in extensions:
                 extensions[name] = joint.offset + joint.ratio * extensions[joint.follows]
     turned = {LUFFING: np.full((MAPPED, MAPPED), steepest(boom))} if LUFFING in system.paths else {}
-    x, c = system.coordinates(extensions | turned), np.zeros((MAPPED**2, 0))
+    x, c = system.side_coordinates(extensions | turned), np.zeros((MAPPED**2, 0))
     if system.terms:
         placed = {name: np.broadcast_to(at, (MAPPED, MAPPED)).ravel() for name, at in extensions.items()}
         c = amplitudes_at_rest(boom, placed, steepest(boom))

@@ -72,9 +72,9 @@ class Motion:
             with refuse_growth(scene):
                 response = march_once(scene, system, excitation)
         assembly, kinds = Assembly(system), [kind for body in system.bodies.values() for kind in body.output_kinds]
-        frequencies, motions, along = list[Array](), list[Array](), assembly.along(x)
+        frequencies, motions, along = list[Array](), list[Array](), assembly.contact_rows_over_time(x)
         for k, amplitudes in enumerate(c):
-            omega, phi = assembly.modes(along.at(k), MODES, amplitudes)
+            omega, phi = assembly.modes(along.at_time(k), MODES, amplitudes)
             frequencies.append(omega / (2.0 * np.pi))
             shapes = assembly.outputs @ phi
             rows = ([kind in (f"beam {d}", f"tip {d}") for kind in kinds] for d in DIRECTIONS)

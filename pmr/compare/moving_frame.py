@@ -23,7 +23,7 @@ from pmr.simulation.balance import dot, mean
 from pmr.simulation.excitation import places
 from pmr.simulation.frame import term_signals
 from pmr.simulation.frame_motion import Turning
-from pmr.simulation.statics.equilibrium import Held
+from pmr.simulation.statics.equilibrium import HeldSystem
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
 from pmr.system.from_scene import system_of
@@ -211,14 +211,14 @@ def second_order_effect(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Seco
     assembly, x = Assembly(system), places(system, excitation)
     axial = [term.name for term in terms if term.of in AXIAL]
     steps = _second_order_steps(excitation)
-    rows = assembly.along(x[steps])
+    rows = assembly.contact_rows_over_time(x[steps])
     factors, shares = np.full(len(steps), np.inf), np.zeros(len(steps))
     for k, step in enumerate(steps):
         with np.errstate(divide="ignore", invalid="ignore"):  # of cylinders of no length
             c = {name: float(signal.value(excitation.times[step])) for name, signal in signals.items()}
         if not np.isfinite(list(c.values())).all():
             continue
-        held = Held(assembly, rows.at(k))
+        held = HeldSystem(assembly, rows.at_time(k))
         factors[k] = held.factors({name: c[name] for name in axial})[0]
         either = [held.factors({name: way * amount for name, amount in c.items()}) for way in (1, -1)]
         shares[k] = 1.0 / np.min(either)

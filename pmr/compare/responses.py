@@ -33,10 +33,10 @@ from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March
 from pmr.simulation.reactions import column_names, on_rows, with_forces_on_machine, with_support_reactions
 from pmr.simulation.stepping import Block, Ended, Recorder
-from pmr.system.body import SlidingBody, Trajectory, force_outputs, length_outputs, with_inertia
+from pmr.system.body import SlidingBody, Trajectory, clear_rates_without_inertia, force_outputs, length_outputs
 from pmr.system.contacts import Friction
 from pmr.system.states import BodyStates, SystemTrajectory, states_of
-from pmr.system.system import Joined, System
+from pmr.system.system import BodySystem, System
 
 if TYPE_CHECKING:
     from pmr.simulation.exudyn import ancf
@@ -276,7 +276,7 @@ def evaluate_motion(system: System, trajectory: SystemTrajectory) -> Response:
     """
     evaluation = Evaluation(system, trajectory.t, trajectory.loads)
     for block in blocks(len(trajectory.t)):
-        evaluation(block.start, trajectory.at(block))
+        evaluation(block.start, trajectory.select(block))
     return evaluation.response(Ended(trajectory.seconds, trajectory.surplus))
 
 
@@ -332,7 +332,7 @@ def _evaluate(system: System, part: SystemTrajectory) -> Response:
     with np.errstate(over="ignore", invalid="ignore"):
         kinetic = np.zeros(len(part.t))
         for name, body in system.bodies.items():
-            v = with_inertia(body, part.bodies[name].v)
+            v = clear_rates_without_inertia(body, part.bodies[name].v)
             kinetic += 0.5 * np.einsum("tn,tn->t", v, (body.M @ v.T).T)
         outputs, external = systems.displacements(system, part), -part.work
         violation = drift = np.full((len(part.t), 1), np.nan)
@@ -381,19 +381,19 @@ class MotionOutputs:
     energy: Energy
 
 
-def append_friction(response: Response, system: Joined[Any], friction: Array | None) -> Response:
+def append_friction(response: Response, system: BodySystem[Any], friction: Array | None) -> Response:
     """Append each joint's total friction force in N to the other outputs, from that of each of n pads (T, n) in N.
 
     The response is returned unchanged without friction.
     """
-    joint_friction = Friction.of(system.contacts)
+    joint_friction = Friction.from_contacts(system.contacts)
     if joint_friction is None or friction is None:
         return response
     added = [Output(friction_of(joint), "friction", joint, unit="N") for joint in joint_friction.joints]
-    return response.with_others(joint_friction.totals(friction), added)
+    return response.with_others(joint_friction.joint_totals(friction), added)
 
 
-def response_to_motion(system: Joined[Any], t: Array, motion: MotionOutputs) -> Response:
+def response_to_motion(system: BodySystem[Any], t: Array, motion: MotionOutputs) -> Response:
     """Response to any simulator's motion at the times t (T,) in s; its solver time and residuals are NaN."""
     displacements, springs, other_outputs = list[Array](), list[Array](), list[Array]()
     other_names, other_units = list[str](), list[str]()

@@ -188,8 +188,8 @@ class SteppedSystem:
             if rates:
                 sampled = outputs_of_run(self.system, run, excitation, every)
             else:
-                sampled = outputs_without_rates(self.system, run.at(slice(None, None, every)))
-            of_all = self._forces(run.at(slice(None, None, every)))
+                sampled = outputs_without_rates(self.system, run.select(slice(None, None, every)))
+            of_all = self._forces(run.select(slice(None, None, every)))
         else:
             observation = systems.observe(self._form, excitation, every=every)
             sampled = outputs_from_columns(self.system, observation.y, observation.multipliers)

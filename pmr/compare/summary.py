@@ -185,7 +185,7 @@ def utilisation_part(scene: Scene, stresses: Mapping[str, Mapping[str, Any]]) ->
     Parameters
     ----------
     stresses : mapping
-        By body, what `pmr.reduction.recovery.Recovered.summary` returns.
+        By body, what `pmr.reduction.recovery.RecoveredBody.summary` returns.
     """
     largest = dict[str, dict[str, Any]]()
     for part in scene.sections:

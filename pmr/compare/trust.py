@@ -25,7 +25,7 @@ from pmr.scene.members import members
 from pmr.scene.signals import SignalBase
 from pmr.simulation import TimeStepping
 from pmr.simulation.balance import NOTABLE, describe_surplus
-from pmr.system.system import Joined
+from pmr.system.system import BodySystem
 
 Array = NDArray[np.float64]
 
@@ -111,7 +111,7 @@ def alternation_remedy(rigid: Sequence[str]) -> str:
     return f"time.rho_inf = 0.8 or less, a smooth path or {'a stiffness in N/m' if rigid else 'a smaller step'} damp it"
 
 
-def rigid_contacts(system: Joined[Any]) -> list[str]:
+def rigid_contacts(system: BodySystem[Any]) -> list[str]:
     """Names of contacts without compliance of their own, except rigid supports.
 
     If all bodies are reduced ones with residual flexibility, only cylinders are counted: that gives way at all others.
@@ -220,7 +220,8 @@ AWAY_FROM_PROBES = "stresses away from probes"
 RIGID_REACTIONS = "reactions of rigid supports"
 #: What neither an estimate nor a full model covers where the machine's motion was found with the reduced model.
 MACHINE_MOTION = "the motion of frame.machine, which is found with the reduced model and its step"
-#: What no estimate covers with second order if a body has too many carriers (`pmr.reduced.attachment.knows_matrices`).
+#: What no estimate covers with second order if a body has too many carriers
+#: (`pmr.reduced.attachment.has_frame_matrices`).
 SECOND_ORDER_EFFECTS = "effects of axial forces and the frame on the residual part, most of all on pad forces"
 #: What no estimate covers if the vectors of a basis don't move some rows, which are left out of the model.
 ROWS_LEFT_OUT = "what the basis does not move and leaves out: {}"

@@ -21,7 +21,7 @@ Indices = NDArray[np.int64]
 AT_ONCE = 2**18
 
 
-def within_domain(s: ArrayLike, low: float, high: float, what: str) -> Array:
+def clip_to_domain(s: ArrayLike, low: float, high: float, what: str) -> Array:
     """Return `s` (any shape) in m as an array clipped to [low, high].
 
     Values beyond an end by round-off are clipped.  A ValueError that names `what` and the worst value is raised for
@@ -41,7 +41,7 @@ def evaluate(table: PPoly, s: ArrayLike, derivative: int = 0, what: str = "slide
     `shape` is that of the table's values.  A ValueError that names `what` is raised where s lies outside the table's
     breaks.
     """
-    return np.asarray(table(within_domain(s, table.x[0], table.x[-1], what), nu=derivative))
+    return np.asarray(table(clip_to_domain(s, table.x[0], table.x[-1], what), nu=derivative))
 
 
 def apply_table(table: PPoly, s: Array, x: Array, derivative: int = 0) -> Array:
@@ -52,12 +52,12 @@ def apply_table(table: PPoly, s: Array, x: Array, derivative: int = 0) -> Array:
     would do.
     """
     table = table if derivative == 0 else table.derivative(derivative)
-    s = within_domain(s, table.x[0], table.x[-1], "slider")
-    interval = _interval(table, s)
+    s = clip_to_domain(s, table.x[0], table.x[-1], "slider")
+    interval = _interval_numbers(table, s)
     return _sum_powers(table, interval, _powers(s - table.x[interval], len(table.c)), np.asarray(x, dtype=float))
 
 
-def _interval(table: PPoly, s: Array) -> Indices:
+def _interval_numbers(table: PPoly, s: Array) -> Indices:
     """Number (T,) of the table's interval in which each s (T,) lies."""
     return np.searchsorted(table.x[1:-1], s, side="right")
 
@@ -95,7 +95,7 @@ def _sum_powers(table: PPoly, interval: Indices, powers: Array, x: Array) -> Arr
     return products
 
 
-def contributions(table: PPoly) -> Array:
+def power_contributions(table: PPoly) -> Array:
     """Coefficients (p, k, ...) of p powers on k intervals, each times the interval's length to the matching power.
 
     This is the largest contribution of each power to the values on its interval, in the unit of the values.
@@ -105,7 +105,7 @@ def contributions(table: PPoly) -> Array:
     return np.asarray(table.c * size.reshape(*size.shape, *[1] * (table.c.ndim - 2)))
 
 
-def product(A: PPoly, B: PPoly, W: Array | None = None) -> PPoly:
+def multiply_tables(A: PPoly, B: PPoly, W: Array | None = None) -> PPoly:
     """Table A(s) W B(s)^T, values (m, n), of tables A (m, r) and B (n, q) on the same breaks.
 
     W is a matrix (r, q), the diagonal (r,) of a matrix, or None for the identity; in these two cases q = r.
@@ -118,7 +118,7 @@ def product(A: PPoly, B: PPoly, W: Array | None = None) -> PPoly:
     return PPoly(result, A.x)
 
 
-def times(A: PPoly, X: Array) -> PPoly:
+def multiply_matrix(A: PPoly, X: Array) -> PPoly:
     """Table A(s) X, values (m, n), for a table A with values (m, r) and a matrix X (r, n)."""
     return PPoly(np.ascontiguousarray(A.c @ X), A.x)
 
@@ -128,7 +128,7 @@ def transpose(A: PPoly) -> PPoly:
     return PPoly(np.ascontiguousarray(A.c.swapaxes(2, 3)), A.x)
 
 
-def total(A: PPoly, B: PPoly, factor: float = 1.0) -> PPoly:
+def add_tables(A: PPoly, B: PPoly, factor: float = 1.0) -> PPoly:
     """Table A(s) + factor B(s) of two tables with values of the same shape.
 
     Breaks and degrees may differ; the result has the domain of A.
@@ -137,21 +137,21 @@ def total(A: PPoly, B: PPoly, factor: float = 1.0) -> PPoly:
     return PPoly(A.c + factor * B.c, A.x)
 
 
-def columns(table: PPoly, which: slice | Sequence[int]) -> PPoly:
+def select_columns(table: PPoly, which: slice | Sequence[int]) -> PPoly:
     """Table of the columns `which` of a table with values (m, n); the table itself if these are all in their order."""
-    if _all(which, table.c.shape[3]):
+    if _selects_all(which, table.c.shape[3]):
         return table
     return PPoly(np.ascontiguousarray(table.c[..., which]), table.x)
 
 
 def select_rows(table: PPoly, which: slice | Sequence[int] | Indices) -> PPoly:
     """Table of the rows `which` of a table with values (m, n); the table itself if these are all in their order."""
-    if _all(which, table.c.shape[2]):
+    if _selects_all(which, table.c.shape[2]):
         return table
     return PPoly(np.ascontiguousarray(table.c[:, :, which]), table.x)
 
 
-def _all(which: slice | Sequence[int] | Indices, count: int) -> bool:
+def _selects_all(which: slice | Sequence[int] | Indices, count: int) -> bool:
     """Whether `which` selects all of `count` indices in their order."""
     return np.array_equal(np.arange(count)[which], np.arange(count))
 
@@ -162,7 +162,7 @@ def stack_tables(tables: Sequence[PPoly], domain: tuple[float, float]) -> PPoly:
     return PPoly(np.stack([table.c for table in common], axis=2), common[0].x)
 
 
-def side_by_side(*tables: PPoly) -> PPoly:
+def join_columns(*tables: PPoly) -> PPoly:
     """Table (m, n_1 + n_2 + ...) of the columns of all tables, with values (m, n_1), (m, n_2) and so on.
 
     It has the domain of the first table.
@@ -226,7 +226,7 @@ def interval_around(fine: Array, coarse: Array) -> NDArray[np.int64]:
 
 
 @lru_cache(maxsize=32)  # pads of a ring have the same few, at many places
-def bump(degree: int, knot: float) -> PPoly:
+def cardinal_spline(degree: int, knot: float) -> PPoly:
     r"""Centred cardinal B-spline b with knots `knot` = H apart, and with the integral H; zero outside its knots.
 
     The spline of degree 3 is C2.  At points x_k with spacing H / p the values, divided by p, satisfy for any s

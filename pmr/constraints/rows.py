@@ -16,7 +16,7 @@ between them,
 
 .. math:: C(s)\, X = b(s)\, (U X), \qquad C(s)\, Q\, C(s)^T = b(s)\, R\, b(s)^T
 
-Two rows (`Straight`) that are zero while a beam does not bend between a fixed point and a moving one.  With the row
+Two rows (`StraightRows`) that are zero while a beam does not bend between a fixed point and a moving one.  With the row
 w(x) of the beam's displacement at x, the fixed point at p and the moving one at s,
 
 .. math:: w(p) + (s - p)\, w'(p) - w(s) = 0 \qquad \text{and} \qquad (s - p)\, w'(s) - w(s) + w(p) = 0
@@ -36,7 +36,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import common_breaks, interval_around, refine_table, same_degree, within_domain
+from pmr.constraints.polynomials import clip_to_domain, common_breaks, interval_around, refine_table, same_degree
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -90,20 +90,20 @@ class Row:
 
         A ValueError is raised where s lies outside the path.
         """
-        return self._sparse(*self.on_carriers(s, derivative))
+        return self._sparse(*self.touched_weights(s, derivative))
 
     def _sparse(self, touched: Indices, entries: Array) -> sp.csr_matrix:
         """Sparse matrix (T, K) with `entries` (T, d) in the columns `touched` (T, d)."""
         ends = touched.shape[1] * np.arange(len(touched) + 1)
         return sp.csr_matrix((entries.ravel(), touched.ravel(), ends), (len(touched), self._count))
 
-    def on_carriers(self, s: ArrayLike, derivative: int) -> tuple[Indices, Array]:
+    def touched_weights(self, s: ArrayLike, derivative: int) -> tuple[Indices, Array]:
         """Numbers of the carriers that the row touches at s (T,) in m, and their weights b(s), both (T, d).
 
         With a `derivative` of 1 or more, the weights are that derivative of b.  A ValueError is raised where s lies
         outside the path.
         """
-        s = within_domain(np.atleast_1d(np.asarray(s, float)), self.breaks[0], self.breaks[-1], self.name)
+        s = clip_to_domain(np.atleast_1d(np.asarray(s, float)), self.breaks[0], self.breaks[-1], self.name)
         j = np.searchsorted(self.breaks[1:-1], s, side="right")
         return self.touched[j], self._polynomial(s, nu=derivative)
 
@@ -114,14 +114,14 @@ class Row:
         """
         return self.weights(s, derivative) @ self.carriers
 
-    def pressed(self, s: Array, force: Array, derivative: int = 0) -> sp.csr_matrix:
+    def forces_on_coordinates(self, s: Array, force: Array, derivative: int = 0) -> sp.csr_matrix:
         """Multipliers `force` (T,) times C(s), or times its derivative of that order, at s (T,) in m: sparse (T, n)."""
-        touched, b = self.on_carriers(s, derivative)
+        touched, b = self.touched_weights(s, derivative)
         return self._sparse(touched, b * force[:, None]) @ self.carriers
 
     def apply(self, s: Array, q: Array, derivative: int = 0) -> Array:
         """C(s) q (T,), or its derivative of that order times q, for s (T,) in m and coordinates q (T, n)."""
-        touched, b = self.on_carriers(s, derivative)
+        touched, b = self.touched_weights(s, derivative)
         return np.einsum("td,td->t", b, np.take_along_axis((self.carriers @ q.T).T, touched, axis=1))
 
     @property
@@ -130,15 +130,15 @@ class Row:
         return len(self.breaks) > 2 or len(self.coefficients) > 1
 
     @cached_property
-    def held(self) -> int | None:
+    def held_coordinate(self) -> int | None:
         """Number of the coordinate that the row holds at zero; None unless it is `fixed` and does only that."""
-        if not self.fixed:
+        if not self.is_fixed:
             return None
         C = self.at(self.breaks[0])
         return int(C.indices[0]) if C.nnz == 1 and C.data[0] == 1.0 else None
 
     @property
-    def fixed(self) -> bool:
+    def is_fixed(self) -> bool:
         """Whether the row is rigid, holds both ways and does not depend on s; a basis may satisfy it exactly."""
         return self.compliance == 0.0 and self.clearance is None and not self.moves
 
@@ -151,7 +151,7 @@ class Row:
         measured = self.carriers[:, first : first + len(V)] @ V
         return PPoly(np.einsum("pkd,kdr->pkr", self.coefficients, measured[self.touched]), self.breaks)
 
-    def refined(self, breaks: Array) -> Row:
+    def refine(self, breaks: Array) -> Row:
         """Return this row on finer `breaks`, which have to hold all breaks of the row within their range: exact."""
         if np.array_equal(breaks, self.breaks):
             return self
@@ -171,7 +171,7 @@ def row_on_coordinates(name: str, breaks: Array, dofs: ArrayLike, coefficients: 
     return Row(name, breaks, carriers, touched.reshape(dofs.shape), coefficients)
 
 
-def gather(touching: Indices, n: int, k: int) -> tuple[Indices, Indices, Indices]:
+def columns_by_interval(touching: Indices, n: int, k: int) -> tuple[Indices, Indices, Indices]:
     """Columns that each of k intervals touches, out of n, from codes ``interval * n + column`` in any order.
 
     Returned are the codes that occur, once each and ascending; the index of each among those of its interval; and the
@@ -196,7 +196,7 @@ def dense_entries(entries: sp.csr_matrix, powers: int) -> tuple[Indices, Array]:
     every = every.tocoo()
     k = height // powers
     touching = (every.row % k).astype(np.int64) * n + every.col
-    different, place, touched = gather(touching, n, k)
+    different, place, touched = columns_by_interval(touching, n, k)
     coefficients = np.zeros((powers, *touched.shape))
     coefficients[every.row // k, every.row % k, place[np.searchsorted(different, touching)]] = every.data
     return touched, coefficients
@@ -210,7 +210,7 @@ def fixed_row(name: str, carrier: sp.csr_matrix, domain: tuple[float, float]) ->
     return Row(name, np.array(domain, float), sp.csr_matrix(carrier), np.zeros((1, 1), np.int64), np.ones((1, 1, 1)))
 
 
-def carrier(dofs: ArrayLike, entries: ArrayLike, size: int) -> sp.csr_matrix:
+def sparse_row(dofs: ArrayLike, entries: ArrayLike, size: int) -> sp.csr_matrix:
     """Sparse row (1, size) with the `entries` at the coordinates with the numbers `dofs`."""
     columns, values = np.atleast_1d(np.asarray(dofs, np.int64)), np.atleast_1d(np.asarray(entries, float))
     return sp.csr_matrix((values, (np.zeros(len(columns), np.int64), columns)), (1, size))
@@ -239,7 +239,7 @@ class Rows:
         return np.array([np.nan if row.clearance is None else row.clearance for row in self.rows])
 
     @property
-    def moving(self) -> list[int]:
+    def moving_numbers(self) -> list[int]:
         """Numbers of the rows that depend on s: the sliders."""
         return [i for i, row in enumerate(self.rows) if row.moves]
 
@@ -252,29 +252,29 @@ class Rows:
         """C(s) at one s in m, or its derivative of that order with respect to s: sparse (m, n)."""
         if not self.rows:
             return sp.csr_matrix((0, self.size))
-        touched, entries = zip(*(row.on_carriers(s, derivative) for row in self.shared.rows), strict=True)
+        touched, entries = zip(*(row.touched_weights(s, derivative) for row in self.shared_carriers.rows), strict=True)
         ends = np.cumsum([0, *(part.size for part in touched)])
         weights = np.concatenate(entries, axis=None), np.concatenate(touched, axis=None), ends
-        U = self.shared.carriers
+        U = self.shared_carriers.carriers
         return sp.csr_matrix(weights, (len(self.rows), U.shape[0])) @ U
 
     @property
-    def held(self) -> dict[int, int]:
-        """Number of the coordinate that each support on a node holds, by the number of the row (see `Row.held`)."""
-        return {i: row.held for i, row in enumerate(self.rows) if row.held is not None}
+    def held_coordinates(self) -> dict[int, int]:
+        """Number of the coordinate that each support on a node holds, by the row's number (`Row.held_coordinate`)."""
+        return {i: row.held_coordinate for i, row in enumerate(self.rows) if row.held_coordinate is not None}
 
     @property
     def fixed(self) -> list[int]:
         """Numbers of the rows that are rigid, hold both ways and do not depend on s: supports, and pads that stay."""
-        return [i for i, row in enumerate(self.rows) if row.fixed]
+        return [i for i, row in enumerate(self.rows) if row.is_fixed]
 
     @property
-    def lasting(self) -> tuple[str, ...]:
+    def fixed_combinations(self) -> tuple[str, ...]:
         """Names of the `fixed` rows that combine several coordinates."""
-        return tuple(row.name for row in self.rows if row.fixed and row.held is None)
+        return tuple(row.name for row in self.rows if row.is_fixed and row.held_coordinate is None)
 
     @cached_property
-    def shared(self) -> SharedCarriers:
+    def shared_carriers(self) -> SharedCarriers:
         """These rows on common carriers."""
         return _shared_carriers(self.rows, self.size)
 
@@ -291,13 +291,13 @@ class SharedCarriers:
         """Row with that number, under that name."""
         return replace(self.rows[number], name=name)
 
-    def refined(self, breaks: Array) -> SharedCarriers:
+    def refine(self, breaks: Array) -> SharedCarriers:
         """Return all rows on common `breaks`, which have to hold all breaks of each row within their range: exact."""
-        return replace(self, rows=tuple(row.refined(breaks) for row in self.rows))
+        return replace(self, rows=tuple(row.refine(breaks) for row in self.rows))
 
-    def aligned(self, domain: tuple[float, float]) -> SharedCarriers:
+    def align_breaks(self, domain: tuple[float, float]) -> SharedCarriers:
         """Return all rows on the union of their breaks within `domain` (m), as needed for a single table."""
-        return self.refined(common_breaks([row._polynomial for row in self.rows], domain))
+        return self.refine(common_breaks([row._polynomial for row in self.rows], domain))
 
 
 def _shared_carriers(rows: Sequence[Row], size: int) -> SharedCarriers:
@@ -317,10 +317,10 @@ def _shared_carriers(rows: Sequence[Row], size: int) -> SharedCarriers:
     coordinates = np.unique(U.indices)
     if 2 * len(coordinates) >= U.shape[0]:  # mirror images among the carriers of a mesh may be worth as much
         return SharedCarriers(U, tuple(on_common))
-    return _single(on_common, coordinates)
+    return _on_single_coordinates(on_common, coordinates)
 
 
-def _single(rows: Sequence[Row], coordinates: Indices) -> SharedCarriers:
+def _on_single_coordinates(rows: Sequence[Row], coordinates: Indices) -> SharedCarriers:
     """Rows on the single coordinates with these ascending numbers, from rows on common carriers.
 
     These are all coordinates that the common carriers touch.
@@ -347,12 +347,12 @@ class RowPolynomials:
     coefficients: Array  # (m, powers, k, w): highest power first
 
     @classmethod
-    def of(cls, rows: Sequence[Row]) -> RowPolynomials:
+    def from_rows(cls, rows: Sequence[Row]) -> RowPolynomials:
         """Polynomials of rows that have their carriers and breaks in common."""
         degree = same_degree(*(row.coefficients for row in rows))
         n, interval = rows[0].carriers.shape[0], np.arange(len(rows[0].breaks) - 1)
         touching = [interval[:, None] * n + row.touched for row in rows]
-        different, place, touched = gather(np.concatenate(touching, axis=None), n, len(interval))
+        different, place, touched = columns_by_interval(np.concatenate(touching, axis=None), n, len(interval))
         coefficients = np.zeros((len(rows), len(degree[0]), *touched.shape))
         for of_row, c, numbers in zip(coefficients, degree, touching, strict=True):
             at = place[np.searchsorted(different, numbers)]
@@ -392,7 +392,7 @@ def _entries_between(R: sp.csr_matrix | Array, touched: Indices) -> Array:
 
 
 @dataclass(frozen=True)
-class Straight:
+class StraightRows:
     """Two rows, called `names`, that hold a planar beam straight between the point at `end` (m) and a moving one."""
 
     end: float

@@ -119,8 +119,8 @@ def write_frequency_response(npz_path: Path, target: Path, options: Options) -> 
     natural = space.natural
     lowest = natural[natural > FREE * natural.max()].min()
     f = np.geomspace(0.1 * lowest, 1.2 * natural.max(), FREQUENCIES) / (2.0 * np.pi)
-    rows = assembly.along(np.atleast_2d(system.coordinates(s)))
-    answers = [assembly.answers(rows.at(k), 2.0 * np.pi * f)[:, output] for k in range(len(space.s))]
+    rows = assembly.contact_rows_over_time(np.atleast_2d(system.side_coordinates(s)))
+    answers = [assembly.frequency_responses(rows.at_time(k), 2.0 * np.pi * f)[:, output] for k in range(len(space.s))]
     response = np.array(answers)
     with replacement(target) as part:
         part.write_text(_table(space, f, response, space.outputs[output]), encoding="utf-8")

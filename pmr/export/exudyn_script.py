@@ -93,11 +93,11 @@ def script_data(system: System, source: str) -> Arrays:
         "time": np.array([excitation.stepping.end, excitation.stepping.step, excitation.stepping.rho_inf]),
         "parts": contact_step.parts(omega, excitation.stepping) if omega else 1,
         "start": start,
-        "ends": np.cumsum([len(free) for free in assembly.free.values()]),
+        "ends": np.cumsum([len(free) for free in assembly.free_coordinates.values()]),
         **{name: getattr(assembly, name).toarray() for name in ("M", "D", "K", "B", "outputs")},
         "W": assembly.direct,
         "clearance": system.clearance,
-        "rigid": assembly.at(x[0]).rigid,
+        "rigid": assembly.contact_rows(x[0]).rigid,
         **(_tables(system, x[0]) if ALONE in system.bodies else _sides(system, assembly, x[0])),
         **_signals(scene, system, source),
         **_tip(system, source),
@@ -154,7 +154,7 @@ def _tables(system: System, x: Array) -> Arrays:
     (body,) = system.reduced.values()
     numbers = [body.row_names.index(side.place.row) for side in system.sides]
     m, i, o = len(numbers), len(body.input_names), len(body.output_positions)
-    arrays, compliance, residual = dict[str, Array](), system.gives(x), body.flexibility
+    arrays, compliance, residual = dict[str, Array](), system.contact_compliance(x), body.flexibility
     arrays["C"], arrays["C.breaks"] = body.rows.c[:, :, numbers], body.rows.x
     shapes = {"F": (m, m), "H": (m, i), "X": (o, m)}
     for name, shape in shapes.items():
@@ -176,7 +176,7 @@ def _sides(system: System, assembly: Assembly, x: Array) -> Arrays:
     """Rows of the sides of contacts, and responses of their bodies to forces on carriers."""
     paths, names = list(system.paths), list(system.bodies)
     arrays: Arrays = {
-        "compliance": system.gives(x),
+        "compliance": system.contact_compliance(x),
         "sides.contact": np.array([side.contact for side in system.sides]),
         "sides.body": np.array([names.index(side.place.body) for side in system.sides]),
         "sides.path": np.array([-1 if (p := side.place.path) is None else paths.index(p) for side in system.sides]),
@@ -193,8 +193,8 @@ def _sides(system: System, assembly: Assembly, x: Array) -> Arrays:
         values, flex = body.carriers.values, body.carriers.flexibility
         K = len(values)
         V, R, H, X = np.zeros((K, n)), np.zeros((K, K)), np.zeros((K, i)), np.zeros((o, K))
-        V[:, assembly.coordinates[name]] = values[:, assembly.free[name]]
+        V[:, assembly.coordinate_slices[name]] = values[:, assembly.free_coordinates[name]]
         if flex is not None:
-            R, H[:, assembly.inputs[name]], X[assembly.observed[name]] = flex.rows, flex.inputs, flex.outputs
+            R, H[:, assembly.input_slices[name]], X[assembly.output_slices[name]] = flex.rows, flex.inputs, flex.outputs
         arrays |= {f"bodies.{k}.V": V, f"bodies.{k}.R": R, f"bodies.{k}.H": H, f"bodies.{k}.X": X}
     return arrays

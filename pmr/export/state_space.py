@@ -27,7 +27,7 @@ from pmr.errors import InputError, SimulationError
 from pmr.export.formats import Options
 from pmr.files.whole import replacement
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.soundness import symmetric
+from pmr.reduced.soundness import symmetric_part
 from pmr.scene.built import force_of
 from pmr.scene.keys import ALONE, LUFFING_CYLINDER, SLIDER
 from pmr.simulation.modal import diagonalise, modal_damping
@@ -86,11 +86,11 @@ def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> Stat
     """
     _refuse(system, source)
     assembly = Assembly(system)
-    rows = assembly.along(np.atleast_2d(system.coordinates(s)))
+    rows = assembly.contact_rows_over_time(np.atleast_2d(system.side_coordinates(s)))
     firm = np.all(rows.F == 0.0, axis=(0, 2))
     X, omega2 = _modes(system, assembly, rows.C[:, firm], firm, source)
     places = np.column_stack([np.empty((len(rows.C), 0)), *(np.broadcast_to(s[p], len(rows.C)) for p in system.paths)])
-    spaces = [_Held.at(assembly, rows.at(k), firm, X, omega2, p) for k, p in enumerate(places)]
+    spaces = [_Held.at(assembly, rows.at_time(k), firm, X, omega2, p) for k, p in enumerate(places)]
     r = len(omega2)
     A = np.zeros((len(spaces), 2 * r, 2 * r))
     A[:, :r, r:], A[:, r:, r:] = np.eye(r), -_damping(system, assembly, X, omega2)
@@ -142,7 +142,7 @@ def _damping(system: System, assembly: Assembly, X: Array, omega2: Array) -> Arr
     laws = {body.rayleigh for body in system.bodies.values()}
     common = laws.pop() if len(laws) == 1 else None
     M, D, K = (A.toarray() for A in (assembly.M, assembly.D, assembly.K))
-    return symmetric(
+    return symmetric_part(
         modal_damping(D, D if common is None else D - common.alpha * M - common.beta * K, omega2, X, common)
     )
 
@@ -167,7 +167,7 @@ class _Held:
 
         X (n, r) and `omega2` (r,) are its modes; s (P,) are path coordinates, for messages.
         """
-        soft, r, B = rows.of(~firm), len(omega2), assembly.B.toarray()
+        soft, r, B = rows.select(~firm), len(omega2), assembly.B.toarray()
         _check_apart(assembly.system, soft.F, firm, s)
         C = soft.C @ X
         answers = np.linalg.solve(soft.F, np.hstack([C, soft.H]))

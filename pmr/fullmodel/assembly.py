@@ -92,7 +92,7 @@ class Assembler:
 
         Collective.
         """
-        rows = _rows(assemble(form))
+        rows = _local_rows(assemble(form))
         if not zeros:
             rows.matrix.eliminate_zeros()
         matrix, T = reorder_rows(rows, self._order, self.comm), self.model.transformation
@@ -104,7 +104,7 @@ class Assembler:
         free_objects(P)
         return matrix
 
-    def function(self, q: Array) -> Any:
+    def displacement_function(self, q: Array) -> Any:
         """Function on the space with the model's coordinates q (n,), the same on every rank; collective.
 
         The model must have no `transformation`.
@@ -136,25 +136,25 @@ def model_order(model: FiniteElementModel, space: Any) -> Indices:
 
 
 @dataclass(frozen=True)
-class Rows:
+class MatrixRows:
     """Some rows of a matrix (N, N) on one rank: their numbers (n,) and entries (n, N)."""
 
     numbers: Indices
     matrix: sp.csr_matrix
 
-    def taken(self, which: Indices) -> Rows:
+    def select(self, which: Indices) -> MatrixRows:
         """The rows at the positions `which`, in that order."""
-        return Rows(self.numbers[which], self.matrix[which])
+        return MatrixRows(self.numbers[which], self.matrix[which])
 
 
-def _rows(A: PETSc.Mat) -> Rows:
+def _local_rows(A: PETSc.Mat) -> MatrixRows:
     """Rows of A that this rank owns; frees A."""
-    rows = Rows(np.arange(*A.getOwnershipRange()), local_csr(A))
+    rows = MatrixRows(np.arange(*A.getOwnershipRange()), local_csr(A))
     free_objects(A)
     return rows
 
 
-def reorder_rows(rows: Rows, order: Indices, comm: MPI.Comm) -> PETSc.Mat:
+def reorder_rows(rows: MatrixRows, order: Indices, comm: MPI.Comm) -> PETSc.Mat:
     """Matrix with rows and columns in the model's order, in consecutive shares of about equal size; collective.
 
     `rows` are this rank's in PETSc's order; `order` (N,) is PETSc's index of each of the model's coordinates, from
@@ -162,7 +162,7 @@ def reorder_rows(rows: Rows, order: Indices, comm: MPI.Comm) -> PETSc.Mat:
     """
     number = np.empty(len(order), PETSc.IntType)
     number[order] = np.arange(len(order), dtype=number.dtype)
-    share_of_rank = _exchange_rows(Rows(number[rows.numbers], rows.matrix), comm).matrix
+    share_of_rank = _exchange_rows(MatrixRows(number[rows.numbers], rows.matrix), comm).matrix
     share_of_rank.indices[:] = number[share_of_rank.indices]
     share_of_rank.has_sorted_indices = False
     share_of_rank.sort_indices()
@@ -174,21 +174,21 @@ def reorder_rows(rows: Rows, order: Indices, comm: MPI.Comm) -> PETSc.Mat:
     return result
 
 
-def _exchange_rows(rows: Rows, comm: MPI.Comm) -> Rows:
+def _exchange_rows(rows: MatrixRows, comm: MPI.Comm) -> MatrixRows:
     """Send rows to the ranks whose shares they are in; returns the rows of this rank's share, ascending.
 
     Collective.
     """
     ends = np.arange(1, comm.size + 1) * rows.matrix.shape[1] // comm.size
     owner = np.searchsorted(ends, rows.numbers, side="right")
-    sent = [rows.taken(np.flatnonzero(owner == rank)) if rank != comm.rank else None for rank in range(comm.size)]
+    sent = [rows.select(np.flatnonzero(owner == rank)) if rank != comm.rank else None for rank in range(comm.size)]
     received = [part for part in comm.alltoall(sent) if part is not None]
     if received:
         owner = np.concatenate([owner, *(np.full(len(part.numbers), comm.rank) for part in received)])
         numbers = np.concatenate([rows.numbers, *(part.numbers for part in received)])
-        rows = Rows(numbers, sp.vstack([rows.matrix, *(part.matrix for part in received)], "csr"))
+        rows = MatrixRows(numbers, sp.vstack([rows.matrix, *(part.matrix for part in received)], "csr"))
     owned = np.flatnonzero(owner == comm.rank)
-    return rows.taken(owned[np.argsort(rows.numbers[owned])])
+    return rows.select(owned[np.argsort(rows.numbers[owned])])
 
 
 def project_matrix(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:

@@ -49,36 +49,36 @@ AXES = "xyz"
 
 
 @dataclass(frozen=True)
-class Free:
+class FreeMotions:
     """Free rigid motions in words, at the position with most of them; both texts are empty if there are none.
 
     `said` names all of them, `short` is a clause about the first one.
     """
 
-    said: str = ""  # "fly free to move along x at t = 2 s"
-    short: str = ""  # "fly can move along x"
+    sentence: str = ""  # "fly free to move along x at t = 2 s"
+    clause: str = ""  # "fly can move along x"
 
 
 @dataclass(frozen=True)
-class Way:
+class CheckedPositions:
     """The T positions at which a system is checked for free motions."""
 
     s: Mapping[str, Array]  # path coordinates (T,) m
-    ahead: Mapping[str, Array]  # (T,) m: by body, the distance of its tail ahead of the base's
-    said: Sequence[str]  # each position in words
+    tails: Mapping[str, Array]  # (T,) m: by body, the distance of its tail ahead of the base's
+    labels: Sequence[str]  # each position in words
 
 
 @dataclass(frozen=True)
-class Body:
+class RigidBody:
     """A body's six rigid motions as its rows measure them; columns of motions that its model lacks are zero."""
 
-    on_carriers: Array  # (K, 6): measures of the K carriers of its rows
-    terms: Array  # (K, 6): the same with absolute values of all factors; round-off is a share of it
-    held: Array  # (h, 6): measures that always hold it: clamps, springs, missing directions
+    carrier_motions: Array  # (K, 6): measures of the K carriers of its rows
+    carrier_sizes: Array  # (K, 6): the same with absolute values of all factors; round-off is a share of it
+    held_motions: Array  # (h, 6): measures that always hold it: clamps, springs, missing directions
     reach: float  # m: largest displacement of a coordinate under a unit rotation
 
     @classmethod
-    def of(cls, model: FullModel, structural: StructuralModel) -> Body:
+    def from_model(cls, model: FullModel, structural: StructuralModel) -> RigidBody:
         """Measure the rigid motions of a full model; collective.
 
         Raises a `ValueError` if the model does not know its rigid motions.
@@ -90,14 +90,14 @@ class Body:
         numbers = [DIRECTIONS.index(direction) for direction in structural.directions]
         space = np.eye(6)[numbers]
         missing = np.delete(np.eye(6), numbers, axis=0)
-        held = [model.rigid.held @ space, missing]
+        held = [model.rigid.held_measures @ space, missing]
         turning = np.array([direction.startswith("r") for direction in structural.directions])
         reach = float(np.max(comm.allgather(np.abs(R[:, turning]).max(initial=0.0))))
         measured, terms = (np.asarray(comm.allreduce(part)) @ space for part in (U @ R, abs(U) @ np.abs(R)))
-        return cls(measured, terms, _fewest(np.vstack(held), reach), reach)
+        return cls(measured, terms, _span_rows(np.vstack(held), reach), reach)
 
 
-def _fewest(rows: Array, reach: float) -> Array:
+def _span_rows(rows: Array, reach: float) -> Array:
     """At most six rows (h, 6) with the same span as `rows` (any number, 6): a clamp of many points holds six motions.
 
     `reach` in m scales rotations to displacements.
@@ -109,33 +109,38 @@ def _fewest(rows: Array, reach: float) -> Array:
     return np.asarray(triangle[np.linalg.norm(triangle, axis=1) > ROUND_OFF] * scale)
 
 
-def freedoms(system: FullSystem, structural: Mapping[str, StructuralModel], way: Way) -> list[dict[str, Array]]:
+def free_motions(
+    system: FullSystem, structural: Mapping[str, StructuralModel], way: CheckedPositions
+) -> list[dict[str, Array]]:
     """Free motions at each position of `way`: of each body (6, f), relative to the body that carries it.  Collective.
 
     Bodies without a free motion are left out.
     """
-    bodies = {name: Body.of(model, structural[name]) for name, model in system.bodies.items()}
-    shifts = {name: _shifts(ahead) for name, ahead in way.ahead.items()}
+    bodies = {name: RigidBody.from_model(model, structural[name]) for name, model in system.bodies.items()}
+    shifts = {name: _shifts(ahead) for name, ahead in way.tails.items()}
     scale = np.ones(6)
-    scale[3:] = max(float(np.max(way.ahead[name])) + body.reach for name, body in bodies.items())
+    scale[3:] = max(float(np.max(way.tails[name])) + body.reach for name, body in bodies.items())
     rows = np.concatenate([_contacts(system, bodies, way, shifts), *_supports(bodies, shifts)], axis=1) / np.tile(
         scale, len(bodies)
     )
     size = np.linalg.norm(rows, axis=2, keepdims=True)
     rows = np.divide(rows, size, out=np.zeros_like(rows), where=size > 0.0)
     relative = np.kron(np.tril(np.ones((len(bodies), len(bodies)))), np.eye(6))  # m of d
-    return [_split(_null_space(at @ relative), tuple(bodies), scale) for at in rows]
+    return [_distribute_motions(_null_space(at @ relative), tuple(bodies), scale) for at in rows]
 
 
-def words(system: FullSystem, structural: Mapping[str, StructuralModel], way: Way) -> Free:
+def describe_free_motions(
+    system: FullSystem, structural: Mapping[str, StructuralModel], way: CheckedPositions
+) -> FreeMotions:
     """Describe in words the free motions at the position of `way` with most of them; collective."""
     by_position = [
-        {name: describe_motions(motions) for name, motions in at.items()} for at in freedoms(system, structural, way)
+        {name: describe_motions(motions) for name, motions in at.items()}
+        for at in free_motions(system, structural, way)
     ]
     counts = [sum(map(len, at.values())) for at in by_position]
     most, last = int(np.argmax(counts)), list(system.bodies)[-1]
     if not counts[most]:
-        return Free()
+        return FreeMotions()
     sentence = "; ".join(
         f"{'the body' if name == ALONE else name if name == last else f'{name} with what it carries'} free to "
         + ", ".join(motions)
@@ -147,30 +152,36 @@ def words(system: FullSystem, structural: Mapping[str, StructuralModel], way: Wa
     who = "it" if names == [ALONE] else " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
     further = counts[most] - len(names)
     more = f", and in {further} more way{'s' if further > 1 else ''}" if further else ""
-    return Free(sentence if always else f"{sentence} {way.said[most]}", f"{who} can {first}{more}")
+    return FreeMotions(sentence if always else f"{sentence} {way.labels[most]}", f"{who} can {first}{more}")
 
 
-def _contacts(system: FullSystem, bodies: Mapping[str, Body], way: Way, shifts: Mapping[str, Array]) -> Array:
+def _contacts(
+    system: FullSystem, bodies: Mapping[str, RigidBody], way: CheckedPositions, shifts: Mapping[str, Array]
+) -> Array:
     """Measures (T, m, 6 b) of the m contacts for the rigid motions of b bodies; rows that are round-off are zero."""
-    names, x = list(bodies), system.coordinates(way.s)
-    rows, terms = np.zeros((2, len(way.said), len(system.contacts), 6 * len(names)))
+    names, x = list(bodies), system.side_coordinates(way.s)
+    rows, terms = np.zeros((2, len(way.labels), len(system.contacts), 6 * len(names)))
     for side, row, at in zip(system.sides, system.side_rows, x.T, strict=True):
         name = side.place.body
         motions_of_body, weights = slice(6 * names.index(name), 6 * names.index(name) + 6), row.weights(at)
-        rows[:, side.contact, motions_of_body] = side.sign * _times(weights @ bodies[name].on_carriers, shifts[name])
-        terms[:, side.contact, motions_of_body] = _times(abs(weights) @ bodies[name].terms, np.abs(shifts[name]))
+        rows[:, side.contact, motions_of_body] = side.sign * _multiply_each(
+            weights @ bodies[name].carrier_motions, shifts[name]
+        )
+        terms[:, side.contact, motions_of_body] = _multiply_each(
+            abs(weights) @ bodies[name].carrier_sizes, np.abs(shifts[name])
+        )
     counts = np.linalg.norm(rows, axis=2) > ROUND_OFF * np.linalg.norm(terms, axis=2)
     return rows * counts[:, :, None]
 
 
-def _supports(bodies: Mapping[str, Body], shifts: Mapping[str, Array]) -> Iterator[Array]:
+def _supports(bodies: Mapping[str, RigidBody], shifts: Mapping[str, Array]) -> Iterator[Array]:
     """Yield for each body the measures (T, h, 6 b) of what always holds it, for the rigid motions of b bodies."""
     for k, (name, body) in enumerate(bodies.items()):
-        rows = np.einsum("hk,tkl->thl", body.held, shifts[name])
+        rows = np.einsum("hk,tkl->thl", body.held_motions, shifts[name])
         yield np.pad(rows, ((0, 0), (0, 0), (6 * k, 6 * (len(bodies) - k - 1))))
 
 
-def _times(rows: Array, shifts: Array) -> Array:
+def _multiply_each(rows: Array, shifts: Array) -> Array:
     """Products (T, 6) of rows (T, 6) with matrices (T, 6, 6)."""
     return np.asarray(np.einsum("tk,tkl->tl", rows, shifts))
 
@@ -182,7 +193,7 @@ def _shifts(ahead: Array) -> Array:
     return A
 
 
-def _split(free: Array, names: tuple[str, ...], scale: Array) -> dict[str, Array]:
+def _distribute_motions(free: Array, names: tuple[str, ...], scale: Array) -> dict[str, Array]:
     """Distribute orthonormal motions `free` (6 b, f): each goes to the first of the b bodies that moves in it.
 
     Returns for each body that has any its motions (6, f_b) relative to the body that carries it, divided by `scale`.
@@ -250,7 +261,7 @@ def _place(at: Array) -> str:
     return "({}) m".format(", ".join(f"{c + 0.0:.4g}" for c in np.round(at, 6)))
 
 
-def wanted_matrices(scene: Scene) -> tuple[str, ...]:
+def needed_matrices(scene: Scene) -> tuple[str, ...]:
     """Names in `ROTATING`, `CARRIED` and `STATES` of `pmr.reduced.matrices` of the matrices that a scene needs.
 
     Only these are assembled.  Without second order, the geometric stiffness matrices are still among them: they tell
@@ -266,14 +277,14 @@ PLACES = 33
 
 
 @dataclass(frozen=True)
-class Built:
+class AssembledBody:
     """A body's full model and the structure that it was assembled from."""
 
     model: FullModel
     structure: Structure
 
 
-def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
+def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> AssembledBody:
     """Assemble the full model of a scene with one body on `comm`; raises as `build_bodies`, and for several bodies."""
     scene.alone  # noqa: B018 - refuses others
     return build_bodies(scene, comm)[ALONE]
@@ -284,14 +295,14 @@ def full_model(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
     return build_and_warn(scene, comm).model
 
 
-def build_and_warn(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
+def build_and_warn(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> AssembledBody:
     """Assemble a scene's full model as `build` does, and log its warnings."""
     built = build(scene, comm)
     log_warnings([built], comm)
     return built
 
 
-def log_warnings(built: Iterable[Built], comm: MPI.Comm) -> None:
+def log_warnings(built: Iterable[AssembledBody], comm: MPI.Comm) -> None:
     """Log the warnings of the bodies' structures on rank 0, each text once."""
     messages = dict.fromkeys(message for model in built for message in warnings(model.structure))
     for message in messages if comm.rank == 0 else ():
@@ -315,8 +326,8 @@ def warnings(structure: Structure) -> list[str]:
     ]
 
 
-def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, Built]:
-    """Assemble the full models of all bodies of a scene, by name; bodies that are equal share one `Built`.  Collective.
+def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, AssembledBody]:
+    """Assemble the full models of all bodies of a scene, by name; equal bodies share one `AssembledBody`.  Collective.
 
     Raises an `InputError` if a body's model is still ``auto``, a mesh can't be read or drawn, or something attached
     does not fit the mesh; a `NotHeldError` if a rigid motion is free and the scene does not allow it.
@@ -324,51 +335,53 @@ def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, 
     for member in filter(is_undecided, members(scene)):
         allowed = "a model by its name is allowed here: pmr.run and pmr.reduce measure which one will do"
         raise InputError("scene", scene.key_of(member.number, "body.model"), "auto", allowed)
-    by_content, bodies = dict[tuple[str, str], Built](), dict[str, Built]()
-    matrices = wanted_matrices(scene)
+    by_content, bodies = dict[tuple[str, str], AssembledBody](), dict[str, AssembledBody]()
+    matrices = needed_matrices(scene)
     for name, member in zip(scene.names, members(scene), strict=True):
         key = member.content, model_of(member)
         if key not in by_content:
             try:
                 structure = replace(structure_of(member, comm), matrices=matrices)
-                by_content[key] = Built(structural_model(structure, comm), structure)
+                by_content[key] = AssembledBody(structural_model(structure, comm), structure)
             except InputError as error:
                 raise error.called(scene.key_of(member.number, error.key)) from None
         bodies[name] = by_content[key]
-    if scene.free_motions == "refused" and (free := _free(scene, bodies)).said:
-        allowed = f"{_without_limit(bodies, free)}; a support that holds it is needed, or 'allowed'"
-        raise NotHeldError("scene", "free_motions", scene.free_motions, allowed, free.short)
+    if scene.free_motions == "refused" and (free := _find_free_motions(scene, bodies)).sentence:
+        allowed = f"{_free_motion_sentence(bodies, free)}; a support that holds it is needed, or 'allowed'"
+        raise NotHeldError("scene", "free_motions", scene.free_motions, allowed, free.clause)
     return bodies
 
 
-def models_of(built: Mapping[str, Built]) -> dict[str, FullModel]:
+def models_of(built: Mapping[str, AssembledBody]) -> dict[str, FullModel]:
     """Full models of bodies, by name."""
     return {name: body.model for name, body in built.items()}
 
 
-def left_free(scene: Scene, built: Mapping[str, Built]) -> list[str]:
+def free_motion_warnings(scene: Scene, built: Mapping[str, AssembledBody]) -> list[str]:
     """Return one line that names the rigid motions that nothing resists, or an empty list; collective.
 
     The line is about the position on the scene's way that has most of them.
     """
-    free = _free(scene, built)
-    return [_without_limit(built, free)] if free.said else []
+    free = _find_free_motions(scene, built)
+    return [_free_motion_sentence(built, free)] if free.sentence else []
 
 
-def _without_limit(built: Mapping[str, Built], free: Free) -> str:
+def _free_motion_sentence(built: Mapping[str, AssembledBody], free: FreeMotions) -> str:
     """Sentence that names the motions which the supports and pads of the bodies leave free."""
     holds = "supports and pads" if ALONE in built else "supports, pads and cylinders"
-    return f"{holds} leave {free.said}: loads along that move it without limit"
+    return f"{holds} leave {free.sentence}: loads along that move it without limit"
 
 
-def _free(scene: Scene, built: Mapping[str, Built]) -> Free:
+def _find_free_motions(scene: Scene, built: Mapping[str, AssembledBody]) -> FreeMotions:
     """Find the free rigid motions of a scene's bodies, with supports as contacts; collective."""
     models = models_of(built)
     system = FullSystem(models, contacts_of(scene, models)).with_supports()
-    return words(system, {name: body.structure.model for name, body in built.items()}, _way(scene))
+    return describe_free_motions(
+        system, {name: body.structure.model for name, body in built.items()}, _checked_positions(scene)
+    )
 
 
-def _way(scene: Scene) -> Way:
+def _checked_positions(scene: Scene) -> CheckedPositions:
     """Positions at which free motions are looked for.
 
     A single body is checked at `PLACES` path coordinates, several bodies at `PLACES` times and at the breaks of the
@@ -376,10 +389,10 @@ def _way(scene: Scene) -> Way:
     """
     if ALONE in scene.bodies:
         along = np.linspace(*scene.travel, PLACES)
-        return Way({SLIDER: along}, {ALONE: np.zeros(PLACES)}, [f"with s at {at:.4g} m" for at in along])
+        return CheckedPositions({SLIDER: along}, {ALONE: np.zeros(PLACES)}, [f"with s at {at:.4g} m" for at in along])
     end, breaks = scene.time.end, [t for path in scene.driven_paths.values() for t in path.breaks]
     t = np.unique(np.clip([*np.linspace(0.0, end, PLACES), *breaks], 0.0, end))
     s = {name: path.value(t) for name, path in scene.paths.items()}
     tails = accumulate(s.values(), np.add, initial=np.zeros(len(t)))
     s_of_all = {name: path.value(t) for name, path in scene.driven_paths.items()}
-    return Way(s_of_all, dict(zip(scene.names, tails, strict=True)), [f"at t = {at:.4g} s" for at in t])
+    return CheckedPositions(s_of_all, dict(zip(scene.names, tails, strict=True)), [f"at t = {at:.4g} s" for at in t])

@@ -22,7 +22,16 @@ from pmr.fem.compat import HAS_PETSC, PETSc
 from pmr.fem.distributed import free_objects, gather, inner, sparse, subtract, times
 from pmr.fem.factor import cholesky, factor_of
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.modes import BLOCK, Modes, are_clustered, check_count, finish_modes, largest, lowest_of, solve_modes
+from pmr.fullmodel.modes import (
+    BLOCK,
+    Modes,
+    are_clustered,
+    check_count,
+    finish_modes,
+    largest_eigenpairs,
+    lowest_mode_solver,
+    solve_modes,
+)
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -48,7 +57,7 @@ class Elimination:
 
     size: int
     pivots: Indices
-    others: Indices
+    coupled: Indices
     factors: Array
 
     @property
@@ -56,44 +65,44 @@ class Elimination:
         """Numbers (n - c,) of the free coordinates, ascending."""
         return np.setdiff1d(np.arange(self.size), self.pivots)
 
-    def matrix(self) -> sp.csr_matrix:
+    def to_scipy(self) -> sp.csr_matrix:
         """T (n, n - c) as a SciPy matrix."""
         free = self.free
         column = np.full(self.size, -1)
         column[free] = np.arange(len(free))
         at, other = np.nonzero(self.factors)
         rows = np.concatenate([free, self.pivots[at]])
-        columns = np.concatenate([column[free], column[self.others[other]]])
+        columns = np.concatenate([column[free], column[self.coupled[other]]])
         entries = np.concatenate([np.ones(len(free)), -self.factors[at, other]])
         return sp.csr_matrix((entries, (rows, columns)), shape=(self.size, len(free)))
 
     def project_dense(self, A: Array) -> Array:
         """T^T A T (n - c, n - c) of a dense matrix A (n, n)."""
         free, F, p = self.free, self.factors, self.pivots
-        at = np.searchsorted(free, self.others)
+        at = np.searchsorted(free, self.coupled)
         AT = A[:, free]
         AT[:, at] -= A[:, p] @ F
         result = AT[free]
         result[at] -= F.T @ AT[p]
         return result
 
-    def condensed(self, K: PETSc.Mat) -> PETSc.Mat:
+    def condense(self, K: PETSc.Mat) -> PETSc.Mat:
         """T^T K T, (n, n) with rows and columns of zeros at the pivots but for their diagonal; collective.
 
-        The diagonal at the pivots is the largest one of K.  So vectors keep their size: `Condensed` applies T^T and T
-        to them in place.
+        The diagonal at the pivots is the largest one of K.  So vectors keep their size: `EliminationOperator` applies
+        T^T and T to them in place.
         """
         first, last = K.getOwnershipRange()
         result = K.copy()
         if np.any(self.factors):
-            change = sparse(self._change(K)[first:last], K, columns=last - first)
+            change = sparse(self._condensation_change(K)[first:last], K, columns=last - first)
             result.axpy(1.0, change, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
             free_objects(change)
         mine = self.pivots[(self.pivots >= first) & (self.pivots < last)]
         result.zeroRowsColumns(mine.astype(PETSc.IntType), diag=float(K.getDiagonal().max()[1]))
         return result
 
-    def _change(self, K: PETSc.Mat) -> sp.csr_matrix:
+    def _condensation_change(self, K: PETSc.Mat) -> sp.csr_matrix:
         """T^T K T - K in the free coordinates: a few rows and columns, cheaper than a product with K; collective.
 
         With the factors F, the pivots' rows R of K, and P, the pivots' columns of R: F^T P F - F^T R - R^T F.
@@ -106,18 +115,18 @@ class Elimination:
         rows = [rows_of_pivots[int(p)] for p in pivots]
         R = sp.vstack([sp.csr_matrix((values, i, [0, len(i)]), (1, self.size)) for i, values in rows], format="csr")
         at, other = np.nonzero(self.factors[coupled])
-        F = sp.csr_matrix((self.factors[coupled][at, other], (at, self.others[other])), (len(coupled), self.size))
+        F = sp.csr_matrix((self.factors[coupled][at, other], (at, self.coupled[other])), (len(coupled), self.size))
         RF = R.T @ F
         return sp.csr_matrix(F.T @ R[:, pivots] @ F - RF - RF.T)
 
-    def petsc(self, like: PETSc.Mat) -> PETSc.Mat:
+    def to_petsc(self, like: PETSc.Mat) -> PETSc.Mat:
         """T as a PETSc matrix; its rows are spread as those of `like`, its columns follow their rows."""
         first, last = like.getOwnershipRange()
         pivots = np.count_nonzero((self.pivots >= first) & (self.pivots < last))
-        return sparse(self.matrix()[first:last], like, columns=last - first - pivots)
+        return sparse(self.to_scipy()[first:last], like, columns=last - first - pivots)
 
 
-class Condensed:
+class EliminationOperator:
     """Applies T and T^T of an elimination, q = T z, in place to columns whose rows are spread over ranks.
 
     The spread is that of the rows of `like`.
@@ -127,8 +136,8 @@ class Condensed:
         first, last = like.getOwnershipRange()
         self._comm, self._count = like.comm.tompi4py(), len(elimination.pivots)
         self._own = np.flatnonzero((elimination.pivots >= first) & (elimination.pivots < last))
-        near = (elimination.others >= first) & (elimination.others < last)
-        self._pivots, self._others = elimination.pivots[self._own] - first, elimination.others[near] - first
+        near = (elimination.coupled >= first) & (elimination.coupled < last)
+        self._pivots, self._others = elimination.pivots[self._own] - first, elimination.coupled[near] - first
         self._factors, self._coupled = elimination.factors[:, near], bool(np.any(elimination.factors))
 
     def restrict(self, g: Array) -> None:
@@ -139,7 +148,7 @@ class Condensed:
             g[self._others] -= self._factors.T @ np.asarray(self._comm.allreduce(at_pivots))
         g[self._pivots] = 0.0
 
-    def extended(self, x: Array) -> None:
+    def extend(self, x: Array) -> None:
         """Overwrite this rank's rows `x` (n_local, k) with T x; values at the pivots are not read.  Collective."""
         x[self._pivots] = 0.0
         if self._coupled:
@@ -228,7 +237,7 @@ class DenseEigenSolver:
             M, K = elimination.project_dense(self._M), elimination.project_dense(self._K + springs)
             mu, z = scipy.linalg.eigh(M, K + self._sigma * M)
             all_omega2 = 1.0 / mu[::-1] - self._sigma
-            omega2, phi = all_omega2[:count], elimination.matrix() @ z[:, ::-1][:, :count]
+            omega2, phi = all_omega2[:count], elimination.to_scipy() @ z[:, ::-1][:, :count]
             cut = len(all_omega2) > count and are_clustered(all_omega2[count - 1], all_omega2[count])
         omega2, phi, cut = model.comm.bcast((omega2, phi, cut))
         first, last = model.M.getOwnershipRange()
@@ -253,7 +262,7 @@ class SlepcEigenSolver:
         elimination = eliminate(model.rows.at(s), model.rows.names)
         dimension = model.size - len(elimination.pivots)
         check_count(count, dimension)
-        T = elimination.petsc(model.M)
+        T = elimination.to_petsc(model.M)
         M, K = model.M.PtAP(T), model.K.PtAP(T)
         pairs = min(count + 1, dimension)  # one more tells whether the last one belongs to a cluster
         omega2, z = self._solve(M, K, pairs, [])
@@ -279,7 +288,7 @@ class SlepcEigenSolver:
         self, M: PETSc.Mat, K: PETSc.Mat, count: int, deflation: list[PETSc.Vec]
     ) -> tuple[Array, list[PETSc.Vec]]:
         """The `count` lowest omega^2 and modes of (K, M), M-orthogonal to the vectors in `deflation`; collective."""
-        eps = lowest_of(K, M, self._sigma, count)
+        eps = lowest_mode_solver(K, M, self._sigma, count)
         pc = eps.getST().getKSP().getPC()
         pc.setType("cholesky")
         pc.setFactorSolverType("mumps")
@@ -328,7 +337,7 @@ class OneFactorEigenSolver:
 
         loads = np.random.default_rng(7).uniform(-1.0, 1.0, (model.size, BLOCK))[model.share]
         pairs = min(count + 1, dimension)  # one more tells whether the last one belongs to a cluster
-        spectrum = largest(apply, model.M, apply(np.asfortranarray(loads)), pairs, dimension)
+        spectrum = largest_eigenpairs(apply, model.M, apply(np.asfortranarray(loads)), pairs, dimension)
         omega2 = 1.0 / spectrum.theta - self._sigma
         cut = len(omega2) > count and are_clustered(omega2[count - 1], omega2[count])
         return finish_modes(model, s, omega2[:count], np.asfortranarray(spectrum.vectors[:, :count]), cut)

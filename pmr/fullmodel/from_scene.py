@@ -12,7 +12,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.constraints.rows import Straight
+from pmr.constraints.rows import StraightRows
 from pmr.errors import InputError, environment, on_first
 from pmr.fem.compat import MPI, check_fenicsx
 from pmr.fullmodel.pads import Pad, Pads, Slider, Support
@@ -117,11 +117,11 @@ def _pads(member: Member) -> Pads:
             pad
             for ring in member.pads
             if ring.moving is moves
-            for pad in _ring(ring, faces, member.stretches.get(ring.name))
+            for pad in _ring_pads(ring, faces, member.stretches.get(ring.name))
         )
         for moves in (False, True)
     )
-    straight = tuple(Straight(end, names) for names, end in member.straight.items())
+    straight = tuple(StraightRows(end, names) for names, end in member.straight.items())
     if member.points:
         travel = 0.0 - min(member.points), member.part.length - max(member.points)
         sliders = tuple(map(Slider, member.point_names, member.points))
@@ -131,19 +131,19 @@ def _pads(member: Member) -> Pads:
         reach = 0.0 if high > low else 1e-3 * member.part.length
         pads = Pads(fixed, moving, travel=(low, high + reach), straight=straight)
     if has_tail(member):
-        pads = replace(pads, ends=(Support(TAIL, "tail", "x"),), travel=_common(pads))
+        pads = replace(pads, ends=(Support(TAIL, "tail", "x"),), travel=_common_travel(pads))
     if member.cylinder is not None and member.frame is not None:
         pads = replace(pads, luffing=member.cylinder, tail=member.frame.place)
     return pads
 
 
-def _common(pads: Pads) -> tuple[float, float]:
+def _common_travel(pads: Pads) -> tuple[float, float]:
     """Range (low, high) in m of the path coordinate in which the rows of all moving pads are defined."""
     travels = [pad.travel for pad in pads.moving if pad.travel is not None] or [pads.travel]
     return float(np.max([low for low, _ in travels])), float(np.min([high for _, high in travels]))
 
 
-def _ring(ring: PadRing, faces: tuple[str, ...], travel: tuple[float, float] | None) -> list[Pad]:
+def _ring_pads(ring: PadRing, faces: tuple[str, ...], travel: tuple[float, float] | None) -> list[Pad]:
     """Pads of a ring on the given faces; `travel` in m is the range of s of these pads, None: that of the body."""
     stiffness = np.inf if ring.stiffness == "rigid" else ring.stiffness
     size, only_pushes = (ring.length, ring.width, stiffness), ring.unilateral
@@ -202,7 +202,7 @@ def _mesh_model(member: Member, comm: MPI.Comm) -> StructuralModel:
 
     The module's `KINDS` are the cells that it allows, its `of` makes the model from the body and the mesh.
     """
-    kind = _kind(model_of(member))
+    kind = _model_module(model_of(member))
 
     def write(boom: BoxBoom, file: Path) -> None:
         """Mesh a box with cells that the model allows, and write the mesh to `file`."""
@@ -215,7 +215,7 @@ def _mesh_model(member: Member, comm: MPI.Comm) -> StructuralModel:
     return model
 
 
-def _kind(name: str) -> Any:
+def _model_module(name: str) -> Any:
     """Module of a shell or solid: of pmr, or of an installed plug-in.
 
     Raises the error of a plug-in that has no `KINDS` or `of`.

@@ -76,7 +76,7 @@ def direction_polynomial(cylinder: LuffingCylinder) -> PPoly:
     """
     breaks = np.linspace(-np.pi, np.pi, INTERVALS + 1)
     while True:
-        polynomial = BPoly.from_derivatives(breaks, _with_derivatives(cylinder, breaks))
+        polynomial = BPoly.from_derivatives(breaks, _direction_derivatives(cylinder, breaks))
         halves = (breaks[1:] + breaks[:-1]) / 2.0
         quarters = (halves + breaks[:-1]) / 2.0
         off = np.maximum(*(np.abs(polynomial(x) - cylinder.direction(x)).max(axis=1) for x in (halves, quarters)))
@@ -86,7 +86,7 @@ def direction_polynomial(cylinder: LuffingCylinder) -> PPoly:
         breaks = np.sort(np.concatenate([breaks, halves[coarse]]))
 
 
-def _with_derivatives(cylinder: LuffingCylinder, angle: Array) -> Array:
+def _direction_derivatives(cylinder: LuffingCylinder, angle: Array) -> Array:
     r"""Unit vector from foot to lug and its first two derivatives by the angle, (n, 3, 2), at angles (n,) rad.
 
     As a complex number x + i z the unit vector is :math:`e^{i \beta}` with

@@ -28,9 +28,9 @@ from pmr.models import StructuralModel, is_assembled
 from pmr.reduced.matrices import Rayleigh
 from pmr.scene.keys import ALONE, input_of
 from pmr.scene.structures import PointMass
-from pmr.system.body import FullBody, WithRows
+from pmr.system.body import FullBody, RowProperties
 from pmr.system.contacts import Contact, Place
-from pmr.system.system import Joined, System, ground_contacts
+from pmr.system.system import BodySystem, System, ground_contacts
 from pmr.system.terms import Term
 
 Array = NDArray[np.float64]
@@ -45,13 +45,13 @@ MOMENTS = ((("y", "rz", 1.0), ("z", "ry", -1.0)), (("z", "rx", 1.0),), (("x", "r
 class Masses:
     """Mass of a body, mass of what is attached to it, and the centre of gravity of both."""
 
-    own: float  # kg
+    body: float  # kg
     attached: float  # kg
     centre: Array  # (3,) m: centre of gravity of both, in the body's axes
 
     def summary(self) -> dict[str, Any]:
         """``mass`` and ``attached`` in kg, ``centre`` in m, as summary.json has them."""
-        return {"mass": self.own, "attached": self.attached, "centre": self.centre.tolist()}
+        return {"mass": self.body, "attached": self.attached, "centre": self.centre.tolist()}
 
 
 def masses_of(model: StructuralModel, attached: Sequence[PointMass], M: PETSc.Mat) -> Masses | None:
@@ -97,12 +97,14 @@ class RigidMotions:
 
     # (n_local, k): this rank's free coordinates under each of k unit motions, translations first
     coordinates: Array
-    held: Array  # (h, k) m or rad: what clamps and springs measure of each; a motion is free if its column is zero
+    held_measures: (
+        Array  # (h, k) m or rad: what clamps and springs measure of each; a motion is free if its column is zero
+    )
     whole: bool = True  # False with clamped coordinates, whose loads the model lacks, or inner supports
 
 
 @dataclass(frozen=True)
-class FullModel(WithRows):
+class FullModel(RowProperties):
     r"""Full model of a body, with operators distributed over `comm`, in SI units.
 
     .. math:: M \ddot q + D \dot q + K q + C(s)^T \lambda = B f, \qquad C(s)\, q = 0, \qquad y = O q
@@ -162,7 +164,7 @@ class FullModel(WithRows):
     @property
     def carriers(self) -> SharedCarriers:
         """The constraint rows on carriers that they share."""
-        return self.rows.shared
+        return self.rows.shared_carriers
 
     @property
     def share(self) -> slice:
@@ -196,7 +198,7 @@ class FullModel(WithRows):
 
 
 @dataclass(frozen=True)
-class FullSystem(Joined[FullModel]):
+class FullSystem(BodySystem[FullModel]):
     """Full models of several bodies on one communicator, and the contacts between them.
 
     A local vector holds this rank's coordinates of one body after the other; a whole vector holds all coordinates of
@@ -224,33 +226,33 @@ class FullSystem(Joined[FullModel]):
         return sum(model.size for model in self.models)
 
     @cached_property
-    def local(self) -> tuple[slice, ...]:
+    def local_slices(self) -> tuple[slice, ...]:
         """Slice of each body's coordinates in a local vector."""
         return consecutive([model.M.getLocalSize()[0] for model in self.models])
 
     @cached_property
-    def whole(self) -> tuple[slice, ...]:
+    def whole_slices(self) -> tuple[slice, ...]:
         """Slice of each body's coordinates in a whole vector."""
         return consecutive([model.size for model in self.models])
 
     @cached_property
-    def inputs(self) -> tuple[slice, ...]:
+    def input_slices(self) -> tuple[slice, ...]:
         """Slice of each body's inputs among the `input_names` of the system."""
         return consecutive([len(model.input_names) for model in self.models])
 
     @cached_property
-    def observed(self) -> tuple[slice, ...]:
+    def output_slices(self) -> tuple[slice, ...]:
         """Slice of each body's outputs among those of the system."""
         return consecutive([model.outputs.getSize()[1] for model in self.models])
 
-    def mine(self, complete: Array) -> Array:
+    def local_part(self, complete: Array) -> Array:
         """This rank's coordinates (..., n_local) from whole vectors (..., n)."""
-        parts = zip(self.whole, self.models, strict=True)
+        parts = zip(self.whole_slices, self.models, strict=True)
         return np.concatenate([complete[..., at][..., model.share] for at, model in parts], axis=-1)
 
-    def gathered(self, local: Array) -> Any:
+    def gather_vectors(self, local: Array) -> Any:
         """Whole vectors (k, n) on rank 0 from local vectors (k, n_local); other ranks get `local` back.  Collective."""
-        parts = [self.comm.gather(local[:, at]) for at in self.local]
+        parts = [self.comm.gather(local[:, at]) for at in self.local_slices]
         return np.concatenate([np.concatenate(part, 1) for part in parts], 1) if self.comm.rank == 0 else local
 
     def with_supports(self) -> FullSystem:
@@ -259,7 +261,7 @@ class FullSystem(Joined[FullModel]):
         held = [
             Contact(input_of(name, row), Place(name, row, model.rows.rows[number].breaks[0]))
             for name, model in self.bodies.items()
-            for number, row in ((number, model.row_names[number]) for number in model.rows.held)
+            for number, row in ((number, model.row_names[number]) for number in model.rows.held_coordinates)
             if (name, row) not in used
         ]
         return replace(self, contacts=(*self.contacts, *held))
@@ -271,10 +273,10 @@ class FullSystem(Joined[FullModel]):
             if id(model) not in gathered:
                 gathered[id(model)] = model.gather()
         bodies = {name: body for name, model in self.bodies.items() if (body := gathered[id(model)]) is not None}
-        terms = tuple(self._gathered_term(term) for term in self.terms)
+        terms = tuple(self._gather_term(term) for term in self.terms)
         return System(bodies, self.contacts, terms=terms) if bodies else None
 
-    def _gathered_term(self, term: Term) -> Term:
+    def _gather_term(self, term: Term) -> Term:
         """The term with SciPy matrices on rank 0, unchanged on other ranks; collective."""
         on_first_rank: dict[str, Any] = {
             key: A if sp.issparse(A) or isinstance(A, np.ndarray) else gather(A) for key, A in term.matrices.items()

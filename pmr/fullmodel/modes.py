@@ -43,14 +43,16 @@ STEPS = 100
 
 
 @dataclass(frozen=True)
-class Pairs:
+class Eigenpairs:
     """Eigenvalues `theta` (k,), largest first, and this rank's rows (n_local, k) of M-orthonormal eigenvectors."""
 
     theta: Array
     vectors: Array
 
 
-def largest(apply: Callable[[Array], Array], M: PETSc.Mat, start: Array, count: int, dimension: int) -> Pairs:
+def largest_eigenpairs(
+    apply: Callable[[Array], Array], M: PETSc.Mat, start: Array, count: int, dimension: int
+) -> Eigenpairs:
     """Compute the `count` largest eigenpairs H phi = theta phi, or all if the range of H is smaller; collective.
 
     H is self-adjoint in the product of the mass M, in which the vectors are orthonormal.
@@ -74,8 +76,8 @@ def largest(apply: Callable[[Array], Array], M: PETSc.Mat, start: Array, count: 
     comm = M.comm.tompi4py()
     room = np.empty((len(start), 16 * (count + start.shape[1])), order="F")  # memory is provided as columns are filled
     T, filled = np.empty((0, 0)), 0
-    rough = _orthonormal(start, times(M, start), comm, dimension)
-    block = _orthonormal(rough.vectors, times(M, rough.vectors), comm, dimension)
+    rough = _orthonormalise(start, times(M, start), comm, dimension)
+    block = _orthonormalise(rough.vectors, times(M, rough.vectors), comm, dimension)
     for _ in range(STEPS):
         filled += block.vectors.shape[1]
         if filled > room.shape[1]:
@@ -85,18 +87,18 @@ def largest(apply: Callable[[Array], Array], M: PETSc.Mat, start: Array, count: 
         near = slice(max(0, filled - 2 * start.shape[1]), filled)
         W = apply(block.dual)
         overlap = inner(Q[:, near], times(M, W), comm)  # to all blocks before the last two H W is orthogonal by itself
-        T = _grown(T, overlap)
+        T = _border(T, overlap)
         subtract(W, Q[:, near], overlap)
-        rough = _orthonormal(W, times(M, W), comm, dimension - filled)
+        rough = _orthonormalise(W, times(M, W), comm, dimension - filled)
         W = rough.vectors
         subtract(W, Q, inner(Q, rough.dual, comm))
-        block = _orthonormal(W, times(M, W), comm, dimension - filled)
+        block = _orthonormalise(W, times(M, W), comm, dimension - filled)
         theta, S = np.linalg.eigh(T)
         theta, S = theta[::-1][:count], S[:, ::-1][:, :count]
         exhausted = block.vectors.shape[1] == 0
         residual = np.linalg.norm(rough.lengths @ S[-len(rough.lengths) :], axis=0)
         if exhausted or (len(theta) == count and np.all(residual <= RESIDUAL_TOLERANCE * np.abs(theta))):
-            return Pairs(theta, np.asfortranarray(Q @ S))
+            return Eigenpairs(theta, np.asfortranarray(Q @ S))
     raise ConvergenceError(
         f"block Lanczos: not all of {count} eigenpairs converged to {RESIDUAL_TOLERANCE:g} within {STEPS} blocks of "
         f"{start.shape[1]}; ask for fewer modes, refine the mesh or choose solver = dense"
@@ -116,7 +118,7 @@ class _Block:
     lengths: Array
 
 
-def _orthonormal(W: Array, MW: Array, comm: Any, most: int) -> _Block:
+def _orthonormalise(W: Array, MW: Array, comm: Any, most: int) -> _Block:
     """M-orthonormalise the columns of W, given M W: at most `most` directions, the longest ones; collective."""
     values, turned = np.linalg.eigh(inner(W, MW, comm))
     is_spanned = values > SPANNED**2 * np.max(values, initial=0.0)
@@ -126,7 +128,7 @@ def _orthonormal(W: Array, MW: Array, comm: Any, most: int) -> _Block:
     return _Block(np.asfortranarray((scaled.T @ W.T).T), np.asfortranarray((scaled.T @ MW.T).T), lengths)
 
 
-def _grown(T: Array, columns: Array) -> Array:
+def _border(T: Array, columns: Array) -> Array:
     """Return T bordered by b rows and columns; `columns` (d, b) are the last d rows of the new columns, zeros above.
 
     T and the result are symmetric; the new diagonal block (b, b) is symmetrised.
@@ -160,7 +162,7 @@ class Modes:
     residuals: Array
 
 
-def lowest_of(K: PETSc.Mat, M: PETSc.Mat, sigma: float, count: int) -> SLEPc.EPS:
+def lowest_mode_solver(K: PETSc.Mat, M: PETSc.Mat, sigma: float, count: int) -> SLEPc.EPS:
     """Set up SLEPc's Krylov-Schur solver with shift-and-invert at -sigma for the `count` lowest modes of (K, M).
 
     The start vector is the same on any number of ranks, and lies along no direction of symmetry.

@@ -29,7 +29,7 @@ from pmr.fem.compat import MPI, PETSc, compiled_form, constant
 from pmr.fem.distributed import free_objects, gather, times
 from pmr.fem.factor import NotDefiniteError, factor_for_columns
 from pmr.fullmodel.assembly import Assembler, share
-from pmr.fullmodel.eigensolvers import DENSE_UP_TO, Condensed, Elimination, eliminate, is_dense
+from pmr.fullmodel.eigensolvers import DENSE_UP_TO, Elimination, EliminationOperator, eliminate, is_dense
 from pmr.fullmodel.model import FullModel
 from pmr.models import StructuralModel, is_assembled
 from pmr.reduced.matrices import CONSTANT, LINEAR, STATES
@@ -80,15 +80,15 @@ def static_solver(model: FullModel, held: Sequence[Row], choice: str = "auto") -
 
 def solver_of(K: PETSc.Mat, elimination: Elimination, dense: bool) -> StaticSolver:
     """Static solver of a stiffness (n, n): by LAPACK if `dense`, else by a sparse factor."""
-    return (_Dense if dense else _Mumps)(K, elimination)
+    return (_DenseSolver if dense else _SparseSolver)(K, elimination)
 
 
-class _Dense:
+class _DenseSolver:
     """Static solver by LAPACK on rank 0."""
 
     def __init__(self, stiffness: PETSc.Mat, elimination: Elimination) -> None:
         self._comm, self._share = stiffness.comm.tompi4py(), slice(*stiffness.getOwnershipRange())
-        self._T = elimination.matrix()
+        self._T = elimination.to_scipy()
         K, failed = gather(stiffness), False
         if K is not None:
             try:
@@ -110,12 +110,12 @@ class _Dense:
         self.__dict__.pop("_factor", None)
 
 
-class _Mumps:
+class _SparseSolver:
     """Static solver by a sparse factor, spread over the ranks or whole on each of them."""
 
     def __init__(self, stiffness: PETSc.Mat, elimination: Elimination) -> None:
-        self._condensed = Condensed(elimination, stiffness)
-        K = elimination.condensed(stiffness)
+        self._condensed = EliminationOperator(elimination, stiffness)
+        K = elimination.condense(stiffness)
         try:
             self._factor = factor_for_columns(K, "stiffness")
         except NotDefiniteError:
@@ -127,7 +127,7 @@ class _Mumps:
         """This rank's rows (n_local, k) of x, for its rows `g` (n_local, k), which are overwritten; collective."""
         self._condensed.restrict(g)
         x = self._factor.solve_columns(g)
-        self._condensed.extended(x)
+        self._condensed.extend(x)
         return x
 
     def destroy(self) -> None:
@@ -135,7 +135,7 @@ class _Mumps:
         self._factor.destroy()
 
 
-class Moving:
+class FrameAssembler:
     """Assembles matrices and loads of a moving frame for a model; its function space is made at first use.
 
     With displacements u and test functions v, the matrix A_S is int rho v . S u dV for a tensor S (3, 3), the load f_S
@@ -159,23 +159,23 @@ class Moving:
 
     def inertia(self, S: Array) -> PETSc.Mat:
         """A_S (n, n) of the model without point masses, for S (3, 3); collective."""
-        tensor, form = self._of_tensor
+        tensor, form = self._inertia_form
         tensor.value = S
         return self._assembler.assemble_form(form, zeros=False)
 
     @cached_property
-    def _of_tensor(self) -> tuple[Any, Any]:
+    def _inertia_form(self) -> tuple[Any, Any]:
         """S (3, 3) as a UFL constant whose value may change, and the form of A_S, compiled once; collective."""
         space = self._assembler.space
         tensor = constant(space.mesh, np.zeros((3, 3)))
         return tensor, compiled_form(self._assembler.model.inertia(space, tensor))
 
-    def field(self, name: str) -> Array:
+    def acceleration_load(self, name: str) -> Array:
         """Load f_S (n,) of an input in `CONSTANT` or `LINEAR`, without point masses, whole on every rank.
 
         Collective.
         """
-        S, motion = field_of(name, self._model)
+        S, motion = acceleration_field(name, self._model)
         A = self.inertia(S)
         forces = times(A, motion[slice(*A.getOwnershipRange()), None])
         free_objects(A)
@@ -185,7 +185,7 @@ class Moving:
         """K_g (n, n) of the unit state `name` in `STATES`; its loads include the point masses' inertia.  Collective."""
         load, x = STATES[name], np.eye(3)[0]
         forces = [(m.on, -m.mass * (load.acceleration + load.stretch * self._station(m) * x)) for m in self._masses]
-        state = State(self, load.acceleration, load.stretch, (*forces, ("tip", load.force)))
+        state = StressState(self, load.acceleration, load.stretch, (*forces, ("tip", load.force)))
         form = self._assembler.model.geometric_stiffness(self._assembler.space, state)
         return self._assembler.matrix(form, zeros=False)
 
@@ -193,7 +193,7 @@ class Moving:
         """Coordinate of a mass along the axis, m."""
         return float(self._model.centroid(mass.on)[0] if mass.at is None else mass.at[0])
 
-    def displacement(self, state: State) -> Any:
+    def displacement(self, state: StressState) -> Any:
         """Displacement under the loads of `state` with the tail clamped, a function on the model's space.
 
         Collective.
@@ -202,14 +202,16 @@ class Moving:
         fields = dict(zip(CONSTANT, state.acceleration, strict=True)) | {"inertia xx": state.stretch}
         for name, factor in fields.items():
             if factor != 0.0:
-                load -= factor * self.field(name)
+                load -= factor * self.acceleration_load(name)
         for place, force in state.forces:
             load += model.displacement(place).T @ force
-        displacement_of_rank = self._held.solve(np.asfortranarray(load[slice(*share(model.size, comm)), None]))
-        return self._assembler.function(np.concatenate(comm.allgather(displacement_of_rank[:, 0])))
+        displacement_of_rank = self._clamped_solver.solve(
+            np.asfortranarray(load[slice(*share(model.size, comm)), None])
+        )
+        return self._assembler.displacement_function(np.concatenate(comm.allgather(displacement_of_rank[:, 0])))
 
     @cached_property
-    def _held(self) -> StaticSolver:
+    def _clamped_solver(self) -> StaticSolver:
         """Static solver of the model with its tail clamped, one for all states; collective."""
         model = self._assembler.model
         clamped = model.coordinates_on("tail", model.directions)
@@ -219,32 +221,32 @@ class Moving:
         free_objects(K)
         return solver
 
-    def drop(self) -> None:
+    def free_factor(self) -> None:
         """Free the static solver's memory, if there is one; collective."""
-        if "_held" in self.__dict__:
-            self._held.destroy()
-            del self._held
+        if "_clamped_solver" in self.__dict__:
+            self._clamped_solver.destroy()
+            del self._clamped_solver
 
 
 @dataclass(frozen=True)
-class State:
+class StressState:
     """A unit state of stress, an implementation of `pmr.models.UnitState`.
 
     `of` solves for its displacement; `acceleration` (3,) in m/s^2 and `stretch` in 1/s^2 are those of the frame,
     `forces` (3,) in N act at the named places.
     """
 
-    of: Moving
+    assembler: FrameAssembler
     acceleration: Array
     stretch: float
     forces: tuple[tuple[str, Array], ...]
 
     def displacement(self, space: Any) -> Any:
         """Displacement under the state's loads as a function on the model's space; `space` is not used.  Collective."""
-        return self.of.displacement(self)
+        return self.assembler.displacement(self)
 
 
-def field_of(name: str, model: StructuralModel) -> tuple[Array, Array]:
+def acceleration_field(name: str, model: StructuralModel) -> tuple[Array, Array]:
     """S (3, 3) and the rigid motion r (n,) of an acceleration field S r, for an input in `CONSTANT` or `LINEAR`.
 
     Both are zero if the model has no direction that makes the field.

@@ -38,8 +38,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import bump, refine_table, value_or_zero
-from pmr.constraints.rows import Row, Straight, fixed_row, row_on_coordinates
+from pmr.constraints.polynomials import cardinal_spline, refine_table, value_or_zero
+from pmr.constraints.rows import Row, StraightRows, fixed_row, row_on_coordinates
 from pmr.errors import InputError
 from pmr.fullmodel.luffing import cylinder_row
 from pmr.fullmodel.walls import Walls
@@ -100,7 +100,7 @@ class Pad:
             raise InputError("scene", f"pads.{self.name}.clearance", self.clearance, allowed)
 
     @property
-    def free_way(self) -> float | None:
+    def gap(self) -> float | None:
         """Clearance in m of a pad that only pushes; None for one that holds both ways."""
         return self.clearance if self.unilateral else None
 
@@ -137,7 +137,7 @@ class Pads:
     travel: tuple[float, float] = (0.0, 1.0)  # m: smallest and largest s
     # places that another body holds, not the ground
     ends: tuple[Support, ...] = ()
-    straight: tuple[Straight, ...] = ()  # stretches of a planar beam that another body keeps straight
+    straight: tuple[StraightRows, ...] = ()  # stretches of a planar beam that another body keeps straight
     walls: Walls = Walls()  # walls of a beam that give way under its pads
     luffing: LuffingCylinder | None = None  # cylinder that holds a base; None: there is none
     tail: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: position of a base's tail relative to the luffing pivot
@@ -166,7 +166,7 @@ class Restraints:
     def stiffness(self, size: int) -> sp.csr_matrix:
         """Sum of k c^T c over the springs' rows c (1, n), (n, n) in N/m; `size` is n."""
         total = sp.csr_matrix((size, size))
-        for c, spring in zip(self.vectors(size), self.springs, strict=True):
+        for c, spring in zip(self.spring_rows(size), self.springs, strict=True):
             total += c.T @ c / spring.compliance
         return total.tocsr()
 
@@ -175,14 +175,14 @@ class Restraints:
 
         Raises an `InputError` if no spring has this name.
         """
-        for c, spring in zip(self.vectors(size), self.springs, strict=True):
+        for c, spring in zip(self.spring_rows(size), self.springs, strict=True):
             if spring.name == name:
                 return c / spring.compliance
         names = ", ".join(spring.name for spring in self.springs) or "none"
         allowed = f"pads that neither move nor are rigid or unilateral are allowed: {names}"
         raise InputError("scene", "outputs.pad", name, f"{allowed}; the forces of others are multipliers")
 
-    def vectors(self, size: int) -> list[sp.csr_matrix]:
+    def spring_rows(self, size: int) -> list[sp.csr_matrix]:
         """Rows c (1, n) of the springs; `size` is n."""
         return [spring.at(spring.breaks[0]) for spring in self.springs]
 
@@ -197,14 +197,14 @@ def restrain(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Restraints
     """
     staying = [
         *(pads.walls.pad_row(fixed_pad(pad, model, T, pads.travel), pad.at) for pad in pads.fixed),
-        *(_support(support, model, T, pads) for support in pads.supports),
+        *(_support_row(support, model, T, pads) for support in pads.supports),
     ]
     moving = [
-        *(_point(slider, model, T) for slider in pads.sliders),
+        *(_point_row(slider, model, T) for slider in pads.sliders),
         *(pads.walls.pad_row(moving_pad(pad, model, T, pad.travel or pads.travel), pad.at) for pad in pads.moving),
-        *(_end(end, model, T, pads) for end in pads.ends),
+        *(_end_row(end, model, T, pads) for end in pads.ends),
         *([cylinder_row(pads.luffing, pads.tail, model, T, pads.travel)] if pads.luffing is not None else []),
-        *(row for straight in pads.straight for row in straight.rows(_point(Slider(), model, T))),
+        *(row for straight in pads.straight for row in straight.rows(_point_row(Slider(), model, T))),
     ]
     springs = [row.compliance > 0.0 and row.clearance is None for row in staying]
     rows = [row for row, spring in zip(staying, springs, strict=True) if not spring]
@@ -226,12 +226,14 @@ def moving_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple
     count = max(1, int(np.ceil((high - low) / step - 1e-9)))
     breaks = np.append(low + step * np.arange(count), high)
     places = low + pad.at + step * np.arange(1 - reach, count + reach)
-    U = sp.csr_matrix(_stations(pad, model, places) @ T)
+    U = sp.csr_matrix(_station_means(pad, model, places) @ T)
     # The bump's pieces on the lattice, first the last one: stations ahead of the pad are farther left on it.
-    pieces = refine_table(bump(3, STATIONS * step), step * np.arange(-reach, reach + 1)).c[:, ::-1] / STATIONS
+    pieces = (
+        refine_table(cardinal_spline(3, STATIONS * step), step * np.arange(-reach, reach + 1)).c[:, ::-1] / STATIONS
+    )
     touched = np.arange(count)[:, None] + np.arange(2 * reach)
     coefficients = np.repeat(pieces[:, None, :], count, axis=1)
-    return Row(pad.name, breaks, U, touched, coefficients, 1.0 / pad.stiffness, pad.free_way)
+    return Row(pad.name, breaks, U, touched, coefficients, 1.0 / pad.stiffness, pad.gap)
 
 
 def fixed_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
@@ -240,7 +242,7 @@ def fixed_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[
     It equals the row of a moving pad with a station at its centre.  Raises an `InputError` if the pad leaves its face.
     """
     mean = sp.csr_matrix(pad_means(pad, model, np.array([pad.at])) @ T)
-    return replace(fixed_row(pad.name, mean, travel), compliance=1.0 / pad.stiffness, clearance=pad.free_way)
+    return replace(fixed_row(pad.name, mean, travel), compliance=1.0 / pad.stiffness, clearance=pad.gap)
 
 
 def pad_means(pad: Pad, model: StructuralModel, positions: Array) -> sp.csr_matrix:
@@ -250,17 +252,17 @@ def pad_means(pad: Pad, model: StructuralModel, positions: Array) -> sp.csr_matr
     """
     step, reach = _lattice(pad)
     offsets = step * np.arange(1 - reach, reach)
-    weights = value_or_zero(bump(3, STATIONS * step), offsets) / STATIONS
+    weights = value_or_zero(cardinal_spline(3, STATIONS * step), offsets) / STATIONS
     places = (positions[:, None] + offsets).ravel()
     order = np.argsort(places)
     columns = np.empty_like(order)
     columns[order] = np.arange(len(order))
     ends = len(offsets) * np.arange(len(positions) + 1)
     means = sp.csr_matrix((np.tile(weights, len(positions)), columns, ends), (len(positions), len(places)))
-    return sp.csr_matrix(means @ _stations(pad, model, places[order]))
+    return sp.csr_matrix(means @ _station_means(pad, model, places[order]))
 
 
-def _support(support: Support, model: StructuralModel, T: sp.csr_matrix, pads: Pads) -> Row:
+def _support_row(support: Support, model: StructuralModel, T: sp.csr_matrix, pads: Pads) -> Row:
     """Row of a support, constant over the travel of `pads`, on the coordinates z with q = T z.
 
     Raises an `InputError` if the model lacks the direction, or a clamp holds the place along it already.
@@ -270,7 +272,7 @@ def _support(support: Support, model: StructuralModel, T: sp.csr_matrix, pads: P
         raise InputError("scene", f"supports.{support.name}.directions", support.direction, allowed)
     measure = model.displacement if support.direction in ("x", "y", "z") else model.motion  # points have no rotation
     measured = measure(support.on)[model.directions.index(support.direction)]
-    row = pads.walls.moved(sp.csr_matrix(measured @ T), support.on, (support.direction,))
+    row = pads.walls.add_end_motion(sp.csr_matrix(measured @ T), support.on, (support.direction,))
     if np.abs(row.data).max(initial=0.0) <= 1e-12 * np.abs(measured.data).max(initial=0.0):
         allowed = f"a support of all points holds {support.on} along it already; one of the two is allowed"
         raise InputError("scene", f"supports.{support.name}.directions", support.direction, allowed)
@@ -278,16 +280,16 @@ def _support(support: Support, model: StructuralModel, T: sp.csr_matrix, pads: P
     return replace(fixed_row(support.name, row, pads.travel), compliance=1.0 / support.stiffness, unit=unit)
 
 
-def _end(end: Support, model: StructuralModel, T: sp.csr_matrix, pads: Pads) -> Row:
+def _end_row(end: Support, model: StructuralModel, T: sp.csr_matrix, pads: Pads) -> Row:
     """Row of a place that another body holds: that of a support, but on two intervals.
 
     Rows on two intervals do not count as supports, which always hold.
     """
     travel = pads.travel
-    return _support(end, model, T, pads).refined(np.array([travel[0], sum(travel) / 2.0, travel[1]]))
+    return _support_row(end, model, T, pads).refine(np.array([travel[0], sum(travel) / 2.0, travel[1]]))
 
 
-def _point(slider: Slider, model: StructuralModel, T: sp.csr_matrix) -> Row:
+def _point_row(slider: Slider, model: StructuralModel, T: sp.csr_matrix) -> Row:
     """Row of a slider on the coordinates z with q = T z; raises an `InputError` if the model is no planar beam."""
     from pmr.models.beam2d import Beam2D  # its forms need FEniCSx, which given matrices do without
 
@@ -302,7 +304,7 @@ def _lattice(pad: Pad) -> tuple[float, int]:
     return pad.length / (4 * STATIONS + 2), 2 * STATIONS
 
 
-def _stations(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
+def _station_means(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
     """Weighted means (K, n) of the normal displacement around each of the `places` (K,) m along the axis.
 
     Raises an `InputError` if the pad leaves its face.
@@ -315,12 +317,12 @@ def _stations(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
     )
     strip = model.strip(pad.on, window)
     _check_extent(pad, (places[0], places[-1]), strip.extent)
-    area_of_mean = step * float(value_or_zero(bump(3, knot), np.zeros(()))) if strip.line else step * knot
-    across_weights = strip.weights * value_or_zero(bump(3, knot), strip.across - pad.across)
-    which = _near(strip.along, places, step)
+    area_of_mean = step * float(value_or_zero(cardinal_spline(3, knot), np.zeros(()))) if strip.line else step * knot
+    across_weights = strip.weights * value_or_zero(cardinal_spline(3, knot), strip.across - pad.across)
+    which = _nearby_points(strip.along, places, step)
     near, ends = which.indices, which.indptr
     offsets = np.stack([strip.along[near] - np.repeat(places, np.diff(ends)), strip.across[near] - pad.across])
-    weights = across_weights[near] * value_or_zero(bump(1, step), offsets[0])
+    weights = across_weights[near] * value_or_zero(cardinal_spline(1, step), offsets[0])
     offsets /= step
     moments = _moments(weights, offsets, ends)
     sums, aside = moments[0], np.abs(moments[1:3])
@@ -328,13 +330,13 @@ def _stations(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
         aside > MISSING * np.array([[1.0], [knot / step]]) * sums, axis=0
     )
     if off.any():
-        raise _off(pad, f"around {places[off][0]:.4g} m", strip.extent)
+        raise _off_face_error(pad, f"around {places[off][0]:.4g} m", strip.extent)
     weights = _correct_weights(weights, offsets, ends, moments)
     means = sp.csr_matrix((weights, near, ends), (len(places), len(strip.along)))
     return sp.csr_matrix(means @ strip.normal)
 
 
-def _near(along: Array, places: Array, step: float) -> sp.csc_matrix:
+def _nearby_points(along: Array, places: Array, step: float) -> sp.csc_matrix:
     """Sparse (q, K) ones where a point of `along` (q,) is less than `step` away from a lattice point `places` (K,).
 
     Row numbers ascend in each column.
@@ -354,10 +356,10 @@ def _check_extent(pad: Pad, places: tuple[float, float], extent: Extent) -> None
     for way, (start, end), rim, (low, high) in spans:
         slack = SLACK * (high - low)
         if start < low - slack or end > high + slack:  # a rim of Delta has no weight yet belongs to the pad
-            raise _off(pad, f"{way}, where it reaches from {start - rim:.4g} to {end + rim:.4g} m", extent)
+            raise _off_face_error(pad, f"{way}, where it reaches from {start - rim:.4g} to {end + rim:.4g} m", extent)
 
 
-def _off(pad: Pad, where: str, extent: Extent) -> InputError:
+def _off_face_error(pad: Pad, where: str, extent: Extent) -> InputError:
     """The error of a pad that leaves its face; `where` describes the position."""
     allowed = f"the pad leaves the face {pad.on} {where}; places where all of it is on it are allowed: {extent}"
     return InputError("scene", f"pads.{pad.name}", None, allowed)

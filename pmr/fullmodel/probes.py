@@ -65,7 +65,7 @@ def gauges(part: OneBody, model: StructuralModel) -> list[Gauge]:
             if measure == "displacement":
                 measured += _displacements(probe, model)
                 continue
-            stresses = stresses or _Stresses.of(part, model)
+            stresses = stresses or _Stresses.from_model(part, model)
             if stresses is None:
                 allowed = "displacement is allowed: this model has no stresses"
                 raise InputError("scene", f"probes[{i}].measures", measure, allowed)
@@ -73,7 +73,7 @@ def gauges(part: OneBody, model: StructuralModel) -> list[Gauge]:
     return measured
 
 
-def places(outputs: Mapping[str, Iterable[object]]) -> dict[str, list[dict[str, Any]]]:
+def probe_summary(outputs: Mapping[str, Iterable[object]]) -> dict[str, list[dict[str, Any]]]:
     """``probes`` of summary.json: name, unit, position in m and face of each gauge among the outputs of bodies.
 
     `outputs` are by body; names begin with the body's name unless it is empty.  Returns an empty dict without gauges.
@@ -111,7 +111,7 @@ class _Stresses:
     rows: StressRows
 
     @classmethod
-    def of(cls, part: OneBody, model: FiniteElementModel) -> _Stresses | None:
+    def from_model(cls, part: OneBody, model: FiniteElementModel) -> _Stresses | None:
         """Stress rows of `model` for the probes of `part`; None if the model has no stresses."""
         rows = model.stresses()
         return None if rows is None else cls(part, model, rows)

@@ -25,7 +25,7 @@ from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import columns, free_objects, sparse, times
 from pmr.fullmodel.assembly import Operators, operators_of, pad_pattern, project_matrix, rayleigh, share
 from pmr.fullmodel.model import FullModel, RigidMotions, masses_of
-from pmr.fullmodel.moving import Moving
+from pmr.fullmodel.moving import FrameAssembler
 from pmr.fullmodel.pads import Restraints, restrain
 from pmr.fullmodel.probes import Gauge
 from pmr.fullmodel.structure import Action, Coupling, PadForce, Structure, couple
@@ -112,7 +112,7 @@ def _commuting_images(mirrors: Sequence[sp.csr_matrix], A: PETSc.Mat) -> list[sp
 
 
 @dataclass(frozen=True)
-class Image:
+class MirrorImage:
     """A mirror image or a product of several: the matrix P, and which carrier is the image of which.
 
     Carriers are K rows (K, n) of which all constraint rows are combinations.
@@ -123,19 +123,19 @@ class Image:
 
 
 @dataclass(frozen=True)
-class Answers:
+class LoadResponses:
     """Answers to some loads: the loads' numbers (k,), and this rank's rows (n_local, k) of the answers."""
 
     numbers: Indices
     columns: Array
 
 
-def images_of(carriers: sp.csr_matrix, mirrors: Sequence[sp.csr_matrix]) -> list[Image]:
+def images_of(carriers: sp.csr_matrix, mirrors: Sequence[sp.csr_matrix]) -> list[MirrorImage]:
     """Images of all mirrors P (n, n) and of all their products, for K carriers (K, n)."""
     products: list[sp.csr_matrix] = []
     for P in mirrors:
         products += [P, *(sp.csr_matrix(P @ other) for other in products)]
-    return [Image(P, _partners(carriers, P)) for P in products]
+    return [MirrorImage(P, _partners(carriers, P)) for P in products]
 
 
 def _partners(U: sp.csr_matrix, P: sp.csr_matrix) -> Indices:
@@ -153,7 +153,7 @@ def _partners(U: sp.csr_matrix, P: sp.csr_matrix) -> Indices:
     return partner_of
 
 
-class Orbits:
+class MirroredLoads:
     """Chooses loads to solve for, numbered `own`, and gives the answers to their mirror images without a solve.
 
     Parameters
@@ -166,35 +166,35 @@ class Orbits:
         The images' rows are spread as its rows.
     """
 
-    def __init__(self, order: Indices, images: Sequence[Image], like: PETSc.Mat) -> None:
+    def __init__(self, order: Indices, images: Sequence[MirrorImage], like: PETSc.Mat) -> None:
         first, last = like.getOwnershipRange()
         self._mirrors = [sparse(image.P[first:last], like, columns=last - first) for image in images]
         covered, representatives = np.zeros(len(order), bool), []
-        self._of = [dict[int, int]() for _ in images]
+        self._partners = [dict[int, int]() for _ in images]
         for load in order.tolist():
             if covered[load]:
                 continue
             representatives.append(load)
             covered[load] = True
-            for image, of in zip(images, self._of, strict=True):
+            for image, of in zip(images, self._partners, strict=True):
                 partner = int(image.partners[load]) if load < len(image.partners) else -1
                 if partner >= 0 and not covered[partner]:
                     covered[partner] = True
                     of[load] = partner
-        self.own = np.array(representatives, np.int64)
+        self.representatives = np.array(representatives, np.int64)
 
-    def answers(self, numbers: Indices, columns: Array) -> Iterator[Answers]:
+    def responses(self, numbers: Indices, columns: Array) -> Iterator[LoadResponses]:
         """Yield the answers to the given loads, then those to each of their images; collective.
 
         `numbers` (k,) are among `own`; `columns` (n_local, k) are this rank's rows of the answers.
         """
-        yield Answers(numbers, columns)
-        for P, of in zip(self._mirrors, self._of, strict=True):
+        yield LoadResponses(numbers, columns)
+        for P, of in zip(self._mirrors, self._partners, strict=True):
             at = [k for k, load in enumerate(numbers.tolist()) if load in of]
             if at:
-                yield Answers(np.array([of[load] for load in numbers[at].tolist()]), times(P, columns[:, at]))
+                yield LoadResponses(np.array([of[load] for load in numbers[at].tolist()]), times(P, columns[:, at]))
 
-    def drop(self) -> None:
+    def free_images(self) -> None:
         """Free the images' memory; collective."""
         free_objects(*self._mirrors)
 
@@ -213,7 +213,7 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
     size = coupling.T.shape[1]
     restraints = restrain(structure.pads, model, coupling.T)
     springs = restraints.stiffness(size) + structure.pads.walls.stiffness(size)
-    moving, masses = Moving(model, structure.masses, comm), masses_of(model, structure.masses, base.M)
+    moving, masses = FrameAssembler(model, structure.masses, comm), masses_of(model, structure.masses, base.M)
     loads = [sp.csr_matrix((0, size)), *(coupling.load(load, base.M, moving) for load in structure.loads)]
     operators = Operators(
         _constrain_matrix(base.M, coupling.T, attached),
@@ -236,16 +236,16 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
         output_units=tuple(output.unit for output in structure.outputs),
         output_kinds=tuple(output.kind for output in structure.outputs),
         reference_frequency=model.reference_frequency,
-        rigid=_rigid_motions(coupling, restraints, operators.K, _held_by(model)),
+        rigid=_rigid_motions(coupling, restraints, operators.K, _inner_supports(model)),
         node_stations=model.node_stations,
         mirrors=mirror_images(model, coupling.T, operators.M, operators.K),
         ports={port.name: coupling.rows([port]) for port in structure.ports},
-        matrices=_added_matrices(structure.matrices, coupling, moving),
+        matrices=_frame_matrices(structure.matrices, coupling, moving),
         masses=masses,
     )
 
 
-def _added_matrices(names: Sequence[str], coupling: Coupling, moving: Moving) -> dict[str, PETSc.Mat]:
+def _frame_matrices(names: Sequence[str], coupling: Coupling, moving: FrameAssembler) -> dict[str, PETSc.Mat]:
     """Matrices of a moving frame and of axial forces, by name; those that are zero are left out.  Collective.
 
     Walls that give way under pads add nothing to them: their dents are small, and so is their mass.
@@ -254,7 +254,7 @@ def _added_matrices(names: Sequence[str], coupling: Coupling, moving: Moving) ->
     matrices = dict[str, PETSc.Mat]()
     for name in names:
         if name in tensors:
-            of_model, attached = moving.inertia(tensors[name]), coupling.attached(tensors[name])
+            of_model, attached = moving.inertia(tensors[name]), coupling.attached_inertia(tensors[name])
         else:
             of_model, attached = moving.geometric_stiffness(name), nothing
         matrix = _constrain_matrix(of_model, coupling.T, attached)
@@ -262,11 +262,11 @@ def _added_matrices(names: Sequence[str], coupling: Coupling, moving: Moving) ->
             matrices[name] = matrix
         else:
             free_objects(matrix)
-    moving.drop()
+    moving.free_factor()
     return matrices
 
 
-def _held_by(model: StructuralModel) -> Array:
+def _inner_supports(model: StructuralModel) -> Array:
     """Measures (h, k) of k rigid motions by supports inside given matrices; no rows for other models."""
     return model.given.held if isinstance(model, Matrices) else np.empty((0, len(model.directions)))
 
@@ -280,7 +280,7 @@ def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat, res
     lost = size * np.finfo(float).eps * np.concatenate(K.comm.tompi4py().allgather(K.getDiagonal().getArray()))
     springs = [
         np.asarray(c @ coupling.rigid)
-        for c, spring in zip(restraints.vectors(size), restraints.springs, strict=True)
+        for c, spring in zip(restraints.spring_rows(size), restraints.springs, strict=True)
         if np.any(c.toarray()[0] ** 2 > spring.compliance * lost)
     ]
     of_rank = coupling.rigid[slice(*K.getOwnershipRange())].copy()
@@ -296,12 +296,12 @@ def _constrain_matrix(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> P
     """
     first, last = A.getOwnershipRange()
     low, high = share(T.shape[1], A.comm.tompi4py())
-    if not _leaves_out(T):
+    if not _only_selects(T):
         P = sparse(T[first:last], A, columns=int(high - low))
         result = project_matrix(A, P)
         free_objects(P)
     elif T.shape[0] > T.shape[1]:
-        result = _without_rest(A, np.flatnonzero(np.diff(T.indptr))[low:high])
+        result = _submatrix(A, np.flatnonzero(np.diff(T.indptr))[low:high])
     else:
         result = A
     if added.nnz:
@@ -311,7 +311,7 @@ def _constrain_matrix(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> P
     return result
 
 
-def _without_rest(A: PETSc.Mat, numbers: Indices) -> PETSc.Mat:
+def _submatrix(A: PETSc.Mat, numbers: Indices) -> PETSc.Mat:
     """Submatrix of A with the same rows and columns, of which `numbers` are to be this rank's; frees A.  Collective."""
     chosen = PETSc.IS().createGeneral(numbers.astype(PETSc.IntType), comm=A.comm)
     result = A.createSubMatrix(chosen, chosen)
@@ -319,7 +319,7 @@ def _without_rest(A: PETSc.Mat, numbers: Indices) -> PETSc.Mat:
     return result
 
 
-def _leaves_out(T: sp.csr_matrix) -> bool:
+def _only_selects(T: sp.csr_matrix) -> bool:
     """Whether T z consists of the coordinates z in their order with zeros between them.
 
     T of a rigid mass on a single node has as many entries as coordinates too, but in other places and with other

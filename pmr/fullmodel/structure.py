@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import free_objects
-from pmr.fullmodel.moving import Moving, field_of
+from pmr.fullmodel.moving import FrameAssembler, acceleration_field
 from pmr.fullmodel.pads import Pads
 from pmr.fullmodel.probes import Gauge
 from pmr.fullmodel.walls import Walls
@@ -150,9 +150,9 @@ class Coupling:
 
         A mass m with inertia J moves by G z.
         """
-        return sp.csr_matrix(self.walls.mass(self.T.shape[1]) + self.attached(np.eye(3)))
+        return sp.csr_matrix(self.walls.mass(self.T.shape[1]) + self.attached_inertia(np.eye(3)))
 
-    def attached(self, S: Array) -> sp.csr_matrix:
+    def attached_inertia(self, S: Array) -> sp.csr_matrix:
         """Integral of rho v . S u over the attached masses, (n', n'), of their motions u and v.
 
         Where S (3, 3) is the identity, it is their mass matrix.
@@ -167,8 +167,11 @@ class Coupling:
 
         Raises an `InputError` if the model cannot move along an action's direction.
         """
-        measured = self._measured([action for action in actions if isinstance(action, Action)])
-        of_model = [(np.empty(0, np.int64), np.empty(0)), *(self._of_model(action, measured) for action in actions)]
+        measured = self._measuring_rows([action for action in actions if isinstance(action, Action)])
+        of_model = [
+            (np.empty(0, np.int64), np.empty(0)),
+            *(self._model_entries(action, measured) for action in actions),
+        ]
         columns, entries = (np.concatenate(parts) for parts in zip(*of_model, strict=True))
         ends = np.cumsum([len(part[0]) for part in of_model])
         result = sp.csr_matrix((entries, columns, ends), shape=(len(actions), self.model.size)) @ self.T
@@ -182,9 +185,9 @@ class Coupling:
         nothing = sp.csr_matrix((1, self.T.shape[1]))
         if isinstance(action, Gauge):
             return nothing
-        return self.walls.moved(nothing, action.on, (action.direction,))
+        return self.walls.add_end_motion(nothing, action.on, (action.direction,))
 
-    def _measured(self, actions: Sequence[Action]) -> Measured:
+    def _measuring_rows(self, actions: Sequence[Action]) -> Measured:
         """Rows on the model's coordinates q for actions, by place and direction: a matrix and the number of its row.
 
         Displacements of all places share one matrix.  Raises an `InputError` if the model lacks a direction.
@@ -204,7 +207,7 @@ class Coupling:
             row_of[action.on, action.direction] = at
         return row_of
 
-    def _of_model(self, action: Action | Gauge, measured: Measured) -> tuple[Indices, Array]:
+    def _model_entries(self, action: Action | Gauge, measured: Measured) -> tuple[Indices, Array]:
         """Coordinates (c,) of the model that an action or gauge measures, and their weights (c,).
 
         `measured` is the result of `_measured` for all actions.
@@ -216,7 +219,7 @@ class Coupling:
         entries = slice(*rows.indptr[number : number + 2])
         return rows.indices[entries], rows.data[entries]
 
-    def load(self, load: Action | Weight | Inertia, M: PETSc.Mat, moving: Moving) -> sp.csr_matrix:
+    def load(self, load: Action | Weight | Inertia, M: PETSc.Mat, moving: FrameAssembler) -> sp.csr_matrix:
         """The load vector as a row (1, n'), for an input of one; collective.
 
         M is the model's mass matrix, `moving` assembles fields of acceleration.
@@ -224,7 +227,7 @@ class Coupling:
         if isinstance(load, Action):
             return self.rows([load])
         if isinstance(load, Inertia):
-            return self._field(load.name, moving.field(load.name))
+            return self._acceleration_row(load.name, moving.acceleration_load(load.name))
         along = dict(zip("xyz", unit_vector(load.direction), strict=True))
         acceleration = np.array([along.get(direction, 0.0) for direction in self.model.directions])
         x, f = M.createVecRight(), M.createVecLeft()
@@ -237,12 +240,12 @@ class Coupling:
             column += G.T @ (_inertia(mass, self.model.directions, np.eye(3)) @ acceleration)
         return sp.csr_matrix(column)
 
-    def _field(self, name: str, of_model: Array) -> sp.csr_matrix:
+    def _acceleration_row(self, name: str, of_model: Array) -> sp.csr_matrix:
         """Load vector (1, n') of an input in `CONSTANT` or `LINEAR`, with attached masses.
 
         `of_model` (n,) is the load on the model alone.
         """
-        row, (S, motion) = self.T.T @ of_model, field_of(name, self.model)
+        row, (S, motion) = self.T.T @ of_model, acceleration_field(name, self.model)
         for mass, G in zip(self.masses, self.motions, strict=True):
             row += G.T @ (
                 _inertia(mass, self.model.directions, S) @ (self.model.motion(mass.on, _centre(mass)) @ motion)
@@ -285,7 +288,7 @@ def couple(structure: Structure) -> Coupling:
             motions.append(sp.eye(k, T.shape[1], k=len(free) + k * rigid.index(mass), format="csr"))
         else:
             motion = (model.motion(mass.on, _centre(mass)) @ T).tocsr()
-            motions.append(walls.moved(motion, mass.on, model.directions))
+            motions.append(walls.add_end_motion(motion, mass.on, model.directions))
     rigid_motions = np.vstack([R[free], *carried, np.zeros((walls.count, R.shape[1]))])
     return Coupling(model, T, structure.masses, tuple(motions), rigid_motions, R[clamped], walls)
 

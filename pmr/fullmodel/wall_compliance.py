@@ -79,8 +79,8 @@ class SlidingCompliance:
     """Compliance of k pads that slide, at p distances u, with forces on themselves and on m that stay."""
 
     u: Array  # (p,) m: distances from the first position
-    own: Array  # (p, k, k) m/N: among the pads that slide
-    beside: Array  # (p, k, m) m/N: between them and what stays
+    sliding: Array  # (p, k, k) m/N: among the pads that slide
+    standing: Array  # (p, k, m) m/N: between them and what stays
 
 
 @lru_cache(maxsize=8)
@@ -125,7 +125,7 @@ class _HeldModel:
         self._full = full = structural_model(structure, MPI.COMM_SELF)
         M, rigid = gather(full.M), full.rigid
         assert M is not None and rigid is not None  # as structures have, on the only rank
-        self._R = rigid.coordinates @ scipy.linalg.null_space(rigid.held.T @ rigid.held)
+        self._R = rigid.coordinates @ scipy.linalg.null_space(rigid.held_measures.T @ rigid.held_measures)
         self._MR = M @ self._R
         self._J = self._R.T @ self._MR
         F = full.K.copy()
@@ -223,7 +223,7 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
     part = member.part
     box, mesh, body = part.body.box, part.mesh, part.body
     assert box is not None  # the scene's check
-    staying, sliding = _by_their_way(member, pads)
+    staying, sliding = _split_by_sliding(member, pads)
     masses = tuple(mass for mass in part.masses if mass.coupling == "rigid")
     plates = PlateBody(
         draw_box(box, mesh.size, mesh.along or 0.0),
@@ -241,7 +241,9 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
     rho = body.material.density
     soft = np.diagonal(C) > 0.0  # an end that is stiffer than the beam's is as stiff
     soft_ends = [end for end, gives in zip(ends, soft[len(staying) :], strict=True) if gives]
-    weights = [rho * _patch(pad, box) for pad in staying] + [rho * _end(box, direction) for _, direction in soft_ends]
+    weights = [rho * _wall_volume(pad, box) for pad in staying] + [
+        rho * _end_volume(box, direction) for _, direction in soft_ends
+    ]
     return Walls(
         Standing(tuple(pad.name for pad in staying), tuple(soft_ends), C[np.ix_(soft, soft)], np.array(weights)),
         tuple(
@@ -249,16 +251,16 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
                 pads=tuple(pad.name for pad in sliding_pads),
                 first=np.array([pad.at for pad in sliding_pads]),
                 u=compliance.u,
-                compliance=compliance.own,
-                beside=compliance.beside[:, :, soft],
-                masses=np.array([rho * _patch(pad, box) for pad in sliding_pads]),
+                compliance=compliance.sliding,
+                standing_compliance=compliance.standing[:, :, soft],
+                masses=np.array([rho * _wall_volume(pad, box) for pad in sliding_pads]),
             )
             for (_, sliding_pads), compliance in zip(sliding, compliances, strict=True)
         ),
     )
 
 
-def _by_their_way(member: Member, pads: Sequence[Pad]) -> tuple[list[Pad], list[tuple[float, list[Pad]]]]:
+def _split_by_sliding(member: Member, pads: Sequence[Pad]) -> tuple[list[Pad], list[tuple[float, list[Pad]]]]:
     """Pads that stay, and groups of pads that slide together, each after the distance in m that it slides.
 
     Each pad's `at` is its first position along the body, m.
@@ -280,12 +282,12 @@ def _by_their_way(member: Member, pads: Sequence[Pad]) -> tuple[list[Pad], list[
     return staying, list(sliding.values())
 
 
-def _patch(pad: Pad, box: Box) -> float:
+def _wall_volume(pad: Pad, box: Box) -> float:
     """Volume of the wall under a pad, m^3."""
     return box.thickness(pad.on) * pad.length * pad.width
 
 
-def _end(box: Box, direction: str) -> float:
+def _end_volume(box: Box, direction: str) -> float:
     """Volume in m^3 of the walls that move with a free end, over a quarter of the box's size.
 
     For the direction ``rx`` it is multiplied by the square of the walls' arm, m^5.

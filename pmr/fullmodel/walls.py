@@ -63,7 +63,7 @@ class Sliding:
     first: Array  # (k,) m: coordinates of their centres along the body at u = 0
     u: Array  # (p,) m: distances from there; compliance is constant beyond
     compliance: Array  # (p, k, k): C_mm in m/N
-    beside: Array  # (p, k, m): C_mf in m/N
+    standing_compliance: Array  # (p, k, m): C_mf in m/N
     masses: Array  # (k,) kg
 
 
@@ -85,13 +85,13 @@ class Walls:
         return len(self.standing.masses) + sum(len(sliding.pads) for sliding in self.sliding)
 
     @cached_property
-    def unit(self) -> float:
+    def stiffness_scale(self) -> float:
         """Stiffness k_0 in N/m: the inverse of the pads' mean compliance; `STIFF` without pads."""
-        compliances = [c for _, c in self.own]
+        compliances = [c for _, c in self.pad_compliances]
         return 1.0 / float(np.mean(compliances)) if compliances else STIFF
 
     @property
-    def own(self) -> Iterator[tuple[str, float]]:
+    def pad_compliances(self) -> Iterator[tuple[str, float]]:
         """Yield the name of each pad and the compliance of its wall under its own force, m/N.
 
         For pads that slide it is the mean over the path.
@@ -102,14 +102,14 @@ class Walls:
 
     def stiffness(self, size: int) -> sp.csr_matrix:
         """Stiffness of the walls on the body's `size` coordinates, (size, size) N/m."""
-        return self._behind(np.full(self.count, self.unit if self.count else 0.0), size)
+        return self._last_diagonal(np.full(self.count, self.stiffness_scale if self.count else 0.0), size)
 
     def mass(self, size: int) -> sp.csr_matrix:
         """Mass of the walls on the body's `size` coordinates, (size, size) kg."""
         sizes = [np.diagonal(self.standing.compliance)]
         sizes += [np.diagonal(sliding.compliance, axis1=1, axis2=2).mean(axis=0) for sliding in self.sliding]
         masses = np.concatenate([self.standing.masses, *(sliding.masses for sliding in self.sliding)])
-        return self._behind(masses * np.concatenate(sizes) * (self.unit if self.count else 0.0), size)
+        return self._last_diagonal(masses * np.concatenate(sizes) * (self.stiffness_scale if self.count else 0.0), size)
 
     def pad_row(self, row: Row, at: float) -> Row:
         """The row of a pad with the dents of its wall added; unchanged if its wall does not give way.
@@ -134,7 +134,7 @@ class Walls:
             first += k
         return row
 
-    def moved(self, motion: sp.csr_matrix, on: str | float, directions: tuple[str, ...]) -> sp.csr_matrix:
+    def add_end_motion(self, motion: sp.csr_matrix, on: str | float, directions: tuple[str, ...]) -> sp.csr_matrix:
         """Rows `motion` (k, n) of a place `on` along k directions, with the additional motion of an end's walls."""
         behind, pads = motion.shape[1] - self.count, len(self.standing.pads)
         ends = enumerate(self.standing.ends)
@@ -150,7 +150,7 @@ class Walls:
     def _standing_root(self) -> Array:
         """S_f (m, m), from the root of C_ff scaled by its diagonal, as m and rad differ in size."""
         d = np.sqrt(np.diagonal(self.standing.compliance))
-        return np.asarray(np.sqrt(self.unit) * d[:, None] * _root(self.standing.compliance / np.outer(d, d)))
+        return np.asarray(np.sqrt(self.stiffness_scale) * d[:, None] * _root(self.standing.compliance / np.outer(d, d)))
 
     @cached_property
     def _sliding_factors(self) -> list[tuple[Array, Array, Array]]:
@@ -160,14 +160,14 @@ class Walls:
         """
         inverse, factors = np.linalg.pinv(self._standing_root, rcond=SAME**0.5).T, []
         for sliding in self.sliding:
-            A = self.unit * sliding.beside @ inverse
+            A = self.stiffness_scale * sliding.standing_compliance @ inverse
             V = np.linalg.svd(A.reshape(A.shape[0] * A.shape[1], -1) if A.size else A[0], full_matrices=False)[2]
             V = V[np.abs(A @ V.T).max(axis=(0, 1), initial=0.0) > SHARED]
             A = A @ V.T
-            factors.append((A, V, _root(self.unit * sliding.compliance - A @ A.transpose(0, 2, 1))))
+            factors.append((A, V, _root(self.stiffness_scale * sliding.compliance - A @ A.transpose(0, 2, 1))))
         return factors
 
-    def _behind(self, values: Array, size: int) -> sp.csr_matrix:
+    def _last_diagonal(self, values: Array, size: int) -> sp.csr_matrix:
         """Diagonal matrix (size, size) with `values` at its end and zeros before."""
         numbers = np.arange(size - len(values), size)
         return sp.csr_matrix((values, (numbers, numbers)), (size, size))
@@ -181,7 +181,7 @@ def summary(bodies: Mapping[str, Walls]) -> dict[str, list[dict[str, Any]]]:
     walls_of_bodies = [
         {"name": named(body, pad), "compliance": float(c), "stiffness": 1.0 / float(c)}
         for body, walls in bodies.items()
-        for pad, c in walls.own
+        for pad, c in walls.pad_compliances
     ]
     return {"walls": walls_of_bodies} if walls_of_bodies else {}
 

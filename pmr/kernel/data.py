@@ -25,7 +25,7 @@ from pmr.kernel.further import (
 )
 from pmr.kernel.rows import LANES, Arrangement, Part, arrange, round_up
 from pmr.scene.mechanism import CYLINDER
-from pmr.system.from_scene import Combined, combine_rings
+from pmr.system.from_scene import CombinedRings, combine_rings
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ class SystemData:
 
 
 def system_data(
-    system: System, forms: Mapping[str, Modal], frame: Frame | None = None, reduced: Combined | None = None
+    system: System, forms: Mapping[str, Modal], frame: Frame | None = None, reduced: CombinedRings | None = None
 ) -> SystemData:
     """Write a system as the kernel's arrays, from the modal forms of its bodies by name and its moving frame, if any.
 
@@ -116,7 +116,7 @@ class Outputs:
         return int(first), int(second)
 
 
-def in_modes(system: System, forms: Mapping[str, Modal], supports: Sequence[Supports] = ()) -> Combined:
+def in_modes(system: System, forms: Mapping[str, Modal], supports: Sequence[Supports] = ()) -> CombinedRings:
     """System of the bodies in their modes, with rings of pads combined; without carriers if it is on one path.
 
     With `supports`, one for each body, their reactions are additional outputs behind those of each body.
@@ -124,10 +124,10 @@ def in_modes(system: System, forms: Mapping[str, Modal], supports: Sequence[Supp
     bodies = {}
     for number, (name, form) in enumerate(forms.items()):
         carriers = None if system.on_one_path else system.bodies[name].carriers
-        modal = replace(form.body, carriers=carriers and carriers.on(form.X).with_rows(form.rows))
+        modal = replace(form.body, carriers=carriers and carriers.project(form.X).with_rows(form.rows))
         bodies[name] = with_reactions(system, name, form, modal, supports[number]) if supports else modal
     motions = {name: form.X for name, form in forms.items()}
-    terms = tuple(term.on(motions) for term in system.terms)
+    terms = tuple(term.project(motions) for term in system.terms)
     return combine_rings(System(bodies, system.contacts, terms=terms))
 
 
@@ -301,7 +301,7 @@ def _terms(system: System, rows: Arrangement) -> dict[str, NDArray[Any] | str]:
     keys, values, counts = list[NDArray[np.int64]](), [np.zeros((0, LANES))], [0]
     for term in system.terms:
         count = 0
-        for name, A in term.among(where, r).matrices.items():
+        for name, A in term.scatter(where, r).matrices.items():
             A = A.tocsr()
             A.data[np.abs(A.data) <= NEGLIGIBLE * np.abs(A.data).max(initial=0.0)] = 0.0
             A.eliminate_zeros()
@@ -334,8 +334,8 @@ def _friction(rows: Arrangement) -> dict[str, NDArray[Any] | str]:
     return {
         "joint_paths": np.array([rows.paths.index(name) for name in friction.joints], np.int64),
         "joint_cylinders": friction.cylinders,
-        "joint_gives": friction.gives,
-        "first_pad": friction.first,
+        "joint_gives": friction.cylinder_compliance,
+        "first_pad": friction.first_pads,
         "pad_contacts": friction.pads,
         "pad_laws": friction.laws,
         "pad_stiffness": friction.stiffness,

@@ -21,7 +21,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import columns, common_breaks, refine_table, same_degree, total, transpose
+from pmr.constraints.polynomials import add_tables, common_breaks, refine_table, same_degree, select_columns, transpose
 from pmr.errors import InputError
 from pmr.kernel.block_file import lines
 from pmr.reduced.carriers import CarrierFlexibility, Flexibility
@@ -99,7 +99,9 @@ def with_reactions(system: System, name: str, form: Modal, modal: ReducedModel, 
     assert reactions is not None  # of a body that has supports
     outputs, (_, i, o) = np.vstack([modal.outputs, supports.of_modes]), _sizes(modal)
     if system.on_one_path:
-        pressed = columns(total(reactions.rows, transpose(body.rows_on(supports.inertia.T)), -1.0), list(form.rows))
+        pressed = select_columns(
+            add_tables(reactions.rows, transpose(body.rows_on(supports.inertia.T)), -1.0), list(form.rows)
+        )
         flexibility = modal.flexibility or _no_flexibility(modal)
         breaks = common_breaks([flexibility.outputs, pressed], modal.domain)
         c = same_degree(refine_table(flexibility.outputs, breaks).c, refine_table(pressed, breaks).c)

@@ -14,7 +14,7 @@ from pmr.kernel._native import ffi, lib
 from pmr.kernel.block_file import LINE, pack, seal
 from pmr.kernel.data import Modal, system_data
 from pmr.kernel.further import Frame
-from pmr.system.from_scene import Combined
+from pmr.system.from_scene import CombinedRings
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -71,7 +71,7 @@ class Kernel:
         system: System,
         forms: Mapping[str, Modal],
         frame: Frame | None = None,
-        reduced: Combined | None = None,
+        reduced: CombinedRings | None = None,
     ) -> Kernel:
         """Kernel of a system whose bodies have these modal forms by name (`pmr.simulation.modal.modal_form`).
 

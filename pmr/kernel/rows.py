@@ -20,7 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import columns, common_breaks, contributions, refine_table, same_degree, select_rows
+from pmr.constraints.polynomials import (
+    common_breaks,
+    power_contributions,
+    refine_table,
+    same_degree,
+    select_columns,
+    select_rows,
+)
 from pmr.constraints.rows import Row, RowPolynomials
 from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.model import ReducedModel
@@ -101,7 +108,7 @@ class Arrangement:
         """Upper bound (m + n,) in m/N of the flexibility of each row over its path."""
         most = np.abs(np.diagonal(self.F))
         for block in self.blocks:
-            most[block.numbers] += np.diagonal(np.abs(contributions(block.between)).sum(axis=0).max(axis=0))
+            most[block.numbers] += np.diagonal(np.abs(power_contributions(block.between)).sum(axis=0).max(axis=0))
         return most
 
 
@@ -132,7 +139,7 @@ def _cleared(block: Block, rigid: NDArray[np.bool_]) -> Block:
 
 def _with_round_off(system: System) -> Arrangement:
     """Arrange the rows of a system, with flexibility that is round-off."""
-    parts, friction = _parts(system), Friction.of(system.contacts)
+    parts, friction = _parts(system), Friction.from_contacts(system.contacts)
     F = np.pad(system.compliance.constant, (0, 0 if friction is None else len(friction.pads)))
     size = {what: getattr(parts[-1], what).stop for what in ("modes", "inputs", "outputs")}
     C, H, X = (np.zeros((len(F), size[what])) for what in ("modes", "inputs", "outputs"))
@@ -183,9 +190,9 @@ def _block_of_tables(system: System, part: Part) -> Block:
     m, i, o = len(rows), len(body.input_names), len(body.outputs)
     G, H, X = (_zeros(breaks, shape) for shape in ((m, m), (m, i), (m, o)))
     if flexibility is not None:
-        G = refine_table(columns(select_rows(flexibility.rows, rows), rows), breaks)
+        G = refine_table(select_columns(select_rows(flexibility.rows, rows), rows), breaks)
         H = refine_table(select_rows(flexibility.inputs, rows), breaks)
-        of_outputs = refine_table(columns(flexibility.outputs, rows), breaks)
+        of_outputs = refine_table(select_columns(flexibility.outputs, rows), breaks)
         X = PPoly(of_outputs.c.swapaxes(2, 3), breaks)
     C = refine_table(select_rows(body.rows, rows), breaks)
     C = PPoly(np.pad(C.c, ((0, 0), (0, 0), (0, 0), (0, round_up(body.size) - body.size))), breaks)
@@ -208,10 +215,10 @@ def _block_on_path(
     """
     rows = [_along_path(system, side) for side in sides]
     breaks = common_breaks([PPoly(row.coefficients, row.breaks) for row in rows], domain)
-    rows = [row.refined(breaks) for row in rows]
+    rows = [row.refine(breaks) for row in rows]
     degree = same_degree(*(row.coefficients for row in rows))
     rows = [replace(row, coefficients=c) for row, c in zip(rows, degree, strict=True)]
-    R, C = part.flexibility.rows, RowPolynomials.of(rows)
+    R, C = part.flexibility.rows, RowPolynomials.from_rows(rows)
     return Block(
         part,
         path,

@@ -32,12 +32,12 @@ from pmr.compare.summary import (
 from pmr.compare.trust import reduction_warnings, rigid_contacts
 from pmr.errors import ConvergenceError, InputError, on_first
 from pmr.errors.environment import Clock
-from pmr.fullmodel.build import Built, build_bodies, models_of
+from pmr.fullmodel.build import AssembledBody, build_bodies, models_of
 from pmr.pipeline.full_order import FullOrder, References
-from pmr.reduction.bodies import as_asked, cached_body, join_bodies, reduce_bodies, reduce_with
+from pmr.reduction.bodies import cached_body, join_bodies, reduce_bodies, reduce_with, with_stress_flags
 from pmr.reduction.cache import Cache
 from pmr.reduction.from_scene import summary as describe_basis
-from pmr.reduction.recovery import Looked, Recovered, beside_full, of_reduced, recovered_steps
+from pmr.reduction.recovery import RecoveredBody, ReducedFields, recover_full, recover_reduced, recovered_steps
 from pmr.reduction.snapshots import Snapshots
 from pmr.results import BodyResult, Frequencies, Response, Shapes
 from pmr.results.run import SummaryPart
@@ -57,7 +57,7 @@ class Motions:
     reduced: Simulations | None
     simulated: SimulatedSystem | None  # the reduced system with its motion
     error: ReductionError | None  # of the reduction, as it is estimated
-    body_views: Mapping[str, Looked]  # what is seen of the reduced bodies, where the scene asks for it
+    body_views: Mapping[str, ReducedFields]  # what is seen of the reduced bodies, where the scene asks for it
     references: References
 
     @property
@@ -95,7 +95,7 @@ class Bodies:
     def __init__(
         self,
         scene: Scene,
-        built: Mapping[str, Built],
+        built: Mapping[str, AssembledBody],
         clock: Clock,
         caches: Mapping[str, Cache],
         shared: Precomputed | None = None,
@@ -118,7 +118,7 @@ class Bodies:
         if self.choice is not None:
             chosen = self.choice.models
             self.bodies = {name: replace(body, modal=chosen[name]) for name, body in self.bodies.items()}
-        self.bodies = as_asked(self.scene, self.bodies)
+        self.bodies = with_stress_flags(self.scene, self.bodies)
         #: as it was written, but for the step that was chosen: `scene` has the machine's motion as that of a frame
         self.written_scene, self.system = self.scene, join_bodies(self.scene, self.bodies)
         if self.scene.frame is not None and self.scene.frame.machine is not None:
@@ -168,21 +168,21 @@ class Bodies:
         simulations = on_first(self._comm, lambda: simulations and simulations.with_least_seconds())
         return Motions(simulations, simulated, error, looked, references)
 
-    def _look_at_bodies(self, simulations: Simulations | None) -> Mapping[str, Looked]:
+    def _look_at_bodies(self, simulations: Simulations | None) -> Mapping[str, ReducedFields]:
         """Return what the scene's recovery needs of each reduced body's motion; empty without a recovery."""
         if self.scene.recovery is None:
             return {}
         with self.clock.stage("recover"):
             states = self._comm.bcast(None if simulations is None else simulations.first.states)
-            return of_reduced(self.scene, self.built, self.bodies, states)
+            return recover_reduced(self.scene, self.built, self.bodies, states)
 
-    def recover(self, motions: Motions) -> Mapping[str, Recovered]:
+    def recover(self, motions: Motions) -> Mapping[str, RecoveredBody]:
         """Return by body the fields that the scene's recovery asks for, of the full model too if it was simulated."""
         with self.clock.stage("recover"):
-            return beside_full(motions.body_views, motions.references.states)
+            return recover_full(motions.body_views, motions.references.states)
 
     def summary_parts(
-        self, motions: Motions, natural: Frequencies, recovered: Mapping[str, Recovered]
+        self, motions: Motions, natural: Frequencies, recovered: Mapping[str, RecoveredBody]
     ) -> tuple[list[SummaryPart], Any]:
         """Return the contributions to summary.json and the tip's estimated error (T, d) in m; on rank 0 alone."""
         scene, system, responses = self.scene, self.system, motions.responses
@@ -217,7 +217,7 @@ class Bodies:
         ]
         return parts, error.band
 
-    def results(self, recovered: Mapping[str, Recovered]) -> dict[str, BodyResult]:
+    def results(self, recovered: Mapping[str, RecoveredBody]) -> dict[str, BodyResult]:
         """Return shapes, fields, stresses and envelopes of each body; on rank 0 alone."""
         body_results = {}
         for name, body in self.bodies.items():

@@ -43,9 +43,9 @@ from pmr.simulation.reactions import Supports, with_forces_on_machine, with_reac
 from pmr.simulation.refusals import needs_of
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Friction
-from pmr.system.definite import oscillations
+from pmr.system.definite import natural_frequencies
 from pmr.system.from_scene import contacts_of
-from pmr.system.states import BodyStates, rubbed_on
+from pmr.system.states import BodyStates, friction_on_body
 from pmr.system.system import System
 from pmr.system.terms import add_terms, terms_of
 
@@ -95,7 +95,7 @@ class FullOrder:
         if ALONE in self.system.bodies and not c.size:
             solver = self.scene.reduction.solver
             return lowest_frequencies(self.system.bodies[ALONE], s[:, 0], count, solver) / (2.0 * np.pi)
-        x = self.system.coordinates(dict(zip(self.scene.driven_paths, s.T, strict=True)))
+        x = self.system.side_coordinates(dict(zip(self.scene.driven_paths, s.T, strict=True)))
         if self.simulator == "march":
             lowest = None if self.gathered_system is None else Assembly(self.gathered_system).frequencies(x, count, c)
         else:
@@ -177,7 +177,8 @@ class FullOrder:
                 response = None if simulated is None else simulated.response
                 of_all = comm.bcast(None if simulated is None else simulated.states)
                 states = {
-                    name: states_of_body.share(system.bodies[name].share) for name, states_of_body in of_all.items()
+                    name: states_of_body.select_coordinates(system.bodies[name].share)
+                    for name, states_of_body in of_all.items()
                 }
         if reason := comm.bcast(None if response is None else reason_for_distrust(response, rigid_contacts(system))):
             raise SimulationError(reason)
@@ -226,15 +227,15 @@ def _states_of_bodies(
         dict[str, BodyStates](),
         0,
         history.forces[steps],
-        Friction.of(system.contacts),
+        Friction.from_contacts(system.contacts),
     )
     friction = None if history.friction is None else history.friction[steps]
-    reaching = forces if rubbing is None or friction is None else forces - rubbing.along(friction)
+    reaching = forces if rubbing is None or friction is None else forces - rubbing.cylinder_forces(friction)
     for name, model in system.bodies.items():
         side_numbers, last, states = system.sides_of(name), first + len(model.input_names), history.states[name]
         rows = tuple(system.sides[number].place.row for number in side_numbers)
-        loads, pressed = f[steps, first:last], system.pressed(name, reaching)
-        rubbed = rubbed_on(system, name, forces, friction)
+        loads, pressed = f[steps, first:last], system.side_multipliers(name, reaching)
+        rubbed = friction_on_body(system, name, forces, friction)
         states_of_bodies[name] = BodyStates(
             states.t, x[steps][:, side_numbers], states.q, states.v, pressed, loads, rows, *rubbed
         )
@@ -256,7 +257,7 @@ def _support_reactions(full_system: FullSystem, history: History) -> tuple[dict[
         dict[str, Array](),
     )
     for name, model in full_system.bodies.items():
-        support_rows = [row for row in model.rows.rows if row.fixed and (name, row.name) in rows]
+        support_rows = [row for row in model.rows.rows if row.is_fixed and (name, row.name) in rows]
         if support_rows:
             supports[name] = [(row.name, row.unit) for row in support_rows]
             reactions[name] = forces[:, [rows[name, row.name] for row in support_rows]]
@@ -276,8 +277,10 @@ def _lanczos_frequencies(full_system: FullSystem, places_of: Array, count: int, 
         return None
     bodies = [gathered[id(model)] for model in system.models]
     gathered_bodies = {name: body for name, body in zip(system.bodies, bodies, strict=True) if body is not None}
-    numbers = {name: np.arange(at.start, at.stop) for name, at in zip(gathered_bodies, system.whole, strict=True)}
-    terms = [term.among(numbers, system.size) for term in system.terms]
+    numbers = {
+        name: np.arange(at.start, at.stop) for name, at in zip(gathered_bodies, system.whole_slices, strict=True)
+    }
+    terms = [term.scatter(numbers, system.size) for term in system.terms]
     K0 = sp.block_diag([body.K for body in gathered_bodies.values()], format="csr")
     M = sp.block_diag([body.M for body in gathered_bodies.values()], format="csr")
     # forces in the unit of stiffness: rows of both kinds are of one size
@@ -288,7 +291,7 @@ def _lanczos_frequencies(full_system: FullSystem, places_of: Array, count: int, 
     for at, amplitudes in zip(places_of, c, strict=True):
         K, V = add_terms(K0, terms, "stiffness", amplitudes), add_terms(0.0 * M, terms, "damping", amplitudes)
         x = np.concatenate([at, supports])
-        C, F = scale * contact_rows(system, x), sp.csr_matrix(-(scale**2) * system.gives(x))
+        C, F = scale * contact_rows(system, x), sp.csr_matrix(-(scale**2) * system.contact_compliance(x))
         A = sp.bmat([[(K + K.T) / 2.0, C.T], [C, F]], format="csc")
         factor = spla.splu((A - SHIFT * mass).tocsc())
         start = factor.solve(np.concatenate([M @ np.ones(M.shape[0]), np.zeros(m)]))
@@ -297,5 +300,5 @@ def _lanczos_frequencies(full_system: FullSystem, places_of: Array, count: int, 
         values, q = spla.eigsh(A, count_of_pairs, M=mass, sigma=SHIFT, OPinv=solved, v0=start)
         X = q[: system.size]
         turning = X.T @ ((V - V.T) @ X) / 2.0
-        lowest.append(oscillations(X.T @ (M @ X), turning, np.diag(values))[:count] / (2.0 * np.pi))
+        lowest.append(natural_frequencies(X.T @ (M @ X), turning, np.diag(values))[:count] / (2.0 * np.pi))
     return np.array(lowest)

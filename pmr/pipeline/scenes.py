@@ -19,16 +19,16 @@ from pmr.errors import ConvergenceError, InputError, NotHeldError, SimulationErr
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
-from pmr.fullmodel.build import Built, build_bodies, left_free, log_warnings, models_of
+from pmr.fullmodel.build import AssembledBody, build_bodies, free_motion_warnings, log_warnings, models_of
 from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.probes import places
+from pmr.fullmodel.probes import probe_summary
 from pmr.fullmodel.walls import summary as summary_of_walls
 from pmr.pipeline.bodies import Bodies, Motions, Precomputed
-from pmr.reduction.bodies import Reduction, as_asked, reduce_bodies
+from pmr.reduction.bodies import Reduction, reduce_bodies, with_stress_flags
 from pmr.reduction.cache import Cache, cache_in
 from pmr.reduction.from_scene import Vectors, with_array_basis
-from pmr.reduction.recovery import Recovered
+from pmr.reduction.recovery import RecoveredBody
 from pmr.results import Frequencies, Loads, Response, RunResult
 from pmr.results.run import SummaryPart, combine_parts, grave_warnings
 from pmr.scene import Scene
@@ -121,7 +121,7 @@ def _run(
     scene = chosen.scene
     with clock.stage("assemble"):
         built = build_bodies(scene, comm)
-        free_motions = left_free(scene, built) if scene.free_motions == "allowed" else []
+        free_motions = free_motion_warnings(scene, built) if scene.free_motions == "allowed" else []
     size, outputs = _total_sizes(built)
     free = comm.bcast(environment.available_memory() if comm.rank == 0 else None)
     check_memory(scene, size, outputs, free, tell=comm.rank == 0)
@@ -156,7 +156,7 @@ def _outcome(
     bodies: Bodies,
     motions: Motions,
     frequencies: Frequencies,
-    recovered: Mapping[str, Recovered],
+    recovered: Mapping[str, RecoveredBody],
     free_motions: Sequence[str],
 ) -> Outcome:
     """Return the outcome of a run with its errors, warnings and models; on rank 0 alone.
@@ -188,7 +188,7 @@ def _outcome(
         ),
         SummaryPart(warnings=free_motions),
         SummaryPart(warnings=mesh.mesh_warnings(scene)),
-        SummaryPart(places({name: body.structure.outputs for name, body in built.items()})),
+        SummaryPart(probe_summary({name: body.structure.outputs for name, body in built.items()})),
         SummaryPart(summary_of_walls({name: body.structure.pads.walls for name, body in built.items()})),
         reliability_part(motions.references.missing, responses, system),
         theory_part(scene, responses),
@@ -240,7 +240,7 @@ def _measure(bodies: Bodies, motions: Motions, budget: Mapping[str, Any], measur
     return parts
 
 
-def _total_sizes(built: Mapping[str, Built]) -> tuple[int, int]:
+def _total_sizes(built: Mapping[str, AssembledBody]) -> tuple[int, int]:
     """Return the total numbers of coordinates and of outputs of all full models."""
     models = [body.model for body in built.values()]
     return sum(model.size for model in models), sum(model.outputs.getSize()[1] for model in models)
@@ -333,7 +333,7 @@ def _reduce_scene(
     bodies = reduce_bodies(scene, built, clock=clock, vectors=vectors)
     models = {name: body.model for name, body in bodies.items()}
     scene = comm.bcast(on_first(comm, lambda: with_order(scene, models)))
-    return Reduction(scene, built, as_asked(scene, bodies))
+    return Reduction(scene, built, with_stress_flags(scene, bodies))
 
 
 def _decide_scene_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None) -> ModelDecision:

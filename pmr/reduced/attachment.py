@@ -43,10 +43,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import stack_tables
-from pmr.reduced.carriers import Answers, CarrierFlexibility, EnrichmentModes
+from pmr.reduced.carriers import CarrierFlexibility, CylinderResponses, EnrichmentModes
 from pmr.reduced.matrices import Reactions
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.soundness import pivoted_root, symmetric
+from pmr.reduced.soundness import pivoted_cholesky, symmetric_part
 from pmr.reduced.truncation import extend, with_tables
 
 Array = NDArray[np.float64]
@@ -72,7 +72,7 @@ def with_cylinder_modes(model: ReducedModel) -> ReducedModel:
         return model
     answers = carriers.answers
     if not answers.inertia.any():
-        return _rigid_along(model, answers)
+        return _clear_cylinder_flexibility(model, answers)
     turned, stiffness = _diagonalise(answers.stiffness[:count, :count], answers.inertia[:count, :count])
     measured = np.vstack([answers.rows[:, :count], answers.inputs[:, :count]]) @ turned
     with_modes = _append_vectors(model, stiffness, measured, answers.outputs[:, :count] @ turned)
@@ -80,10 +80,10 @@ def with_cylinder_modes(model: ReducedModel) -> ReducedModel:
     reactions = None if model.reactions is None else _extend_reactions(model, model.reactions, answers, turned)
     on_modes = replace(with_modes.carriers, answers=replace(answers, turned=turned))
     loads = np.zeros((len(answers.rows) + len(answers.inputs), turned.shape[1]))
-    return _in_a_frame(replace(with_modes, carriers=on_modes, reactions=reactions), model, loads, turned)
+    return _extend_frame_matrices(replace(with_modes, carriers=on_modes, reactions=reactions), model, loads, turned)
 
 
-def knows_matrices(model: ReducedModel) -> bool:
+def has_frame_matrices(model: ReducedModel) -> bool:
     """Whether the matrices of a moving frame and of second order can be computed on attachment modes of this model."""
     carriers = model.carriers
     if carriers is None or not carriers.matrices:
@@ -91,7 +91,9 @@ def knows_matrices(model: ReducedModel) -> bool:
     return len(carriers.spanned) > 0
 
 
-def _in_a_frame(extended_model: ReducedModel, model: ReducedModel, loads: Array, turned: Array) -> ReducedModel:
+def _extend_frame_matrices(
+    extended_model: ReducedModel, model: ReducedModel, loads: Array, turned: Array
+) -> ReducedModel:
     """Return `extended_model` with matrices and ports on its last a coordinates, which `model` does not have.
 
     These coordinates are responses to combinations `loads` (K + i, a) of loads on K carriers and i inputs, plus
@@ -109,7 +111,7 @@ def _in_a_frame(extended_model: ReducedModel, model: ReducedModel, loads: Array,
     X[:r, :r], X[size - n : size - n + count, r:] = np.eye(r), turned
     if modes is not None:  # enrichment modes, which the responses of `answers` contain
         on_modes = (carriers.enrichment.T @ row_loads[:K] + modes.B @ row_loads[K:]) / modes.stiffness[:, None]
-        shares = 0.0 if answers is None else answers.shares(carriers.enrichment, modes)[:, :count] @ turned
+        shares = 0.0 if answers is None else answers.mode_shares(carriers.enrichment, modes)[:, :count] @ turned
         X[r : r + c, r:] = on_modes + shares
     if p:
         X[r + c : r + c + p, r:] = carriers.spanned @ loads
@@ -127,13 +129,15 @@ def _in_a_frame(extended_model: ReducedModel, model: ReducedModel, loads: Array,
     )
 
 
-def _extend_reactions(model: ReducedModel, reactions: Reactions, answers: Answers, turned: Array) -> Reactions:
+def _extend_reactions(
+    model: ReducedModel, reactions: Reactions, answers: CylinderResponses, turned: Array
+) -> Reactions:
     """Reactions of the model with combinations `turned` (k, a) of the first k responses as its last coordinates."""
     assert model.carriers is not None
     r, count, of_all = model.size, len(turned), answers.supports
     if model.enrichment is not None:  # modes of the largest basis that are no coordinates of the model
         joined = reactions.inertia[:, r : r + model.enrichment.count]
-        of_all = of_all + joined @ answers.shares(model.carriers.enrichment, model.enrichment)
+        of_all = of_all + joined @ answers.mode_shares(model.carriers.enrichment, model.enrichment)
     inertia = of_all[:, :count] @ turned
     damping = (0.0 if model.rayleigh is None else model.rayleigh.alpha) * inertia
     return replace(
@@ -159,8 +163,8 @@ def with_attachment_modes(
     carriers = model.carriers
     if carriers is None or carriers.flexibility is None or carriers.inertia is None:
         raise ValueError("attachment modes need flexibility and inertia on carriers, as section_model gives them")
-    R, S, answers = _on_loads(carriers.flexibility), _on_loads(carriers.inertia), carriers.answers
-    G = _principal(S, sp.csr_matrix(loads), left_out)
+    R, S, answers = _load_matrix(carriers.flexibility), _load_matrix(carriers.inertia), carriers.answers
+    G = _principal_loads(S, sp.csr_matrix(loads), left_out)
     measured, inertia_measured = R @ G, S @ G  # values of the responses, and of the responses to their inertia
     outputs = np.hstack([carriers.flexibility.outputs, carriers.flexibility.direct]) @ G
     K, M = G.T @ measured, G.T @ inertia_measured
@@ -171,7 +175,7 @@ def with_attachment_modes(
         measured, outputs = np.hstack([measured, x[:, :n]]), np.hstack([outputs, answers.outputs[:, :n]])
     turned, stiffness = _diagonalise(K, M)
     if not len(stiffness):
-        return model if answers is None else _rigid_along(model, answers)
+        return model if answers is None else _clear_cylinder_flexibility(model, answers)
     with_modes, g = _append_vectors(model, stiffness, measured @ turned, outputs @ turned), G.shape[1]
     if at_rest and model.reactions is not None:  # where forces do not depend on which inertia supports bear
         reactions, none = model.reactions, np.zeros((len(model.reactions.names), len(stiffness)))
@@ -182,7 +186,7 @@ def with_attachment_modes(
         with_modes = replace(
             with_modes, reactions=replace(reactions, inertia=inertia, damping=damping, stiffness=stiff)
         )
-    return _in_a_frame(with_modes, model, G @ turned[:g], turned[g:])
+    return _extend_frame_matrices(with_modes, model, G @ turned[:g], turned[g:])
 
 
 def _diagonalise(K: Array, M: Array) -> tuple[Array, Array]:
@@ -217,7 +221,7 @@ def _append_vectors(model: ReducedModel, stiffness: Array, measured: Array, outp
     rows = [on_rows.row(k, name).project(np.eye(len(stiffness))) for k, name in enumerate(model.row_names)]
     modes = EnrichmentModes(
         stiffness=stiffness,
-        damping=np.zeros_like(stiffness) if model.rayleigh is None else model.rayleigh.modal(stiffness),
+        damping=np.zeros_like(stiffness) if model.rayleigh is None else model.rayleigh.modal_damping(stiffness),
         B=measured[K:].T,
         outputs=outputs,
         rows=stack_tables(rows, model.domain),
@@ -226,10 +230,10 @@ def _append_vectors(model: ReducedModel, stiffness: Array, measured: Array, outp
     with_modes = extend(
         replace(model, enrichment=modes, carriers=on_modes, reactions=None)
     )  # which know nothing of them
-    return with_modes if carriers.answers is None else _rigid_along(with_modes, carriers.answers)
+    return with_modes if carriers.answers is None else _clear_cylinder_flexibility(with_modes, carriers.answers)
 
 
-def _rigid_along(model: ReducedModel, answers: Answers) -> ReducedModel:
+def _clear_cylinder_flexibility(model: ReducedModel, answers: CylinderResponses) -> ReducedModel:
     """Return the model without round-off of its residual flexibility under the cylinder's force.
 
     The responses to this force have to be coordinates of the model.
@@ -243,26 +247,26 @@ def _rigid_along(model: ReducedModel, answers: Answers) -> ReducedModel:
     flexibility = carriers.flexibility
     residual = replace(
         flexibility,
-        rows=symmetric(rigid(rigid(flexibility.rows).T)),
+        rows=symmetric_part(rigid(rigid(flexibility.rows).T)),
         inputs=rigid(flexibility.inputs),
         outputs=rigid(flexibility.outputs.T).T,
     )
     return with_tables(replace(model, carriers=replace(carriers, flexibility=residual)))
 
 
-def _on_loads(part: CarrierFlexibility) -> Array:
+def _load_matrix(part: CarrierFlexibility) -> Array:
     """Flexibility or inertia (K + i, K + i) between K carriers and i inputs."""
     return np.block([[part.rows, part.inputs], [part.inputs.T, part.energy]])
 
 
-def _principal(S: Array, loads: sp.csr_matrix, left_out: float) -> Array:
+def _principal_loads(S: Array, loads: sp.csr_matrix, left_out: float) -> Array:
     """Combinations G (K + i, k) of the loads with G^T S G = I, those whose responses have the most inertia first.
 
     S (K + i, K + i) is the inertia of the residual part.  At most `MOST` combinations are returned, which leave out at
     most a share `left_out` of the inertia; loads whose responses are round-off are left out.
     """
     mass = np.trace(S)
-    half = pivoted_root(S)  # on a coarse mesh S has a low rank
+    half = pivoted_cholesky(S)  # on a coarse mesh S has a low rank
     gathered = loads.T @ (loads @ half)  # not by squares of the loads, which would lose what cancels
     energy, V = np.linalg.eigh(half.T @ gathered)
     energy, V = energy[::-1], V[:, ::-1]
@@ -277,7 +281,7 @@ def _principal(S: Array, loads: sp.csr_matrix, left_out: float) -> Array:
 QUASI_STATIC = 2
 
 
-def as_simulated(model: ReducedModel, stressed: bool) -> ReducedModel:
+def simulated_model(model: ReducedModel, stressed: bool) -> ReducedModel:
     """Return a model with its cylinder modes and, if it is `stressed` by terms, with modes without inertia."""
     return with_cylinder_modes(with_quasi_static_modes(model) if stressed else model)
 

@@ -32,9 +32,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import apply_table, columns, select_rows, side_by_side, transpose
+from pmr.constraints.polynomials import apply_table, join_columns, select_columns, select_rows, transpose
 from pmr.constraints.rows import Row, RowPolynomials
-from pmr.reduced.soundness import symmetric
+from pmr.reduced.soundness import symmetric_part
 
 
 @dataclass(frozen=True)
@@ -52,32 +52,32 @@ class Flexibility:
     def with_rows(self, numbers: Sequence[int]) -> Flexibility:
         """Return the flexibility of a body that has only the rows with these numbers."""
         rows, inputs = (select_rows(table, numbers) for table in (self.rows, self.inputs))
-        outputs = columns(self.outputs, numbers)
-        return replace(self, rows=columns(rows, numbers), inputs=inputs, outputs=outputs)
+        outputs = select_columns(self.outputs, numbers)
+        return replace(self, rows=select_columns(rows, numbers), inputs=inputs, outputs=outputs)
 
     def row_motion(self, s: Array, multipliers: Array, loads: Array) -> Array:
         """Motion H(s) f - G(s) lambda (T, m) in m of the residual part at the rows, along a trajectory.
 
         It has path coordinates s (T,) in m, multipliers lambda (T, m) in N and loads f (T, i).
         """
-        return apply_table(self._at_rows, s, np.hstack([loads, -multipliers]))
+        return apply_table(self._inputs_and_rows, s, np.hstack([loads, -multipliers]))
 
     def input_motion(self, s: Array, multipliers: Array, loads: Array) -> Array:
         """Motion B^T R (B f - C(s)^T lambda) (T, i) in m of the residual part at the inputs, along a trajectory.
 
         The arguments are those of `row_motion`.
         """
-        return np.asarray(loads @ self.energy - apply_table(self._of_rows, s, multipliers))
+        return np.asarray(loads @ self.energy - apply_table(self._inputs_transposed, s, multipliers))
 
     @cached_property
-    def _of_rows(self) -> PPoly:
+    def _inputs_transposed(self) -> PPoly:
         """H(s)^T, values (i, m)."""
         return transpose(self.inputs)
 
     @cached_property
-    def _at_rows(self) -> PPoly:
+    def _inputs_and_rows(self) -> PPoly:
         """H(s) and G(s) side by side, values (m, i + m)."""
-        return side_by_side(self.inputs, self.rows)
+        return join_columns(self.inputs, self.rows)
 
 
 @dataclass(frozen=True)
@@ -125,23 +125,23 @@ class CarrierFlexibility:
         outputs = transpose(C.times(self.outputs.T))
         return Flexibility(C.quadratic_form(self.rows), C.times(self.inputs), outputs, self.direct, self.energy)
 
-    def joined(self, U: Array, modes: EnrichmentModes, share: Array) -> CarrierFlexibility:
+    def add_modes(self, U: Array, modes: EnrichmentModes, share: Array) -> CarrierFlexibility:
         """Return the flexibility plus share_j phi_j phi_j^T for c modes phi_j, which measure U (K, c) on the carriers.
 
         `share` (c,) is 1 / omega^2 for modes that are truncated, its negative for modes that become coordinates.
         """
         scaled = share[:, None] * modes.B
         return CarrierFlexibility(
-            rows=self.rows + symmetric(U * share @ U.T),
+            rows=self.rows + symmetric_part(U * share @ U.T),
             inputs=self.inputs + U @ scaled,
             outputs=self.outputs + modes.outputs * share @ U.T,
             direct=self.direct + modes.outputs @ scaled,
-            energy=self.energy + symmetric(modes.B.T @ scaled),
+            energy=self.energy + symmetric_part(modes.B.T @ scaled),
         )
 
 
 @dataclass(frozen=True)
-class Answers:
+class CylinderResponses:
     r"""Responses x_k, k = 1 to n, to a force on one row c that does not travel: at rest (k = 1), then by inertia.
 
     .. math:: x_1 = R c^T, \qquad x_{k+1} = R M x_k
@@ -163,14 +163,14 @@ class Answers:
     # (k, a): combinations of the first k responses that are the model's last a coordinates; a is 0 if none are
     turned: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
-    def shares(self, U: Array, modes: EnrichmentModes) -> Array:
+    def mode_shares(self, U: Array, modes: EnrichmentModes) -> Array:
         """Share (c, n) of each of c modes that each response gains; the modes measure U (K, c) on the carriers."""
         powers = np.arange(1, self.rows.shape[1] + 1)
         return np.asarray((self.load @ U)[:, None] / modes.stiffness[:, None] ** powers)
 
-    def joined(self, U: Array, modes: EnrichmentModes, sign: float) -> Answers:
+    def add_modes(self, U: Array, modes: EnrichmentModes, sign: float) -> CylinderResponses:
         """Return the responses with modes added to R, or removed where `sign` is -1; U and `modes` as for `shares`."""
-        shares = self.shares(U, modes)
+        shares = self.mode_shares(U, modes)
         return replace(
             self,
             rows=self.rows + sign * U @ shares,
@@ -182,7 +182,7 @@ class Answers:
 
 
 @dataclass(frozen=True)
-class CarriedRows:
+class CarrierRows:
     """The m rows of a body with r coordinates on K carriers, with the flexibility that the coordinates leave out."""
 
     AXES: ClassVar = {"values": "Kr", "enrichment": "Kc"}
@@ -197,7 +197,7 @@ class CarriedRows:
     # R M R between the carriers, in s^2 m/N: response to the inertia of the residual part (`pmr.compare.estimate`)
     inertia: CarrierFlexibility | None = None
     # responses to the force of the cylinder of a boom's section (`pmr.reduced.attachment`)
-    answers: Answers | None = None
+    answers: CylinderResponses | None = None
     # the model's `matrices` between the N vectors of the largest basis, p vectors that span the residual responses to
     # loads on carriers and inputs (p is 0 if these are many), and the n vectors of `answers` (if any)
     matrices: Mapping[str, Array] = field(default_factory=dict)
@@ -207,7 +207,9 @@ class CarriedRows:
     supports: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, rows: Sequence[Row], values: Array, flexibility: CarrierFlexibility | None = None) -> CarriedRows:
+    def from_rows(
+        cls, rows: Sequence[Row], values: Array, flexibility: CarrierFlexibility | None = None
+    ) -> CarrierRows:
         """Rows on common carriers, on which the coordinates have the `values` U V (K, r); no enrichment modes."""
         breaks, touched, coefficients = (
             {str(k): getattr(row, name) for k, row in enumerate(rows)} for name in ("breaks", "touched", "coefficients")
@@ -217,22 +219,22 @@ class CarriedRows:
     def row(self, number: int, name: str) -> Row:
         """Row with that number, under that name, as a row of the r coordinates with the carriers U V."""
         k = str(number)
-        return Row(name, self.breaks[k], self._sparse, self.touched[k], self.coefficients[k])
+        return Row(name, self.breaks[k], self._sparse_values, self.touched[k], self.coefficients[k])
 
     @cached_property
-    def _sparse(self) -> sp.csr_matrix:
+    def _sparse_values(self) -> sp.csr_matrix:
         """`values` as a sparse matrix: the carriers of `row`."""
         return sp.csr_matrix(self.values)
 
     def polynomials(self, breaks: Array) -> RowPolynomials:
         """Weights b(x) of all rows on the given `breaks` (k + 1,) in m, which have to hold the breaks of each row."""
-        return RowPolynomials.of([self.row(k, str(k)).refined(breaks) for k in range(len(self.breaks))])
+        return RowPolynomials.from_rows([self.row(k, str(k)).refine(breaks) for k in range(len(self.breaks))])
 
-    def on(self, X: Array) -> CarriedRows:
+    def project(self, X: Array) -> CarrierRows:
         """Return the rows on other coordinates z (k,), the old ones being X z with X (r, k)."""
         return replace(self, values=self.values @ X)
 
-    def with_rows(self, numbers: Sequence[int]) -> CarriedRows:
+    def with_rows(self, numbers: Sequence[int]) -> CarrierRows:
         """Return the carriers with only the rows of these numbers."""
         return replace(
             self,
@@ -241,28 +243,30 @@ class CarriedRows:
             coefficients={str(k): self.coefficients[str(number)] for k, number in enumerate(numbers)},
         )
 
-    def truncated(self, r: int, modes: EnrichmentModes) -> CarriedRows:
+    def truncate(self, r: int, modes: EnrichmentModes) -> CarrierRows:
         """Return the rows on the first r coordinates.
 
         The other coordinates, which are the `modes`, join the flexibility and become the first enrichment modes.
         """
         values, beyond = self.values[:, :r], self.values[:, r:]
-        return replace(self._joined(beyond, modes, 1.0), values=values, enrichment=np.hstack([beyond, self.enrichment]))
+        return replace(
+            self._add_modes(beyond, modes, 1.0), values=values, enrichment=np.hstack([beyond, self.enrichment])
+        )
 
-    def extended(self, modes: EnrichmentModes) -> CarriedRows:
+    def extend(self, modes: EnrichmentModes) -> CarrierRows:
         """Return the rows with the first enrichment modes, which are `modes`, as last coordinates: undo `truncated`."""
         back, enrichment = self.enrichment[:, : modes.count], self.enrichment[:, modes.count :]
-        return replace(self._joined(back, modes, -1.0), values=np.hstack([self.values, back]), enrichment=enrichment)
+        return replace(self._add_modes(back, modes, -1.0), values=np.hstack([self.values, back]), enrichment=enrichment)
 
-    def _joined(self, U: Array, modes: EnrichmentModes, sign: float) -> CarriedRows:
+    def _add_modes(self, U: Array, modes: EnrichmentModes, sign: float) -> CarrierRows:
         """Return the rows with modes added to flexibility, inertia and answers, or removed where `sign` is -1.
 
         The modes measure U (K, c) on the carriers.
         """
         assert self.flexibility is not None
-        flexibility = self.flexibility.joined(U, modes, sign / modes.stiffness)
-        inertia = None if self.inertia is None else self.inertia.joined(U, modes, sign / modes.stiffness**2)
-        answers = None if self.answers is None else self.answers.joined(U, modes, sign)
+        flexibility = self.flexibility.add_modes(U, modes, sign / modes.stiffness)
+        inertia = None if self.inertia is None else self.inertia.add_modes(U, modes, sign / modes.stiffness**2)
+        answers = None if self.answers is None else self.answers.add_modes(U, modes, sign)
         return replace(self, flexibility=flexibility, inertia=inertia, answers=answers)
 
     def contradiction(self, m: int) -> str | None:

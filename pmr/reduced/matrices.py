@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import columns
+from pmr.constraints.polynomials import select_columns
 
 
 @dataclass(frozen=True)
@@ -37,11 +37,11 @@ class Rayleigh:
     alpha: float
     beta: float
 
-    def of(self, M: Array, K: Array) -> Array:
+    def matrix(self, M: Array, K: Array) -> Array:
         """Damping alpha M + beta K of two matrices of the same shape."""
         return self.alpha * M + self.beta * K
 
-    def modal(self, omega2: Array) -> Array:
+    def modal_damping(self, omega2: Array) -> Array:
         """Modal damping phi^T D phi = 2 zeta omega (k,) in 1/s of M-orthonormal modes with `omega2` = omega^2 (k,)."""
         return self.alpha + self.beta * omega2
 
@@ -82,7 +82,7 @@ BENDING |= {f"bending tip {_AXES[k]}": UnitLoad(force=_E[k]) for k in (1, 2)}
 STATES = AXIAL | BENDING
 
 
-def _linear(j: int, k: int) -> Iterator[tuple[Array, str]]:
+def _linear_field_motions(j: int, k: int) -> Iterator[tuple[Array, str]]:
     """Pairs of S and a rigid motion, either of which gives the field x_k e_j; one for each axis c other than k.
 
     The rotation about axis c moves the third component b by x_k or -x_k, so S is e_j e_b^T with this sign.
@@ -96,7 +96,7 @@ def _linear(j: int, k: int) -> Iterator[tuple[Array, str]]:
 #: Inputs M e_j of constant acceleration fields e_j, in m/s^2: S and the rigid motion u with S u = e_j.
 CONSTANT = {f"inertia {axis}": ((np.outer(_E[j], _E[j]), axis),) for j, axis in enumerate(_AXES)}
 #: Inputs M x_k e_j ("inertia jk") of linear acceleration fields, in 1/s^2: two such pairs with S u = x_k e_j.
-LINEAR = {f"inertia {_AXES[j]}{_AXES[k]}": tuple(_linear(j, k)) for j in range(3) for k in range(3)}
+LINEAR = {f"inertia {_AXES[j]}{_AXES[k]}": tuple(_linear_field_motions(j, k)) for j in range(3) for k in range(3)}
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class Reactions:
         """Name and unit of each support."""
         return list(zip(self.names, self.units, strict=True))
 
-    def on(self, V: Array) -> Reactions:
+    def project(self, V: Array) -> Reactions:
         """Reactions of the body on the coordinates p (r,), the old ones being V p with V (n, r)."""
         inertia, damping, stiffness = (A[:, : len(V)] @ V for A in (self.inertia, self.damping, self.stiffness))
         matrices = {name: A[:, : len(V)] @ V for name, A in self.matrices.items()}
@@ -135,4 +135,4 @@ class Reactions:
 
     def with_rows(self, numbers: list[int]) -> Reactions:
         """Reactions of the body with only the rows of these numbers."""
-        return replace(self, rows=columns(self.rows, numbers))
+        return replace(self, rows=select_columns(self.rows, numbers))

@@ -26,19 +26,19 @@ from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import (
     apply_table,
-    columns,
-    contributions,
     evaluate,
+    multiply_matrix,
+    power_contributions,
+    select_columns,
     select_rows,
-    times,
 )
 from pmr.errors import InputError
 from pmr.errors.text import no_file
 from pmr.files import npz
 from pmr.reduced import stored
-from pmr.reduced.carriers import CarriedRows, EnrichmentModes, Flexibility
+from pmr.reduced.carriers import CarrierRows, EnrichmentModes, Flexibility
 from pmr.reduced.matrices import CONSTANT, LINEAR, Rayleigh, Reactions
-from pmr.reduced.soundness import asymmetry, describe_names, misfit, misshapen
+from pmr.reduced.soundness import describe_asymmetry, describe_misfit, describe_misshapen, describe_names
 
 Array = NDArray[np.float64]
 FORMAT = "pmr-reduced-model"
@@ -135,7 +135,7 @@ class ReducedModel:
     enrichment: EnrichmentModes | None = None
     clearance: Array | None = None
     rayleigh: Rayleigh | None = None
-    carriers: CarriedRows | None = None
+    carriers: CarrierRows | None = None
     reactions: Reactions | None = None
     section: SectionOf | None = None
     ports: Mapping[str, Array] = field(default_factory=dict)
@@ -210,12 +210,12 @@ class ReducedModel:
 
     @property
     def held(self) -> dict[int, int]:
-        """Empty: a reduced model has no rows that hold a single coordinate (see `pmr.constraints.rows.Rows.held`)."""
+        """Empty: no row holds a single coordinate (`pmr.constraints.rows.Rows.held_coordinates`)."""
         return {}
 
     @property
     def lasting(self) -> tuple[str, ...]:
-        """Empty: the basis satisfies such rows (see `pmr.constraints.rows.Rows.lasting`)."""
+        """Empty: the basis satisfies such rows (see `pmr.constraints.rows.Rows.fixed_combinations`)."""
         return ()
 
     def dense_rows(self, s: Array) -> Array:
@@ -228,7 +228,7 @@ class ReducedModel:
 
     def rows_on(self, V: Array) -> PPoly:
         """Piecewise polynomial C(s) V with values (m, k), for V (r, k)."""
-        return times(self.rows, V)
+        return multiply_matrix(self.rows, V)
 
     def with_rows(self, numbers: Sequence[int]) -> ReducedModel:
         """Return the model with only the rows of these numbers, and without enrichment modes if others are left out.
@@ -270,8 +270,8 @@ class ReducedModel:
             outputs=np.ascontiguousarray(self.outputs[:, :r]),
             ports={name: row[:r] for name, row in self.ports.items()},
             matrices={name: np.ascontiguousarray(A[:r, :r]) for name, A in self.matrices.items()},
-            rows=columns(self.rows, slice(r)),
-            carriers=None if self.carriers is None else self.carriers.on(np.eye(self.size, r)),
+            rows=select_columns(self.rows, slice(r)),
+            carriers=None if self.carriers is None else self.carriers.project(np.eye(self.size, r)),
         )
 
     def save(self, path: str | Path) -> Path:
@@ -285,7 +285,7 @@ class ReducedModel:
             "version": FORMAT_VERSION,
             "units": "SI; coordinates as the basis in provenance states",
         }
-        npz.write(path, stored.arrays(self), header, compressed=True)
+        npz.write(path, stored.pack(self), header, compressed=True)
         return path
 
     @classmethod
@@ -308,7 +308,7 @@ class ReducedModel:
                 raise InputError(str(path), "format", header["format"], f"{FORMAT!r} is allowed")
             if int(header["version"]) > FORMAT_VERSION:
                 raise InputError(str(path), "version", header["version"], f"at most {FORMAT_VERSION} can be read")
-            data = data if int(header["version"]) > 4 else _of_version_4(header, data)
+            data = data if int(header["version"]) > 4 else _upgrade_version_4(header, data)
             if data.get("flexibility.inertia.kept", False):
                 allowed = "a model without residual inertia is allowed: more coordinates do its work"
                 raise InputError(str(path), "flexibility.inertia", None, allowed)
@@ -333,7 +333,7 @@ class ReducedModel:
         for names in ("output_names", "output_units", "output_kinds", "left_out"):
             if wrong := describe_names(names, tuple(name.replace("^", "") for name in getattr(self, names))):
                 return wrong
-        if wrong := misfit(self, {}) or asymmetry({"M": self.M, "D": self.D, "K": self.K}):
+        if wrong := describe_misfit(self, {}) or describe_asymmetry({"M": self.M, "D": self.D, "K": self.K}):
             return wrong
         if np.any(self.row_compliance < 0.0):
             return "pads has negative values, values from 0 on are allowed"
@@ -343,7 +343,7 @@ class ReducedModel:
         for name, row in self.ports.items():
             if row.shape != (self.size,) or not np.isfinite(row).all():
                 return f"ports.{name} has shape {row.shape} or is not finite, {(self.size,)} is allowed"
-        if wrong := misshapen("matrices", self.matrices, self.size):
+        if wrong := describe_misshapen("matrices", self.matrices, self.size):
             return wrong
         if self.rigid_work is not None and self.rigid_work.shape[1:] != (len(self.input_names),):
             return f"rigid_work has shape {self.rigid_work.shape}, a column for each input is allowed"
@@ -355,14 +355,16 @@ class ReducedModel:
         if self.enrichment is not None:
             if not np.all(self.enrichment.stiffness > 0.0):
                 return "enrichment.stiffness is not positive"
-            if wrong := misshapen("enrichment.matrices", self.enrichment.matrices, self.size + self.enrichment.count):
+            if wrong := describe_misshapen(
+                "enrichment.matrices", self.enrichment.matrices, self.size + self.enrichment.count
+            ):
                 return wrong
         if self.reactions is not None and self.reactions.inertia.shape[1] < self.size:
             return f"reactions.inertia has {self.reactions.inertia.shape[1]} columns, {self.size} or more are allowed"
         return None if self.carriers is None else self.carriers.contradiction(m)
 
 
-def _of_version_4(header: Mapping[str, Any], data: Mapping[str, Array]) -> dict[str, NDArray[Any]]:
+def _upgrade_version_4(header: Mapping[str, Any], data: Mapping[str, Array]) -> dict[str, NDArray[Any]]:
     """Arrays of a file of version 4 or earlier, under the names of the current version.
 
     Their header also has names of inputs, rows and outputs, provenance and Rayleigh's factors, which become arrays.
@@ -386,5 +388,5 @@ def satisfied_rows(C: PPoly, tolerance: float = 1e-10) -> list[int]:
     No coefficient of such a row, times its interval to the matching power, exceeds `tolerance` times the largest of all
     rows; `tolerance` is the round-off to expect in the basis.
     """
-    magnitude = np.abs(contributions(C)).max(axis=(0, 1, 3))
+    magnitude = np.abs(power_contributions(C)).max(axis=(0, 1, 3))
     return np.flatnonzero(magnitude <= tolerance * magnitude.max()).tolist()

@@ -19,7 +19,7 @@ SYMMETRIC = 1e-6
 LONGEST = 4 * LONGEST_NAME
 
 
-def misfit(part: Any, sizes: Mapping[str, int], prefix: str = "") -> str | None:
+def describe_misfit(part: Any, sizes: Mapping[str, int], prefix: str = "") -> str | None:
     """Description of what is wrong with the arrays, names and piecewise polynomials of a dataclass; None if nothing is.
 
     Its ``AXES`` have a letter for each axis, such as ``{"rows": "mr"}`` for values (m, r).  The size of a letter is
@@ -45,11 +45,13 @@ def misfit(part: Any, sizes: Mapping[str, int], prefix: str = "") -> str | None:
         if isinstance(value, PPoly) and not (np.all(np.diff(value.x) > 0.0) and np.isfinite(value.x).all()):
             return f"the breaks of {prefix}{name} do not increase"
     parts = {field.name: getattr(part, field.name) for field in fields(part)}
-    within = (misfit(inner, sizes, f"{prefix}{name}.") for name, inner in parts.items() if hasattr(inner, "AXES"))
+    within = (
+        describe_misfit(inner, sizes, f"{prefix}{name}.") for name, inner in parts.items() if hasattr(inner, "AXES")
+    )
     return next((wrong for wrong in within if wrong), None)
 
 
-def misshapen(field: str, matrices: Mapping[str, NDArray[np.float64]], size: int) -> str | None:
+def describe_misshapen(field: str, matrices: Mapping[str, NDArray[np.float64]], size: int) -> str | None:
     """Description of the first matrix that is not (size, size) or not finite; None if there is none."""
     for name, A in matrices.items():
         if A.shape != (size, size) or not np.isfinite(A).all():
@@ -66,12 +68,12 @@ def describe_names(field: str, names: Any) -> str | None:
     return f"{field} holds {wrong[0]!r:.60}, which is no name" if wrong else None
 
 
-def symmetric(A: NDArray[np.float64]) -> NDArray[np.float64]:
+def symmetric_part(A: NDArray[np.float64]) -> NDArray[np.float64]:
     """Symmetric part (A + A^T) / 2 of matrices (..., n, n), which removes round-off."""
     return (A + A.swapaxes(-2, -1)) / 2.0
 
 
-def pivoted_root(A: NDArray[np.float64]) -> NDArray[np.float64]:
+def pivoted_cholesky(A: NDArray[np.float64]) -> NDArray[np.float64]:
     """Factor L (n, r) of a positive semidefinite A = L L^T (n, n) of rank r, but for round-off, by pivoted Cholesky."""
     factor, pivots, rank, _ = scipy.linalg.lapack.dpstrf(A, lower=1)
     L = np.zeros((len(A), rank))
@@ -79,7 +81,7 @@ def pivoted_root(A: NDArray[np.float64]) -> NDArray[np.float64]:
     return L
 
 
-def asymmetry(matrices: Mapping[str, NDArray[np.float64]]) -> str | None:
+def describe_asymmetry(matrices: Mapping[str, NDArray[np.float64]]) -> str | None:
     """Description of the first matrix that is not symmetric or has a negative eigenvalue; None if there is none.
 
     M must not be singular either.  Up to `SYMMETRIC` of the largest entry, deviations are taken as round-off.

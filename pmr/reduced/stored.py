@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.files import npz
-from pmr.reduced.carriers import CarriedRows
-from pmr.reduced.soundness import misfit
+from pmr.reduced.carriers import CarrierRows
+from pmr.reduced.soundness import describe_misfit
 
 Array = NDArray[np.float64]
 #: Prefix of arrays that may be written as triangles, and smallest size of such matrices.
@@ -27,24 +27,24 @@ TRIANGLES, LEAST = "carriers.", 8
 _SIGNS = {"triangle": 1.0, "antitriangle": -1.0}
 
 
-class Carried(Protocol):
+class HasCarriers(Protocol):
     """Dataclass that has rows on carriers (`pmr.reduced.model.ReducedModel`)."""
 
     @property
-    def carriers(self) -> CarriedRows | None:
+    def carriers(self) -> CarrierRows | None:
         """Rows on carriers, None if there are none."""
 
 
-def arrays(model: Carried, prefix: str = "") -> dict[str, NDArray[Any]]:
+def pack(model: HasCarriers, prefix: str = "") -> dict[str, NDArray[Any]]:
     """Arrays to be stored for a model, with `prefix` before their names."""
     content = npz.arrays(model)
-    sound = model.carriers is not None and not _fault(model.carriers)
-    for name, table in (_products(model.carriers, content) if model.carriers and sound else {}).items():
+    sound = model.carriers is not None and not _describe_fault(model.carriers)
+    for name, table in (_path_tables(model.carriers, content) if model.carriers and sound else {}).items():
         if np.array_equal(table.c, content[f"{name}.coefficients"]):
             del content[f"{name}.coefficients"]
     compact = dict[str, NDArray[Any]]()
     for name, array in content.items():
-        kind = _kind(array) if name.startswith(TRIANGLES) else None
+        kind = _triangle_kind(array) if name.startswith(TRIANGLES) else None
         if kind is None:
             compact[prefix + name] = array
         else:
@@ -64,27 +64,27 @@ def unpack(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, NDAr
             name = name.removeprefix(prefix)
             stem, _, kind = name.rpartition(".")
             if kind in _SIGNS and name.startswith(TRIANGLES):
-                content[stem] = _square(array, _SIGNS[kind])
+                content[stem] = _unpack_triangle(array, _SIGNS[kind])
             else:
                 content[name] = array
     tables = {name.removesuffix(".breaks") for name in content if name.endswith(".breaks")}
     if any(f"{name}.coefficients" not in content for name in tables) and any(
         name.startswith(TRIANGLES) for name in content
     ):
-        carriers = npz.record(CarriedRows, content, TRIANGLES)
-        if wrong := _fault(carriers):
+        carriers = npz.record(CarrierRows, content, TRIANGLES)
+        if wrong := _describe_fault(carriers):
             raise ValueError(wrong)
-        for name, table in _products(carriers, content).items():
+        for name, table in _path_tables(carriers, content).items():
             content.setdefault(f"{name}.coefficients", table.c)
     return {prefix + name: array for name, array in content.items()}
 
 
-def _fault(carriers: CarriedRows) -> str | None:
+def _describe_fault(carriers: CarrierRows) -> str | None:
     """Description of what is wrong with carriers; None if products with them can be computed."""
-    return misfit(carriers, {}, TRIANGLES) or carriers.contradiction(len(carriers.breaks))
+    return describe_misfit(carriers, {}, TRIANGLES) or carriers.contradiction(len(carriers.breaks))
 
 
-def _products(carriers: CarriedRows, arrays: Mapping[str, NDArray[Any]]) -> dict[str, PPoly]:
+def _path_tables(carriers: CarrierRows, arrays: Mapping[str, NDArray[Any]]) -> dict[str, PPoly]:
     """Tables that follow from what the carriers measure, by name, on the breaks of the rows in `arrays`.
 
     Only tables whose breaks in `arrays` are those of the rows are returned.
@@ -101,14 +101,14 @@ def _products(carriers: CarriedRows, arrays: Mapping[str, NDArray[Any]]) -> dict
     return {name: tables[name] for name in on_breaks}
 
 
-def _kind(A: NDArray[Any]) -> str | None:
+def _triangle_kind(A: NDArray[Any]) -> str | None:
     """``triangle`` for a symmetric matrix, ``antitriangle`` for an antisymmetric one; None for others or small ones."""
     if A.ndim != 2 or A.shape[0] != A.shape[1] or len(A) < LEAST:
         return None
     return next((kind for kind, sign in _SIGNS.items() if np.array_equal(A, sign * A.T)), None)
 
 
-def _square(triangle: NDArray[Any], sign: float) -> Array:
+def _unpack_triangle(triangle: NDArray[Any], sign: float) -> Array:
     """Matrix (n, n) with that lower triangle, row by row; symmetric for the sign 1, antisymmetric for -1."""
     n = int((np.sqrt(8.0 * triangle.size + 1.0) - 1.0) / 2.0 + 0.5)
     if triangle.shape != (n * (n + 1) // 2,):

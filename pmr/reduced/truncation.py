@@ -14,8 +14,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import columns, product, side_by_side, times, total, transpose
-from pmr.reduced.carriers import CarriedRows, EnrichmentModes, Flexibility
+from pmr.constraints.polynomials import (
+    add_tables,
+    join_columns,
+    multiply_matrix,
+    multiply_tables,
+    select_columns,
+    transpose,
+)
+from pmr.reduced.carriers import CarrierRows, EnrichmentModes, Flexibility
 from pmr.reduced.model import ReducedModel
 
 Array = NDArray[np.float64]
@@ -44,7 +51,7 @@ def truncate(model: ReducedModel, r: int) -> ReducedModel:
         damping=np.diagonal(model.D)[r:],
         B=model.B[r:],
         outputs=model.outputs[:, r:],
-        rows=columns(model.rows, slice(r, None)),
+        rows=select_columns(model.rows, slice(r, None)),
         matrices=model.matrices,
     )
     return with_tables(
@@ -52,7 +59,7 @@ def truncate(model: ReducedModel, r: int) -> ReducedModel:
             replace(model, flexibility=None, carriers=None).leading(r),
             flexibility=_join_tables(model, modes, 1.0),
             enrichment=modes if model.enrichment is None else _chain_modes(modes, model.enrichment),
-            carriers=None if model.carriers is None else model.carriers.truncated(r, modes),
+            carriers=None if model.carriers is None else model.carriers.truncate(r, modes),
         )
     )
 
@@ -66,20 +73,20 @@ def extend(model: ReducedModel, count: int | None = None) -> ReducedModel:
     count = available if count is None else count
     if model.enrichment is None or model.flexibility is None or not 0 < count <= available:
         raise ValueError(f"{count} enrichment modes of {available}: the model has no more")
-    back = _part(model.enrichment, slice(count))
+    back = _select_modes(model.enrichment, slice(count))
     longer = replace(
         model,
-        M=_block(model.M, np.ones(count)),
-        D=_block(model.D, back.damping),
-        K=_block(model.K, back.stiffness),
+        M=_block_diagonal(model.M, np.ones(count)),
+        D=_block_diagonal(model.D, back.damping),
+        K=_block_diagonal(model.K, back.stiffness),
         B=np.concatenate([model.B, back.B]),
         outputs=np.hstack([model.outputs, back.outputs]),
-        rows=side_by_side(model.rows, back.rows),
-        matrices={name: _with(A, back.matrices.get(name), count) for name, A in model.matrices.items()},
-        ports={name: _port(model, name, count) for name in model.ports},
+        rows=join_columns(model.rows, back.rows),
+        matrices={name: _extend_matrix(A, back.matrices.get(name), count) for name, A in model.matrices.items()},
+        ports={name: _extend_port(model, name, count) for name in model.ports},
         flexibility=_join_tables(model, back, -1.0),
-        enrichment=_part(model.enrichment, slice(count, None)) if count < available else None,
-        carriers=None if model.carriers is None else model.carriers.extended(back),
+        enrichment=_select_modes(model.enrichment, slice(count, None)) if count < available else None,
+        carriers=None if model.carriers is None else model.carriers.extend(back),
     )
     return with_tables(longer)
 
@@ -87,7 +94,7 @@ def extend(model: ReducedModel, count: int | None = None) -> ReducedModel:
 def with_tables(model: ReducedModel) -> ReducedModel:
     """Return the model with tables that are computed from its carriers, unchanged if these can't give tables."""
     carriers = model.carriers
-    if not _knows_tables(carriers):
+    if not _has_tables(carriers):
         return model
     assert carriers is not None and carriers.flexibility is not None
     C, modes = carriers.polynomials(model.rows.x), model.enrichment
@@ -99,7 +106,7 @@ def with_tables(model: ReducedModel) -> ReducedModel:
     )
 
 
-def _knows_tables(carriers: CarriedRows | None) -> bool:
+def _has_tables(carriers: CarrierRows | None) -> bool:
     """Whether tables follow from the carriers: if they have flexibility and rows."""
     return carriers is not None and carriers.flexibility is not None and len(carriers.breaks) > 0
 
@@ -132,33 +139,33 @@ def _join_tables(model: ReducedModel, modes: EnrichmentModes, sign: float) -> Fl
     """
     tables = model.flexibility
     assert tables is not None
-    if _knows_tables(model.carriers):
+    if _has_tables(model.carriers):
         return tables
     share, rows = sign / modes.stiffness, modes.rows
     scaled = share[:, None] * modes.B
     return Flexibility(
-        rows=total(tables.rows, product(rows, rows, share)),
-        inputs=total(tables.inputs, times(rows, scaled)),
-        outputs=total(tables.outputs, transpose(times(rows, (share * modes.outputs).T))),
+        rows=add_tables(tables.rows, multiply_tables(rows, rows, share)),
+        inputs=add_tables(tables.inputs, multiply_matrix(rows, scaled)),
+        outputs=add_tables(tables.outputs, transpose(multiply_matrix(rows, (share * modes.outputs).T))),
         direct=tables.direct + modes.outputs @ scaled,
         energy=tables.energy + modes.B.T @ scaled,
     )
 
 
-def _with(A: Array, of_all: Array | None, count: int) -> Array:
+def _extend_matrix(A: Array, of_all: Array | None, count: int) -> Array:
     """Matrix A (r, r) extended to `count` more modes, by its values `of_all` on all modes; None stands for zeros."""
     r = len(A) + count
     return np.pad(A, (0, count)) if of_all is None else np.ascontiguousarray(of_all[:r, :r])
 
 
-def _port(model: ReducedModel, name: str, count: int) -> Array:
+def _extend_port(model: ReducedModel, name: str, count: int) -> Array:
     """Port (r + count,) of that name, extended to `count` more modes; by zeros where their values are not known."""
     port_of_carriers = None if model.carriers is None else model.carriers.ports.get(name)
     beyond = np.zeros(count) if port_of_carriers is None else port_of_carriers[model.size : model.size + count]
     return np.append(model.ports[name], beyond)
 
 
-def _block(A: Array, diagonal: Array) -> Array:
+def _block_diagonal(A: Array, diagonal: Array) -> Array:
     """Block-diagonal matrix of A and the entries `diagonal`."""
     result = np.diag(np.concatenate([np.zeros(len(A)), diagonal]))
     result[: len(A), : len(A)] = A
@@ -172,12 +179,12 @@ def _chain_modes(first: EnrichmentModes, second: EnrichmentModes) -> EnrichmentM
         damping=np.concatenate([first.damping, second.damping]),
         B=np.concatenate([first.B, second.B]),
         outputs=np.hstack([first.outputs, second.outputs]),
-        rows=side_by_side(first.rows, second.rows),
+        rows=join_columns(first.rows, second.rows),
         matrices=second.matrices,
     )
 
 
-def _part(modes: EnrichmentModes, which: slice) -> EnrichmentModes:
+def _select_modes(modes: EnrichmentModes, which: slice) -> EnrichmentModes:
     """Enrichment modes with these numbers; their matrices are those of all modes."""
     return replace(
         modes,
@@ -185,5 +192,5 @@ def _part(modes: EnrichmentModes, which: slice) -> EnrichmentModes:
         damping=modes.damping[which],
         B=modes.B[which],
         outputs=modes.outputs[:, which],
-        rows=columns(modes.rows, which),
+        rows=select_columns(modes.rows, which),
     )

@@ -40,7 +40,7 @@ from pmr.fem.distributed import fix_signs, gather, inner, local_csr, subtract, t
 from pmr.fullmodel.eigensolvers import is_dense
 from pmr.fullmodel.model import FullModel
 from pmr.reduced.model import ReducedModel, satisfied_rows
-from pmr.reduced.soundness import symmetric
+from pmr.reduced.soundness import symmetric_part
 from pmr.reduction.snapshots import Snapshots
 from pmr.system.definite import dependence_of_rows
 
@@ -232,7 +232,7 @@ def reduced_model(model: FullModel, basis: Basis, provenance: dict[str, Any]) ->
     """
     complete = galerkin(model, basis, provenance)
     satisfied = satisfied_rows(complete.rows, tolerance=min(1e2 * basis.accuracy, 1e-3))
-    reduced = without_rows(complete, [i for i in satisfied if model.rows.rows[i].fixed])
+    reduced = without_rows(complete, [i for i in satisfied if model.rows.rows[i].is_fixed])
     _check_rank(reduced)
     return reduced
 
@@ -246,10 +246,10 @@ def galerkin(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> Redu
     for row in projected:
         row.c[:] = comm.allreduce(row.c)
     pads = np.array([row.compliance for row in model.rows.rows])
-    M, K = (symmetric(inner(V, times(A, V), comm)) for A in (model.M, model.K))
+    M, K = (symmetric_part(inner(V, times(A, V), comm)) for A in (model.M, model.K))
     return ReducedModel(
         M=M,
-        D=symmetric(inner(V, times(model.D, V), comm)) if model.rayleigh is None else model.rayleigh.of(M, K),
+        D=symmetric_part(inner(V, times(model.D, V), comm)) if model.rayleigh is None else model.rayleigh.matrix(M, K),
         K=K,
         B=np.asarray(comm.allreduce(V.T @ local_csr(model.inputs))),
         outputs=np.asarray(comm.allreduce((V.T @ local_csr(model.outputs)).T)),

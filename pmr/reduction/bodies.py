@@ -27,10 +27,10 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.errors.environment import Clock
 from pmr.fem.distributed import free_dropped, inner, tall, times
-from pmr.fullmodel.build import Built
+from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.model import FullModel
 from pmr.reduced.model import ReducedModel, SectionOf
-from pmr.reduced.soundness import symmetric
+from pmr.reduced.soundness import symmetric_part
 from pmr.reduction.basis import Basis, modal_basis
 from pmr.reduction.cache import Cache, ReducedBody
 from pmr.reduction.free_body import FreeBody, support_motions, with_reactions
@@ -73,7 +73,7 @@ def with_ports(body: FreeBody, modes: Basis) -> Basis:
     V = np.array(modes.V.getDenseArray())
     loads = sp.vstack(list(model.ports.values()), format="csr")[:, model.share].T.toarray()
     X = ResidualFlexibility(body, V).apply(loads.copy(order="F"))
-    K = symmetric(inner(X, loads, model.comm))
+    K = symmetric_part(inner(X, loads, model.comm))
     turns = np.array([name.split(" ")[-1].startswith("r") for name in model.ports])
     scale = np.sqrt(np.maximum(np.diagonal(K), 0.0))
     largest = np.where(turns, scale.max(where=turns, initial=0.0), scale.max(where=~turns, initial=0.0))
@@ -81,7 +81,7 @@ def with_ports(body: FreeBody, modes: Basis) -> Basis:
     energy, Q = np.linalg.eigh(K[np.ix_(moving, moving)] / np.outer(scale[moving], scale[moving]))
     Y = Q[:, energy > INDEPENDENT] / np.sqrt(energy[energy > INDEPENDENT]) / scale[moving, None]
     X = X[:, moving] @ Y
-    theta, Q = scipy.linalg.eigh(symmetric(inner(X, times(model.M, X), model.comm)))  # 1/omega^2
+    theta, Q = scipy.linalg.eigh(symmetric_part(inner(X, times(model.M, X), model.comm)))  # 1/omega^2
     X = X @ (Q / np.sqrt(theta))[:, ::-1]
     sigma = np.append(modes.sigma, np.ones(X.shape[1]))
     return Basis(tall(np.ascontiguousarray(np.hstack([V, X])), model.M), sigma, modes.product)
@@ -92,7 +92,7 @@ class Reduction:
     """Full models of a scene's bodies and the reduced ones, by the bodies' names; the same on every rank."""
 
     scene: Scene
-    built: Mapping[str, Built]
+    built: Mapping[str, AssembledBody]
     bodies: Mapping[str, ReducedBody]
 
     @property
@@ -102,7 +102,7 @@ class Reduction:
         Its columns are the vectors that the coordinates multiply, those of a section's cylinder modes last; modes
         without inertia (`pmr.reduced.attachment`) are not among them.  Under MPI every rank has all rows.
         """
-        bases = {name: self._whole(name, self._recovery(name).V) for name in self.bodies}
+        bases = {name: self._gather_rows(name, self._recovery(name).V) for name in self.bodies}
         return bases.get(ALONE, bases)
 
     @property
@@ -112,7 +112,8 @@ class Reduction:
         They are the same on every rank.
         """
         pools = {
-            name: self._whole(name, np.array(body.snapshots.S.getDenseArray())) for name, body in self.bodies.items()
+            name: self._gather_rows(name, np.array(body.snapshots.S.getDenseArray()))
+            for name, body in self.bodies.items()
         }
         return pools.get(ALONE, pools)
 
@@ -124,7 +125,9 @@ class Reduction:
         The second term is the motion of the part that the basis leaves out, if the model has its flexibility R.
         `states` are those of `pmr.simulate_with_states(scene, reduction.system, steps)`.
         """
-        coordinates = {name: self._whole(name, self._recovery(name).positions(at).T).T for name, at in states.items()}
+        coordinates = {
+            name: self._gather_rows(name, self._recovery(name).positions(at).T).T for name, at in states.items()
+        }
         return coordinates.get(ALONE, coordinates)
 
     def project(self, q: Array, body: str = ALONE) -> Array:
@@ -143,7 +146,7 @@ class Reduction:
         """Recovery of full coordinates of that body."""
         return Recovery(self.built[body].model, self.bodies[body].V, self.bodies[body].model)
 
-    def _whole(self, body: str, local: Array) -> Array:
+    def _gather_rows(self, body: str, local: Array) -> Array:
         """All rows (n, ...) of an array of which each rank has its own rows, `local`."""
         return np.concatenate(self.built[body].model.comm.allgather(local))
 
@@ -162,22 +165,24 @@ class Reduction:
         )
 
 
-def as_asked(scene: Scene, bodies: Mapping[str, ReducedBody]) -> dict[str, ReducedBody]:
+def with_stress_flags(scene: Scene, bodies: Mapping[str, ReducedBody]) -> dict[str, ReducedBody]:
     """Bodies with `stressed` as the scene needs it: whether its frame has terms of second order."""
     return {name: replace(body, stressed=any(frame_terms(scene))) for name, body in bodies.items()}
 
 
 def join_bodies(scene: Scene, bodies: Mapping[str, ReducedBody]) -> System:
     """System of a scene's bodies as they are simulated; `on_modes` has their models on modes alone."""
-    bodies = as_asked(scene, bodies)
+    bodies = with_stress_flags(scene, bodies)
     joined_system = system_of(scene, {name: body.model for name, body in bodies.items()})
-    on_modes = {name: body.modal for name, body in bodies.items() if body.modal is not body.model and body.tells_errors}
+    on_modes = {
+        name: body.modal for name, body in bodies.items() if body.modal is not body.model and body.has_error_estimate
+    }
     return replace(joined_system, on_modes=on_modes)
 
 
 def reduce_bodies(
     scene: Scene,
-    built: Mapping[str, Built],
+    built: Mapping[str, AssembledBody],
     caches: Mapping[str, Cache] | None = None,
     clock: Clock | None = None,
     vectors: Vectors | None = None,
@@ -199,7 +204,7 @@ def reduce_bodies(
             name, key = member.part.name, (id(built[member.part.name]), member.part.reduction)
             if key not in by_model:
                 try:
-                    by_model[key] = _section(scene, member, built[name].model, caches.get(name))
+                    by_model[key] = _reduce_section(scene, member, built[name].model, caches.get(name))
                 except InputError as error:
                     raise error.called(scene.key_of(member.number, error.key)) from None
             reduced_bodies[name] = _name_section(scene, member, by_model[key])
@@ -216,7 +221,7 @@ def cached_body(scene: Scene, model: FullModel, cache: Cache | None, clock: Cloc
         content["stressed"] = True
     if scene.reduction.file is not None:
         content["file"] = scene.hash  # which has the content
-    body = cache.reduced(content, lambda: reduce_body(scene, model, clock))
+    body = cache.reduced_body(content, lambda: reduce_body(scene, model, clock))
     return replace(body, modal=replace(body.modal, provenance=provenance(scene, body.basis)))
 
 
@@ -253,7 +258,7 @@ def reduce_with(
     return reduced_body
 
 
-def _section(scene: Scene, member: Member, model: FullModel, cache: Cache | None) -> ReducedBody:
+def _reduce_section(scene: Scene, member: Member, model: FullModel, cache: Cache | None) -> ReducedBody:
     """Reduced section on free modes and carriers, from the cache if it is there.
 
     It has enrichment modes if an error is estimated or terms that vary in time may act.
@@ -269,11 +274,11 @@ def _section(scene: Scene, member: Member, model: FullModel, cache: Cache | None
         return replace(reduced_body, modal=with_reactions(reduced_body.modal, body, reduced_body.V, motions))
 
     content = choice.model_dump(mode="json") | {"section": enrichment} | ({"stressed": True} if stressed else {})
-    reduced_body = make() if cache is None else cache.reduced(content, make)
-    return reduced_body if choice.flexibility else replace(reduced_body, modal=_stiff(reduced_body.modal))
+    reduced_body = make() if cache is None else cache.reduced_body(content, make)
+    return reduced_body if choice.flexibility else replace(reduced_body, modal=_without_flexibility(reduced_body.modal))
 
 
-def _stiff(model: ReducedModel) -> ReducedModel:
+def _without_flexibility(model: ReducedModel) -> ReducedModel:
     """Return the model without the flexibility of the modes that are left out."""
     assert model.carriers is not None  # as section models have
     return replace(model, flexibility=None, carriers=replace(model.carriers, flexibility=None, answers=None))

@@ -23,7 +23,7 @@ from pmr.fem.distributed import tall
 from pmr.files import npz
 from pmr.files.whole import NotWrittenError
 from pmr.fullmodel.model import FullModel
-from pmr.reduced.attachment import as_simulated
+from pmr.reduced.attachment import simulated_model
 from pmr.reduced.model import ReducedModel
 from pmr.reduction.basis import Basis
 from pmr.reduction.snapshots import Snapshots
@@ -32,7 +32,7 @@ from pmr.scene.keys import ALONE
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
-Kept = TypeVar("Kept")
+Content = TypeVar("Content")
 _log = logging.getLogger(__name__)
 
 
@@ -51,21 +51,21 @@ class ReducedBody:
         return np.array(self.basis.V.getDenseArray())
 
     @property
-    def tells_errors(self) -> bool:
+    def has_error_estimate(self) -> bool:
         """Whether errors can be estimated with `modal`: it has the inertia of the residual part."""
         return self.modal.carriers is not None and self.modal.carriers.inertia is not None
 
     @cached_property
     def model(self) -> ReducedModel:
         """Model that is simulated: `modal` with cylinder modes and, if stressed, with modes without inertia."""
-        return as_simulated(self.modal, self.stressed)
+        return simulated_model(self.modal, self.stressed)
 
 
 #: Keys of a scene that no reduction depends on.
-ASKED = ("title", "start", "time", "recovery", "simulation", "compare", "accuracy", "budget", "published")
+IRRELEVANT_KEYS = ("title", "start", "time", "recovery", "simulation", "compare", "accuracy", "budget", "published")
 
 
-def content_of(model: FullModel) -> str:
+def model_digest(model: FullModel) -> str:
     """Digest of all data of a full model, and of the code; collective.
 
     It depends on the number of ranks.
@@ -83,7 +83,7 @@ def content_of(model: FullModel) -> str:
     for name, row in model.ports.items():
         digest.update(repr((name, row.indices.tolist(), row.data.tolist())).encode())
     if model.rigid is not None:
-        for part in (model.rigid.coordinates, model.rigid.held, model.output_positions):
+        for part in (model.rigid.coordinates, model.rigid.held_measures, model.output_positions):
             digest.update(part.tobytes())
     names = (model.input_names, model.output_names, model.output_units, tuple(model.matrices))
     digest.update(
@@ -92,12 +92,12 @@ def content_of(model: FullModel) -> str:
     return hashlib.blake2b(repr(model.comm.allgather(digest.hexdigest())).encode(), digest_size=16).hexdigest()
 
 
-def structure_in(scene: Scene) -> str:
-    """JSON text of a scene without all that no reduction depends on: the keys `ASKED`, paths and signals of loads.
+def structure_text(scene: Scene) -> str:
+    """JSON text of a scene without what no reduction depends on: `IRRELEVANT_KEYS`, paths and signals of loads.
 
     The content of files that the scene names is not included.
     """
-    exclude: dict[str, Any] = dict.fromkeys(ASKED, True)
+    exclude: dict[str, Any] = dict.fromkeys(IRRELEVANT_KEYS, True)
     exclude |= {"sections": {"__all__": {"slider": {"path"}, "loads": {"__all__": {"signal"}}}}}
     return scene.model_dump_json(exclude=exclude)
 
@@ -126,9 +126,9 @@ class Cache:
 
     folder: Path
     model: FullModel
-    content: str  # digest of the model, see `content_of`
+    content: str  # digest of the model, see `model_digest`
 
-    def reduced(self, request: Mapping[str, Any], make: Callable[[], ReducedBody]) -> ReducedBody:
+    def reduced_body(self, request: Mapping[str, Any], make: Callable[[], ReducedBody]) -> ReducedBody:
         """Return the body that is stored for this request, or that of `make`, which is then stored; collective."""
         file = self._file("reduction", request)
         arrays = self._read(file)
@@ -139,8 +139,8 @@ class Cache:
         body = make()
         has_basis = body.basis.V is not body.snapshots.S
         arrays = {
-            "S": self._whole(body.snapshots.S),
-            "V": self._whole(body.basis.V) if has_basis else np.empty((0, 0)),
+            "S": self._gather_rows(body.snapshots.S),
+            "V": self._gather_rows(body.basis.V) if has_basis else np.empty((0, 0)),
             "omega": body.snapshots.omega,
             "s": body.snapshots.s,
             "residuals": body.snapshots.residuals,
@@ -156,9 +156,9 @@ class Cache:
 
         It is the same on every rank; collective.  `make` is called on every rank, and the result of rank 0 counts.
         """
-        file = self._file("mesh", {"scene": structure_in(scene), "path": scene.travel})
+        file = self._file("mesh", {"scene": structure_text(scene), "path": scene.travel})
         stored_arrays = self._read(file)
-        model = None if stored_arrays is None else self._loaded_by(ReducedModel.load, file)
+        model = None if stored_arrays is None else self._load(ReducedModel.load, file)
         if model is None:
             model = self.model.comm.bcast(make())
             self._write(file, {}, model)
@@ -183,11 +183,11 @@ class Cache:
         It is the same on every rank; collective.  A NotHeldError of `make`, that supports and pads leave the scene free
         to move, is stored too and raised again: finding it takes the full models.
         """
-        request = self._of_system(scene)
+        request = self._system_request(scene)
         file, unheld = self._file("system", request), self._file("unheld", request | {"end": scene.time.end})
         if (not_held := self._read(unheld)) is not None:
             raise NotHeldError("scene", "free_motions", scene.free_motions, *map(str, not_held["said"]))
-        system = None if self._read(file) is None else self._loaded_by(System.load, file)
+        system = None if self._read(file) is None else self._load(System.load, file)
         if system is None:
             try:
                 system = make()
@@ -197,10 +197,10 @@ class Cache:
             self._write(file, {}, system)
         return system
 
-    def _of_system(self, scene: Scene) -> dict[str, Any]:
+    def _system_request(self, scene: Scene) -> dict[str, Any]:
         """Request by which a scene's system is stored."""
         path = scene.travel if ALONE in scene.bodies else None  # joints are part of the structure
-        return {"scene": structure_in(scene), "path": path}
+        return {"scene": structure_text(scene), "path": path}
 
     def _file(self, kind: str, request: Mapping[str, Any]) -> Path:
         """File of that kind for this request."""
@@ -212,7 +212,7 @@ class Cache:
 
         Collective.
         """
-        model = self._loaded_by(ReducedModel.load, file)
+        model = self._load(ReducedModel.load, file)
         if model is None:
             return None
         share = slice(*self.model.M.getOwnershipRange())
@@ -221,7 +221,7 @@ class Cache:
         snapshots = Snapshots(S, arrays["omega"], arrays["s"], arrays["residuals"], str(arrays["source"]))
         return ReducedBody(snapshots, Basis(V, arrays["sigma"], str(arrays["product"])), model)
 
-    def _loaded_by(self, load: Callable[[Path], Kept], file: Path) -> Kept | None:
+    def _load(self, load: Callable[[Path], Content], file: Path) -> Content | None:
         """Content of the file of the model or system that belongs to `file`, on every rank; None if it is not sound.
 
         Collective.
@@ -232,7 +232,7 @@ class Cache:
                 loaded = load(_model_file(file))
             except InputError as error:
                 _log.warning("%s is made again: %s", file, error)
-        everywhere: Kept | None = self.model.comm.bcast(loaded)
+        everywhere: Content | None = self.model.comm.bcast(loaded)
         return everywhere
 
     def _read(self, file: Path) -> dict[str, NDArray[Any]] | None:
@@ -264,7 +264,7 @@ class Cache:
         except NotWrittenError as error:
             _log.warning("not kept: %s", error)
 
-    def _whole(self, tall_matrix: Any) -> Array:
+    def _gather_rows(self, tall_matrix: Any) -> Array:
         """All rows of a distributed matrix on rank 0; an empty array on other ranks."""
         shares = self.model.comm.gather(np.array(tall_matrix.getDenseArray()))
         return np.concatenate(shares) if shares is not None else np.empty((0, 0))
@@ -280,7 +280,7 @@ def cache_in(folder: Path, model: FullModel) -> Cache:
     except OSError as error:
         allowed = f"a folder that can be written to is allowed ({error.strerror})"
         raise InputError("command line", "--cache", str(folder), allowed) from None
-    return Cache(folder, model, content_of(model))
+    return Cache(folder, model, model_digest(model))
 
 
 def _model_file(file: Path) -> Path:

@@ -34,10 +34,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import stack_tables
-from pmr.constraints.rows import Row, Rows, carrier, fixed_row
+from pmr.constraints.rows import Row, Rows, fixed_row, sparse_row
 from pmr.fem.distributed import inner, local_csr, subtract, times
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.modes import BLOCK, Pairs, largest
+from pmr.fullmodel.modes import BLOCK, Eigenpairs, largest_eigenpairs
 from pmr.fullmodel.moving import StaticSolver, static_solver
 from pmr.reduced.matrices import Reactions
 from pmr.reduced.model import ReducedModel
@@ -70,7 +70,7 @@ class FreeBody:
         """This rank's rows (n_local, c) of M Z."""
         return times(self.model.M, self.Z)
 
-    def rigid(self, local: Array) -> NDArray[np.bool_]:
+    def are_rigid(self, local: Array) -> NDArray[np.bool_]:
         """Which of k vectors are combinations of the rigid-body modes, (k,); `local` (n_local, k) are this rank's rows.
 
         Collective.
@@ -87,11 +87,11 @@ class FreeBody:
         g may be overwritten.
         """
         if self._solver is None:
-            rows = [*fixed_rows(self.model), *_anchors(self.model, self.Z)]
+            rows = [*fixed_rows(self.model), *_anchor_rows(self.model, self.Z)]
             self._solver = static_solver(self.model, rows, self.choice)
         return self._solver.solve(g)
 
-    def elastic(self, count: int) -> Pairs:
+    def elastic_modes(self, count: int) -> Eigenpairs:
         """1/omega^2 and vectors of the `count` lowest elastic modes, fewer if there are no more.
 
         ConvergenceError is raised if fewer converge.
@@ -99,9 +99,11 @@ class FreeBody:
         first, last = self.model.M.getOwnershipRange()
         loads = np.random.default_rng(7).uniform(-1.0, 1.0, (self.model.size, BLOCK))[first:last]
         dimension = self.model.size - len(fixed_rows(self.model)) - self.Z.shape[1]
-        return largest(self._relieve, self.model.M, self._relieve(np.asfortranarray(loads)), count, dimension)
+        return largest_eigenpairs(
+            self._relieve, self.model.M, self._relieve(np.asfortranarray(loads)), count, dimension
+        )
 
-    def drop(self) -> None:
+    def free_factor(self) -> None:
         """Free the memory of the factor."""
         if self._solver is not None:
             self._solver.destroy()
@@ -116,7 +118,7 @@ class FreeBody:
         return x
 
 
-def _anchors(model: FullModel, Z: Array) -> list[Row]:
+def _anchor_rows(model: FullModel, Z: Array) -> list[Row]:
     """Rows that hold one coordinate for each of the rigid-body modes Z, those that determine them best.
 
     They are chosen by pivoted QR of the modes, each coordinate weighted by the square root of its mass.
@@ -126,7 +128,7 @@ def _anchors(model: FullModel, Z: Array) -> list[Row]:
     weighted = Z * np.sqrt(model.M.getDiagonal().getArray())[:, None]
     everywhere = np.concatenate(model.comm.allgather(weighted))
     pivots = scipy.linalg.qr(everywhere.T, mode="r", pivoting=True)[1][: Z.shape[1]]
-    return [fixed_row(f"coordinate {i}", carrier(i, 1.0, model.size), model.rows.domain) for i in pivots]
+    return [fixed_row(f"coordinate {i}", sparse_row(i, 1.0, model.size), model.rows.domain) for i in pivots]
 
 
 #: Largest value of rows of unit length for a motion that counts as free.  Round-off in it is about 1e-13; for two
@@ -140,7 +142,7 @@ RIGID = 1e-6
 
 def fixed_rows(model: FullModel) -> tuple[Row, ...]:
     """Rows that are rigid, hold both ways and don't depend on s: they hold the body with sliders and pads released."""
-    return tuple(row for row in model.rows.rows if row.fixed)
+    return tuple(row for row in model.rows.rows if row.is_fixed)
 
 
 def rigid_modes(model: FullModel) -> Array:
@@ -150,11 +152,11 @@ def rigid_modes(model: FullModel) -> Array:
     """
     if model.rigid is None:
         raise ValueError("the model's rigid motions are not known, nor which of them its supports hold")
-    R, held = model.rigid.coordinates, model.rigid.held
+    R, held = model.rigid.coordinates, model.rigid.held_measures
     for _ in range(2):  # once leaves the condition of motions about a distant origin in the last digits
         U = np.linalg.inv(np.linalg.cholesky(inner(R, times(model.M, R), model.comm)).T)
         R, held = R @ U, held @ U
-    return np.ascontiguousarray(R @ _free(np.vstack([held, _motion_measures(model, R)])))
+    return np.ascontiguousarray(R @ _null_space(np.vstack([held, _motion_measures(model, R)])))
 
 
 def _motion_measures(model: FullModel, R: Array) -> Array:
@@ -164,7 +166,7 @@ def _motion_measures(model: FullModel, R: Array) -> Array:
     return np.asarray(model.comm.allreduce(np.reshape(rows, (len(rows), R.shape[1]))))
 
 
-def _free(rows: Array) -> Array:
+def _null_space(rows: Array) -> Array:
     """Orthonormal combinations (k, c) of k motions for which all rows (h, k) are zero."""
     size = np.linalg.norm(rows, axis=1, keepdims=True)
     scaled = rows[size[:, 0] > 0.0] / size[size[:, 0] > 0.0]
@@ -198,7 +200,9 @@ def support_motions(body: FreeBody) -> Array | None:
     remainder = np.eye(len(held)) - measured @ N
     remainder[np.abs(remainder) < HELD] = 0.0
     motions = R @ N
-    if np.any(remainder) or np.any(np.abs(model.rigid.held @ N) > HELD * np.abs(model.rigid.held).max(initial=0.0)):
+    if np.any(remainder) or np.any(
+        np.abs(model.rigid.held_measures @ N) > HELD * np.abs(model.rigid.held_measures).max(initial=0.0)
+    ):
         motions = motions + (S[:, share].T @ (np.linalg.pinv((S @ S.T).toarray()) @ remainder))
         motions = motions - body.solve(np.asfortranarray(times(model.K, np.asfortranarray(motions))))
     motions = np.asfortranarray(motions)
@@ -217,7 +221,7 @@ def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Arr
     first = model.M.getOwnershipRange()[0]
     tables = {row.name: row.project(motions, first) for row in model.rows.rows}
     for row in model.rows.rows:
-        tables[row.name].c[:] = 0.0 if row.fixed else model.comm.allreduce(tables[row.name].c)
+        tables[row.name].c[:] = 0.0 if row.is_fixed else model.comm.allreduce(tables[row.name].c)
     nothing = PPoly(np.zeros((1, 1, len(held))), np.array(model.rows.domain))
     rows = stack_tables([tables.get(name, nothing) for name in reduced.row_names] or [nothing], model.rows.domain)
     c = rows.c if reduced.row_names else rows.c[:, :, :0]
@@ -225,7 +229,7 @@ def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Arr
     if model.rayleigh is None:
         damping = inner(motions, times(model.D, V), model.comm)
     else:
-        damping = model.rayleigh.of(inertia, np.zeros_like(inertia))
+        damping = model.rayleigh.matrix(inertia, np.zeros_like(inertia))
     carriers = None if reduced.carriers is None else replace(reduced.carriers, supports={})
     return replace(
         reduced,
@@ -260,5 +264,5 @@ def _work_on_motions(reduced: ReducedModel, model: FullModel, V: Array, motions:
 
 def _carrier_motions(model: FullModel, motions: Array) -> Array:
     """Motions U Phi (K, h) of the carriers of all rows that are no rigid supports."""
-    U = Rows(tuple(row for row in model.rows.rows if not row.fixed), model.size).shared.carriers
+    U = Rows(tuple(row for row in model.rows.rows if not row.is_fixed), model.size).shared_carriers.carriers
     return np.asarray(model.comm.allreduce(U[:, model.share] @ motions))

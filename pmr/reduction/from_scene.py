@@ -36,7 +36,7 @@ Vectors: TypeAlias = Array | Callable[[FullModel], Array]
 DEPENDENT = 1e-10
 
 
-def given_vectors(model: FullModel, file: Path) -> Snapshots:
+def vectors_from_file(model: FullModel, file: Path) -> Snapshots:
     """Vectors (n, k) on the full model's coordinates: the array ``V`` of an npz file, read by every rank.
 
     An InputError is raised if the file has no such array, or entries that are not finite.
@@ -53,7 +53,7 @@ def given_vectors(model: FullModel, file: Path) -> Snapshots:
     return _snapshots(model, V[slice(*model.M.getOwnershipRange())], f"vectors from {file.name}")
 
 
-def vectors_of(model: FullModel, basis: Vectors) -> Snapshots:
+def vectors_from_array(model: FullModel, basis: Vectors) -> Snapshots:
     """Snapshots from `basis`: an array (n, k), or a function that gets the full model and returns vectors.
 
     Every rank has the whole array; a function returns this rank's rows (n_local, k) only.
@@ -75,7 +75,7 @@ def vectors_of(model: FullModel, basis: Vectors) -> Snapshots:
     return _snapshots(model, local if callable(basis) else local[share], "vectors given as an array")
 
 
-def offered_vectors(model: FullModel, choice: Reduction) -> Snapshots:
+def vectors_from_package(model: FullModel, choice: Reduction) -> Snapshots:
     """Vectors from a function of an installed package, the entry point `pmr.bases` with the basis' name; collective.
 
     It gets the model and the scene's `choice` of a reduction, and returns this rank's rows (n_local, k) of vectors.  An
@@ -105,10 +105,10 @@ def _snapshots(model: FullModel, local: Array, source: str) -> Snapshots:
     Their frequencies, positions and residuals are NaN.
     """
     unknown = np.full(local.shape[1], np.nan)
-    return Snapshots.of(np.ascontiguousarray(local), model, unknown, unknown, unknown, source)
+    return Snapshots.from_local(np.ascontiguousarray(local), model, unknown, unknown, unknown, source)
 
 
-def given_basis(model: FullModel, vectors: Snapshots, choice: Reduction, size: int | None) -> Basis:
+def basis_of_vectors(model: FullModel, vectors: Snapshots, choice: Reduction, size: int | None) -> Basis:
     """The first `size` independent vectors (None: all), each made orthonormal to those before it; collective.
 
     If flexibility is added, rigid-body modes come first, because it can't replace them.  All singular values are 1: the
@@ -124,12 +124,12 @@ def given_basis(model: FullModel, vectors: Snapshots, choice: Reduction, size: i
     for v in V.T:
         if Q.shape[1] == size:
             break
-        size_before = size_after = _size(model, v, in_mass)
+        size_before = size_after = _norm(model, v, in_mass)
         for _ in range(2):  # once leaves round-off of what was taken away
             if size_after <= DEPENDENT * size_before:
                 break
             v = v - Q @ inner(Q, _weigh(model, v, in_mass), model.comm)[:, 0]
-            size_after = _size(model, v, in_mass)
+            size_after = _norm(model, v, in_mass)
         if size_after > DEPENDENT * size_before:
             Q = np.column_stack([Q, v / size_after])
     if size is not None and Q.shape[1] < size:
@@ -143,7 +143,7 @@ def _weigh(model: FullModel, v: Array, in_mass: bool) -> Array:
     return times(model.M, v[:, None]) if in_mass else v[:, None]
 
 
-def _size(model: FullModel, v: Array, in_mass: bool) -> float:
+def _norm(model: FullModel, v: Array, in_mass: bool) -> float:
     """Norm of a vector v (n_local,) in the mass product, or in the Euclidean one."""
     return float(np.sqrt(inner(v[:, None], _weigh(model, v, in_mass), model.comm).item()))
 
@@ -168,11 +168,11 @@ def take_snapshots(
     a ConvergenceError if a solver fails.
     """
     if vectors is not None:
-        return vectors_of(model, vectors)
+        return vectors_from_array(model, vectors)
     if scene.reduction.file is not None:
-        return given_vectors(model, scene.reduction.file)
+        return vectors_from_file(model, scene.reduction.file)
     if scene.reduction.given:
-        return offered_vectors(model, scene.reduction)
+        return vectors_from_package(model, scene.reduction)
     if not scene.reduction.uses_pod:
         choice = scene.reduction
         more, stressed = enrichment_of(scene, choice, model), may_be_stressed(scene)
@@ -188,7 +188,7 @@ def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
     """
     choice = scene.reduction
     if choice.given:
-        return given_basis(model, snapshots, choice, None if choice.basis == ARRAY else choice.coordinates)
+        return basis_of_vectors(model, snapshots, choice, None if choice.basis == ARRAY else choice.coordinates)
     if not choice.uses_pod:
         return modal_basis(snapshots)
     if choice.flexibility:
@@ -231,7 +231,7 @@ def summary(scene: Scene, models: Mapping[str, FullModel], bodies: Mapping[str, 
             "singular_values": basis.sigma.tolist(),
             "largest_residual": None if np.isnan(largest) else largest,
             "rows_left_out": list(body.modal.left_out),
-            "carriers": released_rows(models[ALONE]).shared.carriers.shape[0],
+            "carriers": released_rows(models[ALONE]).shared_carriers.carriers.shape[0],
         }
     }
 

@@ -28,7 +28,7 @@ from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import free_objects, gather, sparse, times
 from pmr.fields.series import FramedBody, Frames, NodalBody, Places
 from pmr.fullmodel.assembly import operators_of
-from pmr.fullmodel.build import Built, build
+from pmr.fullmodel.build import AssembledBody, build
 from pmr.fullmodel.eigensolvers import eigensolver
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.moving import SingularError, static_solver
@@ -36,8 +36,8 @@ from pmr.fullmodel.pads import restrain
 from pmr.fullmodel.structure import Action, Structure, couple
 from pmr.models import DIRECTIONS, StructuralModel, is_assembled
 from pmr.models.matrices import Matrices
+from pmr.reduced.soundness import symmetric_part
 from pmr.scene import Scene
-from pmr.system.body import symmetric
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -55,7 +55,7 @@ def held_body(scene: Scene, s: float, count: int) -> NodalBody:
     if scene.masses:
         allowed = "none is allowed: a flexible body is what they are attached to, in the program that reads it"
         raise InputError("scene", "masses", scene.masses[0].name, allowed)
-    built = built_at(scene, s)
+    built = build_at(scene, s)
     structure, full = built.structure, built.model
     model, T = structure.model, couple(structure).T
     order = nodes_of(model).ravel()
@@ -75,12 +75,12 @@ def held_body(scene: Scene, s: float, count: int) -> NodalBody:
         K=sp.csr_matrix(K[order][:, order]),
         modes=q[order],
         omega=modes.omega,
-        damping=symmetric(full.rayleigh.of(*projected)),
+        damping=symmetric_part(full.rayleigh.matrix(*projected)),
         places=_places(structure, q),
     )
 
 
-def built_at(scene: Scene, s: float) -> Built:
+def build_at(scene: Scene, s: float) -> AssembledBody:
     """Full model of a scene on one rank, to be held with its sliders at s (m).
 
     Raises
@@ -161,7 +161,7 @@ FREE = 1e-8
 
 
 @dataclass(frozen=True)
-class _Held:
+class _HeldModel:
     """Full model with its sliders at s: the stiffness of its springs is in K, its rigid rows don't depend on s."""
 
     full: FullModel
@@ -179,14 +179,14 @@ def framed_body(scene: Scene, s: float, count: int) -> FramedBody:
     ConvergenceError
         If the modes do not converge.
     """
-    built, solver = built_at(scene, s), scene.reduction.solver
+    built, solver = build_at(scene, s), scene.reduction.solver
     model, coupling, held = built.structure.model, couple(built.structure), _hold_body(built, s)
     if model.directions != DIRECTIONS:
         raise InputError("scene", "body.model", scene.body.model, "a body in space is allowed where frames turn")
     places = _named_places(scene, model)
     measured = sp.vstack([model.motion(place) for place in places], format="csr")
     G, R = sp.csr_matrix(measured @ coupling.T), model.rigid_motions()
-    Psi = _static(held, G, solver)
+    Psi = _static_response(held, G, solver)
     frames = [fixed_row(f"frame {k // 6} {DIRECTIONS[k % 6]}", G[k], held.full.rows.domain) for k in range(G.shape[0])]
     still = replace(held.full, rows=Rows((*held.rows, *frames), held.full.size))
     Phi = eigensolver(still, solver).lowest(s, count).phi
@@ -203,17 +203,17 @@ def framed_body(scene: Scene, s: float, count: int) -> FramedBody:
             ("ground", *(place if isinstance(place, str) else f"at {place:g} m" for place in places)),
             np.array([np.zeros(3), *(model.centroid(place) for place in places)]),
         ),
-        M=symmetric(of_model.T @ (mass @ of_model) + with_rigid.T @ (coupling.attached_mass() @ with_rigid)),
-        C=symmetric(built.model.rayleigh.of(*damped)),
-        K=symmetric(w.T @ times(held.full.K, w)),
+        M=symmetric_part(of_model.T @ (mass @ of_model) + with_rigid.T @ (coupling.attached_mass() @ with_rigid)),
+        C=symmetric_part(built.model.rayleigh.matrix(*damped)),
+        K=symmetric_part(w.T @ times(held.full.K, w)),
     )
     lowest = scipy.linalg.eigh(body.K[6:, 6:], body.M[6:, 6:], eigvals_only=True, subset_by_index=[0, 0])[0]
     if lowest < FREE * held.full.reference_frequency**2:
-        raise _not_held()
+        raise _not_held_error()
     return body
 
 
-def _hold_body(built: Built, s: float) -> _Held:
+def _hold_body(built: AssembledBody, s: float) -> _HeldModel:
     """Full model of `built` held with its sliders at s (m)."""
     full, C = built.model, built.model.rows.at(s)
     soft = np.flatnonzero(full.row_compliance)
@@ -223,15 +223,15 @@ def _hold_body(built: Built, s: float) -> _Held:
     free_objects(more)
     rigid = np.flatnonzero(full.row_compliance == 0.0)
     rows = tuple(fixed_row(full.row_names[k], C[k], full.rows.domain) for k in rigid)
-    return _Held(replace(full, K=K), rows)
+    return _HeldModel(replace(full, K=K), rows)
 
 
-def _static(held: _Held, G: sp.csr_matrix, solver: str) -> Array:
+def _static_response(held: _HeldModel, G: sp.csr_matrix, solver: str) -> Array:
     """Static response Psi (n, 6 F) to unit motions G (6 F, n) of F frames."""
     try:
         static = static_solver(held.full, held.rows, solver)
     except SingularError:
-        raise _not_held() from None
+        raise _not_held_error() from None
     X = static.solve(G.T.toarray(order="F"))
     static.destroy()
     scale = np.sqrt(np.maximum((G @ X).diagonal(), np.finfo(float).tiny))
@@ -242,7 +242,7 @@ def _static(held: _Held, G: sp.csr_matrix, solver: str) -> Array:
         raise InputError("scene", "loads.on", None, allowed) from None
 
 
-def _not_held() -> InputError:
+def _not_held_error() -> InputError:
     """Error that supports and pads do not hold the body."""
     allowed = "pads and supports that hold the body at s in all directions are allowed: they join it to the first frame"
     return InputError("scene", "supports", None, allowed)

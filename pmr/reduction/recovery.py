@@ -31,7 +31,7 @@ from pmr.fem.distributed import local_csr
 from pmr.fields.series import Fields
 from pmr.fields.stress import FORCES, Envelope, Running, StressHistory, StressPeak, peaks_by_region, stress_history
 from pmr.fullmodel.assembly import share
-from pmr.fullmodel.build import Built
+from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.structure import couple
 from pmr.models import is_assembled
@@ -88,7 +88,7 @@ class Recovery:
             body = FreeBody(model, solver)
             self._residual = ResidualFlexibility(body, self.V)
             if reduced.cylinder_modes:
-                self.V = np.hstack([self.V, self._of_cylinder(self._residual)])
+                self.V = np.hstack([self.V, self._cylinder_vectors(self._residual)])
                 self._residual = ResidualFlexibility(body, self.V)
 
     @property
@@ -96,7 +96,7 @@ class Recovery:
         """Communicator of the model."""
         return self._model.comm
 
-    def _of_cylinder(self, modal: ResidualFlexibility) -> Array:
+    def _cylinder_vectors(self, modal: ResidualFlexibility) -> Array:
         """This rank's rows (n_local, a) of the vectors of the a cylinder modes.
 
         They are combinations of responses to a force at the body's tail.
@@ -136,7 +136,7 @@ class Recovery:
         model_rows = self._model.rows
         pressed = sp.csr_matrix((len(states.t), model_rows.size))
         for name, z, at in zip(states.rows, states.multipliers.T, states.s.T, strict=True):
-            pressed = pressed + model_rows.rows[model_rows.names.index(name)].pressed(at, z)
+            pressed = pressed + model_rows.rows[model_rows.names.index(name)].forces_on_coordinates(at, z)
         return np.asarray(self._inputs @ states.loads.T - pressed[:, self._share].T.toarray())
 
 
@@ -144,7 +144,7 @@ class Recovery:
 AXIAL_STRESS = "axial stress"
 
 
-class View:
+class BodyFields:
     """Displacements and stresses of a body's states that are distributed over ranks; methods are collective.
 
     Every method returns the same on every rank.
@@ -162,7 +162,7 @@ class View:
         If the model's matrices were given, because it has no cells then.
     """
 
-    def __init__(self, built: Built, stresses: bool = True) -> None:
+    def __init__(self, built: AssembledBody, stresses: bool = True) -> None:
         model, comm = built.structure.model, built.model.comm
         if not is_assembled(model):
             raise InputError("scene", "recovery", None, "given matrices have no cells to draw: leave it out")
@@ -186,13 +186,13 @@ class View:
 
         A beam's section forces include the loads and contact forces `acting` on it; None if nothing acts.
         """
-        along = None if self.forces is None else self.forces.of(np.hstack(self.comm.allgather(q)), acting)
+        along = None if self.forces is None else self.forces.evaluate(np.hstack(self.comm.allgather(q)), acting)
         if self.stress_rows is None:
             return Stresses(along, None)
         values = self._sum_over_ranks(self._stresses, q) if along is None else along @ self.stress_rows.rows.T
         return Stresses(along, self.stress_rows.split_by_point(values))
 
-    def along(self) -> Running | None:
+    def empty_envelope(self) -> Running | None:
         """Empty envelope for `Stresses.along_beam`; None for bodies without section forces."""
         if self.forces is None:
             return None
@@ -213,7 +213,7 @@ class Stresses:
     """Stresses and section forces at S times; None where a body has none."""
 
     forces: Array | None  # (S, P) in N and N m: of a beam, where `SectionForces` has them
-    values: Array | None  # (S, p, c) in Pa: at the points of `View.stress_rows`
+    values: Array | None  # (S, p, c) in Pa: at the points of `BodyFields.stress_rows`
 
     @property
     def along_beam(self) -> Array:
@@ -223,7 +223,7 @@ class Stresses:
 
 
 @dataclass(frozen=True)
-class Seen:
+class FieldRecord:
     """What is recorded of a body's states: stresses of all states, and fields of some of them.
 
     `stress` is None if the model has no stresses.  `by_region` has the largest stress in each of the grid's regions.
@@ -237,14 +237,14 @@ class Seen:
     envelope: Envelope | None = None
 
 
-def look(
-    view: View,
+def record_fields(
+    view: BodyFields,
     t: Array,
     blocks: Iterable[Array],
     pictures: Sequence[int] = (),
     components: bool = False,
     acting: BodyStates | None = None,
-) -> Seen:
+) -> FieldRecord:
     """Record stresses of all states, and fields of those in `pictures`, going through the states once; collective.
 
     Parameters
@@ -268,7 +268,7 @@ def look(
     fields = {face: np.zeros((len(chosen), cells), np.float32) for face in (rows.faces if rows else ())}
     signed = dict[str, NDArray[np.float32]]()
     most = np.full(len(rows.points) if rows else 0, -np.inf)
-    first, at_peak, when, along = 0, np.zeros(0), np.zeros(len(most)), view.along()
+    first, at_peak, when, along = 0, np.zeros(0), np.zeros(len(most)), view.empty_envelope()
     for q in blocks:
         last = first + len(q)
         numbers = np.flatnonzero((chosen >= first) & (chosen < last))
@@ -294,7 +294,9 @@ def look(
     history = None if rows is None else stress_history(rows, view.grid, t, largest, point, at_peak)
     regions = {} if rows is None else peaks_by_region(rows, view.grid, most, when)
     envelope = None if along is None else along.envelope(FORCES | {AXIAL_STRESS: "Pa"})
-    return Seen(history, Fields(view.grid, np.asarray(t)[chosen], displacement, fields, signed), regions, envelope)
+    return FieldRecord(
+        history, Fields(view.grid, np.asarray(t)[chosen], displacement, fields, signed), regions, envelope
+    )
 
 
 def in_blocks(q: Array) -> Iterator[Array]:
@@ -304,11 +306,11 @@ def in_blocks(q: Array) -> Iterator[Array]:
 
 
 @dataclass(frozen=True)
-class Recovered:
+class RecoveredBody:
     """Records of a body's reduced model and of its full one, which is None if the full model's states are not known."""
 
-    reduced: Seen
-    full: Seen | None
+    reduced: FieldRecord
+    full: FieldRecord | None
 
     def summary(self) -> dict[str, Any]:
         """``max_von_mises`` in Pa, ``stress_peak``, ``stress_by_region`` and ``section_forces``, each by model.
@@ -316,14 +318,14 @@ class Recovered:
         What a body does not have is left out: a beam without a profile has no stresses, a shell no section forces.
         """
         peaks = {
-            name: model_fields.stress.peak for name, model_fields in self._views() if model_fields.stress is not None
+            name: model_fields.stress.peak for name, model_fields in self._records() if model_fields.stress is not None
         }
         along = {name: envelope.extremes() for name, envelope in self.envelopes().items()}
         forces = {"section_forces": along} if along else {}
         if not peaks:
             return forces
         regions = {
-            name: {r: p.summary() for r, p in model_fields.by_region.items()} for name, model_fields in self._views()
+            name: {r: p.summary() for r, p in model_fields.by_region.items()} for name, model_fields in self._records()
         }
         return forces | {
             "stress_by_region": {name: by_region for name, by_region in regions.items() if by_region},
@@ -334,16 +336,18 @@ class Recovered:
     def histories(self) -> dict[str, Array]:
         """Largest von Mises stress (S,) in Pa at each recovered time, for ``reduced`` and ``full``."""
         return {
-            name: model_fields.stress.largest for name, model_fields in self._views() if model_fields.stress is not None
+            name: model_fields.stress.largest
+            for name, model_fields in self._records()
+            if model_fields.stress is not None
         }
 
     def envelopes(self) -> dict[str, Envelope]:
         """Envelopes along a beam, for ``reduced`` and ``full``."""
         return {
-            name: model_fields.envelope for name, model_fields in self._views() if model_fields.envelope is not None
+            name: model_fields.envelope for name, model_fields in self._records() if model_fields.envelope is not None
         }
 
-    def _views(self) -> list[tuple[str, Seen]]:
+    def _records(self) -> list[tuple[str, FieldRecord]]:
         """Names and records of the models that there are."""
         return [("reduced", self.reduced), *([("full", self.full)] if self.full is not None else [])]
 
@@ -356,16 +360,19 @@ def recovered_steps(scene: Scene) -> NDArray[np.int64]:
 
 
 @dataclass(frozen=True)
-class Looked:
+class ReducedFields:
     """View of a body, and what is recorded of its reduced model."""
 
-    view: View
-    reduced: Seen
+    view: BodyFields
+    reduced: FieldRecord
 
 
-def of_reduced(
-    scene: Scene, built: Mapping[str, Built], bodies: Mapping[str, ReducedBody], states: Mapping[str, BodyStates]
-) -> dict[str, Looked]:
+def recover_reduced(
+    scene: Scene,
+    built: Mapping[str, AssembledBody],
+    bodies: Mapping[str, ReducedBody],
+    states: Mapping[str, BodyStates],
+) -> dict[str, ReducedFields]:
     """Fields and stresses of the reduced models of a scene's bodies, by name; collective.
 
     `states` are those at the `recovered_steps`, the same on every rank.
@@ -375,24 +382,26 @@ def of_reduced(
     for part in scene.sections:
         name, at = part.name, states[part.name]
         recovery = Recovery(built[name].model, bodies[name].V, bodies[name].model, part.reduction.solver)
-        view = View(built[name], recovery_of_scene.stress)
+        view = BodyFields(built[name], recovery_of_scene.stress)
         frames = min(recovery_of_scene.frames, len(at.t))
         pictures = np.unique(np.rint(np.linspace(0, len(at.t) - 1, frames)).astype(np.int64))
-        looked[name] = Looked(
-            view, look(view, at.t, recovery.blocks(at), pictures.tolist(), recovery_of_scene.components, at)
+        looked[name] = ReducedFields(
+            view, record_fields(view, at.t, recovery.blocks(at), pictures.tolist(), recovery_of_scene.components, at)
         )
     return looked
 
 
-def beside_full(looked: Mapping[str, Looked], full: Mapping[str, BodyStates]) -> dict[str, Recovered]:
+def recover_full(looked: Mapping[str, ReducedFields], full: Mapping[str, BodyStates]) -> dict[str, RecoveredBody]:
     """Fields and stresses of reduced and full models, by name; collective.
 
     `full` has this rank's rows of the full models' states, as far as they are known.
     """
     return {
-        name: Recovered(
+        name: RecoveredBody(
             of_body.reduced,
-            look(of_body.view, full[name].t, in_blocks(full[name].p), acting=full[name]) if name in full else None,
+            record_fields(of_body.view, full[name].t, in_blocks(full[name].p), acting=full[name])
+            if name in full
+            else None,
         )
         for name, of_body in looked.items()
     }

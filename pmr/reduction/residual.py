@@ -10,14 +10,14 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import product, total
+from pmr.constraints.polynomials import add_tables, multiply_tables
 from pmr.constraints.rows import Rows, SharedCarriers
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import free_dropped, inner, local_csr, times
 from pmr.fullmodel.model import FullModel
 from pmr.reduced.attachment import RICHER
-from pmr.reduced.carriers import Answers, CarriedRows, Flexibility
+from pmr.reduced.carriers import CarrierRows, CylinderResponses, Flexibility
 from pmr.reduced.model import ReducedModel, satisfied_rows
 from pmr.reduced.truncation import is_modal, truncate, with_tables
 from pmr.reduction.basis import RANK_CHECKS, Basis, galerkin, without_rows
@@ -78,10 +78,10 @@ def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, Any]) -> 
     basis this coupling is neglected, which matters as long as low modes are missing: the paper's basis, evolved case,
     is off by 87 % of the beam with 10 coordinates, by 0.17 % with 12 and by 0.020 % with 20.
     """
-    model, shared, residual = body.model, _on_path(body.model), _residual(body, basis)
+    model, shared, residual = body.model, _rows_on_path(body.model), _residual(body, basis)
     reduced = _project(residual, basis, provenance)
     flexibility = load_flexibility(residual, shared.carriers, load_pairs(shared, len(model.input_names)))
-    body.drop()
+    body.free_factor()
     free_dropped(model.comm)
     return _add_flexibility(reduced, tables(flexibility, shared))
 
@@ -98,22 +98,26 @@ def section_model(
 
     An InputError is raised as by `flexible_model`, and a ValueError if the basis consists of anything but eigenmodes.
     """
-    model, shared, residual = body.model, _on_path(body.model), _residual(body, basis)
+    model, shared, residual = body.model, _rows_on_path(body.model), _residual(body, basis)
     reduced = _project(residual, basis, provenance)
     powers = 2 if coordinates < basis.size else 1  # with enrichment modes the inertia, too
     flexibility, *inertia = load_powers(residual, shared.carriers, None, powers)
-    x = _cylinders(residual, shared, flexibility)
-    answers = None if x is None else _answers(residual, shared, x, motions)
+    x = _cylinder_responses(residual, shared, flexibility)
+    answers = None if x is None else _cylinder_values(residual, shared, x, motions)
     loads = carrier_loads(model, shared.carriers)
-    span, spanned = _span(residual, loads) if inertia and model.matrices else (None, np.zeros((0, loads.shape[1])))
+    span, spanned = (
+        _spanning_vectors(residual, loads) if inertia and model.matrices else (None, np.zeros((0, loads.shape[1])))
+    )
     matrices, ports, supports = _matrices(model, [np.array(basis.V.getDenseArray()), span, x], motions)
-    body.drop()
+    body.free_factor()
     free_dropped(model.comm)
     values = _carrier_measures(model, shared, basis)
-    carriers = CarriedRows.of(released_rows(model).shared.rows, values, flexibility.between_any_two())
+    carriers = CarrierRows.from_rows(
+        released_rows(model).shared_carriers.rows, values, flexibility.carrier_flexibility()
+    )
     flexible = _with_flexibility(reduced, tables(flexibility, shared))
-    check_independence(flexible, _that_give_way(flexible))
-    inertia_of_any = inertia[0].between_any_two() if inertia else None
+    check_independence(flexible, _yielding_rows(flexible))
+    inertia_of_any = inertia[0].carrier_flexibility() if inertia else None
     of_carriers = replace(
         carriers,
         inertia=inertia_of_any,
@@ -128,9 +132,9 @@ def section_model(
 
 def stiff_model(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
     """Galerkin projection on any basis, with `carriers` but without fixed rows and without residual flexibility."""
-    fixed = [i for i, row in enumerate(model.rows.rows) if row.fixed]
-    reduced, shared = without_rows(galerkin(model, basis, provenance), fixed), released_rows(model).shared
-    return replace(reduced, carriers=CarriedRows.of(shared.rows, _carrier_measures(model, shared, basis)))
+    fixed = [i for i, row in enumerate(model.rows.rows) if row.is_fixed]
+    reduced, shared = without_rows(galerkin(model, basis, provenance), fixed), released_rows(model).shared_carriers
+    return replace(reduced, carriers=CarrierRows.from_rows(shared.rows, _carrier_measures(model, shared, basis)))
 
 
 def _carrier_measures(model: FullModel, shared: SharedCarriers, basis: Basis) -> Array:
@@ -139,26 +143,28 @@ def _carrier_measures(model: FullModel, shared: SharedCarriers, basis: Basis) ->
     return np.asarray(model.comm.allreduce(measured))
 
 
-def _tail(shared: SharedCarriers) -> Array | None:
+def _tail_weights(shared: SharedCarriers) -> Array | None:
     """Weights (K,) on the carriers of the row that a section's cylinder holds; None without a cylinder."""
     tail = next((row for row in shared.rows if row.name == TAIL), None)
     return None if tail is None else np.asarray(tail.weights(tail.breaks[0]).toarray()[0])
 
 
-def _cylinders(residual: ResidualFlexibility, shared: SharedCarriers, flexibility: LoadFlexibility) -> Array | None:
+def _cylinder_responses(
+    residual: ResidualFlexibility, shared: SharedCarriers, flexibility: LoadFlexibility
+) -> Array | None:
     """Responses (n_local, n) to a cylinder's force, this rank's rows; None without a cylinder.
 
     They are zero if supports hold the body where the cylinder acts.
     """
-    load = _tail(shared)
+    load = _tail_weights(shared)
     if load is None:
         return None
     x = residual.powers(load @ shared.carriers[:, residual.model.share], RICHER + 1)
-    R = flexibility.between_any_two().rows
+    R = flexibility.carrier_flexibility().rows
     return x * 0.0 if load @ R @ load <= HELD * np.diagonal(R).max() else x
 
 
-def _span(residual: ResidualFlexibility, loads: sp.csc_matrix) -> tuple[Array | None, Array]:
+def _spanning_vectors(residual: ResidualFlexibility, loads: sp.csc_matrix) -> tuple[Array | None, Array]:
     """Vectors (n_local, p) that span the responses R g to loads g (n_local, L), and the responses in them (p, L).
 
     If there are too many loads, the vectors are None and p is 0.  For a beam p is at most its number of coordinates,
@@ -199,12 +205,14 @@ def _matrices(
     return matrices, ports, supports
 
 
-def _answers(residual: ResidualFlexibility, shared: SharedCarriers, x: Array, motions: Array | None) -> Answers:
+def _cylinder_values(
+    residual: ResidualFlexibility, shared: SharedCarriers, x: Array, motions: Array | None
+) -> CylinderResponses:
     """Values of the responses x (n_local, n) to the cylinder's force on carriers, inputs, outputs and supports."""
-    model, load = residual.model, _tail(shared)
+    model, load = residual.model, _tail_weights(shared)
     assert load is not None  # as there is x
     U, comm = shared.carriers[:, model.share], model.comm
-    return Answers(
+    return CylinderResponses(
         load=load,
         rows=comm.allreduce(U @ x),
         inputs=comm.allreduce(local_csr(model.inputs).T @ x),
@@ -237,7 +245,7 @@ def _project(residual: ResidualFlexibility, basis: Basis, provenance: dict[str, 
     """
     model = residual.model
     complete = galerkin(model, basis, provenance)
-    fixed = [i for i, row in enumerate(model.rows.rows) if row.fixed]
+    fixed = [i for i, row in enumerate(model.rows.rows) if row.is_fixed]
     violated = set(fixed) - set(satisfied_rows(complete.rows, SATISFIED))
     if violated:
         moved_rows = ", ".join(model.rows.names[i] for i in sorted(violated))
@@ -259,13 +267,13 @@ def _with_flexibility(reduced: ReducedModel, flexibility: Flexibility) -> Reduce
     return flexible if is_modal(flexible) else _with_floor(flexible)
 
 
-def _that_give_way(model: ReducedModel) -> list[int]:
+def _yielding_rows(model: ReducedModel) -> list[int]:
     """Numbers of the rows that the body's supports don't hold.
 
     A row that they hold may be rigid, because the contact gives way on its other body.
     """
     assert model.flexibility is not None
-    s = _spread(model)
+    s = _checked_positions(model)
     G = np.einsum("tmm->tm", model.flexibility.rows(s)).max(axis=0, initial=0.0)
     C = np.abs(model.rows(s)).max(axis=(0, 2), initial=0.0)
     still = (G <= HELD * G.max(initial=0.0)) & (C <= HELD * C.max(initial=0.0))
@@ -274,12 +282,12 @@ def _that_give_way(model: ReducedModel) -> list[int]:
 
 def released_rows(model: FullModel) -> Rows:
     """Rows of sliders and pads, that is all rows that are not fixed."""
-    return Rows(tuple(row for row in model.rows.rows if not row.fixed), model.size)
+    return Rows(tuple(row for row in model.rows.rows if not row.is_fixed), model.size)
 
 
-def _on_path(model: FullModel) -> SharedCarriers:
+def _rows_on_path(model: FullModel) -> SharedCarriers:
     """Rows of sliders and pads on common carriers and breaks."""
-    return released_rows(model).shared.aligned(model.rows.domain)
+    return released_rows(model).shared_carriers.align_breaks(model.rows.domain)
 
 
 def _without_round_off(reduced: ReducedModel, residual: ResidualFlexibility, V: Array) -> ReducedModel:
@@ -301,7 +309,7 @@ def _without_round_off(reduced: ReducedModel, residual: ResidualFlexibility, V: 
         return np.where(lost & ~np.eye(len(A), dtype=bool), 0.0, A)
 
     of_K = size(model.K)
-    of_D = size(model.D) if model.rayleigh is None else model.rayleigh.of(size(model.M), of_K)
+    of_D = size(model.D) if model.rayleigh is None else model.rayleigh.matrix(size(model.M), of_K)
     K, D = remove_round_off(reduced.K, of_K), remove_round_off(reduced.D, of_D)
     K[rigid] = K[:, rigid] = 0.0
     return replace(reduced, K=K, D=D)
@@ -318,14 +326,14 @@ def _with_floor(model: ReducedModel) -> ReducedModel:
     """
     assert model.flexibility is not None
     G, C = model.flexibility.rows, model.rows
-    of_modes = product(C, C, np.linalg.pinv(model.K, rcond=1e-12, hermitian=True))
-    s = np.sort(np.concatenate([C.x, _spread(model)]))
+    of_modes = multiply_tables(C, C, np.linalg.pinv(model.K, rcond=1e-12, hermitian=True))
+    s = np.sort(np.concatenate([C.x, _checked_positions(model)]))
     residual_part, held = (np.einsum("tmm->tm", table(s)) for table in (G, of_modes))
     lacking = np.any(residual_part + model.row_compliance < FLOOR * held, axis=0)
     if not lacking.any():
         return model
     floor = PPoly(of_modes.c * np.outer(lacking, lacking), of_modes.x)
-    return replace(model, flexibility=replace(model.flexibility, rows=total(G, floor, FLOOR)))
+    return replace(model, flexibility=replace(model.flexibility, rows=add_tables(G, floor, FLOOR)))
 
 
 def check_independence(model: ReducedModel, numbers: list[int] | None = None) -> None:
@@ -336,7 +344,7 @@ def check_independence(model: ReducedModel, numbers: list[int] | None = None) ->
     assert model.flexibility is not None
     numbers = list(range(len(model.row_names))) if numbers is None else numbers
     names = [model.row_names[k] for k in numbers]
-    for s in _spread(model) if numbers else ():
+    for s in _checked_positions(model) if numbers else ():
         F = model.flexibility.rows(s) + np.diag(model.row_compliance)
         dependence = dependence_of_flexibility(F[np.ix_(numbers, numbers)], names)
         if dependence.measure < INDEPENDENT:
@@ -348,7 +356,7 @@ def check_independence(model: ReducedModel, numbers: list[int] | None = None) ->
             raise InputError("scene", "", None, allowed)
 
 
-def _spread(model: ReducedModel) -> Array:
+def _checked_positions(model: ReducedModel) -> Array:
     """Path coordinates (RANK_CHECKS,) in m, spread over the domain without its ends."""
     low, high = model.domain
     return low + (high - low) * (np.arange(RANK_CHECKS) + 0.5) / RANK_CHECKS

@@ -41,7 +41,7 @@ from pmr.errors import InputError, environment
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import free_objects, inner, local_csr, sparse, subtract, times
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.structural import Orbits, images_of
+from pmr.fullmodel.structural import MirroredLoads, images_of
 from pmr.reduced.carriers import CarrierFlexibility, Flexibility
 from pmr.reduction.free_body import FreeBody, fixed_rows
 
@@ -68,14 +68,14 @@ class ResidualFlexibility:
         self.model = model = body.model
         self._body, self._comm = body, model.comm
         Z, MZ = body.Z, body.MZ
-        self.rigid = body.rigid(V)  # (r,): which columns of the basis are motions of a rigid body
+        self.rigid = body.are_rigid(V)  # (r,): which columns of the basis are motions of a rigid body
         W = V[:, ~self.rigid]
         W = W - Z @ inner(MZ, W, self._comm)
         W, dual = _diagonalise(model, W)
         self._basis = np.asfortranarray(np.hstack([Z, W]))
         self._dual = np.asfortranarray(np.hstack([MZ, dual]))
 
-    def keeps(self, P: sp.csr_matrix) -> bool:
+    def commutes_with(self, P: sp.csr_matrix) -> bool:
         """Whether the mirror P (n, n) maps basis and fixed rows onto themselves, so that R P = P R; collective."""
         M, held = self.model.M, [row.at(row.breaks[0]) for row in fixed_rows(self.model)]
         if held and np.any(images_of(sp.vstack(held, format="csr"), [P])[0].partners < 0):
@@ -139,7 +139,7 @@ BLOCK = 64
 NOTICED = 2**30
 
 
-class Measured:
+class SparseProduct:
     """Products of sparse rows (m, n_local), which touch a few coordinates, with dense columns."""
 
     def __init__(self, rows: sp.spmatrix) -> None:
@@ -147,7 +147,7 @@ class Measured:
         self._touched = np.unique(rows.indices)
         self._rows = rows[:, self._touched]
 
-    def of(self, x: Array) -> Array:
+    def multiply(self, x: Array) -> Array:
         """This rank's part (m, k) of the rows times x (n_local, k)."""
         return np.asarray(self._rows @ x[self._touched])
 
@@ -165,55 +165,55 @@ class LoadFlexibility:
         """R (L, i) in m/N between all loads and the inputs."""
         return _dense(self.pairs[:, self.carriers :])
 
-    def between_any_two(self) -> CarrierFlexibility:
+    def carrier_flexibility(self) -> CarrierFlexibility:
         """R between carriers, inputs and outputs as dense matrices; all pairs of loads must have been computed."""
         dense, K = _dense(self.pairs), self.carriers
         return CarrierFlexibility(dense[:K, :K], dense[:K, K:], self.outputs[:, :K], self.outputs[:, K:], dense[K:, K:])
 
 
-class Pairs:
+class PatternPairs:
     """Values for pairs of loads, block by block, where a symmetric `pattern` (L, L) has an entry."""
 
     def __init__(self, pattern: sp.csr_matrix) -> None:
         self._pattern = pattern
-        self._found: list[tuple[Indices, Indices, Array]] = [(np.empty(0, int), np.empty(0, int), np.empty(0))]
+        self._blocks: list[tuple[Indices, Indices, Array]] = [(np.empty(0, int), np.empty(0, int), np.empty(0))]
 
-    def beside(self, numbers: Indices) -> Indices:
+    def partners(self, numbers: Indices) -> Indices:
         """Numbers of the loads that form a pair with at least one of the loads `numbers`."""
         return np.unique(self._pattern[numbers].indices)
 
-    def put(self, rows: Indices, columns: Indices, values: Array) -> None:
+    def store(self, rows: Indices, columns: Indices, values: Array) -> None:
         """Store this rank's part of `values` (rows, columns) for loads with these numbers."""
         block = self._pattern[rows][:, columns].tocoo()
-        self._found.append((rows[block.row], columns[block.col], values[block.row, block.col]))
+        self._blocks.append((rows[block.row], columns[block.col], values[block.row, block.col]))
 
     def total(self, comm: Any) -> sp.csr_matrix:
         """All values (L, L), summed over the ranks and made symmetric; collective."""
-        rows, columns, values = (np.concatenate(parts) for parts in zip(*self._found, strict=True))
+        rows, columns, values = (np.concatenate(parts) for parts in zip(*self._blocks, strict=True))
         summed = sp.csr_matrix((comm.allreduce(values), (rows, columns)), self._pattern.shape)
         return (summed + summed.T) / 2.0
 
 
-class AnyTwo:
+class AllPairs:
     """Values for all pairs of `count` loads."""
 
     def __init__(self, count: int) -> None:
-        self._found, self._all = np.zeros((count, count)), np.arange(count)
+        self._values, self._all = np.zeros((count, count)), np.arange(count)
 
-    def beside(self, numbers: Indices) -> Indices:
+    def partners(self, numbers: Indices) -> Indices:
         """Numbers of all loads."""
         return self._all
 
-    def put(self, rows: Indices, columns: Indices, values: Array) -> None:
+    def store(self, rows: Indices, columns: Indices, values: Array) -> None:
         """Store this rank's part of `values` (L, columns) for the loads numbered `columns`; `rows` are all loads."""
-        self._found[:, columns] = values
+        self._values[:, columns] = values
 
     def total(self, comm: Any) -> Array:
         """All values (L, L), summed over the ranks and made symmetric, in place; collective."""
-        comm.Allreduce(MPI.IN_PLACE, self._found)
-        self._found += self._found.T.copy()
-        self._found /= 2.0
-        return self._found
+        comm.Allreduce(MPI.IN_PLACE, self._values)
+        self._values += self._values.T.copy()
+        self._values /= 2.0
+        return self._values
 
 
 def _dense(A: sp.csr_matrix | Array) -> Array:
@@ -235,24 +235,24 @@ def load_pairs(shared: SharedCarriers, inputs: int) -> sp.csr_matrix:
     return sp.csr_matrix(of_all.T @ of_all)
 
 
-class OnCarriers:
+class LoadValues:
     """Values of the responses to loads on carriers, inputs and outputs: for pairs of a pattern, or for all (None)."""
 
     def __init__(self, model: FullModel, carriers: sp.csr_matrix, pattern: Pattern) -> None:
-        self._rows, self._outputs = carrier_loads(model, carriers).T.tocsr(), Measured(local_csr(model.outputs).T)
+        self._rows, self._outputs = carrier_loads(model, carriers).T.tocsr(), SparseProduct(local_csr(model.outputs).T)
         self._comm, self._carriers, loads = model.comm, carriers.shape[0], self._rows.shape[0]
-        self._pairs = AnyTwo(loads) if pattern is None else Pairs(pattern)
-        self._found = np.empty((model.outputs.getSize()[1], loads))
+        self._pairs = AllPairs(loads) if pattern is None else PatternPairs(pattern)
+        self._output_values = np.empty((model.outputs.getSize()[1], loads))
 
-    def take(self, numbers: Indices, answers: Array) -> None:
+    def store(self, numbers: Indices, answers: Array) -> None:
         """Store the values of this rank's rows (n_local, k) of the responses to the loads with these numbers."""
-        partners = self._pairs.beside(numbers)
-        self._pairs.put(partners, numbers, Measured(self._rows[partners]).of(answers))
-        self._found[:, numbers] = self._outputs.of(answers)
+        partners = self._pairs.partners(numbers)
+        self._pairs.store(partners, numbers, SparseProduct(self._rows[partners]).multiply(answers))
+        self._output_values[:, numbers] = self._outputs.multiply(answers)
 
     def result(self) -> LoadFlexibility:
         """Flexibility of all loads, once all responses have been taken; collective."""
-        outputs = np.asarray(self._comm.allreduce(self._found))
+        outputs = np.asarray(self._comm.allreduce(self._output_values))
         return LoadFlexibility(self._pairs.total(self._comm), outputs, self._carriers)
 
 
@@ -289,24 +289,24 @@ def load_powers(
     model = residual.model
     if pattern is None:
         check_memory(model, carriers.shape[0], count)
-    loads, tables = carrier_loads(model, carriers), [OnCarriers(model, carriers, pattern) for _ in range(count)]
-    images = images_of(carriers, [P for P in model.mirrors if residual.keeps(P)])
-    orbits = Orbits(np.arange(loads.shape[1]), images, model.M)
+    loads, tables = carrier_loads(model, carriers), [LoadValues(model, carriers, pattern) for _ in range(count)]
+    images = images_of(carriers, [P for P in model.mirrors if residual.commutes_with(P)])
+    orbits = MirroredLoads(np.arange(loads.shape[1]), images, model.M)
     _log.info(
         "%d static solves answer loads on %d carriers and %d inputs",
-        count * len(orbits.own),
+        count * len(orbits.representatives),
         carriers.shape[0],
         loads.shape[1] - carriers.shape[0],
     )
     many = min(BLOCK, 2 * BLOCK // (1 + len(images))) * model.comm.size
-    for k in range(0, len(orbits.own), many):
-        representatives = orbits.own[k : k + many]
+    for k in range(0, len(orbits.representatives), many):
+        representatives = orbits.representatives[k : k + many]
         columns = loads[:, representatives].toarray(order="F")
         for power, table in enumerate(tables):
             columns = residual.apply(times(model.M, columns) if power else columns)
-            for answers in orbits.answers(representatives, columns):
-                table.take(answers.numbers, answers.columns)
-    orbits.drop()
+            for answers in orbits.responses(representatives, columns):
+                table.store(answers.numbers, answers.columns)
+    orbits.free_images()
     return [table.result() for table in tables]
 
 
@@ -315,7 +315,7 @@ def tables(flexibility: LoadFlexibility, shared: SharedCarriers) -> Flexibility:
 
     All rows have the same path coordinate.  The constants W = O R B and B^T R B come with the tables.
     """
-    C, K, inputs = RowPolynomials.of(shared.rows), flexibility.carriers, flexibility.inputs
+    C, K, inputs = RowPolynomials.from_rows(shared.rows), flexibility.carriers, flexibility.inputs
     return Flexibility(
         rows=C.quadratic_form(flexibility.pairs[:K, :K]),
         inputs=C.times(inputs[:K]),

@@ -32,9 +32,9 @@ from pmr.fem.compat import MPI
 from pmr.fem.distributed import local_csr
 from pmr.fields.stress import ForceRows
 from pmr.fullmodel.assembly import operators_of
-from pmr.fullmodel.build import Built
+from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.moving import Moving
+from pmr.fullmodel.moving import FrameAssembler
 from pmr.fullmodel.pads import restrain
 from pmr.fullmodel.structure import Action, Structure, couple
 from pmr.fullmodel.walls import Walls
@@ -62,20 +62,20 @@ class SectionForces:
         Stresses in the corners of the profile under these forces.
     """
 
-    def __init__(self, built: Built, cut: Cut) -> None:
-        self._whole = _Whole(built.model)
-        self._pieces = _Pieces(built.structure, cut)
+    def __init__(self, built: AssembledBody, cut: Cut) -> None:
+        self._whole = _WholeBeam(built.model)
+        self._pieces = _BeamPieces(built.structure, cut)
         strained = cut.beam.section_forces()
         self.names, self.x = strained.names, strained.x
         unit_forces = ForceRows(sp.eye(len(self.x), format="csr"), self.names, self.x)
         self.stresses = cut.beam.corner_stresses(unit_forces, cut.element)
         self._strained, self._ends = strained.rows, cut.beam.end_forces()
-        self._joined, self._between = cut.joined, None
+        self._cut_displacements, self._between = cut.joined, None
         if cut.joined.shape[1]:
             stiffness = local_csr(operators_of(cut.beam, MPI.COMM_SELF).K)
             self._between = spla.splu(sp.csc_matrix(cut.joined.T @ stiffness @ cut.joined))
 
-    def of(self, q: Array, acting: BodyStates | None = None) -> Array:
+    def evaluate(self, q: Array, acting: BodyStates | None = None) -> Array:
         """Section forces (S, P) in N and N m at S times, of full coordinates q (S, n) with all rows.
 
         `acting` are the loads and contact forces at these times; None if nothing acts.
@@ -83,39 +83,41 @@ class SectionForces:
         a, supports = self._whole.acceleration(q, acting)
         on_pieces, displaced = self._pieces.loads(q, a, supports, acting)
         if self._between is not None:
-            displaced = displaced + (self._joined @ self._between.solve(self._joined.T @ on_pieces.T)).T
+            displaced = (
+                displaced + (self._cut_displacements @ self._between.solve(self._cut_displacements.T @ on_pieces.T)).T
+            )
         return np.asarray(displaced @ self._strained.T - on_pieces @ self._ends.T) - self._friction_forces(acting)
 
     def _friction_forces(self, acting: BodyStates | None) -> Array | float:
         """Normal force (S, P) in N by friction between the tail, where the equations have it act, and the pad."""
-        if acting is None or acting.along is None:
+        if acting is None or acting.friction_forces is None:
             return 0.0
         before = self.x < acting.s[:, :, None] - ON_NODE * self.x.max()  # (S, m, P)
-        return np.einsum("sm,smp->sp", acting.along, before & (np.array(self.names) == "normal force"))
+        return np.einsum("sm,smp->sp", acting.friction_forces, before & (np.array(self.names) == "normal force"))
 
 
-class _Whole:
+class _WholeBeam:
     """The whole beam: its acceleration, and the forces of its rigid supports."""
 
     def __init__(self, model: FullModel) -> None:
         M, self._K, self._B = (
             sp.vstack(model.comm.allgather(local_csr(A)), "csr") for A in (model.M, model.K, model.inputs)
         )
-        self._rows, fixed = model.rows.rows, [row for row in model.rows.rows if row.fixed]
+        self._rows, fixed = model.rows.rows, [row for row in model.rows.rows if row.is_fixed]
         held = [_zero_rows(model.size, 0), *(row.at(row.breaks[0]) for row in fixed)]
         self._names, self._held = [row.name for row in fixed], sp.vstack(held, "csr")
         self._mass = spla.splu(sp.csc_matrix(M))
-        self._lent = self._mass.solve(self._held.T.toarray())
-        self._firm = np.linalg.pinv(self._held @ self._lent, hermitian=True)
+        self._support_responses = self._mass.solve(self._held.T.toarray())
+        self._support_stiffness = np.linalg.pinv(self._held @ self._support_responses, hermitian=True)
 
     def acceleration(self, q: Array, acting: BodyStates | None) -> tuple[Array, dict[str, Array]]:
         """Acceleration (S, n) in m/s^2 and rad/s^2, and forces (S,) in N or N m of rigid supports by name."""
-        free = self._mass.solve((_loads(self._B, self._rows, acting, len(q)) - q @ self._K).T)
-        supports = self._firm @ (self._held @ free)
-        return (free - self._lent @ supports).T, dict(zip(self._names, supports, strict=True))
+        free = self._mass.solve((_state_loads(self._B, self._rows, acting, len(q)) - q @ self._K).T)
+        supports = self._support_stiffness @ (self._held @ free)
+        return (free - self._support_responses @ supports).T, dict(zip(self._names, supports, strict=True))
 
 
-class _Pieces:
+class _BeamPieces:
     """Pieces of the beam, and the loads on each."""
 
     def __init__(self, structure: Structure, cut: Cut) -> None:
@@ -133,15 +135,15 @@ class _Pieces:
         masses = tuple(attached.model_copy(update={"coupling": "average"}) for attached in masses)
         apart = replace(structure, model=beam, clamps=(), masses=masses, pads=pads, outputs=(), ports=(), matrices=())
         coupling, base = couple(apart), operators_of(beam, MPI.COMM_SELF)
-        restraints, moving = restrain(pads, beam, coupling.T), Moving(beam, masses, MPI.COMM_SELF)
+        restraints, moving = restrain(pads, beam, coupling.T), FrameAssembler(beam, masses, MPI.COMM_SELF)
         loads = [_zero_rows(beam.size, 0)]
         for load in structure.loads:
             on_node = isinstance(load, Action) and not between_nodes(load.on)
             loads.append(_zero_rows(beam.size) if on_node else coupling.load(load, base.M, moving))
         self._B, self._rows = sp.vstack(loads, "csr").T, restraints.rows
         self._M, self._springs = local_csr(base.M) + coupling.attached_mass(), restraints.stiffness(beam.size)
-        self._held = {row.name: row.at(row.breaks[0]) for row in restraints.rows if row.fixed}
-        self._moved = sp.csr_matrix(cut.coordinates @ couple(structure).T)
+        self._held = {row.name: row.at(row.breaks[0]) for row in restraints.rows if row.is_fixed}
+        self._displacement = sp.csr_matrix(cut.coordinates @ couple(structure).T)
 
     def loads(self, q: Array, a: Array, supports: dict[str, Array], acting: BodyStates | None) -> tuple[Array, Array]:
         """Loads on c coordinates of the pieces, with inertia, and their displacements, both (S, c).
@@ -149,9 +151,11 @@ class _Pieces:
         The displacements are without delta.  q and a are (S, n); `supports` are the forces (S,) of rigid supports by
         name.
         """
-        displaced = (self._moved @ q.T).T
+        displaced = (self._displacement @ q.T).T
         forces = (
-            _loads(self._B, self._rows, acting, len(q)) - displaced @ self._springs - (self._moved @ a.T).T @ self._M
+            _state_loads(self._B, self._rows, acting, len(q))
+            - displaced @ self._springs
+            - (self._displacement @ a.T).T @ self._M
         )
         for name, force in supports.items():
             if name in self._held:
@@ -159,7 +163,7 @@ class _Pieces:
         return forces, displaced
 
 
-def _loads(B: sp.csr_matrix, rows: Iterable[Row], acting: BodyStates | None, count: int) -> Array:
+def _state_loads(B: sp.csr_matrix, rows: Iterable[Row], acting: BodyStates | None, count: int) -> Array:
     """Loads B f - C(s)^T lambda (S, n) of the states, with moments of friction; zeros if `acting` is None.
 
     Multipliers of rows that are not among `rows` are left out.
@@ -167,12 +171,12 @@ def _loads(B: sp.csr_matrix, rows: Iterable[Row], acting: BodyStates | None, cou
     if acting is None:
         return np.zeros((count, B.shape[0]))
     rows_by_name, pressed = {row.name: row for row in rows}, _zero_rows(B.shape[0], count)
-    turned = np.zeros_like(acting.multipliers) if acting.moments is None else acting.moments
+    turned = np.zeros_like(acting.multipliers) if acting.friction_moments is None else acting.friction_moments
     for name, force, moment, at in zip(acting.rows, acting.multipliers.T, turned.T, acting.s.T, strict=True):
         if name in rows_by_name:
-            pressed = pressed + rows_by_name[name].pressed(at, force)
+            pressed = pressed + rows_by_name[name].forces_on_coordinates(at, force)
             if np.any(moment):
-                pressed = pressed - rows_by_name[name].pressed(at, moment, 1)
+                pressed = pressed - rows_by_name[name].forces_on_coordinates(at, moment, 1)
     return np.asarray((B @ acting.loads.T).T - pressed.toarray())
 
 

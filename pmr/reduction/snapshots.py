@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import contributions
+from pmr.constraints.polynomials import power_contributions
 from pmr.constraints.rows import Rows
 from pmr.errors import ConvergenceError, InputError
 from pmr.fem.compat import PETSc
@@ -51,7 +51,9 @@ class Snapshots:
     source: str  # how the columns were made, in words
 
     @classmethod
-    def of(cls, local: Array, model: FullModel, omega: Array, s: Array, residuals: Array, source: str) -> Snapshots:
+    def from_local(
+        cls, local: Array, model: FullModel, omega: Array, s: Array, residuals: Array, source: str
+    ) -> Snapshots:
         """Snapshots of a model, from this rank's rows `local` (n_local, k) of the vectors; collective."""
         return cls(tall(local, model.M), omega, s, residuals, source)
 
@@ -108,7 +110,7 @@ def eigenmode_snapshots(model: FullModel, scene: Scene) -> Snapshots:
             modes.append(solver.lowest(float(s), scene.reduction.modes))
         except DependentRowsError as error:
             raise InputError("scene", "reduction.positions", float(s), error.allowed) from None
-    return Snapshots.of(
+    return Snapshots.from_local(
         np.concatenate([m.phi for m in modes], axis=1),
         model,
         omega=np.concatenate([m.omega for m in modes]),
@@ -121,8 +123,8 @@ def eigenmode_snapshots(model: FullModel, scene: Scene) -> Snapshots:
 #: Work of a load or row on a mode, over its largest work on any mode, up to which it does not excite the mode.
 UNREACHED = 1e-8
 
-#: Square root of the measure of `_bent`, over that of the most bent mode, up to which axial forces do not bend a mode;
-#: and number of such modes that are expected among the others.
+#: Square root of the measure of `_bent_modes`, over that of the most bent mode, up to which axial forces do not bend a
+#: mode; and number of such modes that are expected among the others.
 UNBENT, SPARE = 1e-6, 4
 
 #: Smallest share of each rigid-body mode in the span of the computed modes; 1 - 1e-8 on a beam of 2000 elements.
@@ -154,11 +156,11 @@ def free_modes(
     further use.  An InputError is raised if `count` is out of range, a ConvergenceError if too few modes converge.
     """
     # one more shows whether flexibility is left; of a mesh whose modes are all computed at once more are requested
-    rigid = sum(not row.fixed and row.compliance == 0.0 for row in model.rows.rows)
+    rigid = sum(not row.is_fixed and row.compliance == 0.0 for row in model.rows.rows)
     spare = max(1, rigid if is_dense(model, solver) else 1)
     stress = [A for name, A in model.matrices.items() if name.startswith("axial")] if stressed and enrichment else []
     more = enrichment + (SPARE if stress else 0)
-    lowest = _lowest(body or FreeBody(model, solver), count + more + spare)
+    lowest = _lowest_modes(body or FreeBody(model, solver), count + more + spare)
     modes, count_of_modes = lowest.modes, len(lowest.modes.omega)
     if lowest.rigid > count:
         allowed = f"the fixed supports leave {lowest.rigid} rigid-body modes free; at least as many are allowed"
@@ -167,9 +169,9 @@ def free_modes(
         allowed = f"loads and sliders excite {count_of_modes} modes of this mesh; fewer than these are allowed"
         raise InputError("scene", "reduction.coordinates", count, allowed)
     beyond = np.arange(count, min(count + more, count_of_modes - spare))
-    beyond = beyond[_bent(model, stress, modes, beyond)] if stress else beyond
+    beyond = beyond[_bent_modes(model, stress, modes, beyond)] if stress else beyond
     taken = np.concatenate([np.arange(count), beyond[:enrichment]])
-    return Snapshots.of(
+    return Snapshots.from_local(
         np.ascontiguousarray(modes.phi[:, taken]),
         model,
         omega=modes.omega[taken],
@@ -180,30 +182,30 @@ def free_modes(
 
 
 @dataclass(frozen=True)
-class _Lowest:
+class _LowestModes:
     """The lowest modes that can be excited; the first `rigid` of them are rigid-body modes."""
 
     modes: Modes
     rigid: int
 
 
-def _lowest(body: FreeBody, count: int) -> _Lowest:
+def _lowest_modes(body: FreeBody, count: int) -> _LowestModes:
     """The `count` lowest modes that can be excited, fewer if there are no more."""
     model, Z = body.model, body.Z
     held = replace(model, rows=Rows(fixed_rows(model), model.size))
-    s = _anywhere(held)
+    s = _any_position(held)
     free, pairs = model.size - len(held.rows.rows), count + Z.shape[1]
     while True:
         pairs = min(pairs, free)
-        elastic = _elastic(held, body, pairs)
-        work = _work(model, np.hstack([Z, elastic.phi]))
+        elastic = _elastic_modes(held, body, pairs)
+        work = _relative_work(model, np.hstack([Z, elastic.phi]))
         reached = _reached_motions(work[:, : Z.shape[1]])
         chosen = np.flatnonzero(np.any(np.abs(work[:, Z.shape[1] :]) > UNREACHED, axis=0))[: count - reached.shape[1]]
         if len(chosen) + reached.shape[1] == count or pairs == free:
             break
         pairs = 2 * pairs
     bodies = finish_modes(held, s, np.zeros(reached.shape[1]), Z @ reached, cut=False)
-    return _Lowest(
+    return _LowestModes(
         Modes(
             np.concatenate([bodies.omega, elastic.omega[chosen]]),
             np.hstack([bodies.phi, elastic.phi[:, chosen]]),
@@ -213,15 +215,15 @@ def _lowest(body: FreeBody, count: int) -> _Lowest:
     )
 
 
-def _elastic(held: FullModel, body: FreeBody, pairs: int) -> Modes:
+def _elastic_modes(held: FullModel, body: FreeBody, pairs: int) -> Modes:
     """The `pairs` lowest modes without the rigid-body modes among them."""
     if is_dense(held, body.choice):
-        return _remove_rigid_modes(held, body.Z, DenseEigenSolver(held).lowest(_anywhere(held), pairs))
-    lowest = body.elastic(pairs - body.Z.shape[1])
-    return finish_modes(held, _anywhere(held), 1.0 / lowest.theta, lowest.vectors, cut=False)
+        return _remove_rigid_modes(held, body.Z, DenseEigenSolver(held).lowest(_any_position(held), pairs))
+    lowest = body.elastic_modes(pairs - body.Z.shape[1])
+    return finish_modes(held, _any_position(held), 1.0 / lowest.theta, lowest.vectors, cut=False)
 
 
-def _anywhere(held: FullModel) -> float:
+def _any_position(held: FullModel) -> float:
     """Path coordinate in m for rows of which none depends on s."""
     return float(held.rows.domain[0]) if held.rows.rows else 0.0
 
@@ -247,10 +249,10 @@ def _remove_rigid_modes(held: FullModel, Z: Array, modes: Modes) -> Modes:
     complement = Vt[count:].T
     omega2, turned = np.linalg.eigh(complement.T @ (modes.omega[:, None] ** 2 * complement))
     combined = complement @ turned
-    return finish_modes(held, _anywhere(held), omega2, modes.phi @ combined - Z @ (share @ combined), cut=False)
+    return finish_modes(held, _any_position(held), omega2, modes.phi @ combined - Z @ (share @ combined), cut=False)
 
 
-def _bent(model: FullModel, stress: Sequence[Any], modes: Modes, which: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _bent_modes(model: FullModel, stress: Sequence[Any], modes: Modes, which: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Which of the modes with numbers `which` are bent by axial forces, of the geometric stiffnesses `stress`.
 
     Mode k is measured by the sum of (phi_k^T G phi_j)^2 / omega_k^2 over these matrices G and all modes j before
@@ -264,12 +266,14 @@ def _bent(model: FullModel, stress: Sequence[Any], modes: Modes, which: NDArray[
     return np.asarray(bending > UNBENT**2 * bending.max(initial=0.0))
 
 
-def _work(model: FullModel, phi: Array) -> Array:
+def _relative_work(model: FullModel, phi: Array) -> Array:
     """Work (a, k) of a loads and released rows on k modes phi (n_local, k), each over its largest work on any mode."""
     first = model.M.getOwnershipRange()[0]
     work = [local_csr(model.inputs).T @ phi]
     work += [
-        contributions(row.project(phi, first)).reshape(-1, phi.shape[1]) for row in model.rows.rows if not row.fixed
+        power_contributions(row.project(phi, first)).reshape(-1, phi.shape[1])
+        for row in model.rows.rows
+        if not row.is_fixed
     ]
     work_of_all = np.asarray(model.comm.allreduce(np.concatenate(work)))
     largest = np.abs(work_of_all).max(axis=1, initial=0.0, keepdims=True)

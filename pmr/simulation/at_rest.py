@@ -204,9 +204,11 @@ def _response(
     bodies = dict[str, Trajectory]()
     for name, body in system.bodies.items():
         coordinates = np.zeros((count, body.size))
-        coordinates[:, assembly.free[name]] = q[:, assembly.coordinates[name]]
+        coordinates[:, assembly.free_coordinates[name]] = q[:, assembly.coordinate_slices[name]]
         at = np.broadcast_to(x[system.sides_of(name)], (count, len(system.sides_of(name))))
-        bodies[name] = Trajectory(t, coordinates, np.zeros_like(coordinates), system.pressed(name, forces), at, 0.0)
+        bodies[name] = Trajectory(
+            t, coordinates, np.zeros_like(coordinates), system.side_multipliers(name, forces), at, 0.0
+        )
     trajectory = SystemTrajectory(
         t, bodies, forces, forces, loads, none, none, 0.0, np.nan, amplitudes=c if system.terms else None
     )
@@ -236,7 +238,7 @@ def _springs(
     numbers, names, kinds, owners = list[int](), list[str](), list[str](), list[str]()
     for name, body in system.bodies.items():
         of = column_names(body)
-        numbers += (assembly.observed[name].start + np.flatnonzero(force_outputs(body))).tolist()
+        numbers += (assembly.output_slices[name].start + np.flatnonzero(force_outputs(body))).tolist()
         names += [named(name, spring) for spring in of.forces]
         kinds += of.kinds[1]
         owners += [name] * len(of.forces)

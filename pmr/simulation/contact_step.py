@@ -49,7 +49,7 @@ def contact_frequency(system: System, excitation: Excitation) -> float:
         return frequency_at(system, x[np.unique(np.linspace(0, len(x) - 1, PLACES).astype(int))])
     (path,) = system.paths
     s = np.clip(excitation.s[:, list(excitation.paths).index(path)], *system.ranges[path])
-    return frequency_at(system, system.coordinates({path: np.unique(np.linspace(s.min(), s.max(), PLACES))}))
+    return frequency_at(system, system.side_coordinates({path: np.unique(np.linspace(s.min(), s.max(), PLACES))}))
 
 
 def frequency_at(system: System, x: Array) -> float:
@@ -61,7 +61,7 @@ def frequency_at(system: System, x: Array) -> float:
     if not len(pushing):
         return 0.0
     assembly = Assembly(system)
-    factor, rows = spla.splu(assembly.M.tocsc()), assembly.along(x)
+    factor, rows = spla.splu(assembly.M.tocsc()), assembly.contact_rows_over_time(x)
     mobility = [C @ factor.solve(np.ascontiguousarray(C.T)) for C in rows.C[:, pushing]]
     return frequency(rows.F[:, pushing][:, :, pushing], np.array(mobility))
 

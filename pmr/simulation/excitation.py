@@ -21,7 +21,7 @@ from pmr.scene.signals import SignalBase
 from pmr.simulation.frame import inertia_loads, load_signals, term_signals
 from pmr.simulation.frame_motion import Acceleration, found_inputs
 from pmr.simulation.stepping import TimeStepping
-from pmr.system.system import Body, Joined
+from pmr.system.system import Body, BodySystem
 
 Array = NDArray[np.float64]
 Load = TypeVar("Load")
@@ -193,7 +193,7 @@ def on_path(path: SignalBase, s: Array, domain: tuple[float, float], t: Array) -
     return np.clip(s, low, high)
 
 
-def places(system: Joined[Body], excitation: Excitation) -> Array:
+def places(system: BodySystem[Body], excitation: Excitation) -> Array:
     """Positions x (T, sides) in m of the sides of all contacts at the steps (`System.coordinates`).
 
     Raises
@@ -201,10 +201,10 @@ def places(system: Joined[Body], excitation: Excitation) -> Array:
     InputError
         If a path of the system has no signal, or leaves the range in which its rows are defined.
     """
-    x = system.coordinates(dict(zip(excitation.paths, excitation.s.T, strict=True)))
+    x = system.side_coordinates(dict(zip(excitation.paths, excitation.s.T, strict=True)))
     return np.ascontiguousarray(np.broadcast_to(x, (len(excitation.s), len(system.sides))))
 
 
-def rates_of_places(system: Joined[Body], excitation: Excitation) -> Array:
+def rates_of_places(system: BodySystem[Body], excitation: Excitation) -> Array:
     """Velocities (sides,) in m/s of the sides of all contacts at t = 0."""
-    return system.rates({name: float(path.rate(0.0)) for name, path in excitation.paths.items()})
+    return system.side_rates({name: float(path.rate(0.0)) for name, path in excitation.paths.items()})

@@ -82,7 +82,7 @@ class FreeBase:
         self.fields = {
             (k, " xyz".index(over or " "), "xyz".index(along)): column
             for k, name in enumerate(scene.names)
-            for along, over, column in _fields(system.reduced[name], assembly.inputs[name].start)
+            for along, over, column in _fields(system.reduced[name], assembly.input_slices[name].start)
         }
         rotating, carried, shortened = np.zeros((3, n, n)), np.zeros((3, 3, n, n)), list[Shortened]()
         terms = {term.name: term for term in assembly.terms}
@@ -191,14 +191,14 @@ def _rigid_section(scene: Scene, number: int, body: ReducedModel, assembly: Asse
         allowed = "a body none of whose points is clamped (supports of points = 'mean') is allowed on a free base"
         raise InputError("system", f"bodies.{name}.rigid_work", None, allowed)
     S, loads = np.zeros((6, W.shape[1])), np.zeros((6, assembly.B.shape[1]))
-    loads[:, assembly.inputs[name]] = W
+    loads[:, assembly.input_slices[name]] = W
     for along, over, column in _fields(body, 0):
         j = "xyz".index(along)
         if over:
             S[3:, column] = CROSS[:, "xyz".index(over), j]
         else:
             S[j, column] = 1.0
-        loads[:, assembly.inputs[name].start + column] = 0.0
+        loads[:, assembly.input_slices[name].start + column] = 0.0
     gram = W @ S.T
     first, inertia = gram[3:, :3], gram[3:, 3:]
     first = np.array([first[2, 1] - first[1, 2], first[0, 2] - first[2, 0], first[1, 0] - first[0, 1]]) / 2.0
@@ -232,8 +232,11 @@ class Answering:
         if self._gives.any() and key != self._moments[0]:
             answers, of, B_curve = self.at(at.value), self._boom.moments, np.zeros_like(self._B)
             if at.rate.any():
-                near, gives = self._along.at(at.value), self._gives
-                rows, (first, second) = near.rows.of(gives), (part.of(gives) for part in near.along(at.rate))
+                near, gives = self._along.evaluate(at.value), self._gives
+                rows, (first, second) = (
+                    near.rows.select(gives),
+                    (part.select(gives) for part in near.time_derivatives(at.rate)),
+                )
                 answer, bent = _answers(rows)
                 answer_rate = np.linalg.solve(rows.F, first.H - first.F @ answer)
                 B_curve = -second.C.T @ answer - 2.0 * first.C.T @ answer_rate
@@ -248,8 +251,8 @@ class Answering:
             B, E = self._B, self._E
             B_slope, E_slope = np.zeros((len(s), *B.shape)), np.zeros((len(s), *E.shape))
             if self._gives.any():
-                near = self._along.at(s)
-                rows, slopes = near.rows.of(self._gives), near.slopes.of(self._gives)
+                near = self._along.evaluate(s)
+                rows, slopes = near.rows.select(self._gives), near.slopes.select(self._gives)
                 answer, bent = _answers(rows)
                 turned = slopes.H - slopes.F @ answer
                 B, B_slope = B - rows.C.T @ answer, -slopes.C.transpose(0, 2, 1) @ answer - bent.T @ turned
@@ -260,5 +263,5 @@ class Answering:
 
 def _answers(rows: ContactRows) -> tuple[Array, Array]:
     """Matrices F^-1 H (m, i) and F^-1 C (m, n) of contact rows."""
-    bent, answer = np.split(rows.answers, [rows.C.shape[1]], axis=1)
+    bent, answer = np.split(rows.force_coefficients, [rows.C.shape[1]], axis=1)
     return answer, bent

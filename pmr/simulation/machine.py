@@ -102,7 +102,7 @@ def modes_in_bodies(form: SystemForm, size: int) -> Array:
     """
     assembly = Assembly(form.system)
     modes = np.zeros((assembly.size, size))
-    blocks = [modal.X[assembly.free[name]] for name, modal in form.forms.items()]
+    blocks = [modal.X[assembly.free_coordinates[name]] for name, modal in form.forms.items()]
     modes[:, form.used] = scipy.linalg.block_diag(*blocks)
     return modes
 
@@ -179,7 +179,7 @@ class MachineRun:
         self._x, modal = places(system, self._excitation), self.form.modal
         x = places(modal, self._excitation)
         stepping = self._excitation.stepping
-        refuse("march", needs_of(modal, Assembly(modal).at(x[0]).rigid, x, stepping.rho_inf))
+        refuse("march", needs_of(modal, Assembly(modal).contact_rows(x[0]).rigid, x, stepping.rho_inf))
         moving = MovingFrame.in_scene(resting, system)
         self._kernel = Kernel.of(system, self.form.forms, moving)
         modes = modes_in_bodies(self.form, self._kernel.modes)

@@ -26,11 +26,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import spsolve
 
-from pmr.constraints.polynomials import apply_table, total, transpose
+from pmr.constraints.polynomials import add_tables, apply_table, transpose
 from pmr.errors import InputError
 from pmr.reduced.matrices import Rayleigh, Reactions
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.soundness import symmetric
+from pmr.reduced.soundness import symmetric_part
 from pmr.simulation.start import InitialState, dense
 from pmr.system.body import SlidingBody, Trajectory, projected
 
@@ -151,7 +151,7 @@ def support_forces(body: SlidingBody, trajectory: Trajectory, loads: Array) -> A
     if reactions is None:
         return np.empty((len(trajectory.t), 0))
     P = inertia_share(body, reactions)
-    rows = total(reactions.rows, transpose(body.rows_on(P.T)), -1.0)
+    rows = add_tables(reactions.rows, transpose(body.rows_on(P.T)), -1.0)
     pressed = apply_table(rows, trajectory.s, trajectory.multipliers)
     return forces_without_rows(body, reactions, trajectory, loads) - pressed
 
@@ -202,8 +202,8 @@ def _refine_modes(M: Array, K: Array, X: Array) -> tuple[Array, Array]:
     X, and A may be as large as 1 / CLOSE; I + E + E^2 / 2 leaves A^4 / 4.
     """
     X = X.astype(M.dtype)
-    defect = np.asarray(symmetric(np.eye(len(M)) - product(X.T, product(M, X))), float)  # from M-orthonormality
-    S = np.asarray(symmetric(product(X.T, product(K, X))), float)
+    defect = np.asarray(symmetric_part(np.eye(len(M)) - product(X.T, product(M, X))), float)  # from M-orthonormality
+    S = np.asarray(symmetric_part(product(X.T, product(K, X))), float)
     omega2 = np.diagonal(S) / (1.0 - np.diagonal(defect))
     coupling = S - np.diag(np.diagonal(S))
     gap = omega2[None, :] - omega2[:, None]
@@ -219,7 +219,7 @@ def modal_damping(D: Array, remainder: Array, omega2: Array, X: Array, rayleigh:
 
     `remainder` is D - alpha M - beta K of the `rayleigh` damping; all of D if `rayleigh` is None.
     """
-    classical = np.zeros_like(omega2) if rayleigh is None else rayleigh.modal(omega2)
+    classical = np.zeros_like(omega2) if rayleigh is None else rayleigh.modal_damping(omega2)
     if np.linalg.norm(remainder) <= CLASSICAL * np.linalg.norm(D):
         return np.diag(classical)
     modal = X.T @ remainder @ X

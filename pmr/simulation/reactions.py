@@ -30,8 +30,8 @@ from pmr.scene.mechanism import AT_PIVOT, CYLINDER, MOMENT, forces_of_cylinder, 
 from pmr.scene.members import members
 from pmr.simulation.modal import forces_without_rows, inertia_share, support_forces
 from pmr.system.body import (
+    BodyWithOutputs,
     FullBody,
-    Observed,
     SlidingBody,
     Trajectory,
     force_outputs,
@@ -217,7 +217,7 @@ class Called:
     kinds: tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]
 
 
-def column_names(body: Observed) -> Called:
+def column_names(body: BodyWithOutputs) -> Called:
     """Names, units and kinds of a body's outputs."""
     kinds, names, units = (np.array(of(body), dtype=object) for of in (kinds_of, names_of, units_of))
     lengths, forces, other = length_outputs(body), force_outputs(body), other_outputs(body)

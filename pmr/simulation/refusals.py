@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from pmr.scene.choice import Needs
 from pmr.system.body import Body
-from pmr.system.contacts import Contact, Friction, joints_of
+from pmr.system.contacts import Contact, Friction, friction_joints
 from pmr.system.definite import dependence_of_rows
-from pmr.system.system import Joined
+from pmr.system.system import BodySystem
 
 Array = NDArray[np.float64]
 #: Names in a message at most; of the others it has their number.
@@ -37,7 +37,7 @@ def describe_unsettled(names: Sequence[str], pushes: NDArray[np.bool_]) -> str:
 
 def describe_divergence(term_names: Sequence[str], contacts: Sequence[Contact], iterations: int) -> str:
     """Text about forces of terms and friction that do not converge in `iterations` iterations of a step."""
-    causes = [*term_names, *(f"friction of {joint}" for joint in joints_of(contacts))]
+    causes = [*term_names, *(f"friction of {joint}" for joint in friction_joints(contacts))]
     further = len(causes) - MOST_NAMES
     names = ", ".join(causes[:MOST_NAMES]) + (f" and {further} more" if further > 0 else "")
     return (
@@ -46,7 +46,7 @@ def describe_divergence(term_names: Sequence[str], contacts: Sequence[Contact], 
     )
 
 
-def needs_of(system: Joined[Body], rigid: NDArray[np.bool_], x: Array, rho_inf: float) -> Needs:
+def needs_of(system: BodySystem[Body], rigid: NDArray[np.bool_], x: Array, rho_inf: float) -> Needs:
     """Needs of a system that a simulator has to support: contacts that push, are rigid, give way, move or rub.
 
     Parameters
@@ -62,7 +62,7 @@ def needs_of(system: Joined[Body], rigid: NDArray[np.bool_], x: Array, rho_inf: 
     for side, at in zip(system.sides, x.T, strict=True):
         moving[side.contact] |= np.any(at != at[0])
 
-    rubs = Friction.of(system.contacts)
+    rubs = Friction.from_contacts(system.contacts)
 
     def names(which: NDArray[np.bool_]) -> tuple[str, ...]:
         """Names of the contacts of a mask (m,)."""

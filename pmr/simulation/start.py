@@ -87,18 +87,21 @@ def consistent_start(
             largest = np.abs(starts[name].q).max()
             check_position(np.ones((1, 1)), starts[name].q[[held]], (body.row_names[row],), largest)
         starts[name] = InitialState(starts[name].q, _let_go(body, starts[name].v))
-    rows = assembly.at(x)
+    rows = assembly.contact_rows(x)
     rigid = rows.rigid
     C, names = rows.C[rigid], tuple(name for name, firm in zip(system.contact_names, rigid, strict=True) if firm)
-    q, v = (np.concatenate([getattr(starts[name], part)[assembly.free[name]] for name in bodies]) for part in "qv")
+    q, v = (
+        np.concatenate([getattr(starts[name], part)[assembly.free_coordinates[name]] for name in bodies])
+        for part in "qv"
+    )
     check_position(C, q, names)
-    drift = row_drift(C, assembly.rates(x, x_rate)[rigid], InitialState(q, v))
+    drift = row_drift(C, assembly.row_rates(x, x_rate)[rigid], InitialState(q, v))
     if drift is None:
         return starts
     sparse = any(sp.issparse(body.M) for body in bodies.values())
     v = v - _impulse(assembly.M if sparse else assembly.M.toarray(), C, drift, names)
     for name, start in starts.items():
-        start.v[assembly.free[name]] = v[assembly.coordinates[name]]
+        start.v[assembly.free_coordinates[name]] = v[assembly.coordinate_slices[name]]
     return starts
 
 
@@ -192,7 +195,7 @@ class Grip:
     @classmethod
     def at_start(cls, contacts: Sequence[Contact], s: Array, multipliers: Array) -> Grip:
         """State at the start, with paths at s (J,) m and contact `multipliers` (m,) N, and without friction."""
-        law = Friction.of(contacts)
+        law = Friction.from_contacts(contacts)
         if law is None:
             return cls()
         none, drives = np.zeros(len(law.pads)), np.where(law.cylinders < 0, 0.0, multipliers[law.cylinders])
@@ -219,8 +222,8 @@ def slide(law: Friction, old: Grip, sums: Array, s: Array, h: float, multipliers
     """
     forces, limits = np.zeros((2, len(old.forces)))
     driven = np.where(law.cylinders < 0, 0.0, multipliers[law.cylinders])
-    for joint, (c, gives) in enumerate(zip(law.cylinders, law.gives, strict=True)):
-        of_joint = slice(law.first[joint], law.first[joint + 1])
+    for joint, (c, gives) in enumerate(zip(law.cylinders, law.cylinder_compliance, strict=True)):
+        of_joint = slice(law.first_pads[joint], law.first_pads[joint + 1])
         cylinder = JointCylinder(gives, matrix[c, c], driven[joint], sums[joint], old.drives[joint])
         pads, travel = law.pads[of_joint], s[joint] - old.s[joint]
         forces[of_joint], limits[of_joint] = slide_pads(
@@ -232,4 +235,4 @@ def slide(law: Friction, old: Grip, sums: Array, s: Array, h: float, multipliers
             abs(travel) / h if travel else 0.0,
             cylinder,
         )
-    return Grip(forces, s, driven + law.totals(forces), limits)
+    return Grip(forces, s, driven + law.joint_totals(forces), limits)

@@ -10,8 +10,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulation.statics.loaded import Loaded, State, States
-from pmr.simulation.statics.postures import HOOK, Postures
+from pmr.simulation.statics.loaded import LoadedState, LoadedStates, LoadedStructure
+from pmr.simulation.statics.postures import HOOK, PostureMatrices
 from pmr.studies.limits import Limit, Share
 
 Array = NDArray[np.float64]
@@ -32,7 +32,7 @@ TOP_TOLERANCE, LOAD_TOLERANCE, SHARE_TOLERANCE = 1e-12, 1e-13, 1e-13
 POINTS, DOUBT = 5, 2.0
 
 
-def run_searches(loaded: Loaded, searches: Mapping[Key, tuple[Share, Search]]) -> dict[Key, float | None]:
+def run_searches(loaded: LoadedStructure, searches: Mapping[Key, tuple[Share, Search]]) -> dict[Key, float | None]:
     """Run searches over the equilibria of one place side by side, and return the result of each by its key.
 
     A search comes with the function from states to the used shares of its limit; the share is infinite under a load
@@ -54,13 +54,13 @@ def run_searches(loaded: Loaded, searches: Mapping[Key, tuple[Share, Search]]) -
     return results
 
 
-def _used_shares(share: Share, states: States) -> list[float]:
+def _used_shares(share: Share, states: LoadedStates) -> list[float]:
     """Return the used share of each state; infinite where there is no stable equilibrium."""
-    if states.stands.all():
+    if states.in_equilibrium.all():
         return share(states).tolist()
     used = np.full(len(states.load), np.inf)
-    if states.stands.any():
-        used[states.stands] = share(states.some(states.stands))
+    if states.in_equilibrium.any():
+        used[states.in_equilibrium] = share(states.select(states.in_equilibrium))
     return used.tolist()
 
 
@@ -167,16 +167,16 @@ class Place:
     the scene's other loads in their units.
     """
 
-    postures: Postures
+    postures: PostureMatrices
     k: int
     amounts: Sequence[float]
     gravity: float  # m/s^2
 
     @cached_property
-    def equilibria(self) -> Loaded:
+    def equilibria(self) -> LoadedStructure:
         """Equilibria of the boom at this place as a function of the load in kg."""
         named = dict(zip(self.postures.parts, self.amounts, strict=True))
-        return Loaded(self.postures.at(self.k, named, named[HOOK]))
+        return LoadedStructure(self.postures.equations(self.k, named, named[HOOK]))
 
     def share(self, limit: Limit) -> Share:
         """Return the function from states to the used shares (p,) of `limit` at this place.
@@ -192,9 +192,9 @@ class Place:
         """Functions that `share` has returned, by limit."""
         return {}
 
-    def used_share(self, limit: Limit, state: State) -> float:
+    def used_share(self, limit: Limit, state: LoadedState) -> float:
         """Return the share of `limit` that one state uses."""
-        return float(self.share(limit)(States.of([state]))[0])
+        return float(self.share(limit)(LoadedStates.from_states([state]))[0])
 
 
 def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, guesses: Array | None = None) -> Array:
@@ -206,8 +206,8 @@ def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, guesses: 
     loaded, near_loads = place.equilibria, np.full(len(limits) + 1, np.nan) if guesses is None else guesses
     first = loaded.state(0.0)
     loads = np.zeros(len(limits) + 1)
-    top = min(up_to, first.form.critical * (1.0 - 1e-9)) if loaded.both_ways else up_to
-    if first.stands:
+    top = min(up_to, first.form.critical * (1.0 - 1e-9)) if loaded.holds_both_ways else up_to
+    if first.in_equilibrium:
         loads[:-1] = _loads_by_limit(limits, place, top, near_loads)
         reached = loads[:-1] > 0.0
         loads[:-1][reached] = _stable_loads(loaded, loads[:-1][reached])
@@ -215,9 +215,9 @@ def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, guesses: 
     return loads
 
 
-def _stable_loads(loaded: Loaded, loads: Array) -> Array:
+def _stable_loads(loaded: LoadedStructure, loads: Array) -> Array:
     """Return loads (l,) in kg, replaced by NaN if the boom is unstable under a load a little (`BELOW`) smaller."""
-    return np.where(loaded.states((loads * (1.0 - JUST_BELOW)).tolist()).stands, loads, np.nan)
+    return np.where(loaded.states((loads * (1.0 - JUST_BELOW)).tolist()).in_equilibrium, loads, np.nan)
 
 
 def _loads_by_limit(limits: Sequence[Limit], place: Place, top: float, guesses: Array) -> Array:
@@ -227,11 +227,11 @@ def _loads_by_limit(limits: Sequence[Limit], place: Place, top: float, guesses: 
     """
     loaded, loads, searches = place.equilibria, np.full(len(limits), np.nan), dict[int, tuple[Share, Search]]()
     for n, (limit, guess) in enumerate(zip(limits, guesses.tolist(), strict=False)):
-        direct = limit.eigenvalue_load(loaded.state(0.0).form, guess, top) if loaded.both_ways else None
+        direct = limit.eigenvalue_load(loaded.state(0.0).form, guess, top) if loaded.holds_both_ways else None
         if direct is None:
             searches[n] = (
                 place.share(limit),
-                first_load(top, grows=limit.kind.grows, guess=guess, at_once=loaded.both_ways),
+                first_load(top, grows=limit.kind.grows, guess=guess, at_once=loaded.holds_both_ways),
             )
         elif direct <= top:
             loads[n] = direct
@@ -253,7 +253,7 @@ def large_rotation_changes(limits: Sequence[Limit], place: Place, loads: Array, 
     states, unloaded = place.equilibria.states(loads.tolist()), place.equilibria.states([0.0])
     for n, (limit, state) in enumerate(zip(limits, states.split([1] * len(loads)), strict=False)):
         load = float(state.load[0])
-        if not load > 0.0 or not state.stands[0]:
+        if not load > 0.0 or not state.in_equilibrium[0]:
             continue
         share = ROTATION_FACTOR * float(np.sum(state.outputs[0, tip] ** 2)) / reach**2
         if limit.of == "overturning":
@@ -266,9 +266,9 @@ def large_rotation_changes(limits: Sequence[Limit], place: Place, loads: Array, 
     return changes
 
 
-def _stability_load(loaded: Loaded, up_to: float) -> float:
+def _stability_load(loaded: LoadedStructure, up_to: float) -> float:
     """Return the least load in kg under which the boom has no stable equilibrium; NaN if it is above `up_to` in kg."""
-    if loaded.both_ways:
+    if loaded.holds_both_ways:
         critical = loaded.state(0.0).form.critical
         return critical if critical <= up_to else np.nan
 
@@ -277,6 +277,6 @@ def _stability_load(loaded: Loaded, up_to: float) -> float:
     return np.nan if load is None else load
 
 
-def _buckling_share(states: States) -> Array:
+def _buckling_share(states: LoadedStates) -> Array:
     """Return the load of each state over the load at which the boom buckles with the state's closed contacts, (p,)."""
     return states.load / np.array([form.critical for form in states.forms])

@@ -16,15 +16,15 @@ from pmr.scene import Scene
 from pmr.scene.model_ladder import model_comparison
 from pmr.scene.structures import PointMass
 from pmr.simulation.statics.equilibrium import buckling_factors
-from pmr.simulation.statics.loaded import Loaded
+from pmr.simulation.statics.loaded import LoadedStructure
 from pmr.simulation.statics.postures import (
     HOOK,
     WEIGHT,
-    Bent,
-    Postures,
-    Stands,
+    DeflectionOutputs,
+    PostureMatrices,
+    PostureSet,
     acceleration_loads,
-    places_of,
+    side_positions,
     unit_loads,
 )
 from pmr.studies import shared
@@ -51,7 +51,7 @@ UNKNOWN = (InputError, ConvergenceError, SimulationError, ValueError, ImportErro
 
 
 def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: compute the `Postures` of the reduced system of a chart and, with ``error``, of systems to compare it with.
+    """Task: compute the `PostureMatrices` of a chart and, with ``error``, of systems to compare it with.
 
     Arrays by the beginning of their names:
 
@@ -69,25 +69,25 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
     from pmr.compare.forces import turning_warnings
     from pmr.fullmodel.build import warnings
 
-    at = Stands.of(arguments["at"])
+    at = PostureSet.from_task(arguments["at"])
     scene = with_fields(shared.scene_of(arguments), arguments.get("fields", ()), at.count)
     system = shared.reduced_system(scene)
-    reduced = Postures.of(scene, system, at)
-    reach = at.reach(scene)
+    reduced = PostureMatrices.from_scene(scene, system, at)
+    reach = at.boom_length(scene)
     arrays = {
-        **npz.arrays(Bent.of(system, at), "bent."),
+        **npz.arrays(DeflectionOutputs.from_system(system, at), "bent."),
         "reach": reach,
         "contacts": np.array(CONTACTS.dump_json(system.contacts).decode()),
-        "tip": at.on_ground(scene, reach),
+        "tip": at.ground_positions(scene, reach),
         **npz.arrays(reduced, "reduced."),
         **{f"turned.{angle}": acceleration_loads(scene, system, at, angle) for angle in arguments.get("turned", ())},
     }
     if arguments["error"]:
         better = richer_system(scene, system, at, arguments["up_to"])
-        arrays |= npz.arrays(Postures.of(scene, better, at), "richer.")
+        arrays |= npz.arrays(PostureMatrices.from_scene(scene, better, at), "richer.")
         arrays |= npz.arrays(postures_with_tip_mass(scene, at, arguments["up_to"]), "mass.")
         if (finer := finer_mesh_system(scene)) is not None:
-            arrays |= npz.arrays(Postures.of(scene, finer, at), "finer.")
+            arrays |= npz.arrays(PostureMatrices.from_scene(scene, finer, at), "finer.")
             arrays["mended"] = np.array(1.0 - FINER**-ORDER)
         full = shared.full_system(scene)
         arrays["too_stiff"] = np.array(stiffness_excess(scene, better, full, at, arguments["up_to"]))
@@ -106,7 +106,7 @@ def finer_mesh_system(scene: Scene) -> System | None:
     return shared.reduced_system(finer)
 
 
-def richer_system(scene: Scene, system: System, positions: Stands, up_to: float) -> System:
+def richer_system(scene: Scene, system: System, positions: PostureSet, up_to: float) -> System:
     """Return the system with attachment modes for its contact forces, without a load and with half the largest.
 
     Half the load at which the boom buckles counts where that is less; further modes are for the contact forces of the
@@ -115,20 +115,22 @@ def richer_system(scene: Scene, system: System, positions: Stands, up_to: float)
     """
     from pmr.compare.estimate import system_with_attachment_modes
 
-    few = positions.some(_sample_postures(positions))
-    sample, half = Postures.of(scene, system, few), up_to / 2.0
-    loaded = [Loaded(sample.at(k, dict.fromkeys(sample.parts, 0.0) | {WEIGHT: 1.0})) for k in range(few.count)]
+    few = positions.select(_sample_postures(positions))
+    sample, half = PostureMatrices.from_scene(scene, system, few), up_to / 2.0
+    loaded = [
+        LoadedStructure(sample.equations(k, dict.fromkeys(sample.parts, 0.0) | {WEIGHT: 1.0})) for k in range(few.count)
+    ]
     most = [min(half, equilibrium.state(0.0).form.critical / 2.0) for equilibrium in loaded]
     forces = [np.array([equilibrium.state(0.0).forces for equilibrium in loaded])]
     forces.append(np.array([equilibrium.state(load).forces for equilibrium, load in zip(loaded, most, strict=True)]))
     weight, hook = sample.f[sample.parts.index(WEIGHT)], sample.f[sample.parts.index(HOOK)]
     loads = [weight, weight + np.array(most)[:, None] * hook]
     if sample.terms.size:
-        shapes = np.array([equilibrium.state(0.0).form.buckled(half) for equilibrium in loaded])
+        shapes = np.array([equilibrium.state(0.0).form.buckling_forces(half) for equilibrium in loaded])
         forces.append(shapes * np.abs(forces[-1]).max(axis=1, initial=0.0)[:, None])
         loads.append(np.zeros_like(weight))
     bearing = [np.nan_to_num(contact_forces) for contact_forces in forces]
-    return system_with_attachment_modes(system, places_of(system, few), bearing, loads)
+    return system_with_attachment_modes(system, side_positions(system, few), bearing, loads)
 
 
 def postures_with_tip_mass(scene: Scene, positions: Stands, mass: float) -> Postures:
@@ -149,17 +151,17 @@ def postures_with_tip_mass(scene: Scene, positions: Stands, mass: float) -> Post
     return replace(postures, **loads)
 
 
-def stiffness_excess(scene: Scene, better: System, full: System, positions: Stands, up_to: float) -> float:
+def stiffness_excess(scene: Scene, better: System, full: System, positions: PostureSet, up_to: float) -> float:
     """Return the largest share by which the richer system's buckling factor exceeds that of full order; 0 if none.
 
     It is taken in a few of the postures `at`, under half of `up_to` in kg.  A shape of few coordinates buckles later
     than that of all (Rayleigh's quotient), and the two models' errors of opposite sign may cancel in their difference.
     """
     every = _sample_postures(positions)
-    few = positions.some(every[np.linspace(0, len(every) - 1, min(FULL_ORDER_POSTURES, len(every))).astype(int)])
+    few = positions.select(every[np.linspace(0, len(every) - 1, min(FULL_ORDER_POSTURES, len(every))).astype(int)])
     factors = []
     for system in (better, full):
-        assembly, x, (parts, _, c) = Assembly(system), places_of(system, few), unit_loads(scene, system, few)
+        assembly, x, (parts, _, c) = Assembly(system), side_positions(system, few), unit_loads(scene, system, few)
         pressed = c[parts.index(WEIGHT)] + up_to / 2.0 * c[parts.index(HOOK)]
         named = [dict(zip(system.term_names, row.tolist(), strict=True)) for row in pressed]
         factors.append([buckling_factors(assembly, at_, amounts)[0] for at_, amounts in zip(x, named, strict=True)])
@@ -168,7 +170,7 @@ def stiffness_excess(scene: Scene, better: System, full: System, positions: Stan
     return max(0.0, float(np.max(richer[finite] / exact[finite] - 1.0, initial=0.0)))
 
 
-def _sample_postures(positions: Stands) -> NDArray[np.int64]:
+def _sample_postures(positions: PostureSet) -> NDArray[np.int64]:
     """Return the numbers of the postures with the least, a middle and the largest luffing angle of each extension."""
     groups = dict[tuple[float, ...], list[int]]()
     for k in range(positions.count):
@@ -183,19 +185,19 @@ def _sample_postures(positions: Stands) -> NDArray[np.int64]:
 
 
 def compute_richer_postures(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: compute the `Postures` of a richer structural model, arrays ``model.``, and what it is ``called``.
+    """Task: compute the `PostureMatrices` of a richer structural model, arrays ``model.``, and what it is ``called``.
 
     Array ``reason`` says instead why there is none.  It is the model that runs are compared with
     (`pmr.scene.model_ladder.model_comparison`), with 20 free modes a section.
     """
     from pmr.system.from_scene import force_names
 
-    scene, at = shared.scene_of(arguments), Stands.of(arguments["at"])
+    scene, at = shared.scene_of(arguments), PostureSet.from_task(arguments["at"])
     try:
         of_scene, other, called = model_comparison(scene)
         if any(sorted(force_names(of_scene)[kind]) != sorted(force_names(other)[kind]) for kind in ("pad", "cylinder")):
             return _missing_model(f"a {called} has other pads and cylinders")
-        postures = Postures.of(other, shared.reduced_system(other), at)
+        postures = PostureMatrices.from_scene(other, shared.reduced_system(other), at)
     except UNKNOWN as error:
         return _missing_model(error.allowed if isinstance(error, InputError) else str(error))
     return TaskResult(arrays={**npz.arrays(postures, "model."), "called": np.array(called)})
@@ -210,7 +212,7 @@ def _missing_model(reason: str) -> TaskResult:
 class ComparedModel:
     """Postures of another model, what it is `called`, and the factor `share` from a difference to it to an error."""
 
-    postures: Postures
+    postures: PostureMatrices
     label: str
     share: float
 
@@ -223,11 +225,11 @@ class ChartModels:
     `finer_mesh` one on a finer mesh, `structural` a richer structural model.
     """
 
-    reduced: Postures
-    enriched: Postures | None
+    reduced: PostureMatrices
+    enriched: PostureMatrices | None
     with_tip_mass: Postures | None
-    finer_mesh: Postures | None
-    structural: Postures | None
+    finer_mesh: PostureMatrices | None
+    structural: PostureMatrices | None
     structural_label: str  # what the richer structural model is called, or why there is none
     removed_mesh_error: float  # share of the mesh's error that the finer mesh removes
     stiffness_excess: float  # share by which the richer model's buckling factor is above that of full order
@@ -237,7 +239,7 @@ class ChartModels:
     def from_needs(cls, needs: Needs) -> ChartModels:
         """Collect the models from the results of `compute_postures` and, if there is one, `compute_richer_postures`."""
         arrays, model_arrays = needs["postures"].arrays, needs["model"].arrays if "model" in needs else {}
-        reduced = npz.record(Postures, arrays, "reduced.")
+        reduced = npz.record(PostureMatrices, arrays, "reduced.")
         enriched, with_tip_mass, finer = (_read_postures(arrays, name) for name in ("richer", "mass", "finer"))
         mended, above = (float(arrays.get(name, np.nan)) for name in ("mended", "too_stiff"))
         structural = _read_postures(model_arrays, "model")
@@ -266,6 +268,6 @@ class ChartModels:
         return [*filter(None, (model, mesh)), f"large rotations in {STABILITY}"]
 
 
-def _read_postures(arrays: Mapping[str, NDArray[Any]], model: str) -> Postures | None:
+def _read_postures(arrays: Mapping[str, NDArray[Any]], model: str) -> PostureMatrices | None:
     """Return the postures of a model from a task's arrays; None where the task has not stored any."""
-    return npz.record(Postures, arrays, f"{model}.") if f"{model}.K" in arrays else None
+    return npz.record(PostureMatrices, arrays, f"{model}.") if f"{model}.K" in arrays else None

@@ -16,8 +16,8 @@ from pmr.results import Energy, Response
 from pmr.results.run import SummaryPart, grave_warnings
 from pmr.scene import Scene
 from pmr.scene.built import force_of
-from pmr.simulation.statics.loaded import State
-from pmr.simulation.statics.postures import HOOK, Postures
+from pmr.simulation.statics.loaded import LoadedState
+from pmr.simulation.statics.postures import HOOK, PostureMatrices
 from pmr.studies.allowed import JUST_BELOW, Place
 from pmr.studies.chart_models import ChartModels
 from pmr.system.contacts import Contact
@@ -37,7 +37,7 @@ class Equilibrium:
     description: str
 
     @property
-    def state(self) -> State:
+    def state(self) -> LoadedState:
         """Outputs, contact forces and closed contacts in this equilibrium."""
         return self.place.equilibria.state(self.load)
 
@@ -65,13 +65,13 @@ def stable_equilibria(place: Place, load: float, reach: float) -> list[Equilibri
     equilibria = [Equilibrium(place, 0.0, f"{where}, without a load")]
     if load > 0.0:
         equilibria.append(Equilibrium(place, load * (1.0 - JUST_BELOW), f"{where}, under {load:.4g} kg"))
-    return [at_rest for at_rest in equilibria if at_rest.state.stands]
+    return [at_rest for at_rest in equilibria if at_rest.state.in_equilibrium]
 
 
 def warnings_of_row(
     scene: Scene,
     contacts: Sequence[Contact],
-    places: Callable[[Postures, int], Sequence[Place]],
+    places: Callable[[PostureMatrices, int], Sequence[Place]],
     models: ChartModels,
     loads: Array,
     cases: Array,
@@ -148,7 +148,7 @@ def _relative_errors(
     Kinds that the models lack or number differently are left out.
     """
     pairs = [(at_rest.state, counterpart.state) for at_rest, counterpart in zip(equilibria, counterparts, strict=True)]
-    pairs = [(mine, theirs) for mine, theirs in pairs if theirs.stands]
+    pairs = [(mine, theirs) for mine, theirs in pairs if theirs.in_equilibrium]
     differences = dict[str, float]()
     for kind, called in KINDS.items():
         y, reference = (
@@ -160,7 +160,7 @@ def _relative_errors(
     return differences
 
 
-def _values_of_kind(at: Postures, state: State, kind: str) -> list[float]:
+def _values_of_kind(at: PostureMatrices, state: LoadedState, kind: str) -> list[float]:
     """Return the outputs and contact forces of a kind in a state of the model `at`, sorted by their names."""
     outputs, forces = _indices_of_kind(at, kind)
     named = [(at.output_names[n], state.outputs[n]) for n in outputs]
@@ -168,7 +168,7 @@ def _values_of_kind(at: Postures, state: State, kind: str) -> list[float]:
     return [float(value) for _, value in sorted(named)]
 
 
-def _indices_of_kind(at: Postures, kind: str) -> tuple[list[int], list[int]]:
+def _indices_of_kind(at: PostureMatrices, kind: str) -> tuple[list[int], list[int]]:
     """Return the indices of the outputs of a kind of the model `at`, and of its contacts of that kind."""
     outputs, forces = at.output_kinds, at.force_kinds
     return [n for n, label in enumerate(outputs) if label == kind], [

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.files import npz
-from pmr.simulation.statics.loaded import Loaded
+from pmr.simulation.statics.loaded import LoadedStructure
 from pmr.simulation.statics.postures import (
     HOOK,
     WEIGHT,
-    Bent,
-    Postures,
+    DeflectionOutputs,
+    PostureMatrices,
 )
 from pmr.simulation.statics.swings import Rope, lift_off
 from pmr.studies import shared
@@ -45,11 +45,11 @@ class Chart:
     """
 
     limits: Sequence[Limit]
-    amounts: Sequence[Sequence[float]]  # by case: the amount of each of `Postures.parts`
+    amounts: Sequence[Sequence[float]]  # by case: the amount of each of `PostureMatrices.parts`
     up_to: float  # kg, largest load that is looked for
     gravity: float  # m/s^2
 
-    def places(self, at: Postures, k: int) -> list[Place]:
+    def places(self, at: PostureMatrices, k: int) -> list[Place]:
         """Return the k-th posture of the model `at` as one `Place` for each load case."""
         return [Place(at, k, amounts, self.gravity) for amounts in self.amounts]
 
@@ -63,7 +63,7 @@ class Chart:
         limits = [*self.limits, *more]
         return np.array([allowed_loads(limits, place, self.up_to, c) for place, c in zip(places, nearby, strict=True)])
 
-    def passed_limits(self, at: Postures, k: int) -> NDArray[np.bool_]:
+    def passed_limits(self, at: PostureMatrices, k: int) -> NDArray[np.bool_]:
         """Return whether each limit is exceeded without a load at the k-th posture of the model `at`, (c, l).
 
         The last column, stability, is true in cases without a stable equilibrium; all other limits are false in these.
@@ -71,8 +71,8 @@ class Chart:
         is_passed = np.zeros((len(self.amounts), len(self.limits) + 1), dtype=bool)
         for row, place in zip(is_passed, self.places(at, k), strict=True):
             state = place.equilibria.state(0.0)
-            row[-1] = not state.stands
-            row[:-1] = [state.stands and place.used_share(limit, state) > 1.0 for limit in self.limits]
+            row[-1] = not state.in_equilibrium
+            row[:-1] = [state.in_equilibrium and place.used_share(limit, state) > 1.0 for limit in self.limits]
         return is_passed
 
     def least_loads(self, loads: Array) -> Array:
@@ -175,7 +175,7 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     record = {"load.least": float(finite.min()), "load.most": float(finite.max())} if len(finite) else {}
     tip, slewing = needs["postures"].arrays["tip"][first:last], at.slewing[first:last]
     radius = tip[:, 0] * np.cos(slewing) + tip[:, 1] * np.sin(slewing)
-    bent = npz.record(Bent, needs["postures"].arrays, "bent.")
+    bent = npz.record(DeflectionOutputs, needs["postures"].arrays, "bent.")
     stops = [
         StopMotion(stop["of"], stop["speed"], stop["within"], needs["postures"].arrays[f"turned.{stop['of']}"])
         for stop in arguments.get("stops", ())
@@ -213,7 +213,7 @@ def _point_arrays(chart: Chart, models: ChartModels, k: int, rope: Rope | None) 
     return row
 
 
-def _hoist_factor(loaded: Loaded, load: float, rope: Rope, gravity: float) -> float:
+def _hoist_factor(loaded: LoadedStructure, load: float, rope: Rope, gravity: float) -> float:
     """Return the rope's largest force over the load's weight at lift-off; NaN if the load in kg is 0 or infinite."""
     if not 0.0 < load < np.inf:
         return np.nan

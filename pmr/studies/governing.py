@@ -12,9 +12,9 @@ from pydantic import Field
 
 from pmr.results.quantities import von_mises_stress
 from pmr.scene.keys import Section, Usual
-from pmr.simulation.statics.loaded import States
-from pmr.simulation.statics.postures import HOOK, Bent, Postures
-from pmr.simulation.statics.swings import Acting, stopping_swing
+from pmr.simulation.statics.loaded import LoadedStates
+from pmr.simulation.statics.postures import HOOK, DeflectionOutputs, PostureMatrices
+from pmr.simulation.statics.swings import DecelerationLoads, stopping_swing
 from pmr.studies.allowed import JUST_BELOW, Place
 from pmr.studies.limits import FIELD, Limit
 
@@ -59,7 +59,9 @@ class StopMotion:
         """
         none, state = np.array([*[np.nan] * 4, self.speed]), place.equilibria.state(load)
         swing = (
-            stopping_swing(state.form, load, self._acting_loads(place, load), self.duration) if state.stands else None
+            stopping_swing(state.form, load, self._acting_loads(place, load), self.duration)
+            if state.in_equilibrium
+            else None
         )
         if swing is None:
             return none
@@ -74,14 +76,14 @@ class StopMotion:
             """Return the largest share of the limit when the boom stops in either direction."""
             of, by = (state.outputs, state.forces), (rate * outputs, rate * forces)
             extremes = [np.vstack([values + more, values - more]) for values, more in zip(of, by, strict=True)]
-            return float(share(States.beside(state, *extremes)).max())
+            return float(share(LoadedStates.with_outputs(state, *extremes)).max())
 
         steadily = most(*(values[None] for values in swing.steady))
         return np.array(
             [factor, place.used_share(limit, state), steadily, most(swing.outputs, swing.forces), self.speed]
         )
 
-    def _acting_loads(self, place: Place, load: float) -> Acting:
+    def _acting_loads(self, place: Place, load: float) -> DecelerationLoads:
         """Return the loads by a unit of the angle's acceleration, those on the suspended load in kg included."""
         at, k = place.postures, place.k
         f = self.acceleration_loads[k].copy()
@@ -89,7 +91,7 @@ class StopMotion:
             x, _, z = at.tip[k]
             lifted = float(at.up[k] @ [-z, 0.0, x])  # by a radian
             f += load * lifted / place.gravity * at.f[at.parts.index(HOOK), k]
-        return Acting(at.B @ f, -at.H[k] @ f, np.vstack([at.direct, at.machine_loads[k]]) @ f)
+        return DecelerationLoads(at.B @ f, -at.H[k] @ f, np.vstack([at.direct, at.machine_loads[k]]) @ f)
 
 
 def largest_governed_rows(load: Array) -> NDArray[np.int64]:
@@ -108,7 +110,11 @@ def largest_governed_rows(load: Array) -> NDArray[np.int64]:
 
 
 def governing_details(
-    limits: Sequence[Limit], places: Sequence[Place | None], loads: Array, bent: Bent, stops: Sequence[StopMotion]
+    limits: Sequence[Limit],
+    places: Sequence[Place | None],
+    loads: Array,
+    bent: DeflectionOutputs,
+    stops: Sequence[StopMotion],
 ) -> dict[str, NDArray[Any]]:
     """Return arrays that describe the boom at places, the n-th where the n-th limit governs, stability last.
 
@@ -147,19 +153,19 @@ def governing_details(
     return arrays | {"kinds": np.array(at.force_kinds, dtype=np.str_), "bent.x": bent.x, "bent.section": bent.section}
 
 
-def _stress_columns(at: Postures) -> dict[str, dict[str, int]]:
+def _stress_columns(at: PostureMatrices) -> dict[str, dict[str, int]]:
     """Return the columns of each stress component by probe, without probes that limits of the field have added."""
     return {probe: components for probe, components in at.columns.stress_columns().items() if FIELD not in probe}
 
 
-def _place_arrays(limits: Sequence[Limit], place: Place, load: float, bent: Bent) -> dict[str, Array]:
+def _place_arrays(limits: Sequence[Limit], place: Place, load: float, bent: DeflectionOutputs) -> dict[str, Array]:
     """Return one place's row of the arrays of `governing_details` without ``stops``, slightly below `load` in kg.
 
     At the limit of stability itself there is no equilibrium.
     """
     at, load = place.postures, load * (1.0 - JUST_BELOW)
     state = place.equilibria.state(load)
-    shape = Place(bent.measured(at), place.k, place.amounts, place.gravity).equilibria.state(load)
+    shape = Place(bent.replace_outputs(at), place.k, place.amounts, place.gravity).equilibria.state(load)
     stress = [
         float(von_mises_stress(state.outputs[list(components.values())], tuple(components)))
         for components in _stress_columns(at).values()

@@ -29,8 +29,8 @@ from pmr.scene.keys import Section, Usual, named
 from pmr.scene.mechanism import rope_shares
 from pmr.scene.members import members
 from pmr.scene.structures import Probe
-from pmr.simulation.statics.loaded import Form, States
-from pmr.simulation.statics.postures import Postures
+from pmr.simulation.statics.loaded import Form, LoadedStates
+from pmr.simulation.statics.postures import PostureMatrices
 from pmr.studies import shared
 from pmr.studies.tipping import Mass, TippingMoments, area
 from pmr.studies.user_limits import amounts_of_states, check_names, expression_function, plugin_function
@@ -39,7 +39,7 @@ from pmr.system.from_scene import force_names
 Array = NDArray[np.float64]
 Positive = Annotated[float, Field(gt=0.0)]
 #: Function from p states to the shares (p,) of a limit that they use; 1 reaches it.
-Share = Callable[[States], Array]
+Share = Callable[[LoadedStates], Array]
 #: The limit that every chart has: beyond it there is no stable equilibrium.
 STABILITY = "stability"
 #: Beginning of the names of probes of the field, behind the body's name; faces that they look at, if cells have them.
@@ -62,7 +62,7 @@ class Kind:
         Unit of the amount, empty where there is none or only the user knows it.
     share : callable
         Called with a limit, postures, the number k of one of these and the amounts (w,) by which the parts
-        ``Postures.parts`` act; returns the `Share`, a function from states to used shares.
+        ``PostureMatrices.parts`` act; returns the `Share`, a function from states to used shares.
     usual : Usual, optional
         Range in which the amount usually lies.
     names : callable, optional
@@ -78,7 +78,7 @@ class Kind:
 
     amount: Literal["most", "least", ""]
     unit: str
-    share: Callable[[Limit, Postures, int, Sequence[float]], Share]
+    share: Callable[[Limit, PostureMatrices, int, Sequence[float]], Share]
     usual: Usual | None = None
     names: Callable[[Scene], Sequence[str]] | None = None
     eigenvalue_load: Callable[[Form, float, float, float], float] | None = None
@@ -86,7 +86,7 @@ class Kind:
     in_richer_model: bool = True
 
 
-def _share_of_quantity(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
+def _share_of_quantity(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
     """Return the function from states to the used shares (p,) of a limit on a quantity that runs have, too.
 
     Raises InputError if the limit is on the luffing cylinder and its arm can't raise the boom at the k-th posture of
@@ -99,7 +99,7 @@ def _share_of_quantity(limit: Limit, at: Postures, k: int, amounts: Sequence[flo
     return lambda states: share_of_unit * measure(np.hstack([states.outputs, states.forces]))
 
 
-def _share_of_user_function(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
+def _share_of_user_function(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
     """Return the function from states to the used shares (p,) of a limit on a user's function or expression.
 
     Its absolute value at the k-th posture of `at` counts.
@@ -110,21 +110,21 @@ def _share_of_user_function(limit: Limit, at: Postures, k: int, amounts: Sequenc
     return lambda states: limit.factor / limit.allowed_amount * np.abs(amount(states))
 
 
-def _share_of_buckling(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
+def _share_of_buckling(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
     """Return the function from states to the used shares (p,) of a limit on the buckling factor."""
     return lambda states: (
         limit.allowed_amount * np.array([form.inverse_factor(load) for form, load in _forms_and_loads(states)])
     )
 
 
-def _share_of_frequency(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
+def _share_of_frequency(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
     """Return the function from states to the used shares (p,) of a limit on the lowest natural frequency."""
     return lambda states: np.array(
         [_ratio(limit.allowed_amount, form.frequency(load)) for form, load in _forms_and_loads(states)]
     )
 
 
-def _share_of_overturning(limit: Limit, at: Postures, k: int, amounts: Sequence[float]) -> Share:
+def _share_of_overturning(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
     """Return the function from states to the used shares (p,) of a limit on overturning, about the worst edge.
 
     The machine stands at the k-th posture of `at`, whose parts act by `amounts` (w,).
@@ -241,7 +241,7 @@ class Limit(Section):
             return self.factor * self.least
         return float(self.most or 0.0) * float(np.prod(self.area or (1.0,)))
 
-    def share(self, at: Postures, k: int, amounts: Sequence[float]) -> Share:
+    def share(self, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
         """Return the function from states to the used shares (p,) of the limit at the k-th posture of `at`.
 
         `amounts` (w,) are those by which the parts ``at.parts`` act.  Raises InputError if the model has none of the
@@ -270,7 +270,7 @@ class Limit(Section):
         directly = self.kind.eigenvalue_load
         return None if directly is None else directly(form, self.allowed_amount, near, up_to)
 
-    def tipping_moments(self, at: Postures, k: int, amounts: Sequence[float]) -> TippingMoments:
+    def tipping_moments(self, at: PostureMatrices, k: int, amounts: Sequence[float]) -> TippingMoments:
         """Return the moments about the edges of the support polygon at the k-th posture of `at`.
 
         `amounts` (w,) are those by which the parts ``at.parts`` act.
@@ -314,7 +314,7 @@ class Limit(Section):
         return InputError("study", f"limits.{self.name}.which", ", ".join(self.which), allowed)
 
 
-def _forms_and_loads(states: States) -> Iterator[tuple[Form, float]]:
+def _forms_and_loads(states: LoadedStates) -> Iterator[tuple[Form, float]]:
     """Iterate over the states' forms and loads in kg."""
     return zip(states.forms, states.load.tolist(), strict=True)
 

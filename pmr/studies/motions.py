@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pmr.compare.accuracy.order import trials_of
 from pmr.compare.outputs import divide_steps, run_from_start
 from pmr.compare.responses import evaluate_motion
-from pmr.reduced.attachment import as_simulated
+from pmr.reduced.attachment import simulated_model
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import MODAL, extend, truncate
 from pmr.results import Response
@@ -159,7 +159,7 @@ def _section_family(boom: Scene, basis: str) -> ModelFamily:
         if basis == "modes":
             modal = {name: _without_flexibility(model) for name, model in modal.items()}
         stressed = any(frame_terms(boom))
-        return system_of(boom, {name: as_simulated(model, stressed) for name, model in modal.items()})
+        return system_of(boom, {name: simulated_model(model, stressed) for name, model in modal.items()})
 
     return ModelFamily(system_of_size, trials.most_elastic_modes(trials.most))
 

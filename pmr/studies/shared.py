@@ -27,7 +27,7 @@ from pmr.system.from_scene import contacts_of
 from pmr.system.terms import terms_of
 
 if TYPE_CHECKING:
-    from pmr.fullmodel.build import Built
+    from pmr.fullmodel.build import AssembledBody
     from pmr.fullmodel.model import FullModel
     from pmr.reduction.snapshots import Snapshots
     from pmr.system.body import FullBody
@@ -85,7 +85,7 @@ def reduced_system(scene: Scene) -> System:
     return join_bodies(scene, reduce_bodies(scene, bodies_of(scene)))
 
 
-def bodies_of(scene: Scene) -> Mapping[str, Built]:
+def bodies_of(scene: Scene) -> Mapping[str, AssembledBody]:
     """Return a scene's full models and structures by body; they are stored for later tasks of this process."""
     return _build_bodies(
         _without_loads(scene).model_copy(update={"title": "", "published": None, "damping": scene.damping})
@@ -93,7 +93,7 @@ def bodies_of(scene: Scene) -> Mapping[str, Built]:
 
 
 @lru_cache(maxsize=4)
-def _build_bodies(scene: Scene) -> Mapping[str, Built]:
+def _build_bodies(scene: Scene) -> Mapping[str, AssembledBody]:
     """Build the full models of a scene's bodies and log their warnings."""
     from pmr.fullmodel.build import build_bodies, log_warnings
 
@@ -164,15 +164,15 @@ def frequencies_task(scene: Scene) -> Task:
 
 def snapshots_from(scene: Scene, needs: Needs) -> Snapshots:
     """Return a scene's snapshots from the results of its `modes_tasks`, or from the file that it names."""
-    from pmr.reduction.from_scene import given_vectors
+    from pmr.reduction.from_scene import vectors_from_file
     from pmr.reduction.snapshots import Snapshots
 
     if scene.reduction.file is not None:
-        return given_vectors(model_of(scene), scene.reduction.file)
+        return vectors_from_file(model_of(scene), scene.reduction.file)
     taken = [needs[f"modes{k}"].arrays for k in range(sum(name.startswith("modes") for name in needs))]
     phi = np.concatenate([modes["phi"] for modes in taken], axis=1)
     omega, s, residuals = (np.concatenate([modes[name] for modes in taken]) for name in ("omega", "s", "residuals"))
-    return Snapshots.of(phi, model_of(scene), omega, s, residuals, source=scene.reduction.basis)
+    return Snapshots.from_local(phi, model_of(scene), omega, s, residuals, source=scene.reduction.basis)
 
 
 def response_from(result: TaskResult) -> Response:

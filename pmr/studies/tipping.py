@@ -24,8 +24,8 @@ from pydantic import Field
 from pmr.errors import InputError
 from pmr.scene.frame import rotation
 from pmr.scene.keys import Section, Usual
-from pmr.simulation.statics.loaded import States
-from pmr.simulation.statics.postures import HOOK, WEIGHT, Postures
+from pmr.simulation.statics.loaded import LoadedStates
+from pmr.simulation.statics.postures import HOOK, WEIGHT, PostureMatrices
 
 Array = NDArray[np.float64]
 AXES = ("x", "y", "z", "rx", "ry", "rz")
@@ -57,7 +57,7 @@ class TippingMoments:
         polygon: Sequence[tuple[float, float]],
         height: float,
         machine: Sequence[Mass],
-        at: Postures,
+        at: PostureMatrices,
         k: int,
         amounts: Array,
     ) -> TippingMoments:
@@ -78,7 +78,7 @@ class TippingMoments:
             place = np.array([c * x - s * y, s * x + c * y, z] if part.slews else part.at)
             force = -part.mass * weight * up
             resting += np.concatenate([force, np.cross(place, force)])
-        pull = amounts[at.parts.index(HOOK)] * at.pull(k)
+        pull = amounts[at.parts.index(HOOK)] * at.hook_force(k)
         moment = about[:, 3:] @ _cross_matrix(pull)
         return cls(
             machine=edges @ resting,
@@ -87,7 +87,7 @@ class TippingMoments:
             tip_derivative=moment @ _tip_rows(at.output_names, at.output_kinds),
         )
 
-    def share(self, states: States, factor: float) -> Array:
+    def share(self, states: LoadedStates, factor: float) -> Array:
         """Return the moment of `factor` times the load over the resisting one about the worst edge, (p,) for p states.
 
         Infinite where nothing resists.
@@ -96,7 +96,7 @@ class TippingMoments:
         held = load - self.machine - states.outputs @ self.boom.T
         return np.asarray(np.where(held > 0.0, factor * load / np.where(held > 0.0, held, 1.0), np.inf).max(axis=1))
 
-    def overturning_load(self, states: States, factor: float) -> float:
+    def overturning_load(self, states: LoadedStates, factor: float) -> float:
         """Return the load in kg whose moment is that of the load, plus the boom's own divided by `factor`.
 
         Both are absolute moments about the worst edge; `states` hold one state.
@@ -134,7 +134,7 @@ def _cross_matrix(force: Array) -> Array:
     return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
 
 
-def _pivot_rows(at: Postures) -> Array:
+def _pivot_rows(at: PostureMatrices) -> Array:
     """Return the rows (6, o) that select force and moment at the pivot from o outputs.
 
     Rows of y, rx and rz are zero for a planar boom; raises InputError if another direction is not among the outputs.

@@ -17,8 +17,8 @@ from pmr.errors import InputError, environment
 from pmr.errors.text import hint
 from pmr.scene import Scene
 from pmr.scene.keys import named
-from pmr.simulation.statics.loaded import States
-from pmr.simulation.statics.postures import Postures
+from pmr.simulation.statics.loaded import LoadedStates
+from pmr.simulation.statics.postures import PostureMatrices
 from pmr.system.from_scene import force_names
 
 Amounts = Mapping[str, float | Mapping[str, float]]
@@ -188,8 +188,8 @@ def check_names(limit: str, text: str, scene: Scene) -> None:
 
 
 def amounts_of_states(
-    limit_function: LimitFunction, key: str, text: str | None, at: Postures, k: int
-) -> Callable[[States], Array]:
+    limit_function: LimitFunction, key: str, text: str | None, at: PostureMatrices, k: int
+) -> Callable[[LoadedStates], Array]:
     """Return a function from states to the values (p,) of a user's limit function at the k-th posture.
 
     It raises InputError with `key` and `text` (the function's name or the expression) if the limit function fails or
@@ -211,7 +211,7 @@ def amounts_of_states(
             raise InputError("study", key, text, "it returned no number")
         return value
 
-    def amounts(states: States) -> Array:
+    def amounts(states: LoadedStates) -> Array:
         """Return the limit function's values (p,) in all states."""
         outputs, forces = (
             [dict(zip(names, row, strict=True)) for row in of.tolist()]

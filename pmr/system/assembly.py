@@ -12,9 +12,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import evaluate
-from pmr.system.contact_rows import ContactRows, add_springs, clear_rows, is_round_off, left_free
+from pmr.system.contact_rows import ContactRows, add_springs, clear_rows, free_motions, is_round_off
 from pmr.system.contacts import Place
-from pmr.system.definite import oscillations
+from pmr.system.definite import natural_frequencies
 from pmr.system.system import System
 from pmr.system.terms import Term, add_terms
 
@@ -34,21 +34,21 @@ class Assembly:
     def __init__(self, system: System) -> None:
         self.system, bodies = system, system.bodies
         # numbers of the coordinates of each body that its supports leave free
-        self.free = {
+        self.free_coordinates = {
             name: np.setdiff1d(np.arange(body.size), list(body.held.values())) for name, body in bodies.items()
         }
         # slices of each body's free coordinates, inputs and outputs among those of all bodies
-        self.coordinates = _slices(system, [len(free) for free in self.free.values()])
-        self.inputs = _slices(system, [len(body.input_names) for body in bodies.values()])
-        self.observed = _slices(system, [body.outputs.shape[0] for body in bodies.values()])
+        self.coordinate_slices = _slices(system, [len(free) for free in self.free_coordinates.values()])
+        self.input_slices = _slices(system, [len(body.input_names) for body in bodies.values()])
+        self.output_slices = _slices(system, [body.outputs.shape[0] for body in bodies.values()])
         # numbers of coordinates without inertia in simulators (M has their inertia)
-        still = [np.isin(self.free[name], body.quasi_static) for name, body in bodies.items()]
+        still = [np.isin(self.free_coordinates[name], body.quasi_static) for name, body in bodies.items()]
         self.quasi_static = np.flatnonzero(np.concatenate(still))
 
     @property
     def size(self) -> int:
         """Number n of coordinates."""
-        return sum(map(len, self.free.values()))
+        return sum(map(len, self.free_coordinates.values()))
 
     @cached_property
     def M(self) -> sp.csr_matrix:
@@ -77,7 +77,7 @@ class Assembly:
 
     def _blocks(self, of: Callable[[Any, NDArray[np.int64]], Any]) -> sp.csr_matrix:
         """Sparse block-diagonal matrix whose block for each body is ``of(body, numbers of its free coordinates)``."""
-        bodies = zip(self.system.bodies.values(), self.free.values(), strict=True)
+        bodies = zip(self.system.bodies.values(), self.free_coordinates.values(), strict=True)
         blocks = [of(body, free) for body, free in bodies]
         if any(map(sp.issparse, blocks)):
             return sp.block_diag([sp.csr_matrix(block) for block in blocks], format="csr")
@@ -89,23 +89,23 @@ class Assembly:
         numbers = dict[str, NDArray[np.int64]]()
         for name, body in self.system.bodies.items():
             numbers[name] = np.full(body.size, -1, np.int64)
-            numbers[name][self.free[name]] = np.arange(self.size)[self.coordinates[name]]
-        return [term.among(numbers, self.size) for term in self.system.terms]
+            numbers[name][self.free_coordinates[name]] = np.arange(self.size)[self.coordinate_slices[name]]
+        return [term.scatter(numbers, self.size) for term in self.system.terms]
 
     @cached_property
     def direct(self) -> Array:
         """W = O R B (o, i) in m/N: outputs of unit inputs by the residual flexibility R."""
-        W = np.zeros((_count(self.observed), _count(self.inputs)))
+        W = np.zeros((_count(self.output_slices), _count(self.input_slices)))
         for name, flexibility in self._flexibility.items():
-            W[self.observed[name], self.inputs[name]] = flexibility.direct
+            W[self.output_slices[name], self.input_slices[name]] = flexibility.direct
         return W
 
     @cached_property
     def energy(self) -> Array:
         """B^T R B (i, i) in m/N, with the residual flexibility R."""
-        of_loads = np.zeros((_count(self.inputs),) * 2)
+        of_loads = np.zeros((_count(self.input_slices),) * 2)
         for name, flexibility in self._flexibility.items():
-            of_loads[self.inputs[name], self.inputs[name]] = flexibility.energy
+            of_loads[self.input_slices[name], self.input_slices[name]] = flexibility.energy
         return of_loads
 
     @property
@@ -134,29 +134,29 @@ class Assembly:
                     forces -= amplitude[:, None] * (A @ motion.T).T
         return forces
 
-    def at(self, x: Array) -> ContactRows:
+    def contact_rows(self, x: Array) -> ContactRows:
         """Rows of the contacts with their places at x (sides,) in m, as `System.coordinates` returns it."""
-        return self.along(x[None]).at(0)
+        return self.contact_rows_over_time(x[None]).at_time(0)
 
-    def along(self, x: Array) -> ContactRows:
+    def contact_rows_over_time(self, x: Array) -> ContactRows:
         """Rows of the contacts with their places at x (T, sides) in m, at T times."""
         system = self.system
-        T, m, i, o = len(x), len(system.contacts), _count(self.inputs), _count(self.observed)
+        T, m, i, o = len(x), len(system.contacts), _count(self.input_slices), _count(self.output_slices)
         C, H, X = np.zeros((T, m, self.size)), np.zeros((T, m, i)), np.zeros((T, o, m))
-        F = np.array(np.broadcast_to(system.gives(x), (T, m, m)))
+        F = np.array(np.broadcast_to(system.contact_compliance(x), (T, m, m)))
         rows = ContactRows(C, F, H, X)
         for name, body in system.bodies.items():
             if on := system.sides_of(name):
-                (self._add_tables if body.carriers is None else self._add_carried)(name, on, x.T[on], rows)
+                (self._add_table_rows if body.carriers is None else self._add_carrier_rows)(name, on, x.T[on], rows)
         F = (F + F.transpose(0, 2, 1)) / 2.0
         clear_rows(F, is_round_off(F, system.largest_flexibility))
         return ContactRows(C, F, H, X)
 
-    def slopes(self, x: Array) -> Array:
+    def row_slopes(self, x: Array) -> Array:
         """Rows dC/dx (m, n) of the contacts with their places at x (sides,) in m, if all places move by the same dx."""
-        return self.rates(x, np.ones(len(x)))
+        return self.row_rates(x, np.ones(len(x)))
 
-    def turned_rows(self, x: Array) -> Array:
+    def contact_motions_by_moments(self, x: Array) -> Array:
         """Motions (m, m) in 1/N of all contacts (rows) by a unit moment on the sides of each contact (columns).
 
         The places are at x (sides,) in m.  The moments act by the residual flexibility of the bodies only.
@@ -180,25 +180,25 @@ class Assembly:
 
         With a `derivative` of 1 or more, the weights are that derivative with respect to the coordinate.
         """
-        touched, b = self.system.row(place).on_carriers(at, derivative)
+        touched, b = self.system.row(place).touched_weights(at, derivative)
         return touched[0], b[0]
 
-    def turned(self, x: Array) -> Array:
+    def outputs_by_moments(self, x: Array) -> Array:
         """Outputs (o, m) in 1/N by a unit moment on the sides of each contact, with the places at x (sides,) in m.
 
         The moments act by the residual flexibility of the bodies only.
         """
-        moved_outputs = np.zeros((_count(self.observed), len(self.system.contacts)))
+        moved_outputs = np.zeros((_count(self.output_slices), len(self.system.contacts)))
         for side, at in zip(self.system.sides, x, strict=True):
             name = side.place.body
             if (flexibility := self._flexibility.get(name)) is not None:
                 b = self.system.row(side.place).weights(np.array([at]), 1)
-                moved_outputs[self.observed[name], side.contact] += side.sign * (
+                moved_outputs[self.output_slices[name], side.contact] += side.sign * (
                     flexibility.outputs[:, b.indices] @ b.data
                 )
         return moved_outputs
 
-    def _add_carried(self, name: str, on: Sequence[int], x: Array, rows: ContactRows) -> None:
+    def _add_carrier_rows(self, name: str, on: Sequence[int], x: Array, rows: ContactRows) -> None:
         """Add to `rows` the contributions of a body on carriers, by its sides with the numbers `on`.
 
         Their places are at x (sides, T) in m.
@@ -207,20 +207,20 @@ class Assembly:
         assert carriers is not None
         contacts, flexibility = [side.contact for side in sides], carriers.flexibility
         # of some thousand carriers the sides touch a few: a product with all would copy tables of 100 MB each time
-        places = [self.system.row(side.place).on_carriers(at, 0) for side, at in zip(sides, x, strict=True)]
+        places = [self.system.row(side.place).touched_weights(at, 0) for side, at in zip(sides, x, strict=True)]
         touched = np.hstack([at for at, _ in places])  # (T, d)
         weights = np.hstack([side.sign * b for side, (_, b) in zip(sides, places, strict=True)])
         ends = np.cumsum([0, *(at.shape[1] for at, _ in places)])
         for k, first, last in zip(contacts, ends, ends[1:], strict=False):
             at, b = touched[:, first:last], weights[:, None, first:last]
-            rows.C[:, k, self.coordinates[name]] += (b @ carriers.values[at])[:, 0, self.free[name]]
+            rows.C[:, k, self.coordinate_slices[name]] += (b @ carriers.values[at])[:, 0, self.free_coordinates[name]]
             if flexibility is not None:
-                rows.H[:, k, self.inputs[name]] += (b @ flexibility.inputs[at])[:, 0]
-                rows.X[:, self.observed[name], k] += (b @ flexibility.outputs.T[at])[:, 0]
+                rows.H[:, k, self.input_slices[name]] += (b @ flexibility.inputs[at])[:, 0]
+                rows.X[:, self.output_slices[name], k] += (b @ flexibility.outputs.T[at])[:, 0]
                 between = (b @ flexibility.rows[at[:, :, None], touched[:, None]])[:, 0] * weights
                 rows.F[:, k, contacts] += np.add.reduceat(between, ends[:-1], axis=1)
 
-    def _add_tables(self, name: str, on: Sequence[int], x: Array, contact_rows: ContactRows) -> None:
+    def _add_table_rows(self, name: str, on: Sequence[int], x: Array, contact_rows: ContactRows) -> None:
         """Add to `contact_rows` the contributions of a single body that has tables over its path.
 
         All its sides, with the numbers `on`, have the same path coordinate: that of the first side that travels, in x
@@ -229,7 +229,7 @@ class Assembly:
         body, sides = self.system.bodies[name], [self.system.sides[a] for a in on]
         s = next((at for side, at in zip(sides, x, strict=True) if side.place.path is not None), x[0])
         rows, contacts = [body.row_names.index(side.place.row) for side in sides], [side.contact for side in sides]
-        contact_rows.C[:, contacts] = body.dense_rows(s)[:, rows][:, :, self.free[name]]
+        contact_rows.C[:, contacts] = body.dense_rows(s)[:, rows][:, :, self.free_coordinates[name]]
         if (flexibility := body.flexibility) is not None:
             contact_rows.F[:, np.array(contacts)[:, None], contacts] += evaluate(flexibility.rows, s)[:, rows][
                 :, :, rows
@@ -237,7 +237,9 @@ class Assembly:
             contact_rows.H[:, contacts] = evaluate(flexibility.inputs, s)[:, rows]
             contact_rows.X[:, :, contacts] = evaluate(flexibility.outputs, s)[:, :, rows]
 
-    def answers(self, rows: ContactRows, omega: Array, c: Sequence[float] | Array = ()) -> NDArray[np.complex128]:
+    def frequency_responses(
+        self, rows: ContactRows, omega: Array, c: Sequence[float] | Array = ()
+    ) -> NDArray[np.complex128]:
         r"""Frequency responses (W, o + m, i) of outputs and contact forces to unit inputs at omega (W,) in rad/s.
 
         .. math::
@@ -248,7 +250,7 @@ class Assembly:
         LinAlgError is raised if the contacts do not hold the bodies at rest.
         """
         M, D, K, B = (A.toarray() for A in (self.M, self.damping(c), self.stiffness(c), self.B))
-        n, scale = len(K), rows.unit(K)
+        n, scale = len(K), rows.force_scale(K)
         held = np.block([[K, scale * rows.C.T], [scale * rows.C, -(scale**2) * rows.F]]).astype(complex)
         right, O, answers = np.vstack([B, -scale * rows.H]), self.outputs.toarray(), list[Array]()
         for w in omega:
@@ -258,7 +260,7 @@ class Assembly:
             answers.append(np.vstack([O @ q + self.direct - rows.X @ (scale * forces), scale * forces]))
         return np.array(answers)
 
-    def rates(self, x: Array, x_rate: Array) -> Array:
+    def row_rates(self, x: Array, x_rate: Array) -> Array:
         """Rows dC/dt (m, n) of contacts with their places at x (sides,) in m that move by x_rate (sides,) in m/s."""
         rates = np.zeros((len(self.system.contacts), self.size))
         for side, at, rate in zip(self.system.sides, x, x_rate, strict=True):
@@ -268,7 +270,7 @@ class Assembly:
                     row = np.asarray(body.C(float(at), 1))[body.row_names.index(side.place.row)]
                 else:
                     row = self.system.row(side.place).weights(at, 1).toarray()[0] @ body.carriers.values
-                rates[side.contact, self.coordinates[name]] += side.sign * rate * row[self.free[name]]
+                rates[side.contact, self.coordinate_slices[name]] += side.sign * rate * row[self.free_coordinates[name]]
         return rates
 
     def frequencies(self, x: Array, count: int, c: Array | None = None) -> Array:
@@ -280,22 +282,22 @@ class Assembly:
         """
         if x.ndim == 1:
             return np.asarray(self.frequencies(x[None], count, None if c is None else c[None])[0])
-        rows, hertz = self.along(x), np.full((len(x), count), np.nan)
+        rows, hertz = self.contact_rows_over_time(x), np.full((len(x), count), np.nan)
         amplitudes = np.zeros((len(x), len(self.terms))) if c is None else c
         C: Array | None = None  # of rigid contacts
         M, Z = self.M.toarray(), None
         for k in range(len(x)):
-            K, V, at = self.stiffness(amplitudes[k]).toarray(), self.damping(amplitudes[k]) - self.D, rows.at(k)
+            K, V, at = self.stiffness(amplitudes[k]).toarray(), self.damping(amplitudes[k]) - self.D, rows.at_time(k)
             K, turning = add_springs((K + K.T) / 2.0, at), (V - V.T).toarray() / 2.0 if V.count_nonzero() else None
             if C is None or not np.array_equal(C, at.C[at.rigid]):  # which a cylinder's does not change along the way
                 C = at.C[at.rigid]
-                Z = left_free(C)
+                Z = free_motions(C)
                 M = self.M.toarray() if Z is None else Z.T @ self.M.toarray() @ Z
             if Z is not None:
                 K, turning = Z.T @ K @ Z, None if turning is None else Z.T @ turning @ Z
             if not len(K):
                 continue  # the contacts hold all coordinates
-            omega = oscillations(M, turning, K)[:count]
+            omega = natural_frequencies(M, turning, K)[:count]
             hertz[k, : len(omega)] = omega / (2.0 * np.pi)
         return hertz
 
@@ -306,7 +308,7 @@ class Assembly:
         modes.  Of terms with amplitudes c (k,) the symmetric part of the stiffness counts; at the buckling load and
         beyond omega is 0.
         """
-        M, stiffness, Z = self.M.toarray(), self.stiffness(c).toarray(), left_free(rows.C[rows.rigid])
+        M, stiffness, Z = self.M.toarray(), self.stiffness(c).toarray(), free_motions(rows.C[rows.rigid])
         K = add_springs((stiffness + stiffness.T) / 2.0, rows) + SHIFT * M
         if Z is not None:
             M, K = Z.T @ M @ Z, Z.T @ K @ Z

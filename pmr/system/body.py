@@ -22,16 +22,16 @@ from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import stack_tables, transpose
 from pmr.constraints.rows import Row, Rows
-from pmr.reduced.carriers import CarriedRows
+from pmr.reduced.carriers import CarrierRows
 from pmr.reduced.matrices import Rayleigh, Reactions
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.soundness import symmetric
+from pmr.reduced.soundness import symmetric_part
 from pmr.results.response import FORCES
 
 Array = NDArray[np.float64]
 
 
-class Observed(Protocol):
+class BodyWithOutputs(Protocol):
     """Body with o outputs: at `output_positions` (o,) in m, with names, units and kinds (`pmr.results.response`).
 
     Names, units and kinds are empty for models that don't have them.
@@ -47,8 +47,8 @@ class Observed(Protocol):
     def output_kinds(self) -> tuple[str, ...]: ...
 
 
-class OnCarriers(Protocol):
-    """Rows on common carriers, of a reduced body (`CarriedRows`) or a distributed one (`SharedCarriers`)."""
+class RowsOnCarriers(Protocol):
+    """Rows on common carriers, of a reduced body (`CarrierRows`) or a distributed one (`SharedCarriers`)."""
 
     def row(self, number: int, name: str) -> Row: ...
 
@@ -92,10 +92,10 @@ class Body(Protocol):
     @property
     def domain(self) -> tuple[float, float]: ...
     @property
-    def carriers(self) -> OnCarriers | None: ...
+    def carriers(self) -> RowsOnCarriers | None: ...
 
 
-def kinds_of(body: Observed) -> tuple[str, ...]:
+def kinds_of(body: BodyWithOutputs) -> tuple[str, ...]:
     """Kind and direction of each output, such as ``"tip z"`` (`pmr.results.response`).
 
     Models of earlier versions don't have them: they are derived from names and units.  Without units all outputs are
@@ -107,20 +107,20 @@ def kinds_of(body: Observed) -> tuple[str, ...]:
     if not body.output_units:
         return ("beam z",) * (count - 1) + ("tip z",) * bool(count)
     named = zip(body.output_names or ("",) * count, body.output_units, strict=True)
-    return tuple(_kind(name, unit) for name, unit in named)
+    return tuple(_kind_of_earlier_version(name, unit) for name, unit in named)
 
 
-def names_of(body: Observed) -> tuple[str, ...]:
+def names_of(body: BodyWithOutputs) -> tuple[str, ...]:
     """Name of each output; ``output k`` if the body has no names."""
     return body.output_names or tuple(f"output {k}" for k in range(len(body.output_positions)))
 
 
-def units_of(body: Observed) -> tuple[str, ...]:
+def units_of(body: BodyWithOutputs) -> tuple[str, ...]:
     """Unit of each output; m for all if the body has no units."""
     return body.output_units or ("m",) * len(body.output_positions)
 
 
-def _kind(name: str, unit: str) -> str:
+def _kind_of_earlier_version(name: str, unit: str) -> str:
     """Kind and direction of an output of a model of an earlier version, from its name and unit.
 
     In m, "z at 2 m" is ``beam z`` and "tip z" is ``tip z``; in N it is a ``pad``, in any other unit a ``probe``.
@@ -131,22 +131,22 @@ def _kind(name: str, unit: str) -> str:
     return f"beam {start}" if at else f"tip {name.rpartition(' ')[2]}".strip()
 
 
-def _are(body: Observed, *kinds: str) -> NDArray[np.bool_]:
+def _has_kind(body: BodyWithOutputs, *kinds: str) -> NDArray[np.bool_]:
     """Which of the outputs (o,) are of one of these kinds."""
     return np.array([kind.split(" ")[0] in kinds for kind in kinds_of(body)], dtype=bool)
 
 
-def force_outputs(body: Observed) -> NDArray[np.bool_]:
+def force_outputs(body: BodyWithOutputs) -> NDArray[np.bool_]:
     """Which of the outputs (o,) are forces of pads and of supports with a stiffness."""
-    return _are(body, *FORCES)
+    return _has_kind(body, *FORCES)
 
 
-def length_outputs(body: Observed) -> NDArray[np.bool_]:
+def length_outputs(body: BodyWithOutputs) -> NDArray[np.bool_]:
     """Which of the outputs (o,) are displacements of the beam or of its tip."""
-    return _are(body, "beam", "tip")
+    return _has_kind(body, "beam", "tip")
 
 
-def other_outputs(body: Observed) -> NDArray[np.bool_]:
+def other_outputs(body: BodyWithOutputs) -> NDArray[np.bool_]:
     """Which of the outputs (o,) are neither forces nor displacements of the beam: rotations and probes."""
     return np.asarray(~(length_outputs(body) | force_outputs(body)))
 
@@ -161,7 +161,7 @@ def released_rows(body: SlidingBody) -> list[int]:
     return sorted({*body.moving, *pushing_rows(body)})
 
 
-def with_inertia(body: SlidingBody, v: Array) -> Array:
+def clear_rates_without_inertia(body: SlidingBody, v: Array) -> Array:
     """Rates (T, n) with zeros for the coordinates that have no inertia; `v` itself if all have inertia."""
     if not len(body.quasi_static):
         return v
@@ -170,7 +170,7 @@ def with_inertia(body: SlidingBody, v: Array) -> Array:
     return rates
 
 
-class WithRows:
+class RowProperties:
     """Properties of a body that follow from the rows of its full model."""
 
     rows: Rows
@@ -209,21 +209,21 @@ class WithRows:
     @property
     def moving(self) -> list[int]:
         """Numbers of the rows that depend on s: the sliders."""
-        return self.rows.moving
+        return self.rows.moving_numbers
 
     @property
     def held(self) -> dict[int, int]:
         """Coordinate that each support on a single coordinate holds, by the number of its row."""
-        return self.rows.held
+        return self.rows.held_coordinates
 
     @property
     def lasting(self) -> tuple[str, ...]:
         """Names of the fixed rows that combine several coordinates."""
-        return self.rows.lasting
+        return self.rows.fixed_combinations
 
 
 @dataclass(frozen=True)
-class FullBody(WithRows):
+class FullBody(RowProperties):
     """Full model on one process, sparse: what the full-order reference simulates.
 
     It has n coordinates, i inputs, o outputs and m rows: M, D, K (n, n), B (n, i), `outputs` (o, n).  The other fields
@@ -257,9 +257,9 @@ class FullBody(WithRows):
         return np.zeros(0, np.int64)
 
     @cached_property
-    def carriers(self) -> CarriedRows:
+    def carriers(self) -> CarrierRows:
         """Rows on their carriers as dense arrays, for bodies that are small enough to be diagonalised."""
-        return CarriedRows.of(self.rows.shared.rows, self.rows.shared.carriers.toarray())
+        return CarrierRows.from_rows(self.rows.shared_carriers.rows, self.rows.shared_carriers.carriers.toarray())
 
     @cached_property
     def reactions(self) -> Reactions | None:
@@ -320,7 +320,7 @@ class Trajectory:
 
 def projected(body: SlidingBody, V: Array) -> ReducedModel:
     """Reduced model of a body on the columns of V (n, r), with all of its rows and with its flexibility, if any."""
-    M, D, K = (symmetric(V.T @ (A @ V)) for A in (body.M, body.D, body.K))
+    M, D, K = (symmetric_part(V.T @ (A @ V)) for A in (body.M, body.D, body.K))
     clearance = body.row_clearance
     return ReducedModel(
         M=M,
@@ -339,6 +339,6 @@ def projected(body: SlidingBody, V: Array) -> ReducedModel:
         flexibility=body.flexibility,
         clearance=None if np.isnan(clearance).all() else clearance,
         rayleigh=body.rayleigh,
-        reactions=None if body.reactions is None else body.reactions.on(V),
+        reactions=None if body.reactions is None else body.reactions.project(V),
         section=body.section,
     )

@@ -42,48 +42,48 @@ class ChangingRows:
                 allowed = "a body whose rows are on carriers is allowed, as reduction.basis = 'free_modes' makes them"
                 raise InputError("system", f"bodies.{name}.carriers", None, allowed)
         self._inputs, self._size = assembly.B.shape[1], assembly.size
-        self._on = [names.index(path) for path in system.compliance.paths]
-        self._bodies = [_Body(assembly, name, names) for name in system.bodies if system.sides_of(name)]
+        self._rope_paths = [names.index(path) for path in system.compliance.paths]
+        self._bodies = [_BodyRows(assembly, name, names) for name in system.bodies if system.sides_of(name)]
         self._system, self._names, everywhere = system, names, (-np.inf, np.inf)
         self._ends = np.array([system.ranges.get(name, everywhere) for name in names]).T
-        self._key, self._changing = b"", self._at(np.clip(np.zeros(len(names)), *self._ends))
+        self._key, self._derivatives = b"", self._evaluate(np.clip(np.zeros(len(names)), *self._ends))
 
-    def at(self, s: Array) -> Changing:
+    def evaluate(self, s: Array) -> RowDerivatives:
         """Rows and derivatives with the paths at s (P,) in m; the last result is stored and returned again for its s.
 
         An InputError is raised if a path leads a place to where its row is not defined.
         """
         if (key := s.tobytes()) != self._key:
             if np.any((s < self._ends[0]) | (s > self._ends[1])):
-                self._system.coordinates(dict(zip(self._names, s, strict=True)))
-            self._key, self._changing = key, self._at(s)
-        return self._changing
+                self._system.side_coordinates(dict(zip(self._names, s, strict=True)))
+            self._key, self._derivatives = key, self._evaluate(s)
+        return self._derivatives
 
-    def _at(self, s: Array) -> Changing:
+    def _evaluate(self, s: Array) -> RowDerivatives:
         """Rows and derivatives with the paths at s (P,) in m."""
         compliance, n, i, P = self._system.compliance, self._size, self._inputs, len(self._names)
         m = len(compliance.constant)
         rows = _zero_rows(m, n, i)
         slopes, curves = _zero_rows(m, n, i, P), _zero_rows(m, n, i, P, P)
-        rows.F[:] = compliance.at(s[self._on])
-        np.add.at(slopes.F, self._on, compliance.slopes)
+        rows.F[:] = compliance.matrix(s[self._rope_paths])
+        np.add.at(slopes.F, self._rope_paths, compliance.slopes)
         for body in self._bodies:
             body.add(s, rows, slopes, curves)
         rigid = is_round_off(rows.F, self._system.largest_flexibility)
         for part in (rows, slopes, curves):
             clear_rows(part.F, rigid)
-        return Changing(rows, slopes, curves)
+        return RowDerivatives(rows, slopes, curves)
 
 
 @dataclass(frozen=True)
-class Changing:
+class RowDerivatives:
     """Rows of m contacts with P paths at given coordinates, and their derivatives; arrays of outputs are empty."""
 
     rows: ContactRows
     slopes: ContactRows  # (P, ...): derivatives with respect to each path
     curves: ContactRows  # (P, P, ...): second derivatives with respect to each two paths
 
-    def along(self, rates: Array) -> tuple[ContactRows, ContactRows]:
+    def time_derivatives(self, rates: Array) -> tuple[ContactRows, ContactRows]:
         """First and second derivatives of the rows in t, for paths that move at constant rates (P,) in m/s."""
         first = (np.tensordot(rates, A, 1) for A in vars(self.slopes).values())
         second = (np.tensordot(rates, np.tensordot(rates, A, 1), 1) for A in vars(self.curves).values())
@@ -96,15 +96,15 @@ def _zero_rows(m: int, n: int, i: int, *paths: int) -> ContactRows:
     return ContactRows(*(np.zeros((*paths, *shape)) for shape in shapes))
 
 
-class _Body:
+class _BodyRows:
     """Contribution of one body to the contacts: k sides on d carriers each, with polynomials of the same degree."""
 
     def __init__(self, assembly: Assembly, name: str, names: Sequence[str]) -> None:
         system = assembly.system
         self._carriers = system.bodies[name].carriers
         assert self._carriers is not None
-        self._values = self._carriers.values[:, assembly.free[name]]
-        self._coordinates, self._inputs = assembly.coordinates[name], assembly.inputs[name]
+        self._values = self._carriers.values[:, assembly.free_coordinates[name]]
+        self._coordinates, self._inputs = assembly.coordinate_slices[name], assembly.input_slices[name]
         sides: list[Side] = [system.sides[number] for number in system.sides_of(name)]
         rows = [system.row(side.place) for side in sides]
         self._contacts, k = np.array([side.contact for side in sides]), len(sides)
@@ -116,8 +116,10 @@ class _Body:
         self._breaks = [row.breaks for row in rows]
         self._ends = np.array([[row.breaks[0], row.breaks[-1]] for row in rows]).T
         self._powers, d = (max(row.coefficients.shape[axis] for row in rows) for axis in (0, 2))
-        self._touched = [_wider(row.touched, row.touched.shape[0], d) for row in rows]
-        self._coefficients = [_wider(row.coefficients, self._powers, row.coefficients.shape[1], d) for row in rows]
+        self._touched = [_pad_to_shape(row.touched, row.touched.shape[0], d) for row in rows]
+        self._coefficients = [
+            _pad_to_shape(row.coefficients, self._powers, row.coefficients.shape[1], d) for row in rows
+        ]
         # shape of the weights of all sides (contacts, k d), and the indices of each side's weights in it
         self._shape = (len(system.contacts), k * d)
         self._at = self._contacts[:, None], np.arange(k * d).reshape(k, d)
@@ -174,7 +176,7 @@ class _Body:
         curves.F[:] += crossed + crossed.transpose(0, 1, 3, 2)
 
 
-def _wider(values: NDArray[Any], *shape: int) -> NDArray[Any]:
+def _pad_to_shape(values: NDArray[Any], *shape: int) -> NDArray[Any]:
     """Pad `values` to `shape` with zeros: before the first powers, and behind the last carriers."""
     first = shape[0] - values.shape[0]
     wide = np.zeros(shape, values.dtype)

@@ -20,7 +20,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import contributions, evaluate
+from pmr.constraints.polynomials import evaluate, power_contributions
 from pmr.errors import SimulationError
 from pmr.system.body import SlidingBody
 
@@ -54,16 +54,16 @@ class ContactRows:
     H: Array  # ([T,] m, i) m/N: motion of the contacts by i unit inputs, by the residual flexibility
     X: Array  # ([T,] o, m) m/N: by how much unit contact forces reduce o outputs, by the residual flexibility
 
-    def at(self, k: int) -> ContactRows:
+    def at_time(self, k: int) -> ContactRows:
         """Rows of the contacts at time number k."""
         return ContactRows(self.C[k], self.F[k], self.H[k], self.X[k])
 
-    def of(self, which: NDArray[np.bool_]) -> ContactRows:
+    def select(self, which: NDArray[np.bool_]) -> ContactRows:
         """Rows of the contacts `which` (m,) alone."""
         F = self.F[..., which, :][..., which]
         return ContactRows(self.C[..., which, :], F, self.H[..., which, :], self.X[..., which])
 
-    def unit(self, K: Any) -> float:
+    def force_scale(self, K: Any) -> float:
         """Unit of forces by which contact equations are scaled: the largest entry of the stiffness K (n, n).
 
         If K is zero, as for rigid motions, it is the largest entry of C squared over that of F, or 1 if F is zero.
@@ -72,7 +72,7 @@ class ContactRows:
         return float(abs(K).max() or (abs(self.C).max() ** 2 / flexibility if flexibility else 1.0))
 
     @cached_property
-    def answers(self) -> Array:
+    def force_coefficients(self) -> Array:
         """Contact forces F^-1 C and F^-1 H (m, n + i), side by side, by unit coordinates and inputs; at one time."""
         return np.asarray(np.linalg.solve(self.F, np.hstack([self.C, self.H])))
 
@@ -84,11 +84,11 @@ class ContactRows:
 
 def add_springs(K: Array, rows: ContactRows) -> Array:
     """Return K (n, n) plus the stiffness C^T F^-1 C of the contacts that are not rigid."""
-    soft = rows.of(~rows.rigid)
+    soft = rows.select(~rows.rigid)
     return np.asarray(K + soft.C.T @ np.linalg.solve(soft.F, soft.C))
 
 
-def left_free(C: Array) -> Array | None:
+def free_motions(C: Array) -> Array | None:
     """Orthonormal basis (n, k) of the motions that rigid contacts C (m, n) leave free; None if m is 0."""
     return scipy.linalg.null_space(C) if len(C) else None
 
@@ -101,7 +101,7 @@ def compliant_rows(body: SlidingBody) -> list[int]:
     """Numbers of the rows of a body that give way, by its residual flexibility or at a pad."""
     F = np.diag(body.row_compliance)
     if body.flexibility is not None:
-        F = F + np.abs(contributions(body.flexibility.rows)).max(axis=(0, 1))
+        F = F + np.abs(power_contributions(body.flexibility.rows)).max(axis=(0, 1))
     return np.flatnonzero(~is_round_off(F)).tolist()
 
 
@@ -112,7 +112,7 @@ class CompliantRows:
         self._body, self.numbers = body, compliant_rows(body)
         self._round_off = np.zeros(len(self.numbers))
         if body.flexibility is not None:
-            largest = np.abs(contributions(body.flexibility.rows)).max(axis=(0, 1))
+            largest = np.abs(power_contributions(body.flexibility.rows)).max(axis=(0, 1))
             self._round_off = 4.0 * np.finfo(float).eps * np.diag(largest)[self.numbers]
 
     def check(self, s: Array) -> None:

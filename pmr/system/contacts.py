@@ -106,26 +106,32 @@ class Contact:
     def __post_init__(self) -> None:
         for place in (self.inner, *filter(None, (self.outer,))):
             if not (np.isfinite(place.at) and np.isfinite(place.rate) and place.rate):
-                raise refusal(self.name, "place", (place.at, place.rate), "finite at and rate, rate not 0, are allowed")
+                raise contact_error(
+                    self.name, "place", (place.at, place.rate), "finite at and rate, rate not 0, are allowed"
+                )
         if self.direction not in (1.0, -1.0):
-            raise refusal(self.name, "direction", self.direction, "1 or -1 is allowed")
+            raise contact_error(self.name, "direction", self.direction, "1 or -1 is allowed")
         if not 0.0 <= self.compliance < np.inf:
-            raise refusal(self.name, "compliance", self.compliance, "0 or more, in m/N, is allowed")
+            raise contact_error(self.name, "compliance", self.compliance, "0 or more, in m/N, is allowed")
         if not np.isfinite(self.lengthening) or (self.lengthening and self.path is None):
-            raise refusal(self.name, "lengthening", self.lengthening, "a finite number, with a path, is allowed")
+            raise contact_error(self.name, "lengthening", self.lengthening, "a finite number, with a path, is allowed")
         if self.clearance is not None and not 0.0 <= self.clearance < np.inf:
-            raise refusal(self.name, "clearance", self.clearance, "a length from 0 on is allowed")
+            raise contact_error(self.name, "clearance", self.clearance, "a length from 0 on is allowed")
         if not 0.0 < self.shear_stiffness < np.inf:
-            raise refusal(self.name, "shear_stiffness", self.shear_stiffness, "more than 0 N/m is allowed")
+            raise contact_error(self.name, "shear_stiffness", self.shear_stiffness, "more than 0 N/m is allowed")
         if self.static_friction and not self.friction <= self.static_friction < np.inf:
-            raise refusal(self.name, "static_friction", self.static_friction, f"{self.friction} or more is allowed")
+            raise contact_error(
+                self.name, "static_friction", self.static_friction, f"{self.friction} or more is allowed"
+            )
         if not 0.0 < self.stribeck_speed < np.inf:
-            raise refusal(self.name, "stribeck_speed", self.stribeck_speed, "more than 0 m/s is allowed")
+            raise contact_error(self.name, "stribeck_speed", self.stribeck_speed, "more than 0 m/s is allowed")
         if self.outer is not None and self.outer.body == self.inner.body:
-            raise refusal(self.name, "outer", self.outer.body, "another body than the inner one, or none, is allowed")
+            raise contact_error(
+                self.name, "outer", self.outer.body, "another body than the inner one, or none, is allowed"
+            )
 
 
-def refusal(contact: str, key: str, value: object, allowed: str) -> InputError:
+def contact_error(contact: str, key: str, value: object, allowed: str) -> InputError:
     """Error about the value of the property `key` of the contact with the name `contact`."""
     return InputError("system", f"contacts.{contact}.{key}", value, allowed)
 
@@ -244,14 +250,14 @@ class Compliance:
     slopes: Array  # (Q, m, m) 1/N
 
     @classmethod
-    def of(cls, contacts: Sequence[Contact]) -> Compliance:
+    def from_contacts(cls, contacts: Sequence[Contact]) -> Compliance:
         """Compliance of a system's contacts; an InputError is raised if one bears a contact that does not exist."""
         names = [contact.name for contact in contacts]
         S = np.eye(len(contacts))
         for k, contact in enumerate(contacts):
             for name, share in contact.bears:
                 if name not in names:
-                    raise refusal(contact.name, "bears", name, f"{', '.join(names)} are allowed")
+                    raise contact_error(contact.name, "bears", name, f"{', '.join(names)} are allowed")
                 S[k, names.index(name)] += share
         compliances, grows = (
             np.array([getattr(contact, what) for contact in contacts]) for what in ("compliance", "lengthening")
@@ -268,15 +274,15 @@ class Compliance:
         """Contacts (m,) without a compliance of their own while all paths are at 0."""
         return np.diagonal(self.constant) == 0.0
 
-    def at(self, s: Array) -> Array:
+    def matrix(self, s: Array) -> Array:
         """A(s) (..., m, m) in m/N with the paths at s (..., Q) in m."""
         return np.asarray(self.constant + np.tensordot(s, self.slopes, 1))
 
-    def moved(self, forces: Array, s: Array) -> Array:
+    def displacements(self, forces: Array, s: Array) -> Array:
         """A(s) lambda (T, m) in m under forces lambda (T, m) in N, with the paths at s (T, Q) in m."""
         return np.asarray(forces @ self.constant + np.einsum("tm,qmn,tq->tn", forces, self.slopes, s))
 
-    def work(self, forces: Array, s: Array) -> Array:
+    def drum_work(self, forces: Array, s: Array) -> Array:
         """Work (T - 1,) in J of drums on the boom in each step, from forces (T, m) in N and paths at s (T, Q) in m.
 
         Each step has the mean of the forces at its two ends.
@@ -294,16 +300,16 @@ class Friction:
 
     joints: tuple[str, ...]  # names of the sections that slide, which are the names of their paths too
     pads: Indices  # (n,): numbers of the pads' contacts
-    first: Indices  # (J + 1,): index in `pads` of the first pad of each joint; n at the end
+    first_pads: Indices  # (J + 1,): index in `pads` of the first pad of each joint; n at the end
     cylinders: Indices  # (J,): numbers of the cylinders' contacts; -1 for a joint without a cylinder
-    gives: Array  # (J,) m/N: compliance 1/k of the cylinders; 0 for a rigid one or none
+    cylinder_compliance: Array  # (J,) m/N: compliance 1/k of the cylinders; 0 for a rigid one or none
     laws: Array  # (n, 3): constants of the friction laws, as `friction_law` returns them
     stiffness: Array  # (n,) N/m: kappa
     arms: Array  # (n,) m: e
     count: int  # number m of all contacts
 
     @classmethod
-    def of(cls, contacts: Sequence[Contact]) -> Friction | None:
+    def from_contacts(cls, contacts: Sequence[Contact]) -> Friction | None:
         """Friction of a system's contacts; None if no contact has any."""
         numbers = {contact.name: k for k, contact in enumerate(contacts)}
         joints = tuple(dict.fromkeys(contact.inner.body for contact in contacts if contact.friction))
@@ -327,17 +333,17 @@ class Friction:
             len(contacts),
         )
 
-    def totals(self, friction: Array) -> Array:
+    def joint_totals(self, friction: Array) -> Array:
         """Sum of friction (..., J) in N of each joint, from the friction (..., n) in N of its pads."""
-        return np.asarray(np.add.reduceat(friction, self.first[:-1], axis=-1))
+        return np.asarray(np.add.reduceat(friction, self.first_pads[:-1], axis=-1))
 
-    def along(self, friction: Array) -> Array:
+    def cylinder_forces(self, friction: Array) -> Array:
         """Friction (..., m) in N that contacts bear: the cylinder of a joint bears that of its pads, all others none.
 
         The friction of the pads is (..., n) in N.
         """
         borne, driven = np.zeros((*friction.shape[:-1], self.count)), self.cylinders >= 0
-        borne[..., self.cylinders[driven]] = self.totals(friction)[..., driven]
+        borne[..., self.cylinders[driven]] = self.joint_totals(friction)[..., driven]
         return borne
 
     def moments(self, friction: Array, forces: Array) -> Array:
@@ -349,32 +355,34 @@ class Friction:
         pad_moments[..., self.pads] = self.arms * np.sign(forces[..., self.pads]) * friction
         return pad_moments
 
-    def gaps(self, friction: Array) -> Array:
+    def compressions(self, friction: Array) -> Array:
         """Compression (..., m) in m of the joints' cylinders by the friction (..., n) in N of the pads.
 
         It is zero for all other contacts.
         """
-        return self.gaps_of(self.totals(friction))
+        return self.compressions_by_totals(self.joint_totals(friction))
 
-    def gaps_of(self, totals: Array) -> Array:
+    def compressions_by_totals(self, totals: Array) -> Array:
         """Compression (..., m) in m of the joints' cylinders by the joints' friction (..., J) in N.
 
         It is zero for all other contacts.
         """
         gaps, driven = np.zeros((*totals.shape[:-1], self.count)), self.cylinders >= 0
-        gaps[..., self.cylinders[driven]] = (self.gives * totals)[..., driven]
+        gaps[..., self.cylinders[driven]] = (self.cylinder_compliance * totals)[..., driven]
         return gaps
 
-    def stored(self, friction: Array, forces: Array) -> Array:
+    def stored_energy(self, friction: Array, forces: Array) -> Array:
         """Energy (...) in J that cylinders store beyond lambda^2 / 2 k, with friction (..., n) in N of the pads.
 
         Of the `forces` (..., m) in N of all contacts those of cylinders are Lambda, their friction included.
         """
-        total = self.totals(friction)
-        return np.asarray(np.sum(self.gives * total * (forces[..., self.cylinders] - total / 2.0), axis=-1))
+        total = self.joint_totals(friction)
+        return np.asarray(
+            np.sum(self.cylinder_compliance * total * (forces[..., self.cylinders] - total / 2.0), axis=-1)
+        )
 
 
-def joints_of(contacts: Sequence[Contact]) -> tuple[str, ...]:
+def friction_joints(contacts: Sequence[Contact]) -> tuple[str, ...]:
     """Names of the sections that slide with friction, as in `Friction.joints`; empty without friction."""
-    friction = Friction.of(contacts)
+    friction = Friction.from_contacts(contacts)
     return () if friction is None else friction.joints

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from pmr.reduced.soundness import pivoted_root
+from pmr.reduced.soundness import pivoted_cholesky
 
 Array = NDArray[np.float64]
 
@@ -22,16 +22,16 @@ BESIDE = 1e-2
 MOST_STEPS, SETTLED, BELOW = 30, 1e-12, 1e-6
 
 
-def root(A: Array) -> Array | None:
+def cholesky_root(A: Array) -> Array | None:
     """Factor L (n, r) of a positive semidefinite A = L L^T (n, n), by Cholesky with pivots; None if A is not.
 
     For any L, :math:`|A - L L^T|_F` is at least the absolute value of the lowest eigenvalue of A, if that is negative.
     """
-    L = pivoted_root(A)
+    L = pivoted_cholesky(A)
     return L if np.linalg.norm(A - L @ L.T) <= ROUND_OFF * np.linalg.norm(A) else None
 
 
-class Free:
+class FreeMotions:
     """Motions that the rows C (c, n) leave free: an orthonormal basis Z (n, r) of them, and matrices on it.
 
     It is computed by Householder reflections, one for each row, so no products of full matrices are needed.
@@ -45,13 +45,13 @@ class Free:
     @property
     def basis(self) -> Array:
         """Orthonormal basis Z (n, r) of the free motions."""
-        return self._behind(np.eye(len(self._reflections)))[:, self._held :]
+        return self._rotate(np.eye(len(self._reflections)))[:, self._held :]
 
-    def on(self, A: Array) -> Array:
+    def project(self, A: Array) -> Array:
         """Z^T A Z (r, r) of a symmetric matrix A (n, n)."""
-        return self._behind(self._behind(A).T)[self._held :, self._held :]
+        return self._rotate(self._rotate(A).T)[self._held :, self._held :]
 
-    def _behind(self, A: Array) -> Array:
+    def _rotate(self, A: Array) -> Array:
         """Product A Q (k, n) of A (k, n) with the orthogonal factor Q of C^T; its last r columns are Z."""
         if not len(self._scales):
             return A
@@ -67,11 +67,11 @@ def first_singular(A: Array, B: Array, near: float = np.nan, up_to: float = np.i
     result is accepted if the matrix is positive definite a little below it: as A is so too, all matrices between are.
     """
     A, B = (A + A.T) / 2.0, (B + B.T) / 2.0
-    if not definite(A):
+    if not is_definite(A):
         return 0.0
     if 0.0 < near < np.inf and (load := _singular_above(A, B, near * (1.0 - BESIDE))) is not None:
         return load
-    if np.isfinite(up_to) and definite(A + up_to * B):
+    if np.isfinite(up_to) and is_definite(A + up_to * B):
         return np.inf
     try:
         least = float(scipy.linalg.eigh(B, A, eigvals_only=True, subset_by_index=(0, 0))[0])
@@ -99,17 +99,17 @@ def _singular_above(A: Array, B: Array, low: float) -> float | None:
             return None
         load = low + float(b @ x) / pressed
         if abs(load - last) <= SETTLED * load:
-            return load if definite(A + load * (1.0 - BELOW) * B) else None
+            return load if is_definite(A + load * (1.0 - BELOW) * B) else None
         last, x = load, x / np.linalg.norm(x)
     return None
 
 
-def definite(A: Array) -> bool:
+def is_definite(A: Array) -> bool:
     """Whether a symmetric matrix (n, n) is positive definite, by Cholesky."""
     return bool(scipy.linalg.lapack.dpotrf(A, lower=1, clean=0)[1] == 0)
 
 
-def oscillations(M: Array, V: Array | None, K: Array) -> Array:
+def natural_frequencies(M: Array, V: Array | None, K: Array) -> Array:
     """Frequencies omega (n,) in rad/s, ascending, of M q'' + V q' + K q = 0 with V antisymmetric or None.
 
     Omega is 0 for directions in which K is not positive.  On modes of K, with the rates z' and the strains omega z as

@@ -27,7 +27,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.rows import Row, dense_entries
-from pmr.reduced.carriers import CarriedRows, CarrierFlexibility
+from pmr.reduced.carriers import CarrierFlexibility, CarrierRows
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.built import force_of
@@ -66,7 +66,7 @@ def contacts_of(scene: Scene, bodies: Mapping[str, Body]) -> tuple[Contact, ...]
     places = [place for contact in contacts for place in (contact.inner, contact.outer) if place is not None]
     joined = {(place.body, place.row) for place in places}
     ground = [
-        contact for name, body in bodies.items() for contact in _on_ground(name, body, joined, scene.bodies[name])
+        contact for name, body in bodies.items() for contact in _ground_contacts(name, body, joined, scene.bodies[name])
     ]
     return (*contacts, *ground)
 
@@ -120,8 +120,8 @@ def _contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator
         for place, names in ((within, WITHIN), (around, AROUND)):
             yield from (Contact(f"{place.body} {name}", replace(place, row=name), kind="straight") for name in names)
     if TAIL in bodies[inner].row_names:
-        at = _somewhere(bodies[inner], TAIL)
-        held = Place(outer, TAIL, _somewhere(bodies[outer], TAIL)) if TAIL in bodies[outer].row_names else None
+        at = _first_break(bodies[inner], TAIL)
+        held = Place(outer, TAIL, _first_break(bodies[outer], TAIL)) if TAIL in bodies[outer].row_names else None
         drive, shares = Drive.of(scene, number), rope_shares(scene).get(inner, {})
         yield Contact(
             cylinder_of(inner),
@@ -169,7 +169,7 @@ def _arm(part: Part, face: str) -> float:
     return 0.0 if side is None else float(side.normal @ side.start)
 
 
-def _on_ground(name: str, body: Body, joined: set[tuple[str, str]], part: Part) -> Iterator[Contact]:
+def _ground_contacts(name: str, body: Body, joined: set[tuple[str, str]], part: Part) -> Iterator[Contact]:
     """Contacts of a body with the ground: its pads, and its supports except those that hold a single coordinate.
 
     Rows (body, row) that are `joined`, and rows of tails and points, are left out.
@@ -178,14 +178,14 @@ def _on_ground(name: str, body: Body, joined: set[tuple[str, str]], part: Part) 
     for number, row in enumerate(body.row_names):
         if (name, row) not in joined and number not in body.held and row not in (TAIL, POINT):
             compliance, clearance = float(body.row_compliance[number]), float(body.row_clearance[number])
-            place, kind = Place(name, row, _somewhere(body, row)), "pad" if row in pads else "support"
+            place, kind = Place(name, row, _first_break(body, row)), "pad" if row in pads else "support"
             gap, direction = None if np.isnan(clearance) else clearance, 1.0
             if row == LUFFING_CYLINDER:
-                place, direction = _turning(name, body), -1.0
+                place, direction = _luffing_place(name, body), -1.0
             yield Contact(f"{name} {row}", place, None, direction, compliance, gap, kind=kind)
 
 
-def _turning(name: str, body: Body) -> Place:
+def _luffing_place(name: str, body: Body) -> Place:
     """Place of a luffing cylinder's row, whose domain spans a turn of the angle (`pmr.fullmodel.luffing`)."""
     assert body.carriers is not None
     breaks = body.carriers.row(body.row_names.index(LUFFING_CYLINDER), LUFFING_CYLINDER).breaks
@@ -193,7 +193,7 @@ def _turning(name: str, body: Body) -> Place:
     return Place(name, LUFFING_CYLINDER, (low + high) / 2.0, LUFFING, (high - low) / (2.0 * np.pi))
 
 
-def _somewhere(body: Body, row: str) -> float:
+def _first_break(body: Body, row: str) -> float:
     """Coordinate in m at which a row that does not travel is defined: the first of its breaks."""
     assert body.carriers is not None
     return float(body.carriers.row(body.row_names.index(row), row).breaks[0])
@@ -209,27 +209,27 @@ SUMS = 32
 
 
 @dataclass(frozen=True)
-class Combined:
+class CombinedRings:
     """A system whose rings of pads are fewer contacts, m' instead of m."""
 
     system: System
     # (m, m'): forces (T, m') of its contacts times the transpose are those of the m original ones; None: no change
     shares: Array | None = None
 
-    def forces(self, reduced_forces: Array) -> Array:
+    def original_forces(self, reduced_forces: Array) -> Array:
         """Forces (..., m) in N of the original contacts, from those (..., m') in N of the smaller system."""
         return reduced_forces if self.shares is None else reduced_forces @ self.shares.T
 
 
-def combine_rings(system: System) -> Combined:
+def combine_rings(system: System) -> CombinedRings:
     """Combine the rings of pads of a system of reduced bodies into as few contacts as they need.
 
     A system on one path, or without such rings, stays as it is.
     """
     if system.on_one_path:
-        return Combined(system)
+        return CombinedRings(system)
     numbers, contacts, shares = np.eye(len(system.contacts)), list[Contact](), list[Array]()
-    bodies = {name: _Rows(body) for name, body in system.reduced.items()}
+    bodies = {name: _BodyRows(body) for name, body in system.reduced.items()}
     for ring, S in _rings(system.contacts, bodies):
         pads = [system.contacts[k] for k in ring]
         scaled = np.sqrt(_relative_stiffness(pads))
@@ -246,12 +246,12 @@ def combine_rings(system: System) -> Combined:
             contacts.append(contact)
             shares.append((share * scaled) @ numbers[ring])
     if len(contacts) == len(numbers):
-        return Combined(system)
+        return CombinedRings(system)
     models = {name: rows.model for name, rows in bodies.items()}
-    return Combined(System(models, tuple(contacts), terms=system.terms), np.array(shares).T)
+    return CombinedRings(System(models, tuple(contacts), terms=system.terms), np.array(shares).T)
 
 
-def _rings(contacts: Sequence[Contact], bodies: Mapping[str, _Rows]) -> list[tuple[list[int], Array]]:
+def _rings(contacts: Sequence[Contact], bodies: Mapping[str, _BodyRows]) -> list[tuple[list[int], Array]]:
     """Numbers of the contacts of each ring with its matrix S (pads, fewer); [[1]] for a contact that stays single."""
     groups = dict[object, list[int]]()
     for number, contact in enumerate(contacts):
@@ -260,7 +260,7 @@ def _rings(contacts: Sequence[Contact], bodies: Mapping[str, _Rows]) -> list[tup
         groups.setdefault(where if combines else number, []).append(number)
     rings = list[tuple[list[int], Array]]()
     for ring in groups.values():
-        S = _orthonormal(bodies, [contacts[k] for k in ring]) if len(ring) > 1 else None
+        S = _ring_basis(bodies, [contacts[k] for k in ring]) if len(ring) > 1 else None
         rings.extend([([k], np.ones((1, 1))) for k in ring] if S is None else [(ring, S)])
     return rings
 
@@ -278,14 +278,14 @@ def _relative_stiffness(pads: Sequence[Contact]) -> Array:
     return np.asarray(stiffness / np.mean(stiffness))
 
 
-def _orthonormal(bodies: Mapping[str, _Rows], pads: Sequence[Contact]) -> Array | None:
+def _ring_basis(bodies: Mapping[str, _BodyRows], pads: Sequence[Contact]) -> Array | None:
     """Orthonormal basis (pads, fewer) of what the pads' rows measure, times the root of their relative stiffness.
 
     None if it has as many columns as pads, or if rows can't be combined.
     """
     measured = []
     for same in zip(*map(_places, pads), strict=True):
-        measures = bodies[same[0].body].measured([place.row for place in same])
+        measures = bodies[same[0].body].measures([place.row for place in same])
         if measures is None:
             return None
         measured.append(measures)
@@ -295,7 +295,7 @@ def _orthonormal(bodies: Mapping[str, _Rows], pads: Sequence[Contact]) -> Array 
     return None if len(fewer.T) == len(pads) else fewer
 
 
-class _Rows:
+class _BodyRows:
     """Rows of a body and linear combinations of them, on as few carriers as these combinations need.
 
     Rows that differ in their carriers only, as on a mesh whose cross-section deforms, are combined by sums of carriers;
@@ -309,7 +309,7 @@ class _Rows:
         self._parts = list[tuple[Indices, Indices, Array]]()
         self._rows = dict[tuple[object, ...], Row]()
 
-    def measured(self, names: Sequence[str]) -> Array | None:
+    def measures(self, names: Sequence[str]) -> Array | None:
         """What the rows with these names measure of modes, flexibility and inputs, (rows, any).
 
         None if they have different breaks or degrees.  Random sums stand for many coefficients: only the dependence of
@@ -320,7 +320,7 @@ class _Rows:
             return None
         if len({len(row.coefficients) for row in rows}) > 1:
             return None
-        if (offsets := _offsets(rows)) is not None:
+        if (offsets := _carrier_offsets(rows)) is not None:
             used = np.unique(rows[0].touched)
             return np.array([self._carrier_measures[used + offset].ravel() for offset in offsets])
         powers = np.arange(len(rows[0].coefficients))[::-1, None]
@@ -349,7 +349,7 @@ class _Rows:
         key = (*names, shares.tobytes())
         if key not in self._rows:
             rows, name = [self._row(name) for name in names], f"{names[0]}, {len(self._rows) + 1}"
-            offsets = _offsets(rows)
+            offsets = _carrier_offsets(rows)
             if offsets is None or len(rows) == 1:
                 entries = sum(share * row.entries for share, row in zip(shares, rows, strict=True))
                 touched, coefficients = dense_entries(sp.csr_matrix(entries), len(rows[0].coefficients))
@@ -381,14 +381,14 @@ class _Rows:
         )
         rows = [replace(row, touched=np.searchsorted(used, row.touched)) for row in rows]
         names = tuple(row.name for row in rows)
-        return replace(self._body, row_names=names, carriers=CarriedRows.of(rows, P @ old.values, flexibility))
+        return replace(self._body, row_names=names, carriers=CarrierRows.from_rows(rows, P @ old.values, flexibility))
 
     def _row(self, name: str) -> Row:
         """Row of the body with that name."""
         return self._carriers.row(self._body.row_names.index(name), name)
 
 
-def _offsets(rows: Sequence[Row]) -> list[int] | None:
+def _carrier_offsets(rows: Sequence[Row]) -> list[int] | None:
     """By how much the carrier numbers of each row exceed those of the first; None if rows differ in anything else."""
     first, offsets = rows[0], list[int]()
     for row in rows:

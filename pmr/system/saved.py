@@ -37,7 +37,7 @@ ROOM = npz.MOST_EXPANSION, npz.ROOM
 
 
 @dataclass(frozen=True)
-class Saved:
+class StoredSystem:
     """Content of a file: the fields of a `System`."""
 
     bodies: Mapping[str, ReducedModel]
@@ -74,15 +74,15 @@ class _Header:
 _HEADER = TypeAdapter(_Header)
 
 
-def write(path: Path, system: Saved) -> None:
+def write(path: Path, system: StoredSystem) -> None:
     """Write a system to a file, which is replaced only once it is complete."""
     arrays = dict[str, NDArray[Any]]()
     for number, body in enumerate(system.bodies.values()):
-        arrays |= stored.arrays(body, f"bodies.{number}.")
+        arrays |= stored.pack(body, f"bodies.{number}.")
     same, names = dict[str, str](), list(system.bodies)
     for number, (name, body) in enumerate(system.on_modes.items()):
         stem = f"bodies.{names.index(name)}."
-        for key, array in stored.arrays(body).items():
+        for key, array in stored.pack(body).items():
             if stem + key in arrays and np.array_equal(array, arrays[stem + key]):
                 same[f"on_modes.{number}.{key}"] = stem + key
             else:
@@ -102,7 +102,7 @@ def write(path: Path, system: Saved) -> None:
     npz.write(path, arrays, {**header, **parts}, compressed=True)
 
 
-def read(path: Path) -> Saved | ReducedModel:
+def read(path: Path) -> StoredSystem | ReducedModel:
     """Return the content of a file of `write`, or the model of a file that holds one body (`ReducedModel.save`).
 
     An InputError that names the file is raised under the conditions of `ReducedModel.load`.
@@ -146,7 +146,7 @@ def read(path: Path) -> Saved | ReducedModel:
         dict(zip(file_header.bodies, models, strict=True)),
         dict(zip(file_header.on_modes, on_modes, strict=True)),
     )
-    return Saved(bodies, file_header.contacts, terms, file_header.provenance, modal)
+    return StoredSystem(bodies, file_header.contacts, terms, file_header.provenance, modal)
 
 
 def _term(header: _TermHeader, data: Mapping[str, NDArray[Any]], prefix: str) -> Term:
@@ -174,12 +174,12 @@ def _contradiction(header: _Header, models: list[ReducedModel], on_modes: list[R
     for name, model in zip(header.on_modes, on_modes, strict=True):
         if name not in header.bodies:
             return f"on_modes.{name}: {', '.join(header.bodies)} are allowed"
-        if wrong := model.contradiction() or _other(models[header.bodies.index(name)], model):
+        if wrong := model.contradiction() or _mismatch(models[header.bodies.index(name)], model):
             return f"on_modes.{name}: {wrong}"
     return None
 
 
-def _other(model: ReducedModel, on_modes: ReducedModel) -> str | None:
+def _mismatch(model: ReducedModel, on_modes: ReducedModel) -> str | None:
     """Why `on_modes` can't be the model without cylinder modes and modes without inertia, in words; None if it can."""
     for names in ("row_names", "input_names", "output_names"):
         if getattr(model, names) != getattr(on_modes, names):

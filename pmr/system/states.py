@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pmr.system.body import Trajectory
 from pmr.system.contacts import Friction
-from pmr.system.system import Joined, System
+from pmr.system.system import BodySystem, System
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -59,7 +59,7 @@ class SystemTrajectory:
         bodies = {name: replace(trajectory, **change_arrays(trajectory)) for name, trajectory in self.bodies.items()}
         return replace(self, bodies=bodies, **change_arrays(self))
 
-    def at(self, steps: NDArray[np.int64] | slice) -> SystemTrajectory:
+    def select(self, steps: NDArray[np.int64] | slice) -> SystemTrajectory:
         """Return the trajectory at the steps with these numbers (S,) or in this slice.
 
         What belongs to the step that ends at a time, `parts` and `impulses`, is left out (None).
@@ -86,8 +86,8 @@ class BodyStates:
     rows: tuple[str, ...]  # (m,): names
     # friction (`pmr.system.contacts`) at its rows, (S, m): moments in N m, and forces in N that pull the body towards
     # its tail at the row and push its tail with the same force the other way; None without friction
-    moments: Array | None = None
-    along: Array | None = None
+    friction_moments: Array | None = None
+    friction_forces: Array | None = None
 
     def __getitem__(self, which: slice) -> BodyStates:
         """Return the states at the times in that slice."""
@@ -95,35 +95,38 @@ class BodyStates:
             self, **{key: array[which] for key, array in vars(self).items() if key != "rows" and array is not None}
         )
 
-    def share(self, columns: slice) -> BodyStates:
+    def select_coordinates(self, columns: slice) -> BodyStates:
         """Return the states with the coordinates in that slice only."""
         return replace(self, p=self.p[:, columns], v=self.v[:, columns])
 
 
-def rubbed_on(
-    system: Joined[Any], name: str, forces: Array, friction: Array | None
+def friction_on_body(
+    system: BodySystem[Any], name: str, forces: Array, friction: Array | None
 ) -> tuple[Array, Array] | tuple[None, None]:
     """`moments` and `along` of a body's `BodyStates`, from forces (S, m) of contacts and friction (S, n) of pads.
 
     Both are None if there is no friction.
     """
-    rubbing = Friction.of(system.contacts)
+    rubbing = Friction.from_contacts(system.contacts)
     if rubbing is None or friction is None:
         return None, None
     sides, of_contacts = [system.sides[number] for number in system.sides_of(name)], np.zeros(forces.shape)
     of_contacts[:, rubbing.pads] = friction
     on = [side.contact for side in sides]
     ways = np.array([side.sign * system.contacts[side.contact].direction for side in sides])  # 1 of the inner section
-    return system.pressed(name, rubbing.moments(friction, forces)), of_contacts[:, on] * ways
+    return system.side_multipliers(name, rubbing.moments(friction, forces)), of_contacts[:, on] * ways
 
 
 def states_of(system: System, trajectory: SystemTrajectory, steps: Indices) -> dict[str, BodyStates]:
     """States of every body, by name, at the steps of a trajectory with these numbers."""
-    states, first, at_steps = {}, 0, trajectory.at(steps)
+    states, first, at_steps = {}, 0, trajectory.select(steps)
     for name, body in system.bodies.items():
         motion, last = at_steps.bodies[name], first + len(body.input_names)
         rows = tuple(system.sides[number].place.row for number in system.sides_of(name))
-        loads, rubbed = at_steps.loads[:, first:last], rubbed_on(system, name, at_steps.forces, at_steps.friction)
+        loads, rubbed = (
+            at_steps.loads[:, first:last],
+            friction_on_body(system, name, at_steps.forces, at_steps.friction),
+        )
         states[name] = BodyStates(at_steps.t, motion.s, motion.q, motion.v, motion.multipliers, loads, rows, *rubbed)
         first = last
     return states

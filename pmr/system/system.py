@@ -25,8 +25,8 @@ from pmr.errors import BEYOND_ENDS, InputError
 from pmr.reduced.model import ReducedModel
 from pmr.system import saved
 from pmr.system.body import Body, SlidingBody, names_of, units_of
-from pmr.system.contacts import ALONE, SLIDER, Compliance, Contact, Friction, Place, input_of, named, refusal
-from pmr.system.terms import Term, term_refusal
+from pmr.system.contacts import ALONE, SLIDER, Compliance, Contact, Friction, Place, contact_error, input_of, named
+from pmr.system.terms import Term, term_error
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ AnyBody = TypeVar("AnyBody", bound=Body, covariant=True)
 
 
 @dataclass(frozen=True)
-class Joined(Generic[AnyBody]):
+class BodySystem(Generic[AnyBody]):
     """Bodies of one kind, the m contacts that join them, and the terms that vary in time.
 
     An InputError is raised if a contact or term names a body or row that does not exist, if two contacts or two terms
@@ -60,25 +60,25 @@ class Joined(Generic[AnyBody]):
     def __post_init__(self) -> None:
         for term in self.terms:
             if [other.name for other in self.terms].count(term.name) > 1:
-                raise term_refusal(term.name, "name", term.name, "names that differ are allowed")
+                raise term_error(term.name, "name", term.name, "names that differ are allowed")
             for name in term.bodies:
                 if name not in self.bodies:
-                    raise term_refusal(term.name, "bodies", name, f"{', '.join(self.bodies)} are allowed")
+                    raise term_error(term.name, "bodies", name, f"{', '.join(self.bodies)} are allowed")
         names = self.contact_names
         for contact in self.contacts:
             if names.count(contact.name) > 1:
-                raise refusal(contact.name, "name", contact.name, "names that differ are allowed")
+                raise contact_error(contact.name, "name", contact.name, "names that differ are allowed")
         for side in self.sides:
             name, place = self.contacts[side.contact].name, side.place
             if place.body not in self.bodies:
-                raise refusal(name, "body", place.body, f"{', '.join(self.bodies)} are allowed")
+                raise contact_error(name, "body", place.body, f"{', '.join(self.bodies)} are allowed")
             body = self.bodies[place.body]
             if place.row not in body.row_names:
-                raise refusal(name, "row", place.row, f"{', '.join(body.row_names)} are allowed on {place.body}")
+                raise contact_error(name, "row", place.row, f"{', '.join(body.row_names)} are allowed on {place.body}")
         for path in self.compliance.paths:
             if path not in self.paths:
                 rope = next(contact.name for contact in self.contacts if contact.lengthening and contact.path == path)
-                raise refusal(rope, "path", path, f"{', '.join(self.paths) or 'none'} are allowed")
+                raise contact_error(rope, "path", path, f"{', '.join(self.paths) or 'none'} are allowed")
         for name, body in self.bodies.items():
             if body.carriers is None and not self.on_one_path:
                 allowed = "a model with carriers is allowed (`pmr.reduction.residual.section_model`)"
@@ -120,7 +120,7 @@ class Joined(Generic[AnyBody]):
         """Numbers, among `sides`, of the sides on the body with that name."""
         return [number for number, side in enumerate(self.sides) if side.place.body == body]
 
-    def pressed(self, body: str, forces: Array) -> Array:
+    def side_multipliers(self, body: str, forces: Array) -> Array:
         """Contact forces (T, m) in N as multipliers (T, k) of the k sides on a body: times the sign of each side."""
         return np.asarray(forces @ self._signs[body])
 
@@ -158,11 +158,11 @@ class Joined(Generic[AnyBody]):
     @cached_property
     def compliance(self) -> Compliance:
         """Compliance of pads, supports, cylinders and ropes themselves, without that of the bodies."""
-        return Compliance.of(self.contacts)
+        return Compliance.from_contacts(self.contacts)
 
-    def gives(self, x: Array) -> Array:
+    def contact_compliance(self, x: Array) -> Array:
         """Compliance (..., m, m) in m/N of the contacts themselves, with the sides at x (..., sides) in m."""
-        return self.compliance.at(self.rope_coordinates(x))
+        return self.compliance.matrix(self.rope_coordinates(x))
 
     def rope_coordinates(self, x: Array) -> Array:
         """Path coordinates (..., Q) in m of the Q paths that lengthen ropes, from coordinates x (..., sides) in m.
@@ -213,7 +213,7 @@ class Joined(Generic[AnyBody]):
                 ranges[place.path] = max(low, ends[0]), min(high, ends[1])
         return ranges
 
-    def rates(self, rates: Mapping[str, ArrayLike]) -> Array:
+    def side_rates(self, rates: Mapping[str, ArrayLike]) -> Array:
         """Rates (..., sides) in m/s of the places of all sides, from the rates in m/s of the paths by name."""
         shape = np.broadcast_shapes(*(np.shape(values) for values in rates.values()))
         by_side = np.zeros((*shape, len(self.sides)))
@@ -222,7 +222,7 @@ class Joined(Generic[AnyBody]):
                 by_side[..., k] = side.place.rate * np.asarray(rates[side.place.path])
         return by_side
 
-    def coordinates(self, s: Mapping[str, ArrayLike]) -> Array:
+    def side_coordinates(self, s: Mapping[str, ArrayLike]) -> Array:
         """Coordinates x (..., sides) in m of all places on their bodies, from path coordinates s in m by name.
 
         They are clipped to the ranges of their rows, which round-off may exceed.  An InputError is raised if a path is
@@ -232,21 +232,23 @@ class Joined(Generic[AnyBody]):
         for side in self.sides:
             place, name = side.place, self.contacts[side.contact].name
             if place.path is not None and place.path not in s:
-                raise refusal(name, "path", place.path, f"a path for it is needed; given: {', '.join(s) or 'none'}")
+                raise contact_error(
+                    name, "path", place.path, f"a path for it is needed; given: {', '.join(s) or 'none'}"
+                )
             low, high = self.range_of(place)
             x, slack = place.coordinate(s), BEYOND_ENDS * (high - low)
             outside = ~((x >= low - slack) & (x <= high + slack))
             if np.any(outside):
                 worst = float(np.atleast_1d(x)[np.atleast_1d(outside)][0])
                 allowed = f"{low:g} to {high:g} m are allowed on {place.body}"
-                raise refusal(name, "place", worst, allowed)
+                raise contact_error(name, "place", worst, allowed)
             places.append(np.clip(x, low, high))
         shape = np.broadcast_shapes(*(np.shape(values) for values in s.values()))
         return np.moveaxis(np.array([np.broadcast_to(x, shape) for x in places]).reshape(len(places), *shape), 0, -1)
 
 
 @dataclass(frozen=True)
-class System(Joined[SlidingBody]):
+class System(BodySystem[SlidingBody]):
     """Bodies and the contacts that join them; each body is reduced, or full and stored on one process."""
 
     provenance: dict[str, Any] = field(default_factory=dict)  # how it came about: the scene, its hash, versions
@@ -321,7 +323,7 @@ class System(Joined[SlidingBody]):
 
     def ensure_frictionless(self, source: str) -> System:
         """Return the system; raise an InputError of `source`, which can't handle friction, if a contact has any."""
-        if (friction := Friction.of(self.contacts)) is not None:
+        if (friction := Friction.from_contacts(self.contacts)) is not None:
             names = ", ".join(self.contact_names[k] for k in friction.pads)
             raise InputError(source, "friction", names, "0 is allowed here; `pmr simulate` follows friction")
         return self
@@ -350,7 +352,9 @@ class System(Joined[SlidingBody]):
         The file also has the models of `on_modes`, with which errors are estimated.  An InputError is raised if a body
         is not reduced.
         """
-        saved.write(Path(path), saved.Saved(self.reduced, self.contacts, self.terms, self.provenance, self.on_modes))
+        saved.write(
+            Path(path), saved.StoredSystem(self.reduced, self.contacts, self.terms, self.provenance, self.on_modes)
+        )
         return Path(path)
 
     @classmethod

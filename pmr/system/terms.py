@@ -50,9 +50,9 @@ class Term:
 
     def __post_init__(self) -> None:
         if not 1 <= len(set(self.bodies)) == len(self.bodies) <= 2:
-            raise term_refusal(self.name, "bodies", ", ".join(self.bodies), "one body or two that differ are allowed")
+            raise term_error(self.name, "bodies", ", ".join(self.bodies), "one body or two that differ are allowed")
         if not self.matrices:
-            raise term_refusal(self.name, "stiffness", None, "a stiffness, a damping or both are allowed")
+            raise term_error(self.name, "stiffness", None, "a stiffness, a damping or both are allowed")
 
     @property
     def matrices(self) -> dict[str, Any]:
@@ -69,11 +69,11 @@ class Term:
         """Raise an InputError unless the matrices have the shape (size, size) and are finite."""
         for key, matrix in self.matrices.items():
             if matrix.shape != (size, size):
-                raise term_refusal(self.name, key, matrix.shape, f"{(size, size)} is allowed")
+                raise term_error(self.name, key, matrix.shape, f"{(size, size)} is allowed")
             if not np.isfinite(matrix.data if sp.issparse(matrix) else matrix).all():
-                raise term_refusal(self.name, key, None, "finite numbers are allowed")
+                raise term_error(self.name, key, None, "finite numbers are allowed")
 
-    def on(self, motions: Mapping[str, Array]) -> Term:
+    def project(self, motions: Mapping[str, Array]) -> Term:
         """Return the term on other coordinates p of its bodies, q = V p with V (n, r) by the bodies' names; dense.
 
         Its work on supports is left out.
@@ -82,7 +82,7 @@ class Term:
         projected: dict[str, Any] = {key: (V.T @ (sp.csr_matrix(A) @ V)).toarray() for key, A in self.matrices.items()}
         return replace(self, **projected, supports={})
 
-    def among(self, numbers: Mapping[str, Sequence[int] | NDArray[np.int64]], size: int) -> Term:
+    def scatter(self, numbers: Mapping[str, Sequence[int] | NDArray[np.int64]], size: int) -> Term:
         """Return the term on `size` coordinates of a system, sparse, without its work on supports.
 
         `numbers` maps a body's name to the system's number of each of the body's coordinates; coordinates with a
@@ -117,7 +117,7 @@ def add_terms(A: sp.csr_matrix, terms: Sequence[Term], key: str, c: Sequence[flo
     return total
 
 
-def term_refusal(term: str, key: str, value: object, allowed: str) -> InputError:
+def term_error(term: str, key: str, value: object, allowed: str) -> InputError:
     """Error about the value of the property `key` of the term with the name `term`."""
     return InputError("system", f"terms.{term}.{key}", value, allowed)
 
@@ -150,11 +150,11 @@ def _term(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> T
     on = None if reactions is None else reactions.matrices.get(term.matrix)
     supports = {} if on is None else {name: on[:, : bodies[name].size]}
     if term.of == "rotation":
-        return Term(term.name, term.bodies, damping=_of_inertia(bodies[name], matrix), supports=supports)
+        return Term(term.name, term.bodies, damping=_clear_without_inertia(bodies[name], matrix), supports=supports)
     return Term(term.name, term.bodies, stiffness=matrix, supports=supports)
 
 
-def _of_inertia(body: SlidingBody, matrix: Any) -> Any:
+def _clear_without_inertia(body: SlidingBody, matrix: Any) -> Any:
     """Matrix (n, n) with zero rows and columns for the coordinates of the body that have no inertia."""
     if not len(body.quasi_static):
         return matrix

@@ -185,7 +185,7 @@ def test_info_says_what_a_saved_boom_is(folder: Path, system: System, monkeypatc
     assert done.returncode == 0 and "2 bodies, 11 coordinates" in said and "body fly 8 coordinates" in said
     assert "fly from 0.6 to 5.7 m" in said and "fly tail bottom (only pushes)" in said
     assert "cylinder of fly (holds both ways)" in said and "fly.tip force in N" in said
-    hertz = Assembly(system).frequencies(system.coordinates({"fly": 0.6}), 4)
+    hertz = Assembly(system).frequencies(system.side_coordinates({"fly": 0.6}), 4)
     assert f"frequencies, fly at 0.6 m {', '.join(f'{f:.4g}' for f in hertz)} Hz" in said
     scene = " ".join(called(monkeypatch, capsys, "info", "boom_three").stdout.split())
     assert "middle beam2d, box of 6 x 0.26 x 0.36 m" in scene and "extended by 0.6 to 4.5 m" in scene

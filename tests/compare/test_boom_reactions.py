@@ -14,7 +14,7 @@ from pmr import pipeline
 from pmr import scene as scenes
 from pmr.compare.responses import evaluate_motion
 from pmr.fem.compat import MPI
-from pmr.fullmodel.build import Built, build_bodies
+from pmr.fullmodel.build import AssembledBody, build_bodies
 from pmr.reduced.model import ReducedModel
 from pmr.reduction.bodies import reduce_bodies
 from pmr.reduction.cache import ReducedBody
@@ -77,7 +77,7 @@ class Run:
     """A boom's sections, and how they move."""
 
     boom: Scene
-    built: Mapping[str, Built]
+    built: Mapping[str, AssembledBody]
     sections: Mapping[str, ReducedBody]
     system: System
     excitation: Excitation
@@ -142,7 +142,7 @@ def balance(found: Run) -> dict[str, Array]:
         acceleration = np.linalg.solve(body.M, force.T).T
         add("loads", f @ (R.T @ full.B).T)
         add("inertia", -acceleration @ (R.T @ full.M @ V).T - motion.v @ (R.T @ full.D @ V).T)
-        held = [(reaction_of(f"{name}: {row.name}"), row.at(row.breaks[0])) for row in full.rows.rows if row.fixed]
+        held = [(reaction_of(f"{name}: {row.name}"), row.at(row.breaks[0])) for row in full.rows.rows if row.is_fixed]
         for said, c in held:
             add("ground", -response.other(said)[:, None] * (c @ R))
         pads = built.structure.pads

@@ -108,7 +108,7 @@ def test_a_boom_answers_as_its_equations_with_multipliers_say() -> None:
     assert found is not None and len(found.s) == 5 and np.all(np.diff(found.s) > 0.0)
     assembly = Assembly(system)
     for place in (0, 4):
-        rows = assembly.at(system.coordinates({"fly": found.s[place] - boom.sections[1].length}))
+        rows = assembly.contact_rows(system.side_coordinates({"fly": found.s[place] - boom.sections[1].length}))
         M, D, K = (A.toarray() for A in (assembly.M, assembly.D, assembly.K))
         at = [name for body, of in system.bodies.items() for name in (f"{body}: {one}" for one in of.output_names)]
         for k in (0, 200, 399):

@@ -138,7 +138,7 @@ def test_a_section_swings_on_its_rope_by_the_stiffness_of_all_strands(lengths, o
     scene = elastic(lengths, offset, **rope)
     system = pmr.reduce(scene).system
     at = np.array([0.8, 1.7, 3.0])
-    x = system.coordinates({name: at + k * offset for k, name in enumerate(("first", "fly"))})
+    x = system.side_coordinates({name: at + k * offset for k, name in enumerate(("first", "fly"))})
     mass = TIP + 7850.0 * lengths[2] * 0.006 * 2 * 0.7
     found = Assembly(system).frequencies(x, 1, np.zeros((3, 0)))[:, 0]
     assert found == pytest.approx(np.full(3, np.sqrt(2e6 / (l * mass)) / (2.0 * np.pi)), rel=1e-5)
@@ -274,8 +274,8 @@ def test_a_rope_and_what_pulls_it_give_way_together() -> None:
     S = np.array([[1.0, r], [0.0, 1.0]])
     A, masses = S.T @ np.diag(1.0 / k) @ S, 7850.0 * 0.006 * 2 * np.array([0.8 * 5.5, 0.7 * 5.0]) + [0.0, TIP]
     numbers = [system.contact_names.index(cylinder_of(name)) for name in ("first", "fly")]
-    x = system.coordinates({"first": np.array([1.7]), "fly": np.array([r * 1.7])})
-    assert Assembly(system).along(x).F[0][np.ix_(numbers, numbers)] == pytest.approx(A, rel=1e-9)
+    x = system.side_coordinates({"first": np.array([1.7]), "fly": np.array([r * 1.7])})
+    assert Assembly(system).contact_rows_over_time(x).F[0][np.ix_(numbers, numbers)] == pytest.approx(A, rel=1e-9)
     moved = np.array([[1.0, 0.0], [1.0, 1.0]])  # of both sections, by what their drives give way
     omega2 = scipy.linalg.eigh(np.linalg.inv(A), moved.T @ np.diag(masses) @ moved, eigvals_only=True)
     found = Assembly(system).frequencies(x, 2, np.zeros((1, 0)))[0]
@@ -314,7 +314,7 @@ def test_a_chain_of_ropes_gives_way_alike_in_all_simulators(tmp_path: Path) -> N
     still = [replace(one, lengthening=0.0, path=None) for one in system.contacts]
     saved = replace(system, contacts=tuple(still)).save(tmp_path / "system.npz")
     s = {"first": 1.0, "second": 0.8, "fly": 0.8}
-    expected = Assembly(System.load(saved)).at(system.coordinates(s)).F
+    expected = Assembly(System.load(saved)).contact_rows(system.side_coordinates(s)).F
     assert np.count_nonzero(np.abs(expected - np.diag(np.diagonal(expected))) > 1e-9) >= 6
     names = runpy.run_path(str(write_exudyn_script(saved, tmp_path / "script.py")))
     assert names["rows_at"]([s[path] for path in system.paths]).F == pytest.approx(expected, rel=1e-9, abs=1e-15)

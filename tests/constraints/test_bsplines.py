@@ -3,12 +3,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmr.constraints.polynomials import bump, value_or_zero
+from pmr.constraints.polynomials import cardinal_spline, value_or_zero
 
 
 @pytest.mark.parametrize("degree", [1, 2, 3])
 def test_a_bump_has_its_knots_its_integral_and_is_even(degree: int) -> None:
-    b = bump(degree, 0.5)
+    b = cardinal_spline(degree, 0.5)
     half = (degree + 1) / 4.0
     assert (b.x[0], b.x[-1], len(b.x)) == (-half, half, degree + 2)
     assert b.integrate(-half, half) == pytest.approx(0.5, rel=1e-14)
@@ -19,7 +19,7 @@ def test_a_bump_has_its_knots_its_integral_and_is_even(degree: int) -> None:
 
 @pytest.mark.parametrize("parts", [1, 2, 3])
 def test_sums_over_a_lattice_move_as_a_rigid_body(parts: int) -> None:
-    b, lattice = bump(3, 0.6), 0.6 / parts * np.arange(-40, 41)
+    b, lattice = cardinal_spline(3, 0.6), 0.6 / parts * np.arange(-40, 41)
     for s in (0.0, 0.123, -1.7, 2.9999):
         weights = value_or_zero(b, lattice - s) / parts
         assert weights.sum() == pytest.approx(1.0, rel=1e-13)
@@ -29,7 +29,7 @@ def test_sums_over_a_lattice_move_as_a_rigid_body(parts: int) -> None:
 
 
 def test_a_cubic_bump_is_twice_continuously_differentiable() -> None:
-    b = bump(3, 1.0)
+    b = cardinal_spline(3, 1.0)
     for order in range(3):
         left, right = (b(b.x[1:-1] + side, nu=order) for side in (-1e-9, 1e-9))
         assert left == pytest.approx(right, abs=1e-7)

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import evaluate, stack_tables
-from pmr.constraints.rows import Row, Rows, carrier, dense_entries, fixed_row, row_on_coordinates
+from pmr.constraints.rows import Row, Rows, dense_entries, fixed_row, row_on_coordinates, sparse_row
 
 RNG = np.random.default_rng(1)
 
@@ -55,14 +55,14 @@ def test_a_row_is_its_weights_times_its_carriers(s: float, derivative: int) -> N
 
 def test_the_slope_of_a_row_is_a_row() -> None:
     """Of a cubic its derivative, of a row that stays nothing, on the same carriers."""
-    for row in (random_row(), carried_row(), fixed_row("w", carrier(3, 1.0, 12), (0.0, 1.5))):
+    for row in (random_row(), carried_row(), fixed_row("w", sparse_row(3, 1.0, 12), (0.0, 1.5))):
         for s in (0.3, 1.2):
             assert dense(row.slope, s) == pytest.approx(dense(row, s, derivative=1), abs=1e-13)
 
 
 def test_finer_breaks_keep_the_row_and_its_carriers() -> None:
     row = carried_row()
-    finer = row.refined(np.array([0.0, 0.1, 0.4, 0.5, 1.0, 1.25, 1.5]))
+    finer = row.refine(np.array([0.0, 0.1, 0.4, 0.5, 1.0, 1.25, 1.5]))
     assert finer.carriers is row.carriers and len(finer.breaks) == 7
     for s in (0.05, 0.3, 1.1, 1.4):
         assert dense(finer, s) == pytest.approx(dense(row, s), abs=1e-13)
@@ -73,7 +73,7 @@ def test_rows_share_each_carrier_that_they_touch() -> None:
     U = sp.csr_matrix(np.random.default_rng(4).normal(size=(5, 40)))
     first = replace(carried_row("a"), carriers=U)
     rows = [first, replace(first, name="b", carriers=2.0 * U), replace(first, name="c")]
-    shared = Rows(tuple(rows), 40).shared
+    shared = Rows(tuple(rows), 40).shared_carriers
     assert shared.carriers.shape == (5 + 5, 40)
     for s in (0.1, 0.6, 1.45):
         for row, on_shared in zip(rows, shared.rows, strict=True):
@@ -86,7 +86,7 @@ def test_rows_that_touch_few_coordinates_share_these() -> None:
     pads = [carried_row(f"pad {factor}", factor=factor) for factor in (1.0, 2.0, 3.0, 5.0, 7.0)]
     rows = [random_row("a"), *pads, random_row("b")]
     touched = np.unique(np.concatenate([(abs(row.carriers)).indices[row.carriers.data != 0.0] for row in rows]))
-    shared = Rows(tuple(rows), 12).shared
+    shared = Rows(tuple(rows), 12).shared_carriers
     assert np.array_equal(shared.carriers.toarray(), np.eye(12)[touched])
     for s in (0.1, 0.6, 1.45):
         for row, on_shared in zip(rows, shared.rows, strict=True):
@@ -107,8 +107,11 @@ def test_entries_of_a_row_and_back() -> None:
 def test_carriers_that_no_interval_touches_are_left_out() -> None:
     row = carried_row()
     first = Row("first", row.breaks[:2], row.carriers, row.touched[:1], row.coefficients[:, :1])
-    assert Rows((first,), 12).shared.carriers.shape == (3, 12)  # as many carriers of coordinates 0, 1, 3, 4 and 7
-    assert Rows((), 12).shared.carriers.shape == (0, 12)
+    assert Rows((first,), 12).shared_carriers.carriers.shape == (
+        3,
+        12,
+    )  # as many carriers of coordinates 0, 1, 3, 4 and 7
+    assert Rows((), 12).shared_carriers.carriers.shape == (0, 12)
 
 
 def test_apply_is_the_row_times_each_state() -> None:
@@ -131,7 +134,7 @@ def test_projection_is_the_row_times_the_basis_whole_or_in_shares() -> None:
 def test_stacked_rows_keep_their_values_on_common_breaks() -> None:
     V = RNG.standard_normal((12, 3))
     first, second = random_row("a"), random_row("b", (-0.5, 0.3, 1.4, 1.9))
-    fixed = fixed_row("c", carrier([4, 7], [1.0, -2.0], 12), (0.0, 3.0))
+    fixed = fixed_row("c", sparse_row([4, 7], [1.0, -2.0], 12), (0.0, 3.0))
     table = stack_tables([row.project(V) for row in (first, second, fixed)], Rows((first, second, fixed), 12).domain)
     assert (table.x[0], table.x[-1]) == (0.0, 1.9) and set(np.round(table.x, 9)) == {0.0, 0.3, 0.4, 1.0, 1.4, 1.9}
     for s in np.linspace(0.0, 1.9, 39):
@@ -147,7 +150,7 @@ def test_breaks_that_differ_by_round_off_are_one() -> None:
 
 
 def test_rows_make_a_sparse_matrix() -> None:
-    rows = Rows((fixed_row("pin", carrier(3, 1.0, 12), (0.0, 2.0)), random_row()), 12)
+    rows = Rows((fixed_row("pin", sparse_row(3, 1.0, 12), (0.0, 2.0)), random_row()), 12)
     C = rows.at(0.7)
     assert C.shape == (2, 12) and C.nnz == 5 and rows.names == ("pin", "slider")
     assert C.toarray()[1] == pytest.approx(dense(rows.rows[1], 0.7, 0))

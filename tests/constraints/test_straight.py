@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmr.constraints.rows import Straight
+from pmr.constraints.rows import StraightRows
 from pmr.fullmodel.pads import slider_row
 from pmr.models.beam2d import Beam2D
 from pmr.scene.structures import Profile
@@ -19,7 +19,7 @@ def test_rows_are_what_bends_between_two_places(end: float, x: float) -> None:
     """Of a cubic, which the elements hold exactly, on both sides of the place that stays; zero for rigid motions."""
     w = np.poly1d([0.3, -0.5, 0.2, 0.1])
     q = np.stack([w(BEAM.nodes), w.deriv()(BEAM.nodes)], axis=1).ravel()
-    first, second = Straight(end, ("a", "b")).rows(slider_row(BEAM))
+    first, second = StraightRows(end, ("a", "b")).rows(slider_row(BEAM))
     chord = w(end) - w(x)
     assert (first.at(x) @ q).item() == pytest.approx((x - end) * w.deriv()(end) + chord, abs=1e-13)
     assert (second.at(x) @ q).item() == pytest.approx((x - end) * w.deriv()(x) + chord, abs=1e-13)

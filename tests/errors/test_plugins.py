@@ -10,7 +10,7 @@ from processes import python
 import pmr
 from pmr.errors import environment
 from pmr.fullmodel.build import full_model
-from pmr.reduction.cache import content_of
+from pmr.reduction.cache import model_digest
 
 MODULE = '''
 from typing import Literal
@@ -183,6 +183,6 @@ def test_stored_results_depend_on_all_files_of_a_plug_in(
 
 def test_the_cache_depends_on_plug_ins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     model = full_model(pmr.load_scene("paper_simple", ["mesh.elements=4"]))
-    before = content_of(model)
+    before = model_digest(model)
     monkeypatch.syspath_prepend(str(installed(tmp_path, "bases", "single")))
-    assert content_of(model) != before
+    assert model_digest(model) != before

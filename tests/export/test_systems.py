@@ -43,7 +43,7 @@ def saved(system: System, tmp_path: Path) -> Path:
 def response(system: System, s: dict[str, float], w: float) -> NDArray[np.complex128]:
     """Outputs and forces (q, i) from the equations with the forces of all contacts, rigid or not."""
     assembly = Assembly(system)
-    rows, B = assembly.at(system.coordinates(s)), assembly.B.toarray()
+    rows, B = assembly.contact_rows(system.side_coordinates(s)), assembly.B.toarray()
     M, D, K = (A.toarray() for A in (assembly.M, assembly.D, assembly.K))
     A = np.block([[K + 1j * w * D - w**2 * M, rows.C.T], [rows.C, -rows.F]])
     x = np.linalg.solve(A, np.vstack([B, -rows.H]))
@@ -77,7 +77,7 @@ def test_the_response_is_that_of_the_equations(system: System) -> None:
 @pytest.mark.slow
 def test_natural_frequencies_are_those_of_the_system(system: System) -> None:
     space = state_space(system, S, "system.npz")
-    expected = Assembly(system).frequencies(system.coordinates(S), 5)
+    expected = Assembly(system).frequencies(system.side_coordinates(S), 5)
     np.testing.assert_allclose(space.natural[:, :5] / (2.0 * np.pi), expected, rtol=1e-7)
 
 

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from pmr import scene as scenes
 from pmr.fem.compat import MPI, assemble, compiled_form, original_cells
-from pmr.fullmodel.assembly import Rows, model_order, reorder_rows, share
+from pmr.fullmodel.assembly import MatrixRows, model_order, reorder_rows, share
 from pmr.fullmodel.from_scene import structure_of
 from pmr.models.meshed import MeshedModel
 from pmr.scene.members import member_at
@@ -43,7 +43,7 @@ def test_rows_come_from_wherever_they_are_known() -> None:
     whole = sp.random(n, n, 0.3, "csr", random_state=np.random.RandomState(4))
     order, known = rng.permutation(n), rng.permutation(n)
     mine = np.array_split(known, comm.size)[comm.rank]
-    found = reorder_rows(Rows(mine, whole[mine]), order, comm)
+    found = reorder_rows(MatrixRows(mine, whole[mine]), order, comm)
     first, last = share(n, comm)
     assert found.getOwnershipRange() == (first, last)
     expected = whole[order[first:last]][:, order].toarray()

@@ -12,7 +12,7 @@ from pmr.fem.distributed import inner, sparse, times
 from pmr.fem.factor import Factor
 from pmr.fullmodel import modes
 from pmr.fullmodel.assembly import share
-from pmr.fullmodel.modes import largest
+from pmr.fullmodel.modes import largest_eigenpairs
 
 pytestmark = pytest.mark.mpi
 
@@ -41,7 +41,7 @@ def test_equal_eigenvalues_are_all_found(heavy: float) -> None:
     A, expected = cube(9)
     K, M = distributed(A), distributed(heavy * sp.eye(729))
     factor = Factor(K, "K")
-    found = largest(factor.solve_columns, M, factor.solve_columns(start(729, 8)), 17, 729)
+    found = largest_eigenpairs(factor.solve_columns, M, factor.solve_columns(start(729, 8)), 17, 729)
     assert heavy / found.theta == pytest.approx(expected[:17], rel=1e-11)
     X, comm = found.vectors, MPI.COMM_WORLD
     assert inner(X, times(M, X), comm) == pytest.approx(np.eye(17), abs=1e-12)
@@ -53,7 +53,7 @@ def test_a_space_that_ends_gives_what_it_has() -> None:
     A, expected = cube(3)
     K, M = distributed(A), distributed(sp.eye(27))
     factor = Factor(K, "K")
-    found = largest(factor.solve_columns, M, factor.solve_columns(start(27, 8)), 40, 27)
+    found = largest_eigenpairs(factor.solve_columns, M, factor.solve_columns(start(27, 8)), 40, 27)
     assert 1.0 / found.theta == pytest.approx(expected, rel=1e-12)
     factor.destroy()
 
@@ -63,5 +63,5 @@ def test_what_does_not_converge_is_said(monkeypatch: pytest.MonkeyPatch) -> None
     K, M = distributed(cube(9)[0]), distributed(sp.eye(729))
     factor = Factor(K, "K")
     with pytest.raises(ConvergenceError, match="not all of 17 eigenpairs"):
-        largest(factor.solve_columns, M, factor.solve_columns(start(729, 8)), 17, 729)
+        largest_eigenpairs(factor.solve_columns, M, factor.solve_columns(start(729, 8)), 17, 729)
     factor.destroy()

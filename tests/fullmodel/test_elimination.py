@@ -15,7 +15,7 @@ RNG = np.random.default_rng(3)
 
 def test_every_z_satisfies_the_rows_and_nothing_else_is_lost() -> None:
     C = sp.random(4, 30, density=0.3, random_state=5, format="csr")
-    T = eliminate(C, "abcd").matrix()
+    T = eliminate(C, "abcd").to_scipy()
     assert T.shape == (30, 26)
     assert np.abs(C @ T.toarray()).max() < 1e-14
     assert np.linalg.matrix_rank(T.toarray()) == 26
@@ -23,7 +23,7 @@ def test_every_z_satisfies_the_rows_and_nothing_else_is_lost() -> None:
 
 def test_a_unit_row_deletes_its_coordinate() -> None:
     C = sp.csr_matrix(([1.0], ([0], [2])), shape=(1, 5))
-    assert np.array_equal(eliminate(C, ["slider"]).matrix().toarray(), np.delete(np.eye(5), 2, axis=1))
+    assert np.array_equal(eliminate(C, ["slider"]).to_scipy().toarray(), np.delete(np.eye(5), 2, axis=1))
 
 
 def test_dependent_rows_are_named() -> None:
@@ -34,7 +34,7 @@ def test_dependent_rows_are_named() -> None:
 
 def test_rows_of_very_different_size_are_no_less_independent() -> None:
     C = sp.csr_matrix(np.array([[1.0, 0.5, 0.0], [0.0, 1e-12, 1e-12]]))
-    assert np.abs(C @ eliminate(C, "ab").matrix().toarray()).max() < 1e-24
+    assert np.abs(C @ eliminate(C, "ab").to_scipy().toarray()).max() < 1e-24
 
 
 @pytest.mark.mpi
@@ -42,9 +42,9 @@ def test_rows_of_very_different_size_are_no_less_independent() -> None:
 def test_the_distributed_matrix_is_the_same(load_scene, s: float) -> None:
     model = full_model(load_scene())
     elimination = eliminate(model.rows.at(s), model.rows.names)
-    T = gather(elimination.petsc(model.M))
+    T = gather(elimination.to_petsc(model.M))
     if MPI.COMM_WORLD.rank == 0:
-        assert np.array_equal(T.toarray(), elimination.matrix().toarray())
+        assert np.array_equal(T.toarray(), elimination.to_scipy().toarray())
 
 
 @pytest.mark.mpi
@@ -56,9 +56,9 @@ def test_the_condensed_matrix_is_the_product_with_the_pivots_on_its_diagonal() -
     elimination = eliminate(sp.csr_matrix(C), "abcd")
     first, last = share(n, comm)
     like = PETSc.Mat().createAIJ(((last - first, n), (last - first, n)), comm=comm)
-    condensed = gather(elimination.condensed(sparse(K[first:last], like, columns=int(last - first))))
+    condensed = gather(elimination.condense(sparse(K[first:last], like, columns=int(last - first))))
     if comm.rank == 0:
-        T, free = elimination.matrix(), elimination.free
+        T, free = elimination.to_scipy(), elimination.free
         expected = K.diagonal().max() * np.eye(n)
         expected[np.ix_(free, free)] = (T.T @ K @ T).toarray()
         assert condensed.toarray() == pytest.approx(expected, abs=1e-12 * np.abs(expected).max())

@@ -18,7 +18,7 @@ from pmr.errors import InputError, NotHeldError
 from pmr.fem.compat import MPI
 from pmr.files.matrices import GivenMatrices, from_matrices
 from pmr.fullmodel import build
-from pmr.fullmodel.build import Way, build_bodies, left_free
+from pmr.fullmodel.build import CheckedPositions, build_bodies, free_motion_warnings
 from pmr.pipeline import run
 from pmr.scene import Scene
 from pmr.scene.checks import check
@@ -235,7 +235,7 @@ def test_a_boom_on_a_pivot_and_a_cylinder_is_held_where_its_pin_is() -> None:
 def test_a_boom_may_be_free_where_its_scene_allows_it() -> None:
     rollers = "sections.base.supports=[{kind='roller'},{kind='roller',on=2.0}]"
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", ["section.mesh.elements=6", rollers, ALLOWED])
-    (said,) = left_free(boom, build_bodies(boom, MPI.COMM_SELF))
+    (said,) = free_motion_warnings(boom, build_bodies(boom, MPI.COMM_SELF))
     assert "leave base with what it carries free to move along x: loads" in said
     with pytest.raises(NotHeldError) as error:
         build_bodies(boom.model_copy(update={"free_motions": "refused"}), MPI.COMM_SELF)
@@ -245,11 +245,11 @@ def test_a_boom_may_be_free_where_its_scene_allows_it() -> None:
 def test_what_is_free_is_said_shortly_by_its_first_motion(monkeypatch: pytest.MonkeyPatch) -> None:
     turned = {"middle": ["move along y", "turn about x"], "fly": ["move along y"]}
     monkeypatch.setattr(build, "describe_motions", lambda motions: motions)
-    monkeypatch.setattr(build, "freedoms", lambda *_: [turned])
-    way = Way({}, {}, ["at t = 0 s"])
-    found = build.words(SimpleNamespace(bodies=dict.fromkeys(("base", "middle", "fly"))), {}, way)
-    assert found.short == "middle and fly can move along y, and in 1 more way"
-    assert found.said == "middle with what it carries free to move along y, turn about x; fly free to move along y"
+    monkeypatch.setattr(build, "free_motions", lambda *_: [turned])
+    way = CheckedPositions({}, {}, ["at t = 0 s"])
+    found = build.describe_free_motions(SimpleNamespace(bodies=dict.fromkeys(("base", "middle", "fly"))), {}, way)
+    assert found.clause == "middle and fly can move along y, and in 1 more way"
+    assert found.sentence == "middle with what it carries free to move along y, turn about x; fly free to move along y"
 
 
 def test_what_given_matrices_hold_by_themselves_is_not_free(tmp_path: Path) -> None:

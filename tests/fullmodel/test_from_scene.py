@@ -147,7 +147,7 @@ def test_ten_coordinates_follow_the_full_model() -> None:
     full = structural_model(scene.structure)
     every = petsc_alone.observe(full, scene.excitation)
     few = one_body.observe(modal_form(reduced(full, 10)), scene.excitation)
-    released = [i for i, row in enumerate(full.rows.rows) if not row.fixed]
+    released = [i for i, row in enumerate(full.rows.rows) if not row.is_fixed]
     assert nrms(few.y[:, 58:60], every.y[:, 58:60]) < 0.002
     assert nrms(few.y[:, :58], every.y[:, :58]) < 0.002
     forces = (np.hstack([few.multipliers, few.y[:, 60:]]), np.hstack([every.multipliers[:, released], every.y[:, 60:]]))

@@ -24,7 +24,7 @@ def test_a_box_weighs_what_its_walls_do(model: str) -> None:
     found = built.model.masses
     assert found is not None
     own = DENSITY * LENGTH * 2.0 * (WIDTH + HEIGHT) * WALL
-    assert found.own == pytest.approx(own, rel=1e-9) and found.attached == PAYLOAD
+    assert found.body == pytest.approx(own, rel=1e-9) and found.attached == PAYLOAD
     centre = (own * LENGTH / 2.0 + PAYLOAD * LENGTH) / (own + PAYLOAD)
     assert found.centre == pytest.approx([centre, 0.0, 0.0], abs=1e-9 * LENGTH)
 
@@ -37,7 +37,7 @@ def test_a_clamp_takes_no_mass_and_a_planar_beam_has_its_own() -> None:
     box = scene.sections[0].body.box
     assert box is not None
     own = DENSITY * box.length * 2.0 * (box.width + box.height) * box.wall
-    assert base.own == pytest.approx(own, rel=1e-9) and base.attached == 0.0
+    assert base.body == pytest.approx(own, rel=1e-9) and base.attached == 0.0
     assert base.centre == pytest.approx([box.length / 2.0, 0.0, 0.0], abs=1e-9)
     assert fly.attached == sum(mass.mass for mass in scene.sections[1].masses) > 0.0 and fly.centre[0] > 3.0
     assert np.all(fly.centre[1:] == 0.0)

@@ -178,8 +178,8 @@ def test_a_pad_that_only_pushes_is_a_row_wherever_it_sits(model: StructuralModel
     assert [row.name for row in found.rows] == ["soft", "rigid", "side", "mouth"]
     assert [row.name for row in found.springs] == ["spring"]
     assert [row.clearance for row in found.rows] == [0.0, 0.0, 1e-3, None]
-    assert not any(row.fixed or row.held is not None for row in found.rows)
-    finer = [row.refined(np.linspace(*TRAVEL, 3)) if not row.moves else row.refined(row.breaks) for row in found.rows]
+    assert not any(row.is_fixed or row.held_coordinate is not None for row in found.rows)
+    finer = [row.refine(np.linspace(*TRAVEL, 3)) if not row.moves else row.refine(row.breaks) for row in found.rows]
     assert [row.clearance for row in finer] == [0.0, 0.0, 1e-3, None]
     rows = Rows(found.rows, model.size)
     assert np.array_equal(rows.clearance, [0.0, 0.0, 1e-3, np.nan], equal_nan=True)

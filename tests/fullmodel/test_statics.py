@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmr.constraints.rows import carrier, fixed_row
+from pmr.constraints.rows import fixed_row, sparse_row
 from pmr.errors import InputError
 from pmr.fem.factor import refusal
 from pmr.fullmodel import moving
@@ -21,8 +21,8 @@ def held(full: FullModel) -> tuple[list, np.ndarray]:
     n = full.size
     mixed = np.random.default_rng(2).normal(size=(2, 6))
     at = np.array([[1, 4, 7, 10, 13, 40], [2, 4, 10, 20, 30, 43]])
-    rows = [fixed_row("one", carrier(0, 1.0, n), (0.0, 5.0))]
-    rows += [fixed_row(f"mixed {i}", carrier(at[i], mixed[i], n), (0.0, 5.0)) for i in range(2)]
+    rows = [fixed_row("one", sparse_row(0, 1.0, n), (0.0, 5.0))]
+    rows += [fixed_row(f"mixed {i}", sparse_row(at[i], mixed[i], n), (0.0, 5.0)) for i in range(2)]
     C = np.vstack([row.carriers.toarray() for row in rows])
     T = np.linalg.svd(C)[2][3:].T
     body = full.comm.bcast(full.gather())

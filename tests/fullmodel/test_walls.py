@@ -89,7 +89,7 @@ def test_pads_that_slide_dent_the_walls_under_those_that_stay() -> None:
         travel = (0.7, 0.7 + FAR)
         rigid = pressed(clamped(Pads(fixed, moving, travel=travel)), s)
         gives = pressed(clamped(Pads(fixed, moving, travel=travel, walls=walls)), s)
-        beside = one.beside[place]
+        beside = one.standing_compliance[place]
         expected = np.block([[own, beside.T], [beside, one.compliance[place]]])
         assert gives - rigid == pytest.approx(expected, rel=exact, abs=exact * 1e-8)
 
@@ -154,7 +154,7 @@ def test_what_is_spread_over_a_free_end_moves_its_walls_too(on: str | float) -> 
     support = Support("hold", "tip", "y")
     row = structural_model(clamped(Pads(supports=(support,), walls=give))).rows.at(0.0).toarray()
     assert (M - plain)[-2:, -2:] == pytest.approx(100.0 * np.outer(row[0, -2:], row[0, -2:]))
-    assert row[0, -2:] @ row[0, -2:] == pytest.approx(give.unit * 1e-7)
+    assert row[0, -2:] @ row[0, -2:] == pytest.approx(give.stiffness_scale * 1e-7)
 
 
 def test_a_summary_says_how_far_each_wall_gives_way() -> None:
@@ -198,7 +198,7 @@ def test_a_free_end_is_softer_than_the_middle_and_one_that_is_clamped_stiffer() 
     """Under a pad in the middle of a face."""
     ring, found_at = Ring(tuple(replace(pad, at=0.15) for pad in PRESSED), 1.05), {}
     for name, clamps in (("free", ()), ("clamped", (Clamp("tail"),))):
-        along = found(0.008, (), (ring,), clamps=clamps)[1][0].own[:, 2, 2]
+        along = found(0.008, (), (ring,), clamps=clamps)[1][0].sliding[:, 2, 2]
         found_at[name] = along[0] / along[-1]
     assert found_at["free"] > 1.05 and found_at["clamped"] < 0.8
 
@@ -209,7 +209,7 @@ def test_rings_dent_each_others_walls_the_more_the_nearer_they_are() -> None:
     ring = Ring(tuple(replace(pad, at=1.2) for pad in PRESSED[:2]), 0.9)
     _, (one,) = found(0.008, PRESSED[:2], (ring,))
     twisting = np.array([1.0, -1.0]) / np.sqrt(2.0)
-    shared = one.beside @ twisting @ twisting / (one.own[-1] @ twisting @ twisting)
+    shared = one.standing @ twisting @ twisting / (one.sliding[-1] @ twisting @ twisting)
     assert 0.1 < shared[-1] < 0.9 * shared[0] and np.all(np.diff(shared) < 0.0)
 
 

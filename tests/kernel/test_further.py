@@ -70,10 +70,10 @@ def test_reactions_are_what_balances_the_body(moved: Moved) -> None:
     f, c = np.split(state.drivers[len(system.paths) :], [len(system.input_names)])
     q, v = moved.coordinates(state.z), moved.coordinates(state.v)
     s = dict(zip(system.paths, state.drivers, strict=False))
-    rows, forces = assembly.at(system.coordinates(s)), state.outputs()[1]
+    rows, forces = assembly.contact_rows(system.side_coordinates(s)), state.outputs()[1]
     whole = {name: np.concatenate([x[one] for one in system.bodies]) for name, x in (("q", q), ("v", v))}
     right = assembly.B @ f - assembly.D @ whole["v"] - assembly.K @ whole["q"] - rows.C.T @ forces
-    at = {name: np.arange(place.start, place.stop) for name, place in assembly.coordinates.items()}
+    at = {name: np.arange(place.start, place.stop) for name, place in assembly.coordinate_slices.items()}
     base = system.reduced["base"]
     reactions = base.reactions
     assert reactions is not None and reactions.carried is not None and base.carriers is not None
@@ -88,7 +88,7 @@ def test_reactions_are_what_balances_the_body(moved: Moved) -> None:
                 found = found - amplitude * (term.supports["base"] @ moving)
     accelerations = np.linalg.solve(assembly.M.toarray(), right)[at["base"]]
     found = found - reactions.inertia[:, : base.size] @ accelerations
-    for side, x in zip(system.sides, system.coordinates(s), strict=True):
+    for side, x in zip(system.sides, system.side_coordinates(s), strict=True):
         if side.place.body == "base":
             weights = side.sign * system.row(side.place).weights(x).toarray()[0]
             found = found - forces[side.contact] * (weights @ reactions.carried)

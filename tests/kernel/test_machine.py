@@ -58,7 +58,7 @@ class Oracle:
         equations, along = FreeBase(scene, system, assembly), ChangingRows(assembly, scene.names)
         orders = ("value", "rate", "second_rate")
         out = Extended(*(np.array([0.0, value]) for value in extension))
-        gives = np.any(along.at(out.value).rows.F != 0.0, axis=1)
+        gives = np.any(along.evaluate(out.value).rows.F != 0.0, axis=1)
         moments = Answering(equations, assembly, along, gives).moments(out)
         luffing, slewing = (tuple(getattr(angle, order)(t) for order in orders) for angle in scene.frame.angles)
         rocking = [tuple(motion[:, 3 + j, None]) for j in range(3)]

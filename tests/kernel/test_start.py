@@ -31,7 +31,7 @@ def test_equilibrium_is_that_of_statics_and_nothing_moves_from_it(how: dict[str,
     f = np.array([3e3 * up if name.endswith(".F") else 9.81 for name in system.input_names])
     state = State(kernel, Settings(1e-3))
     state.start("equilibrium", [*s.values(), *f])
-    found = equilibrium(Assembly(system), system.coordinates(s), f, np.zeros(0))
+    found = equilibrium(Assembly(system), system.side_coordinates(s), f, np.zeros(0))
     q = motions_of(system, forms, kernel) @ state.z
     np.testing.assert_allclose(q, found.q, atol=1e-9 * np.abs(found.q).max())
     _, forces = state.outputs()
@@ -53,7 +53,7 @@ def test_multipliers_of_a_given_start_follow_from_the_position(count: int) -> No
     z[used] = 1e-3 * rng.normal(size=len(used))
     v[used] = rng.normal(size=len(used))
     state.start("given", [2.5, *f], z, v)
-    rows = Assembly(system).at(system.coordinates({"1": 2.5}))
+    rows = Assembly(system).contact_rows(system.side_coordinates({"1": 2.5}))
     expected = np.linalg.solve(rows.F, rows.C @ motions_of(system, forms, kernel) @ z + rows.H @ f)
     np.testing.assert_allclose(state.multipliers, expected, rtol=1e-9)
     np.testing.assert_array_equal(state.v, v)
@@ -64,7 +64,7 @@ def test_forces_of_a_given_rest_are_sharp_where_contacts_hardly_give_way() -> No
     system = full(Nested(2, elements=8, compliance=1e-16))
     kernel, forms = kernel_of(system)
     f = np.array([5e3 if name.endswith(".F") else 9.81 for name in system.input_names])
-    x = system.coordinates({"1": 2.5})
+    x = system.side_coordinates({"1": 2.5})
     at_rest = equilibrium(Assembly(system), x, f, np.zeros(0))
     z, state = in_modes(system, forms, kernel, at_rest.q), State(kernel, Settings(1e-3))
     state.start("given", [2.5, *f], z, np.zeros(kernel.modes))
@@ -77,18 +77,18 @@ def test_rates_that_violate_rigid_contacts_are_corrected_as_by_an_impulse(kind: 
     system = full(Nested(2, elements=6, compliance=0.0))
     assembly, (kernel, forms) = Assembly(system), kernel_of(system)
     f = np.array([5e3 if name.endswith(".F") else 9.81 for name in system.input_names])
-    x, d = system.coordinates({"1": 2.3}), 1e-5
-    x_rate = 0.7 * (system.coordinates({"1": 2.3 + d}) - system.coordinates({"1": 2.3 - d})) / (2.0 * d)
+    x, d = system.side_coordinates({"1": 2.3}), 1e-5
+    x_rate = 0.7 * (system.side_coordinates({"1": 2.3 + d}) - system.side_coordinates({"1": 2.3 - d})) / (2.0 * d)
     q = equilibrium(assembly, x, f, np.zeros(0)).q
     v = np.random.default_rng(5).normal(size=len(q)) if kind == "given" else np.zeros(len(q))
     initial = dict[str, InitialState]()
     for name, body in system.bodies.items():
         initial[name] = InitialState(np.zeros(body.size), np.zeros(body.size))
         for all_of_body, of_system in ((initial[name].q, q), (initial[name].v, v)):
-            all_of_body[assembly.free[name]] = of_system[assembly.coordinates[name]]
+            all_of_body[assembly.free_coordinates[name]] = of_system[assembly.coordinate_slices[name]]
     expected = np.zeros(len(q))
     for name, start in consistent_start(assembly, x, x_rate, initial).items():
-        expected[assembly.coordinates[name]] = start.v[assembly.free[name]]
+        expected[assembly.coordinate_slices[name]] = start.v[assembly.free_coordinates[name]]
     state = State(kernel, Settings(1e-3))
     state.start(kind, [2.3, *f], *(in_modes(system, forms, kernel, one) for one in (q, v)), rates=[0.7])
     found = motions_of(system, forms, kernel) @ state.v
@@ -166,10 +166,10 @@ def test_terms_that_soften_what_open_pads_hold_stand_as_statics_has_it(share: fl
     kernel, forms = kernel_of(system)
     s, assembly = {path: 2.5 for path in kernel.names("drivers")[: kernel.paths]}, Assembly(system)
     f = np.array([3e3 if name.endswith(".F") else 9.81 for name in system.input_names])
-    rows = assembly.at(system.coordinates(s))
+    rows = assembly.contact_rows(system.side_coordinates(s))
     held = assembly.K.toarray() + rows.C.T @ np.linalg.solve(rows.F, rows.C)
     c = np.full(kernel.terms, -share * np.linalg.eigvals(np.linalg.solve(assembly.M.toarray(), held)).real.min())
-    found = equilibrium(assembly, system.coordinates(s), f, c)
+    found = equilibrium(assembly, system.side_coordinates(s), f, c)
     state = State(kernel, Settings(1e-3))
     state.start("equilibrium", [*s.values(), *f, *c])
     q = motions_of(system, forms, kernel) @ state.z

@@ -60,13 +60,13 @@ def test_each_step_is_that_of_plain_numpy(make: Callable[[], System], rho_inf: f
     def driven(t: float) -> tuple[Array, Array, Array, Array]:
         s = np.array([2.0 + 0.3 * (k + 1.0) * t for k in range(kernel.paths)])
         f = np.array([2e3 * np.sin((19.0 + 31.0 * k) * t + k) for k in range(kernel.inputs)])
-        return s, f, amplitudes(t, kernel.terms), system.coordinates(dict(zip(paths, s, strict=True)))
+        return s, f, amplitudes(t, kernel.terms), system.side_coordinates(dict(zip(paths, s, strict=True)))
 
     s, f, c, x = driven(0.0)
     state.start("rest", np.concatenate([s, f, c]))
     at_rest = np.zeros(plain.assembly.size)
     forces = state.multipliers.copy()
-    a = np.linalg.solve(plain.M, plain.B @ f - plain.assembly.at(x).C.T @ forces)
+    a = np.linalg.solve(plain.M, plain.B @ f - plain.assembly.contact_rows(x).C.T @ forces)
     plain.begin(x, f, at_rest, at_rest, a, forces, s)
     assert state.energy[0] == pytest.approx(plain.energy[0], rel=1e-12)
     seen: dict[str, list[tuple[Array, Array]]] = {}
@@ -75,7 +75,9 @@ def test_each_step_is_that_of_plain_numpy(make: Callable[[], System], rho_inf: f
         state.step(np.concatenate([s, f, c]))
         plain.take(x, f, c, s)
         y, forces = state.outputs()
-        expected = plain.forces if plain.friction is None else plain.forces + plain.friction.along(plain.rubbed)
+        expected = (
+            plain.forces if plain.friction is None else plain.forces + plain.friction.cylinder_forces(plain.rubbed)
+        )
         pairs = {
             "q": (motions @ state.z, plain.q),
             "v": (motions @ state.v, plain.v),

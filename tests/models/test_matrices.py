@@ -11,13 +11,13 @@ from gathering import gathered
 
 from pmr.errors import InputError
 from pmr.files.matrices import GivenMatrices
-from pmr.fullmodel.build import Built
+from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.pads import Pads, Support, restrain
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Structure
 from pmr.mesh.trace import Window
 from pmr.models.matrices import Matrices
-from pmr.reduction.recovery import View
+from pmr.reduction.recovery import BodyFields
 from pmr.scene import Damping
 
 
@@ -153,7 +153,7 @@ def test_what_is_no_face_is_refused(model: Matrices, face: str, says: str) -> No
 
 def test_nothing_is_drawn_of_given_matrices(model: Matrices) -> None:
     with pytest.raises(InputError, match="no cells to draw"):
-        View(Built(structural_model(Structure(model)), Structure(model)))
+        BodyFields(AssembledBody(structural_model(Structure(model)), Structure(model)))
 
 
 def test_damping_has_room_for_masses_that_couple_what_no_stiffness_does(model: Matrices) -> None:

@@ -108,7 +108,7 @@ def test_walls_are_stiffer_near_a_frame() -> None:
         box = Box(length=2.4, width=0.3, height=0.4, wall=0.008, frames=frames, frame_depth=0.06)
         body = PlateBody(draw_box(box, 0.15, 0.15), box, Material(), 5.0 / 6.0, frames=box.plate)
         _, (along,) = wall_compliance(body, (), (), (ring,))
-        found[name] = along.own[:, 0, 0]
+        found[name] = along.sliding[:, 0, 0]
         where = 0.5 + along.u
     share = found["framed"] / found["bare"]
     assert where[share.argmin()] == pytest.approx(1.2, abs=0.08) and share.min() < 0.6

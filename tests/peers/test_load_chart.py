@@ -14,7 +14,7 @@ from peers.test_calculix import HEIGHT, LENGTH, WALL, WIDTH, peer, simpson
 from peers.test_nested import peer as on_pads
 
 from pmr.scene import Scene, load_any
-from pmr.simulation.statics.postures import Postures
+from pmr.simulation.statics.postures import PostureMatrices
 from pmr.studies.allowed import Place, allowed_loads
 from pmr.studies.limits import Limit
 
@@ -56,7 +56,7 @@ def shell() -> Scene:
     )
 
 
-def moved(at: Postures, deck: Deck, folder: Path, points: Sequence[tuple[float, float]] = POINTS) -> list[float]:
+def moved(at: PostureMatrices, deck: Deck, folder: Path, points: Sequence[tuple[float, float]] = POINTS) -> list[float]:
     """How far the loads that the chart allows move CalculiX' tip, as shares of the deflection that is allowed."""
     share = simpson(nodes := deck.sets["TIP"])
     found = []

@@ -222,7 +222,7 @@ def test_the_first_frequency_over_two_joints(outcome: Outcome) -> None:
     assert over.lowest[[0, -1], [0, -1]] == pytest.approx(found.models["reduced"][[0, -1], 0], rel=1e-9)
     boom = outcome.result.scene
     system = system_of(boom, outcome.reduced)
-    at = system.coordinates({"middle": 1.6, "fly": 1.0})
+    at = system.side_coordinates({"middle": 1.6, "fly": 1.0})
     assert over.lowest[-1, 0] == pytest.approx(Assembly(system).frequencies(at, 1)[0], rel=1e-9)
     assert np.abs(over.lowest[-1, 0] / over.lowest[0, -1] - 1.0) > 1e-3
     together = load(*QUICK, "sections.fly.joint.follows=middle")

@@ -10,9 +10,9 @@ import pytest
 from oracle import carried_rows, enriched, free_modes, rich_body
 
 from pmr.errors import InputError
-from pmr.reduced.carriers import CarriedRows
+from pmr.reduced.carriers import CarrierRows
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.soundness import misfit
+from pmr.reduced.soundness import describe_misfit
 from pmr.reduced.truncation import extend, truncate
 
 FULL = rich_body()
@@ -28,7 +28,7 @@ def carried(count: int) -> ReducedModel:
     return replace(enriched(FULL, count), carriers=carried_rows(FULL, count))
 
 
-def rows_at(carriers: CarriedRows, x: float, y: float) -> tuple[np.ndarray, np.ndarray]:
+def rows_at(carriers: CarrierRows, x: float, y: float) -> tuple[np.ndarray, np.ndarray]:
     """b(x) of the first row and b(y) of the second one."""
     first, second = carriers.row(0, "a"), carriers.row(1, "b")
     return first.weights(x).toarray()[0], second.weights(y).toarray()[0]
@@ -59,7 +59,7 @@ def test_modes_move_into_the_flexibility_and_back(model: ReducedModel) -> None:
     assert_same(back, model.carriers)
 
 
-def assert_same(found: CarriedRows, expected: CarriedRows) -> None:
+def assert_same(found: CarrierRows, expected: CarrierRows) -> None:
     assert found.flexibility is not None and expected.flexibility is not None
     for name in ("rows", "inputs", "outputs", "direct", "energy"):
         a, b = getattr(found.flexibility, name), getattr(expected.flexibility, name)
@@ -87,9 +87,9 @@ def test_what_contradicts_itself_is_refused(model: ReducedModel, tmp_path: Path)
 def test_fewer_rows_and_other_coordinates(model: ReducedModel) -> None:
     X = np.random.default_rng(2).normal(size=(9, 4))
     assert model.carriers is not None
-    turned = model.carriers.on(X).with_rows([1])
+    turned = model.carriers.project(X).with_rows([1])
     sizes = {"r": 4, "i": 2, "o": len(model.outputs)}
-    assert misfit(turned, sizes) is turned.contradiction(1) is None
+    assert describe_misfit(turned, sizes) is turned.contradiction(1) is None
     only, second = turned.row(0, "b"), model.carriers.row(1, "b")
     assert np.array_equal(only.weights(1.3).toarray(), second.weights(1.3).toarray())
     assert turned.values == pytest.approx(model.carriers.values @ X)

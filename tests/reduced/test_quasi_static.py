@@ -11,7 +11,7 @@ from nested import Nested, box, full_section, joined, section
 from numpy.typing import NDArray
 from terms import geometric_stiffness
 
-from pmr.reduced.attachment import as_simulated, with_quasi_static_modes
+from pmr.reduced.attachment import simulated_model, with_quasi_static_modes
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import truncate
 from pmr.reduction.basis import modal_basis
@@ -61,7 +61,7 @@ def _tip(system: System, c: float) -> float:
     """Of the boom half drawn out under its weight and a load, by amplitudes c of all terms."""
     assembly, f = Assembly(system), np.array([9.81, 9.81, 1000.0])
     s = {name: 0.5 * sum(ends) for name, ends in system.ranges.items()}
-    rows = assembly.at(x := system.coordinates(s))
+    rows = assembly.contact_rows(x := system.side_coordinates(s))
     found = equilibrium(assembly, x, f, np.full(len(system.terms), c))
     y = assembly.outputs @ found.q + assembly.direct @ f - rows.X @ found.forces
     return float(y[-1])
@@ -82,21 +82,21 @@ def test_with_all_modes_kept_statics_under_terms_are_those_of_full_order() -> No
 
 def test_they_are_enrichment_modes_behind_the_model_s_own() -> None:
     model = truncate(_modes(1)[0], 4)
-    found = as_simulated(model, True)
+    found = simulated_model(model, True)
     assert found.quasi_static.tolist() == [4, 5] and found.size == 6
-    assert as_simulated(model, False).size == 4
+    assert simulated_model(model, False).size == 4
     stiff = replace(model, enrichment=None)
-    assert as_simulated(stiff, True).size == 4  # nothing is known beyond its own
+    assert simulated_model(stiff, True).size == 4  # nothing is known beyond its own
 
 
 @pytest.mark.parametrize("wrong", [[6], [-1], [4, 4]])
 def test_a_file_that_names_others_is_refused(wrong: list[int]) -> None:
-    found = as_simulated(truncate(_modes(1)[0], 4), True)
+    found = simulated_model(truncate(_modes(1)[0], 4), True)
     assert found.contradiction() is None
     assert "quasi_static" in str(replace(found, quasi_static=np.array(wrong)).contradiction())
 
 
 def test_they_keep_their_place_in_a_file(tmp_path: object) -> None:
-    found = as_simulated(truncate(_modes(1)[0], 4), True)
+    found = simulated_model(truncate(_modes(1)[0], 4), True)
     read = ReducedModel.load(found.save(f"{tmp_path}/reduced.npz"))
     np.testing.assert_array_equal(read.quasi_static, found.quasi_static)

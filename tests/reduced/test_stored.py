@@ -15,7 +15,7 @@ from pmr.errors import InputError
 from pmr.files import npz
 from pmr.reduced import stored
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.soundness import symmetric
+from pmr.reduced.soundness import symmetric_part
 from pmr.reduced.truncation import with_tables
 
 FULL = rich_body()
@@ -27,7 +27,7 @@ def model() -> ReducedModel:
     """Nine modes and enrichment modes with rows on single coordinates as carriers."""
     carriers = carried_rows(FULL, 9)
     assert carriers.flexibility is not None
-    between = replace(carriers.flexibility, rows=symmetric(carriers.flexibility.rows))
+    between = replace(carriers.flexibility, rows=symmetric_part(carriers.flexibility.rows))
     return with_tables(replace(enriched(FULL, 9), carriers=replace(carriers, flexibility=between)))
 
 
@@ -87,7 +87,7 @@ def test_a_matrix_is_its_triangle_and_the_sign_of_the_other(model: ReducedModel,
     A = np.random.default_rng(1).normal(size=(20, 20))
     assert model.carriers is not None
     carriers = replace(model.carriers, matrices={"rotating x": A + sign * A.T, "other": A})
-    arrays = stored.arrays(replace(model, carriers=carriers), "bodies.0.")
+    arrays = stored.pack(replace(model, carriers=carriers), "bodies.0.")
     assert arrays[f"bodies.0.carriers.matrices.rotating x.{kind}"].shape == (210,)
     assert np.array_equal(arrays["bodies.0.carriers.matrices.other"], A)
     assert np.array_equal(stored.unpack(arrays, "bodies.0.")["bodies.0.carriers.matrices.rotating x"], A + sign * A.T)

@@ -13,7 +13,7 @@ from pmr.errors import InputError, NotHeldError
 from pmr.fullmodel.build import build
 from pmr.fullmodel.model import FullModel
 from pmr.pipeline import run
-from pmr.reduction.cache import cache_in, content_of
+from pmr.reduction.cache import cache_in, model_digest
 from pmr.system.system import System
 
 SHORT = ["time.end=0.02", "compare.against=[]"]
@@ -87,7 +87,7 @@ def test_damaged_files_are_made_again(load_scene, tmp_path: Path, computed: list
 @pytest.mark.mpi
 def test_the_content_is_the_same_on_all_ranks_and_changes_with_the_model(load_scene) -> None:
     one, same, other = (model(load_scene, *more) for more in ([], ["title=Other"], ["damping.mass=0.7"]))
-    found = [content_of(each) for each in (one, same, other)]
+    found = [model_digest(each) for each in (one, same, other)]
     assert found[0] == found[1] != found[2]
     assert len(set(one.comm.allgather(found[0]))) == 1
 

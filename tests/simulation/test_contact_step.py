@@ -192,7 +192,7 @@ def test_first_impacts_of_random_falls_are_those_of_a_fine_step() -> None:
         body = list(BODIES.values())[number % 2](beam_on_pads(clearance, stiffness, 20), r)
         steps = int(np.ceil((1.6 * np.sqrt(2.0 * clearance / 9.81) + 0.01) / h))
         system = System.of(body)
-        omega = contact_step.frequency_at(system, system.coordinates({SLIDER: np.array([s])}))
+        omega = contact_step.frequency_at(system, system.side_coordinates({SLIDER: np.array([s])}))
         found = []
         for parts in (0, 1, max(2, int(np.ceil(h * omega / 0.004)))):
             stepping = TimeStepping(steps * h, h, float(rho_inf), parts)

@@ -63,7 +63,7 @@ class Whole:
         self.boom, self.along = FreeBase(scene, system, self.assembly), ChangingRows(self.assembly, scene.names)
         path = scene.extension(1)
         self.s = np.array([path.value(run.t), path.rate(run.t), path.second_rate(run.t)])
-        self.gives = np.any(self.along.at(np.array([0.0, self.s[0, 0]])).rows.F != 0.0, axis=1)
+        self.gives = np.any(self.along.evaluate(np.array([0.0, self.s[0, 0]])).rows.F != 0.0, axis=1)
         self.answering = Answering(self.boom, self.assembly, self.along, self.gives)
         rocking = [tuple(found.values[:, :, 3 + j]) for j in range(3)]
         angles = [
@@ -99,14 +99,14 @@ class Whole:
         motion = Motion(self.turning.velocity[k], np.zeros(3))
         pressed = self.boom.at(motion, out, q, rate, self.answering.moments(out))
         mass, forces, (contacts, slope) = pressed.mass.copy(), pressed.forces.copy(), self.springs(k)
-        near, R, rigid = self.along.at(out.value), self.turning.rotation[k], ~self.gives
+        near, R, rigid = self.along.evaluate(out.value), self.turning.rotation[k], ~self.gives
         forces[6 : 6 + n] += (self.assembly.K.toarray() + contacts) @ q
         mass[6 : 6 + n, 6 : 6 + n] += self.assembly.M.toarray()
         known = np.zeros(len(mass))
         known[:3] = R.T @ self.found.values[2, k, :3]
         known[3:6], known[6 + n :] = self.turning.acceleration[k], out.second
         left = forces[6 : 6 + n] + (mass @ known)[6 : 6 + n]
-        C, (first, second) = near.rows.C[rigid], near.along(out.rate)
+        C, (first, second) = near.rows.C[rigid], near.time_derivatives(out.rate)
         held = 2.0 * first.C[rigid] @ rate + second.C[rigid] @ q + near.slopes.C[1, rigid] @ q * out.second[1]
         m = len(C)
         A = np.block([[mass[6 : 6 + n, 6 : 6 + n], C.T], [C, np.zeros((m, m))]])
@@ -117,7 +117,7 @@ class Whole:
 
     def springs(self, k: int) -> tuple[Array, Array]:
         """C^T F^-1 C, and its derivative by the extension."""
-        near, gives = self.along.at(self.extended(k).value), self.gives
+        near, gives = self.along.evaluate(self.extended(k).value), self.gives
         C, F, slope = near.rows.C[gives], near.rows.F[np.ix_(gives, gives)], near.slopes
         A = np.linalg.solve(F, C)
         bent = slope.C[1, gives].T @ A

@@ -80,18 +80,23 @@ def test_contradicting_rows_are_refused(rich: FullBody) -> None:
 def test_velocities_of_a_boom_are_corrected_on_all_its_rigid_contacts() -> None:
     """Of both bodies at once, with the least kinetic energy, while the inner one moves out."""
     system = full(Nested(2, elements=6, compliance=0.0))
-    a, x, x_rate = Assembly(system), system.coordinates({"1": 2.0}), np.array([0.0, S_RATE, -S_RATE, 0.0])
-    rows, rates = a.at(x).C, a.rates(x, x_rate)
-    np.testing.assert_allclose(rates, (a.at(x + 1e-6 * x_rate).C - a.at(x - 1e-6 * x_rate).C) / 2e-6, atol=1e-5)
+    a, x, x_rate = Assembly(system), system.side_coordinates({"1": 2.0}), np.array([0.0, S_RATE, -S_RATE, 0.0])
+    rows, rates = a.contact_rows(x).C, a.row_rates(x, x_rate)
+    np.testing.assert_allclose(
+        rates, (a.contact_rows(x + 1e-6 * x_rate).C - a.contact_rows(x - 1e-6 * x_rate).C) / 2e-6, atol=1e-5
+    )
     q, v = np.random.default_rng(2).standard_normal((2, a.size))
     q -= np.linalg.pinv(rows) @ (rows @ q)
     initial = {}
     for name, body in system.bodies.items():
         state = InitialState.at_rest(body.size)
-        state.q[a.free[name]], state.v[a.free[name]] = q[a.coordinates[name]], v[a.coordinates[name]]
+        state.q[a.free_coordinates[name]], state.v[a.free_coordinates[name]] = (
+            q[a.coordinate_slices[name]],
+            v[a.coordinate_slices[name]],
+        )
         initial[name] = state
     found = consistent_start(a, x, x_rate, initial)
-    after = np.concatenate([found[name].v[a.free[name]] for name in system.bodies])
+    after = np.concatenate([found[name].v[a.free_coordinates[name]] for name in system.bodies])
     assert np.abs(rows @ after + rates @ q).max() < 1e-9 * np.abs(rates @ q).max()
     impulse = a.M @ (after - v)
     residual = rows.T @ np.linalg.lstsq(rows.T, impulse, rcond=None)[0] - impulse

@@ -18,7 +18,7 @@ import pmr
 from pmr.report.studies.document import render_studies
 from pmr.scene import load_any
 from pmr.scene.model_ladder import model_comparison
-from pmr.simulation.statics.postures import Postures, Stands, with_hook
+from pmr.simulation.statics.postures import PostureMatrices, PostureSet, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads
 from pmr.studies.chart_models import compute_richer_postures
@@ -69,9 +69,9 @@ def test_the_bar_has_the_structural_model(chart: StudyResults, folder: Path) -> 
     (row,) = csv.DictReader((folder / "chart.csv").read_text().splitlines())
     arrays = chart.arrays("row1")
     _, other, called = model_comparison(with_hook(load_any(folder / "scene.toml")))
-    at = Stands({"fly": np.array([EXTENSION])}, np.array([ANGLE]), np.zeros(1))
+    at = PostureSet({"fly": np.array([EXTENSION])}, np.array([ANGLE]), np.zeros(1))
     full = shared.full_system(other)
-    postures = Postures.of(other, full, at)
+    postures = PostureMatrices.from_scene(other, full, at)
     place = Place(postures, 0, [float(part != "F") for part in postures.parts], 9.80665)
     loads = allowed_loads([Limit.model_validate(one) for one in LIMITS], place, UP_TO)
     assert called == "coarse shell" and "structural model" not in row["not covered"]

@@ -22,7 +22,7 @@ from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.structures import PointMass
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems
-from pmr.simulation.statics.postures import HOOK, WEIGHT, Bent, Postures, with_hook
+from pmr.simulation.statics.postures import HOOK, WEIGHT, DeflectionOutputs, PostureMatrices, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads, large_rotation_changes
 from pmr.studies.charting import MARGIN, governing_limit, limits_in_doubt, lower_bounds
@@ -79,18 +79,18 @@ def cantilever(density: float, elements: int, coordinates: int = 6) -> Scene:
     )
 
 
-def loads(limits: list[Limit], at: Postures, k: int = 0, up_to: float = 1e6, **amounts: float) -> np.ndarray:
+def loads(limits: list[Limit], at: PostureMatrices, k: int = 0, up_to: float = 1e6, **amounts: float) -> np.ndarray:
     """Allowed loads, in kg."""
     acting = {WEIGHT: 1.0, HOOK: 1.0} | amounts
     return allowed_loads(limits, Place(at, k, [acting.get(part, 0.0) for part in at.parts], G), up_to)
 
 
 @pytest.fixture(scope="module")
-def level() -> Postures:
+def level() -> PostureMatrices:
     return at_rest(cantilever(7850.0, 100, 24), [0.0])
 
 
-def test_stress_and_deflection_under_the_weight(level: Postures) -> None:
+def test_stress_and_deflection_under_the_weight(level: PostureMatrices) -> None:
     """M = P g (L - x) + q (L - x)^2 / 2 and w = P g L^3 / 3 EI + q L^4 / 8 EI; moments are linear in an element."""
     limits = [Limit(name="a", of="stress", most=200e6, factor=1.5), Limit(name="b", of="deflection", most=0.06)]
     stress, deflection, stability = loads(limits, level)
@@ -104,7 +104,7 @@ def test_stress_and_deflection_under_the_weight(level: Postures) -> None:
 
 
 @pytest.fixture(scope="module")
-def raised() -> Postures:
+def raised() -> PostureMatrices:
     return at_rest(cantilever(1e-6, 40, 24), [0.3, 1.4, np.pi / 2.0, -0.3])
 
 
@@ -115,7 +115,7 @@ def berry(load: float, angle: float) -> tuple[float, float]:
     return Q * L**3 / (E * I) * (np.tan(u) - u) / u**3, Q * L * np.tan(u) / u
 
 
-def test_deflection_and_stress_to_second_order_are_those_of_a_beam_column(raised: Postures) -> None:
+def test_deflection_and_stress_to_second_order_are_those_of_a_beam_column(raised: PostureMatrices) -> None:
     """Berry's functions; the probe is where the axial force takes away from the stress."""
     limits = [Limit(name="a", of="stress", most=400e6), Limit(name="b", of="deflection", most=0.5)]
     for k, angle in enumerate((0.3, 1.4)):
@@ -274,7 +274,7 @@ def test_a_stop_that_is_simulated_moves_the_tip_as_the_chart_has_it(of: str, dir
     assert np.abs(tip - tip[0]).max() == pytest.approx(found[0] * steady, rel=5e-3)
 
 
-def test_a_luffing_cylinder_carries_the_moment_to_second_order(raised: Postures) -> None:
+def test_a_luffing_cylinder_carries_the_moment_to_second_order(raised: PostureMatrices) -> None:
     """Berry's moment at the root over the arm: twice the area of pivot, foot and lug over the cylinder's length."""
     foot, lug = (complex(*HINGES[key]) for key in ("foot", "lug"))
     for k, angle in enumerate((0.3, 1.4)):
@@ -284,7 +284,7 @@ def test_a_luffing_cylinder_carries_the_moment_to_second_order(raised: Postures)
         assert berry(load, angle)[1] / arm == pytest.approx(80e3, rel=1e-3)
 
 
-def test_a_column_stands_up_to_its_buckling_load_and_a_hanging_one_for_ever(raised: Postures) -> None:
+def test_a_column_stands_up_to_its_buckling_load_and_a_hanging_one_for_ever(raised: PostureMatrices) -> None:
     euler = np.pi**2 * E * I_SIDEWAYS / (4.0 * L**2) / G
     limits = [Limit(name="a", of="buckling", least=2.5), Limit(name="b", of="deflection", most=0.5)]
     factor, deflection, stability = loads(limits, raised, 2, up_to=1e9)
@@ -294,12 +294,12 @@ def test_a_column_stands_up_to_its_buckling_load_and_a_hanging_one_for_ever(rais
     assert np.isnan(loads(limits, raised, 2, up_to=100.0)).all()
 
 
-def test_what_is_met_at_no_load_is_nothing(level: Postures) -> None:
+def test_what_is_met_at_no_load_is_nothing(level: PostureMatrices) -> None:
     found = loads([Limit(name="a", of="deflection", most=1e-4), Limit(name="b", of="frequency", least=100.0)], level)
     assert found[:2].tolist() == [0.0, 0.0]
 
 
-def test_the_frequency_is_that_of_a_cantilever_with_a_mass_at_its_tip(level: Postures) -> None:
+def test_the_frequency_is_that_of_a_cantilever_with_a_mass_at_its_tip(level: PostureMatrices) -> None:
     """1 + cos k cosh k + mu k (cos k sinh k - sin k cosh k) = 0, mu the load over the beam's mass; sideways, softer."""
     (load, _) = loads([Limit(name="a", of="frequency", least=2.0)], level)
     k = (rhoA := 7850.0 * A) ** 0.25 * np.sqrt(2.0 * np.pi * 2.0) / (E * I_SIDEWAYS) ** 0.25 * L
@@ -315,7 +315,7 @@ MACHINE = (
 POLYGON = ((2.0, 1.5), (-2.0, 1.5), (-2.0, -1.5), (2.0, -1.5))
 
 
-def test_a_machine_tips_about_its_edge(raised: Postures, level: Postures) -> None:
+def test_a_machine_tips_about_its_edge(raised: PostureMatrices, level: PostureMatrices) -> None:
     """Sum of moments about the front edge, x = 2 m; anticlockwise or not."""
     for corners in (POLYGON, POLYGON[::-1]):
         limits = [Limit(name="a", of="overturning", factor=1.25, polygon=corners, machine=MACHINE, height=1.0)]
@@ -324,7 +324,7 @@ def test_a_machine_tips_about_its_edge(raised: Postures, level: Postures) -> Non
         assert np.isnan(loads(limits, raised, 2)[0])
 
 
-def test_the_load_at_the_deflected_tip_tips_a_machine_sooner(raised: Postures) -> None:
+def test_the_load_at_the_deflected_tip_tips_a_machine_sooner(raised: PostureMatrices) -> None:
     """Berry's deflection moves it outwards by its part along the ground; a massless boom."""
     limit = Limit(name="a", of="overturning", factor=1.25, polygon=POLYGON, machine=MACHINE, height=1.0)
     load, out = loads([limit], raised)[0], L * np.cos(0.3)
@@ -333,7 +333,7 @@ def test_the_load_at_the_deflected_tip_tips_a_machine_sooner(raised: Postures) -
     assert load * (out + moved - 2.0) == pytest.approx((3000.0 * 2.5 + 500.0 * 4.0) / 1.25, rel=1e-5)
 
 
-def test_an_expression_that_says_what_a_limit_does_allows_the_same(raised: Postures) -> None:
+def test_an_expression_that_says_what_a_limit_does_allows_the_same(raised: PostureMatrices) -> None:
     tip = ", ".join(f'output["{name}"]' for name in raised.output_names if "tip" in name)
     limits = [Limit(name="a", of="deflection", most=0.5, factor=1.2)]
     limits.append(Limit(name="b", of="expression", expression=f"hypot({tip})", most=0.5, factor=1.2))
@@ -379,7 +379,7 @@ def test_a_field_of_walls_is_that_of_probes_at_its_points() -> None:
     points = found.sections[-1].probes
     assert len(points) > 100 and {one.face for one in points} == {"outer", "inner"}
     resting = arrays_at_rest(with_fields(scene, ["fly"], 1), [0.5], {"middle": [2.0], "fly": [3.0]})
-    at = npz.record(Postures, resting, "reduced.")
+    at = npz.record(PostureMatrices, resting, "reduced.")
     field = Limit(name="a", of="field", which=("fly",), most=100e6)
     load = loads([field], at)[0]
     state = Place(at, 0, [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in at.parts], G).equilibria.state(load)
@@ -390,7 +390,9 @@ def test_a_field_of_walls_is_that_of_probes_at_its_points() -> None:
     ]
     assert len(each) == len(points) and max(each) == pytest.approx(100e6, rel=1e-6)
     place = Place(at, 0, [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in at.parts], G)
-    arrays = governing_details([field], [place, None], np.array([load, np.nan]), npz.record(Bent, resting, "bent."), ())
+    arrays = governing_details(
+        [field], [place, None], np.array([load, np.nan]), npz.record(DeflectionOutputs, resting, "bent."), ()
+    )
     assert arrays["stress"].shape[1] == len(arrays["stress.names"])  # of the scene's own probes alone
     with pytest.raises(InputError, match="the scene has no field to look at"):
         field.check(crane())

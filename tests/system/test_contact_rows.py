@@ -24,11 +24,11 @@ def test_the_diagonal_decides_and_its_bound_counts() -> None:
 @pytest.mark.parametrize("noise", [0.0, 1e-27, 1e-25])
 def test_a_contact_that_gives_way_by_round_off_is_rigid(noise: float) -> None:
     system = with_round_off(noise)
-    at, clean = (Assembly(of).at(of.coordinates({"1": 2.5})) for of in (system, with_round_off(0.0)))
+    at, clean = (Assembly(of).contact_rows(of.side_coordinates({"1": 2.5})) for of in (system, with_round_off(0.0)))
     assert at.rigid.tolist() == [True, False] and at.F[1, 1] > 1e-10
     np.testing.assert_allclose(at.F, clean.F, rtol=1e-12)
     assert not at.F[0].any() and not at.F[:, 0].any()
-    changing = ChangingRows(Assembly(system), system.paths).at(np.array([2.5]))
+    changing = ChangingRows(Assembly(system), system.paths).evaluate(np.array([2.5]))
     assert changing.rows.rigid.tolist() == [True, False]
     for part in (changing.rows, changing.slopes, changing.curves):
         assert not part.F[..., 0, :].any() and not part.F[..., :, 0].any() and part.F[..., 1, 1].all()

@@ -14,7 +14,7 @@ from pmr.compare.simulated import excitation_of_scene
 from pmr.kernel import data
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems
-from pmr.system.from_scene import Combined, combine_rings
+from pmr.system.from_scene import CombinedRings, combine_rings
 from pmr.system.system import System
 
 CRANE = Path(__file__).parents[2] / "workflows" / "crane.toml"
@@ -54,9 +54,9 @@ def test_a_ring_of_pads_of_a_beam_is_three_contacts(
     fewer = systems.simulate(system, excitation, systems.start_of(system, excitation))
     by_themselves: list[System] = []
 
-    def uncombined(one: System) -> Combined:
+    def uncombined(one: System) -> CombinedRings:
         by_themselves.append(one)
-        return Combined(one)
+        return CombinedRings(one)
 
     monkeypatch.setattr(data, "combine_rings", uncombined)
     all_of = systems.simulate(system, excitation, systems.start_of(system, excitation))
@@ -75,4 +75,4 @@ def test_pads_that_only_push_or_do_not_give_way_stay_by_themselves(crane: tuple[
     pushing = replace(system, contacts=tuple(replace(c, clearance=0.0) for c in system.contacts))
     rigid = replace(system, contacts=tuple(replace(c, compliance=0.0) for c in system.contacts))
     assert combine_rings(pushing).system is pushing and combine_rings(rigid).system is rigid
-    assert combine_rings(pushing).forces(np.ones(3)) == pytest.approx(np.ones(3))
+    assert combine_rings(pushing).original_forces(np.ones(3)) == pytest.approx(np.ones(3))

@@ -60,7 +60,7 @@ def test_the_file_of_one_body_is_that_of_a_body_alone(tmp_path: Path) -> None:
     again = System.load(system.save(tmp_path / "system.npz"))
     assert again.provenance == model.provenance
     for one in (system, again):
-        rows = Assembly(one).along(one.coordinates({"slider": s}))
+        rows = Assembly(one).contact_rows_over_time(one.side_coordinates({"slider": s}))
         np.testing.assert_array_equal(rows.C, model.C(s))
 
 

@@ -11,7 +11,7 @@ from nested import FROM_END, LENGTH, Box, Nested, full, full_section, plain, red
 from on_pads import beam_on_pads, modes_on_pads
 from oracle import flexible, rich_body
 
-from pmr.constraints.rows import Rows, carrier, fixed_row
+from pmr.constraints.rows import Rows, fixed_row, sparse_row
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.simulation.statics.equilibrium import Equilibrium, equilibrium
 from pmr.system.assembly import Assembly
@@ -29,7 +29,7 @@ FREQUENCIES = {
 
 
 def coordinates(system: System, overlap: float) -> np.ndarray:
-    return system.coordinates({path: LENGTH - overlap for path in system.paths})
+    return system.side_coordinates({path: LENGTH - overlap for path in system.paths})
 
 
 @pytest.mark.parametrize(("count", "overlap"), FREQUENCIES)
@@ -43,9 +43,9 @@ def test_frequencies_to_four_digits(count: int, overlap: float) -> None:
 def test_rows_of_many_places_are_those_of_each_and_take_no_matrix_of_the_bodies() -> None:
     system = reduced(Nested(3), 3)
     assembly, x = Assembly(system), np.stack([coordinates(system, overlap) for overlap in (5.4, 3.0, 1.5)])
-    together = assembly.along(x)
+    together = assembly.contact_rows_over_time(x)
     for k, at in enumerate(x):
-        one = assembly.at(at)
+        one = assembly.contact_rows(at)
         for name in ("C", "F", "H", "X"):
             found, expected = getattr(together, name)[k], getattr(one, name)
             np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-13 * np.abs(expected).max(initial=1e-300))
@@ -57,12 +57,12 @@ def test_modes_are_those_of_the_frequencies() -> None:
     system = full(Nested(3, elements=12))
     system = replace(system, contacts=(replace(system.contacts[0], compliance=0.0), *system.contacts[1:]))
     assembly, x = Assembly(system), coordinates(system, 3.0)
-    rows = assembly.at(x)
+    rows = assembly.contact_rows(x)
     omega, phi = assembly.modes(rows, 4)
     assert omega == pytest.approx(2.0 * np.pi * assembly.frequencies(x, 4), rel=1e-6)
     np.testing.assert_allclose(phi.T @ assembly.M @ phi, np.eye(4), atol=1e-9)
     assert np.abs(rows.C[0] @ phi).max() < 1e-12 * np.abs(phi).max() * np.abs(rows.C[0]).sum()
-    soft = rows.of(np.any(rows.F != 0.0, axis=1))
+    soft = rows.select(np.any(rows.F != 0.0, axis=1))
     springs = soft.C @ phi
     stored = phi.T @ assembly.K @ phi + springs.T @ np.linalg.solve(soft.F, springs)
     np.testing.assert_allclose(stored, np.diag(omega**2), rtol=1e-6, atol=1e-6 * omega[-1] ** 2)
@@ -103,10 +103,10 @@ def test_a_published_boom_lift_on_rigid_pads(share: float, frequency: float) -> 
             Contact(f"mouth {outer}", Place(inner, "w", overlap), Place(outer, "w", one.length)),
         ]
     system = System({name: full_section(one) for name, one in zip(names, LIFT, strict=True)}, tuple(contacts))
-    assert Assembly(system).frequencies(system.coordinates({}), 1)[0] == pytest.approx(frequency, rel=1e-4)
+    assert Assembly(system).frequencies(system.side_coordinates({}), 1)[0] == pytest.approx(frequency, rel=1e-4)
     small = {name: reduced_section(one, 2) for name, one in zip(names, LIFT, strict=True)}
     stiff = System(small, tuple(replace(contact, compliance=1e-12) for contact in contacts))
-    assert Assembly(stiff).frequencies(stiff.coordinates({}), 1)[0] == pytest.approx(frequency, rel=2e-4)
+    assert Assembly(stiff).frequencies(stiff.side_coordinates({}), 1)[0] == pytest.approx(frequency, rel=2e-4)
 
 
 def loads(system: System, gravity: float, tip: float) -> np.ndarray:
@@ -122,7 +122,7 @@ def test_statics_are_exact_with_the_fewest_modes(count: int, overlap: float) -> 
     boom, lines = Nested(count), []
     for system in (full(boom), reduced(boom, 1), plain(boom, 1)):
         assembly, x, f = Assembly(system), coordinates(system, overlap), loads(system, 9.81, -2e3)
-        state, rows = equilibrium(assembly, x, f), assembly.at(x)
+        state, rows = equilibrium(assembly, x, f), assembly.contact_rows(x)
         lines.append(assembly.outputs @ state.q + assembly.direct @ f - rows.X @ state.forces)
     largest = np.abs(lines[0]).max()
     assert np.abs(lines[1] - lines[0]).max() < 1e-6 * largest
@@ -170,7 +170,7 @@ def test_a_section_that_nothing_holds_has_no_equilibrium() -> None:
         for count in (0, 1):
             loose = System(system.bodies, system.contacts[:count])
             with pytest.raises(InputError, match="contacts that hold the bodies"):
-                equilibrium(Assembly(loose), loose.coordinates({"1": 1.0}), loads(loose, 9.81, 0.0))
+                equilibrium(Assembly(loose), loose.side_coordinates({"1": 1.0}), loads(loose, 9.81, 0.0))
 
 
 PLACE = Place("1", "w", 0.15)
@@ -207,25 +207,25 @@ def test_systems_that_do_not_fit(contacts: list, said: str) -> None:
 def test_places_beyond_a_body_and_paths_that_are_missing() -> None:
     system = reduced(Nested(2, elements=10), 2)
     with pytest.raises(InputError, match="0 to 6 m are allowed on 0"):
-        system.coordinates({"1": 6.0})
+        system.side_coordinates({"1": 6.0})
     end = LENGTH - FROM_END  # of a place on the outer section, which measured paths overshoot
-    beyond = system.coordinates({"1": end + 0.9 * BEYOND_ENDS * LENGTH})
+    beyond = system.side_coordinates({"1": end + 0.9 * BEYOND_ENDS * LENGTH})
     np.testing.assert_allclose(beyond, [FROM_END, LENGTH, 0.0, end], rtol=0.0, atol=1e-14)
     with pytest.raises(InputError, match="contacts.tail 1.path = '1': a path for it is needed; given: none"):
-        system.coordinates({})
+        system.side_coordinates({})
 
 
 def test_a_support_of_several_coordinates_is_a_contact() -> None:
     system = full(Nested(2, elements=10))
     body = system.bodies["1"]
-    held = fixed_row("axle", carrier([3, 7], [1.0, -2.0], body.size), (0.0, LENGTH))
+    held = fixed_row("axle", sparse_row([3, 7], [1.0, -2.0], body.size), (0.0, LENGTH))
     bodies = dict(system.bodies) | {"1": replace(body, rows=Rows((*body.rows.rows, held), body.size))}
     with pytest.raises(InputError, match="the row axle always holds 1: a contact of it with the ground is needed"):
         System(bodies, system.contacts)
     joined = System(bodies, (*system.contacts, Contact("axle", Place("1", "axle"))))
-    x, f = joined.coordinates({"1": 1.0}), loads(joined, 9.81, 0.0)
+    x, f = joined.side_coordinates({"1": 1.0}), loads(joined, 9.81, 0.0)
     a = Assembly(joined)
-    q = equilibrium(a, x, f).q[a.coordinates["1"]]
+    q = equilibrium(a, x, f).q[a.coordinate_slices["1"]]
     assert q[3] - 2.0 * q[7] == pytest.approx(0.0, abs=1e-10 * np.abs(q).max())
 
 
@@ -233,7 +233,7 @@ def test_a_body_alone_with_tables_over_its_path_is_a_system() -> None:
     """Two sliders and a support with residual flexibility: rows, what they give way by, and what loads move."""
     model = replace(flexible(rich_body(), 6), pads=np.array([2e-6, 3e-6]))
     system, s = System.of(model), np.array([1.7, 2.3])
-    tables, rows = model.flexibility, Assembly(system).along(system.coordinates({"slider": s}))
+    tables, rows = model.flexibility, Assembly(system).contact_rows_over_time(system.side_coordinates({"slider": s}))
     assert tables is not None and model.carriers is None
     for k, at in enumerate(s):
         np.testing.assert_array_equal(rows.C[k], model.C(at))
@@ -262,9 +262,9 @@ def test_a_body_alone_needs_no_carriers_as_long_as_its_places_share_one_path() -
     body = modes_on_pads(beam_on_pads(1e-3), 4)
     assert body.carriers is None
     system = System.of(body)
-    assert system.on_one_path and system.coordinates({SLIDER: 3.0}).tolist() == [body.domain[0]] * 2 + [3.0] * 2
+    assert system.on_one_path and system.side_coordinates({SLIDER: 3.0}).tolist() == [body.domain[0]] * 2 + [3.0] * 2
     with pytest.raises(InputError, match="contacts.mouth bottom.place = 99"):
-        system.coordinates({SLIDER: 99.0})
+        system.side_coordinates({SLIDER: 99.0})
     contacts = (*system.contacts[:2], replace(system.contacts[2], inner=Place(ALONE, body.row_names[2], path="other")))
     with pytest.raises(InputError, match="bodies.: a model with carriers"):
         System({ALONE: body}, (*contacts, system.contacts[3]))

@@ -39,8 +39,8 @@ def test_a_term_moves_to_other_coordinates_and_among_others() -> None:
     term = Term("cylinder", ("b", "a"), stiffness=sp.csr_matrix(matrix(2, 3)), damping=matrix(2, 3, seed=1))
     V = {"b": matrix(2)[:, :1], "a": matrix(3)[:, :2]}
     both = np.block([[V["b"], np.zeros((2, 2))], [np.zeros((3, 1)), V["a"]]])
-    np.testing.assert_allclose(term.on(V).stiffness, both.T @ matrix(2, 3) @ both, atol=1e-13)
-    found = term.among({"a": [0, -1, 2], "b": [4, 3]}, 6).damping.toarray()
+    np.testing.assert_allclose(term.project(V).stiffness, both.T @ matrix(2, 3) @ both, atol=1e-13)
+    found = term.scatter({"a": [0, -1, 2], "b": [4, 3]}, 6).damping.toarray()
     at = [4, 3, 0, 2]
     expected = np.zeros((6, 6))
     expected[np.ix_(at, at)] = matrix(2, 3, seed=1)[np.ix_([0, 1, 2, 4], [0, 1, 2, 4])]

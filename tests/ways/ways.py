@@ -223,7 +223,7 @@ def simulated_outputs(system: System, excitation: Excitation) -> Array:
 
 def held(subject: Subject) -> Array:
     """Natural frequencies (r,) in rad/s of the system with its paths at `Subject.at` and rigid contacts held."""
-    assembly, x = Assembly(subject.system), subject.system.coordinates(subject.at)
+    assembly, x = Assembly(subject.system), subject.system.side_coordinates(subject.at)
     found = 2.0 * np.pi * assembly.frequencies(x, assembly.size)
     return np.asarray(found[np.isfinite(found)])
 
@@ -231,7 +231,7 @@ def held(subject: Subject) -> Array:
 def answers(subject: Subject, w: float) -> NDArray[np.complex128]:
     """Outputs (o, i) under unit loads at circular frequency w in rad/s, from the equations of motion with contacts."""
     assembly = Assembly(subject.system)
-    rows, B = assembly.at(subject.system.coordinates(subject.at)), assembly.B.toarray()
+    rows, B = assembly.contact_rows(subject.system.side_coordinates(subject.at)), assembly.B.toarray()
     M, D, K = (A.toarray() for A in (assembly.M, assembly.D, assembly.K))
     A = np.block([[K + 1j * w * D - w**2 * M, rows.C.T], [rows.C, -rows.F]])
     found = np.linalg.solve(A, np.vstack([B, -rows.H]))

@@ -24,7 +24,7 @@ from pmr.compare.estimate import reason_without_estimate
 from pmr.compare.trust import LOAD_JUMPS, SLIDER_IMPACTS
 from pmr.errors import InputError
 from pmr.errors.text import rounded
-from pmr.reduced.attachment import as_simulated
+from pmr.reduced.attachment import simulated_model
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
@@ -94,7 +94,7 @@ def trials_of(scene: Scene, models: Mapping[str, ReducedModel]) -> Trials:
 def _join_models(scene: Scene, models: Mapping[str, ReducedModel]) -> System:
     """System of these models as it is simulated."""
     stressed = any(frame_terms(scene))
-    return system_of(scene, {name: as_simulated(model, stressed) for name, model in models.items()})
+    return system_of(scene, {name: simulated_model(model, stressed) for name, model in models.items()})
 
 
 class Search:

@@ -62,7 +62,7 @@ class Contacts:
 
     def rows(self, x: Array) -> ContactRows:
         """Rows of the contacts that give way, with the sides of all contacts at x (T, sides) m."""
-        return self._equations.rows(x).of(self.gives)
+        return self._equations.rows(x).select(self.gives)
 
     def forces(self, rows: ContactRows, q: Array, f: Array) -> Array:
         """Forces (T, m') in N of contacts that give way, at T times, by coordinates q (T, n) and loads f (T, i).
@@ -72,7 +72,7 @@ class Contacts:
         motion = np.einsum("tmn,tn->tm", rows.C, q) + np.einsum("tmi,ti->tm", rows.H, f)
         if not self.push:
             return np.asarray(self._answers(rows, motion[:, :, None])[:, :, 0])
-        return np.array([self.pressed(rows.at(k), gaps) for k, gaps in enumerate(motion)]).reshape(motion.shape)
+        return np.array([self.pressed(rows.at_time(k), gaps) for k, gaps in enumerate(motion)]).reshape(motion.shape)
 
     def pressed(self, rows: ContactRows, motion: Array) -> Array:
         """Forces (m',) in N of contacts that give way at one time, by `motion` = C q + H f (m',) in m.
@@ -138,7 +138,7 @@ def balance_energy(equations: Equations, contacts: Contacts, motion: Motion) -> 
         part, rows = motion.part(steps), equations.rows(motion.x[steps])
         g = contacts.gives
         if not part.friction.shape[1]:
-            part.forces[:, g] = contacts.forces(rows.of(g), part.q, part.f)
+            part.forces[:, g] = contacts.forces(rows.select(g), part.q, part.f)
         with np.errstate(over="ignore", invalid="ignore"):
             stored[steps], done = _energy_and_work(equations, rows, part)
         work[steps][1:] = work[first] + np.cumsum(done)
@@ -215,11 +215,11 @@ class Pads:
 
     def rows(self, x: Array) -> Rows:
         """Rows of the contacts with their sides at x (1, sides) m."""
-        assembly, giving, m = self._equations.assembly, self._contacts.rows(x).at(0), len(self.gives)
+        assembly, giving, m = self._equations.assembly, self._contacts.rows(x).at_time(0), len(self.gives)
         if self.law is None:
             return Rows(giving, np.zeros((m, giving.C.shape[1])), np.zeros((m, m)), np.zeros(0))
         s = np.array([(x[0, k] - place.at) / place.rate for k, place in self._joints])
-        return Rows(giving, assembly.slopes(x[0]), assembly.turned_rows(x[0]), s)
+        return Rows(giving, assembly.row_slopes(x[0]), assembly.contact_motions_by_moments(x[0]), s)
 
     def answers(self, rows: Rows, f: Array) -> Array:
         """Response F^-1 H f (m',) in N of contacts that give way to loads f (i,)."""
@@ -249,11 +249,11 @@ class Pads:
         diagonal[self.gives] = np.diag(rows.giving.F)
         for _ in range(LIMIT):
             multipliers, last = self._multipliers(rows, q, f, gap), grip
-            sums = law.totals(last.forces)
+            sums = law.joint_totals(last.forces)
             grip = slide(law, self.grip, sums, rows.s, t - self.t, multipliers, np.diag(diagonal))
             moments = law.moments(grip.forces, multipliers)
-            old, gap = gap, law.gaps(grip.forces) - rows.answers @ moments
-            most = law.gaps(grip.limits) + np.abs(rows.answers) @ np.abs(law.moments(grip.limits, multipliers))
+            old, gap = gap, law.compressions(grip.forces) - rows.answers @ moments
+            most = law.compressions(grip.limits) + np.abs(rows.answers) @ np.abs(law.moments(grip.limits, multipliers))
             if np.abs(gap - old).max() <= CONVERGED * most.max():
                 return PadState(multipliers, grip, rows.slopes.T @ moments, gap)
         raise SimulationError(f"friction of the pads along {', '.join(law.joints)} does not settle")
@@ -288,9 +288,9 @@ class Pads:
             slides = np.abs(f) >= limits
             way = np.divide(limits, pressed, out=np.zeros(len(f)), where=pressed > 0.0) * np.sign(f) * slides
             M[law.pads, law.pads] = law.arms * way  # dm / dlambda
-            for j, (c, gives) in enumerate(zip(law.cylinders, law.gives, strict=True)):
+            for j, (c, gives) in enumerate(zip(law.cylinders, law.cylinder_compliance, strict=True)):
                 if gives > 0.0:
-                    of_joint = slice(law.first[j], law.first[j + 1])
+                    of_joint = slice(law.first_pads[j], law.first_pads[j + 1])
                     pads, grip = law.pads[of_joint], law.stiffness[of_joint] * ~slides[of_joint]
                     softened = gives / (1.0 + gives * grip.sum())
                     F[c, c] += softened - gives

@@ -49,7 +49,7 @@ class Watched:
     def forces(self, t: float, configuration: Any) -> Array:
         """Contact forces (m,) in N with friction at t s; of rigid contacts those of the current configuration."""
         multipliers, _, grip = self._contact_state(t, self._items.coordinates(self._mbs, configuration))
-        return multipliers if grip is None else multipliers + self._items.rubbing.law.along(grip)
+        return multipliers if grip is None else multipliers + self._items.rubbing.law.cylinder_forces(grip)
 
     def outputs(self, t: float, configuration: Any) -> Array:
         """Outputs y = O q + W f - X lambda (o,) at t s, with the effect of the moments of friction."""
@@ -57,7 +57,7 @@ class Watched:
         multipliers, rows, grip = self._contact_state(t, q)
         y = equations.outputs @ q + equations.assembly.direct @ self._loads(t) - rows.X @ multipliers
         if grip is not None:
-            turned = equations.assembly.turned(self._items.inputs.at(t)[0])
+            turned = equations.assembly.outputs_by_moments(self._items.inputs.at(t)[0])
             y = y + turned @ self._items.rubbing.law.moments(grip, multipliers)
         return np.asarray(y)
 
@@ -77,7 +77,7 @@ class Watched:
             multipliers[self._rest], grip = at.multipliers[self._rest], at.grip.forces
         elif self._rest.any():
             multipliers[self._rest] = self._contacts.forces(self._contacts.rows(x), q[None], f[None])[0]
-        return multipliers, equations.rows(x).at(0), grip
+        return multipliers, equations.rows(x).at_time(0), grip
 
 
 def add_sensors(mbs: Any, items: SystemItems) -> SystemSensors:
@@ -163,7 +163,7 @@ class Drawn:
         shown = exu.ConfigurationType.Visualization
         t = self._mbs.systemData.GetTime(shown)
         outputs, (origin, R, extended) = self._watched.outputs(t, shown), self._posture(t, shown)
-        rings_of_sections, observed = list[Array](), self._items.equations.assembly.observed.values()
+        rings_of_sections, observed = list[Array](), self._items.equations.assembly.output_slices.values()
         for tube, outline, X, at in zip(self.tubes, outlines, np.cumsum(extended), observed, strict=True):
             rings = np.zeros((len(tube.x), outline.shape[1], 3))
             rings[:, :, 0] = X + tube.x[:, None]

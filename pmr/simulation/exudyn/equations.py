@@ -83,7 +83,7 @@ class Equations:
 
     def at(self, s: Mapping[str, float]) -> Array:
         """Side positions x (1, sides) in m with the paths at s m; errors as `visited`."""
-        return self.system.coordinates(s)[None]
+        return self.system.side_coordinates(s)[None]
 
     def rows(self, x: Array) -> ContactRows:
         """All contacts with their sides at x (T, sides) m.
@@ -93,13 +93,13 @@ class Equations:
         if self._compliant is not None and self._travelling:
             self._compliant.check(x[:, self._travelling[0]])
         if (key := x.tobytes()) != self._places:
-            self._places, self._rows = key, self.assembly.along(x)
+            self._places, self._rows = key, self.assembly.contact_rows_over_time(x)
         return self._rows
 
     def whole(self, name: str, values: Array) -> Array:
         """Coordinates (T, n') of one body from those (T, n) of all; zero for coordinates that supports hold."""
         coordinates = np.zeros((len(values), self.system.bodies[name].size))
-        coordinates[:, self.assembly.free[name]] = values[:, self.assembly.coordinates[name]]
+        coordinates[:, self.assembly.free_coordinates[name]] = values[:, self.assembly.coordinate_slices[name]]
         return coordinates
 
     def start(
@@ -109,13 +109,13 @@ class Equations:
 
         Errors as `consistent_start`.
         """
-        free = self.assembly.free
-        states = consistent_start(self.assembly, self.at(s)[0], self.system.rates(rates), initial)
+        free = self.assembly.free_coordinates
+        states = consistent_start(self.assembly, self.at(s)[0], self.system.side_rates(rates), initial)
         return {name: InitialState(start.q[free[name]], start.v[free[name]]) for name, start in states.items()}
 
     def needs(self, x: Array, rho_inf: float = 0.0) -> Needs:
         """Needs of the system in a simulator, with its sides at x (T, sides) m."""
-        return needs_of(self.system, self.assembly.at(x[0]).rigid, x, rho_inf)
+        return needs_of(self.system, self.assembly.contact_rows(x[0]).rigid, x, rho_inf)
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,11 @@ def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Star
     Sparse systems with contacts that give way, none of which only pushes, use `add_with_multipliers` instead: springs
     would fill the sparse stiffness anew in every step.
     """
-    n, contacts, friction = equations.size, Contacts(equations, inputs), Friction.of(equations.system.contacts)
+    n, contacts, friction = (
+        equations.size,
+        Contacts(equations, inputs),
+        Friction.from_contacts(equations.system.contacts),
+    )
     springs = bool(contacts.gives.any()) and not contacts.push and friction is None
     if springs and equations.sparse:
         return add_with_multipliers(mbs, equations, inputs, start)

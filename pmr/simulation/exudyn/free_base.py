@@ -103,8 +103,8 @@ class Extending:
         The forces (n + S,) are those under loads f (i,).
         """
         n, S, numbers = len(q), len(s), self._numbers
-        near = self._along.at(s)
-        now, slopes = near.rows.of(self._contacts.gives), near.slopes.of(self._contacts.gives)
+        near = self._along.evaluate(s)
+        now, slopes = near.rows.select(self._contacts.gives), near.slopes.select(self._contacts.gives)
         C, F, H = (A[numbers] for A in (slopes.C, slopes.F, slopes.H))
         forces = self._contacts.pressed(now, now.C @ q + now.H @ f)
         gaps, bent = C @ q + H @ f, F @ forces  # (e, m)
@@ -129,11 +129,11 @@ class Extending:
 
     def gap(self, s: Array, q: Array) -> Array:
         """Gaps C(s) q (m,) in m of rigid contacts."""
-        return np.asarray(self._along.at(s).rows.C[self.rigid] @ q)
+        return np.asarray(self._along.evaluate(s).rows.C[self.rigid] @ q)
 
     def moved(self, s: Array, q: Array) -> Array:
         """Derivative (m, n + S) by q and s of the gaps of rigid contacts."""
-        near, numbers = self._along.at(s), self._numbers
+        near, numbers = self._along.evaluate(s), self._numbers
         derivative = np.hstack([near.rows.C[self.rigid], np.zeros((len(self.rigid), len(s)))])
         derivative[:, len(q) + numbers] = (near.slopes.C[numbers][:, self.rigid] @ q).T
         return derivative

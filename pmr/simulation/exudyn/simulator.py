@@ -178,7 +178,7 @@ class Run:
         self, system: System, excitation: Excitation, initial: Mapping[str, InitialState], formulation: Formulation
     ) -> None:
         self.system, self._excitation, self._formulation = system, excitation, formulation
-        self._equations, self._friction = Equations(system), Friction.of(system.contacts)
+        self._equations, self._friction = Equations(system), Friction.from_contacts(system.contacts)
         name, add = FORMULATIONS[formulation]
         self._needs = self._equations.needs(self._equations.visited(excitation), excitation.stepping.rho_inf)
         refuse(name, self._needs)
@@ -242,8 +242,8 @@ class Run:
         forces, energy, work = reaching, balanced.stored[ends], balanced.work[ends]
         if (pads := self._friction) is not None:
             friction = motion.friction[ends]
-            forces = reaching + pads.along(friction)
-            of_cylinders = pads.stored(friction, forces)
+            forces = reaching + pads.cylinder_forces(friction)
+            of_cylinders = pads.stored_energy(friction, forces)
             energy, work = energy + of_cylinders, work + of_cylinders
             rubbed = {"friction": friction, "moments": pads.moments(friction, forces)}
         within = np.maximum.reduceat(motion.forces[1:], ends[:-1], axis=0)
@@ -252,7 +252,7 @@ class Run:
                 t,
                 self._equations.whole(name, motion.q[ends]),
                 self._equations.whole(name, motion.v[ends]),
-                system.pressed(name, reaching),
+                system.side_multipliers(name, reaching),
                 motion.x[ends][:, system.sides_of(name)],
                 seconds,
                 surplus=surplus,

@@ -24,7 +24,7 @@ from pmr.simulation.start import InitialState, consistent_start
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import ALONE, Friction
-from pmr.system.from_scene import Combined
+from pmr.system.from_scene import CombinedRings
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -87,7 +87,7 @@ class SystemForm:
         return self.combined.system
 
     @cached_property
-    def combined(self) -> Combined:
+    def combined(self) -> CombinedRings:
         """System in modal coordinates, and how the forces of all contacts follow from those of combined ones."""
         return in_modes(self.system, self.forms)
 
@@ -96,8 +96,8 @@ class SystemForm:
 
         `friction` (..., n) in N is that of the pads, or None.
         """
-        forces, pads = self.combined.forces(multipliers), Friction.of(self.system.contacts)
-        return forces if pads is None or friction is None else forces + pads.along(friction)
+        forces, pads = self.combined.original_forces(multipliers), Friction.from_contacts(self.system.contacts)
+        return forces if pads is None or friction is None else forces + pads.cylinder_forces(friction)
 
 
 #: Iterations of forces of terms and friction within a step.
@@ -147,7 +147,7 @@ def rest_states(assembly: Assembly, x: Array, f: Array, c: Array) -> dict[str, I
     states, coordinates = dict[str, InitialState](), equilibrium(assembly, x, f, c).q
     for name, body in assembly.system.bodies.items():
         q = np.zeros(body.size)
-        q[assembly.free[name]] = coordinates[assembly.coordinates[name]]
+        q[assembly.free_coordinates[name]] = coordinates[assembly.coordinate_slices[name]]
         states[name] = InitialState(q, np.zeros(body.size))
     return states
 
@@ -176,7 +176,7 @@ def reason(system: System, error: StepError, x: Array) -> str:
     if error.failure == Failure.UNCONVERGED:
         return describe_divergence(system.term_names, system.contacts, ITERATIONS)
     if error.failure == Failure.DEPENDENT:  # at the start the kernel does not say which
-        C = Assembly(system).at(x).C
+        C = Assembly(system).contact_rows(x).C
         return describe_dependence(C[: error.contact + 1] if error.contact >= 0 else C, system.contact_names)
     return "not finite" if error.failure == Failure.NOT_FINITE else str(error)
 

@@ -78,7 +78,7 @@ class March:
         self.finest = parts[-1]
         self._schedule = np.array(stepping.schedule, np.int32) if stepping.schedule else None
         x = places(form.modal, excitation)
-        needs = needs_of(form.modal, Assembly(form.modal).at(x[0]).rigid, x, stepping.rho_inf)
+        needs = needs_of(form.modal, Assembly(form.modal).contact_rows(x[0]).rigid, x, stepping.rho_inf)
         refuse("march", needs)
         self._growing = list(needs.rigid_moving)  # nothing damps their forces
         self._signals: Signals | None
@@ -234,7 +234,7 @@ class March:
         """Error of a failed step for the user."""
         modal = self.form.modal
         at = {path: self._s[step, k] for k, path in enumerate(self._paths)}
-        return failed_at(self._where(step), self.form, error, modal.coordinates(at))
+        return failed_at(self._where(step), self.form, error, modal.side_coordinates(at))
 
     def _check_finite(self, recorded: Array, first: int, every: int) -> None:
         """Raise SimulationError at the first row that is not finite; row 0 is step `first` times `every`."""

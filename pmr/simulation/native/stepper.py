@@ -257,10 +257,10 @@ class Stepper:
     @property
     def friction(self) -> dict[str, float]:
         """Friction force of the pads of each joint, in N, by the section that slides; empty without friction."""
-        pads = Friction.of(self._system.contacts)
+        pads = Friction.from_contacts(self._system.contacts)
         if pads is None:
             return {}
-        return dict(zip(pads.joints, pads.totals(self._state.friction).tolist(), strict=True))
+        return dict(zip(pads.joints, pads.joint_totals(self._state.friction).tolist(), strict=True))
 
     @property
     def contact(self) -> float:
@@ -280,13 +280,13 @@ class Stepper:
         kernel, motions = self._state.kernel, self._bound.motions
         u = kernel.frame_drivers(motions)[0] if kernel.motions else motions[0].copy()
         modal, paths = self._form.modal, self._places
-        x = modal.coordinates(paths)
-        refuse("march", needs_of(modal, Assembly(modal).at(x).rigid, x[None], self._rho_inf))
+        x = modal.side_coordinates(paths)
+        refuse("march", needs_of(modal, Assembly(modal).contact_rows(x).rigid, x[None], self._rho_inf))
         if initial is None and static:
             if kernel.modes <= DENSE and self._begin("equilibrium") is None:
                 return
             initial = static_start(self._system, self._constant(paths, u))  # which also says what nothing holds
-        x = self._system.coordinates(paths)
+        x = self._system.side_coordinates(paths)
         if error := self._begin("given", *start_modes(self._form, x, np.zeros(len(x)), initial or {})):
             raise self._failure("t = 0 s", error)
 
@@ -351,7 +351,7 @@ class Stepper:
         """Error of a failed step or start, for the user."""
         paths = self._places
         where = f"{where}{places_of(tuple(paths), np.array(list(paths.values())))}"
-        return failed_at(where, self._form, error, self._form.modal.coordinates(paths))
+        return failed_at(where, self._form, error, self._form.modal.side_coordinates(paths))
 
     @property
     def _where(self) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import apply_table, columns, select_rows
+from pmr.constraints.polynomials import apply_table, select_columns, select_rows
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.form import start_of as start_of
@@ -80,7 +80,7 @@ def follow(march: March, excitation: Excitation, take: Take, progress: Progress 
     Errors as `pmr.simulation.SystemSimulator`; that of a growing motion is raised at the end.
     """
     form, system, paths = march.form, march.form.system, tuple(excitation.paths.values())
-    pushing, rubbing, combined = ~np.isnan(system.clearance), Friction.of(system.contacts), form.combined
+    pushing, rubbing, combined = ~np.isnan(system.clearance), Friction.from_contacts(system.contacts), form.combined
     P, i = form.kernel.paths, form.kernel.inputs
 
     def hand_over(first: int, steps: Steps) -> None:
@@ -89,25 +89,25 @@ def follow(march: March, excitation: Excitation, take: Take, progress: Progress 
         def trajectory_at(rows: Indices | slice) -> SystemTrajectory:
             """Trajectory of rows of the block."""
             some, numbers = steps.at(rows), np.arange(first, first + len(steps.z))[rows]
-            t, f, motions, pressed = march.t[numbers], some.friction, {}, combined.forces(some.multipliers)
+            t, f, motions, pressed = march.t[numbers], some.friction, {}, combined.original_forces(some.multipliers)
             forces = form.forces(some.multipliers, f)
-            of_cylinders = 0.0 if rubbing is None or f is None else rubbing.stored(f, forces)
+            of_cylinders = 0.0 if rubbing is None or f is None else rubbing.stored_energy(f, forces)
             for name, modal in form.forms.items():
                 columns, x = form.columns[name], march.x[numbers][:, system.sides_of(name)]
                 q, v = some.z[:, columns] @ modal.X.T, some.v[:, columns] @ modal.X.T
-                motions[name] = Trajectory(t, q, v, system.pressed(name, pressed), x, seconds=0.0)
+                motions[name] = Trajectory(t, q, v, system.side_multipliers(name, pressed), x, seconds=0.0)
             return SystemTrajectory(
                 t=t,
                 bodies=motions,
                 forces=forces,
-                peaks=forces if some.peaks is None else np.where(pushing, combined.forces(some.peaks), forces),
+                peaks=forces if some.peaks is None else np.where(pushing, combined.original_forces(some.peaks), forces),
                 loads=some.drivers[:, P : P + i],
                 energy=some.energy[:, 0] + of_cylinders,
                 work=some.energy[:, 1] + of_cylinders,
                 seconds=0.0,
                 surplus=np.nan,
                 parts=np.ones(len(t), np.int64) if some.parts is None else some.parts.astype(np.int64),
-                impulses=None if some.impulses is None else combined.forces(some.impulses),
+                impulses=None if some.impulses is None else combined.original_forces(some.impulses),
                 amplitudes=some.drivers[:, P + i :] if system.terms else None,
                 friction=f,
                 moments=None if rubbing is None or f is None else rubbing.moments(f, forces),
@@ -133,7 +133,7 @@ def observe(
     count, chosen = excitation.stepping.steps // every + 1, by_body(system, outputs)
     sizes = {name: len(np.arange(system.bodies[name].outputs.shape[0])[which]) for name, which in chosen.items()}
     y, forces, evaluated = np.empty((count, sum(sizes.values()))), np.empty((count, len(system.contacts))), 0.0
-    rubbing, P = Friction.of(system.contacts), form.kernel.paths
+    rubbing, P = Friction.from_contacts(system.contacts), form.kernel.paths
 
     def record_outputs(first: int, steps: Steps) -> None:
         """Compute and store outputs and contact forces of some records."""
@@ -141,13 +141,13 @@ def observe(
         begun, rows = perf_counter(), slice(first, first + len(steps.z))
         numbers, column, load = np.arange(rows.start, rows.stop) * every, 0, P
         forces[rows] = form.forces(steps.multipliers, steps.friction)
-        pressed = form.combined.forces(steps.multipliers)
+        pressed = form.combined.original_forces(steps.multipliers)
         moments = None if rubbing is None or steps.friction is None else rubbing.moments(steps.friction, pressed)
         for name, which in chosen.items():
             inputs = slice(load, load + len(system.bodies[name].input_names))
             x, f = march.x[numbers][:, system.sides_of(name)], steps.drivers[:, inputs]
-            turned = None if moments is None else system.pressed(name, moments)
-            deformed = deformation(system, name, x, system.pressed(name, pressed), f, which, turned)
+            turned = None if moments is None else system.side_multipliers(name, moments)
+            deformed = deformation(system, name, x, system.side_multipliers(name, pressed), f, which, turned)
             columns = slice(column, column + sizes[name])
             y[rows, columns] = steps.z[:, form.columns[name]] @ form.forms[name].body.outputs[which].T
             if deformed is not None:
@@ -170,7 +170,7 @@ def displacements(
     for name, chosen in by_body(system, outputs).items():
         body, motion = system.bodies[name], trajectory.bodies[name]
         last = first + len(body.input_names)
-        turned = None if trajectory.moments is None else system.pressed(name, trajectory.moments)
+        turned = None if trajectory.moments is None else system.side_multipliers(name, trajectory.moments)
         loads = trajectory.loads[:, first:last]
         deformed = deformation(system, name, motion.s, motion.multipliers, loads, chosen, turned)
         O = body.outputs[chosen]
@@ -223,7 +223,7 @@ def deformation(
         if body.flexibility is None:
             return None
         rows, moving = [body.row_names.index(one.row) for one in points], [one.path is not None for one in points]
-        X = select_rows(columns(body.flexibility.outputs, rows), chosen)
+        X = select_rows(select_columns(body.flexibility.outputs, rows), chosen)
         s = x[:, moving.index(True)] if any(moving) else np.full(len(x), body.domain[0])
         return np.asarray(loads @ body.flexibility.direct[chosen].T - apply_table(X, s, multipliers))
     residual = None if body.carriers is None else body.carriers.flexibility
@@ -237,7 +237,7 @@ def deformation(
         staying = np.zeros((len(points), X.shape[1]))
         for k, (place, at) in enumerate(zip(points, x.T, strict=True)):
             stays = bool((at == at[0]).all())
-            on, weights = system.row(place).on_carriers(at[:1] if stays else at, derivative)
+            on, weights = system.row(place).touched_weights(at[:1] if stays else at, derivative)
             if stays:
                 staying[k] = weights[0] @ X[on[0]]
             else:

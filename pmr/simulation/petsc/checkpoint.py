@@ -197,7 +197,7 @@ class Keeper:
 
     def save(self, reached: Reached, recorder: Recorder) -> None:
         """Write a checkpoint after a step."""
-        gathered, state = self._system.gathered, reached.state
+        gathered, state = self._system.gather_vectors, reached.state
         arrays = {name: gathered(getattr(state, name)[None])[0] for name in _SPREAD}
         arrays |= {"states.q": gathered(recorder.q), "states.v": gathered(recorder.v)}
         arrays["sums"] = self._comm.reduce(recorder.sums)
@@ -222,7 +222,7 @@ class Keeper:
         checkpoint = self._comm.bcast(on_first(self._comm, lambda: load(self._checkpoint, self._identity)))
         if checkpoint is None:
             return None
-        arrays, mine = checkpoint.arrays, self._system.mine
+        arrays, mine = checkpoint.arrays, self._system.local_part
         recorder.q[:], recorder.v[:] = mine(arrays["states.q"]), mine(arrays["states.v"])
         recorder.multipliers[:], recorder.peaks[:] = arrays["recorded.multipliers"], arrays["recorded.peaks"]
         recorder.friction[:] = arrays.get("recorded.friction", recorder.friction)
@@ -235,7 +235,7 @@ class Keeper:
 
 def _of_friction(system: FullSystem) -> list[Any]:
     """Arrays that define the friction of a system's pads; empty without friction."""
-    friction = Friction.of(system.contacts)
+    friction = Friction.from_contacts(system.contacts)
     return [] if friction is None else [friction.pads, friction.laws, friction.stiffness, friction.arms]
 
 

@@ -148,7 +148,7 @@ class Constraint:
         self.rows.move(step)
         x = self.rows.course.x[step]
         if not np.array_equal(x, self._at):
-            self.matrix = self._q_gain * self._compliance.of_rows(self.rows) + self._system.gives(x)
+            self.matrix = self._q_gain * self._compliance.of_rows(self.rows) + self._system.contact_compliance(x)
             self._at = x
 
     def multipliers(self, motion: Array) -> Array:

@@ -72,7 +72,7 @@ class Integrator:
             _Body(model, factor, self._v_gain, self._q_gain)
             for model, factor in zip(system.models, self._factor.of_bodies, strict=True)
         ]
-        self._b = np.empty(system.local[-1].stop)
+        self._b = np.empty(system.local_slices[-1].stop)
         self.constraint = Constraint(system, self._factor, self._q_gain, rows, pushing, shared)
 
     def _factorise(self, model: FullModel) -> AnyFactor:
@@ -143,7 +143,7 @@ class Integrator:
         `scaled` is q* / dq, v is v*.
         """
         system = self._system
-        for body, at, inputs in zip(self._bodies, system.local, system.inputs, strict=True):
+        for body, at, inputs in zip(self._bodies, system.local_slices, system.input_slices, strict=True):
             self._b[at] = body.free(scaled[at], v[at], f[inputs])
         return self._b
 

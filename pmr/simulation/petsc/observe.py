@@ -25,7 +25,7 @@ from pmr.simulation.petsc.start import Sampled, State, moves_at_once, starting_s
 from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
-from pmr.system.contacts import joints_of
+from pmr.system.contacts import friction_joints
 
 Array = NDArray[np.float64]
 
@@ -165,7 +165,7 @@ def sample_excitation(system: FullSystem, excitation: Excitation) -> Sampled:
         If a path, load or amplitude of a term is missing, or a path takes a side where its row is not defined.
     """
     names, x = list(excitation.paths), places(system, excitation)
-    rates = np.broadcast_to(system.rates(dict(zip(names, excitation.rates.T, strict=True))), x.shape)
+    rates = np.broadcast_to(system.side_rates(dict(zip(names, excitation.rates.T, strict=True))), x.shape)
     f, c = excitation.forces(system.input_names), excitation.amplitudes(system.term_names)
-    c = np.column_stack([c, *(excitation.s[:, names.index(joint)] for joint in joints_of(system.contacts))])
+    c = np.column_stack([c, *(excitation.s[:, names.index(joint)] for joint in friction_joints(system.contacts))])
     return Sampled(excitation.times, excitation.s, x, rates, f, c)

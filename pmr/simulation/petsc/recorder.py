@@ -124,7 +124,7 @@ class Recorder:
     """
 
     def __init__(self, system: FullSystem, stepping: TimeStepping, recording: Recording) -> None:
-        count = system.observed[-1].stop
+        count = system.output_slices[-1].stop
         self.chosen = np.arange(count) if recording.outputs is None else np.asarray(recording.outputs, np.int64)
         if np.any((self.chosen < 0) | (self.chosen >= count)):
             raise InputError("recording", "outputs", list(self.chosen), f"0 to {count - 1} are allowed")
@@ -144,7 +144,7 @@ class Recorder:
         self._vectors = [model.K.createVecs() for model in system.models]
         T, m = stepping.steps // recording.every + 1, len(system.contacts)
         self.multipliers, self.peaks = np.zeros((T, m)), np.zeros((T, m))
-        friction = Friction.of(system.contacts)
+        friction = Friction.from_contacts(system.contacts)
         self.friction, self._friction = np.zeros((T, 0 if friction is None else len(friction.pads))), friction
         self._pushes, self._peak = bool(np.any(~np.isnan(system.clearance))), np.full(m, -np.inf)
         self._ends = np.cumsum([len(self.chosen), m, m])
@@ -152,7 +152,7 @@ class Recorder:
         self._balanced = recording.energies and recording.every == 1
         self._now: _Acting | None = None
         self._work, self._terms = 0.0, Terms(system)
-        n = system.local[-1].stop
+        n = system.local_slices[-1].stop
         self.q, self.v = np.zeros((len(self.state_steps), n)), np.zeros((len(self.state_steps), n))
 
     def follow(self, state: State, rows: PathRows, x: Array, f: Array, c: Array) -> None:
@@ -201,7 +201,7 @@ class Recorder:
         def half_form(matrices: Sequence[PETSc.Mat], x: Array) -> float:
             """This rank's contribution to x^T A x / 2, for a matrix of each body."""
             energy = 0.0
-            for A, at, (right, product) in zip(matrices, self._system.local, self._vectors, strict=True):
+            for A, at, (right, product) in zip(matrices, self._system.local_slices, self._vectors, strict=True):
                 right.getArray()[:] = x[at]
                 A.mult(right, product)
                 energy += float(x[at] @ product.getArray()) / 2.0
@@ -218,9 +218,9 @@ class Recorder:
         ropes, pushes = system.rope_coordinates(at.x[every]), ~np.isnan(system.clearance)
         forces, of_cylinders = self.multipliers, np.zeros(len(sums))
         if (pads := self._friction) is not None:
-            forces = forces + pads.along(self.friction)
-            of_cylinders = pads.stored(self.friction, forces)
-        deflections = system.compliance.moved(forces, ropes)
+            forces = forces + pads.cylinder_forces(self.friction)
+            of_cylinders = pads.stored_energy(self.friction, forces)
+        deflections = system.compliance.displacements(forces, ropes)
         violation = motion - deflections - np.where(pushes, system.clearance, 0.0)
         open_now = pushes & (self.multipliers <= 0.0)
         violation = np.where(open_now, np.maximum(violation, 0.0), violation)
@@ -233,7 +233,7 @@ class Recorder:
             if self._balanced:
                 least = balance.round_off(self._mobility(), at.f, float(at.t[1]))
                 work = np.cumsum(energies_of_steps[:, 3]) + of_cylinders
-                work[1:] += np.cumsum(system.compliance.work(forces, ropes))
+                work[1:] += np.cumsum(system.compliance.drum_work(forces, ropes))
                 surplus = balance.surplus(energies_of_steps[:, 0] + strain, work, least, since_start=bool(pushes.any()))
         return History(
             t=at.t[every],
@@ -248,7 +248,7 @@ class Recorder:
             energy=energies,
             states={
                 name: States(at.t[self.state_steps], at.s[self.state_steps], self.q[:, rows], self.v[:, rows])
-                for name, rows in zip(system.bodies, system.local, strict=True)
+                for name, rows in zip(system.bodies, system.local_slices, strict=True)
             },
             seconds=seconds,
             preparation=preparation,
@@ -257,7 +257,7 @@ class Recorder:
 
     def _of_bodies(self, y: Array) -> dict[str, Array]:
         """Selected outputs (T, o) of each body."""
-        columns = zip(self._system.bodies, self._system.observed, strict=True)
+        columns = zip(self._system.bodies, self._system.output_slices, strict=True)
         return {name: y[:, (self.chosen >= at.start) & (self.chosen < at.stop)] for name, at in columns}
 
     def _mobility(self) -> Array:

@@ -34,7 +34,7 @@ class BlockFactor:
     """
 
     def __init__(self, system: FullSystem, factorised: Callable[[FullModel], AnyFactor]) -> None:
-        self._local, self._factors = system.local, dict[int, AnyFactor]()
+        self._local, self._factors = system.local_slices, dict[int, AnyFactor]()
         for model in system.models:
             if id(model) not in self._factors:
                 self._factors[id(model)] = factorised(model)
@@ -273,7 +273,7 @@ def contact_rows(system: FullSystem, x: Array, rates: Array | None = None) -> sp
     weight = [1.0] * len(x) if rates is None else rates.tolist()
     for side, row, at, rate in zip(system.sides, system.side_rows, x, weight, strict=True):
         c = (side.sign * rate * row.at(at, int(rates is not None))).tocoo()
-        columns = system.whole[bodies.index(side.place.body)].start + c.col
+        columns = system.whole_slices[bodies.index(side.place.body)].start + c.col
         entries = (c.data, (np.full(len(columns), side.contact), columns))
         rows = rows + sp.csr_matrix(entries, rows.shape)
     return rows

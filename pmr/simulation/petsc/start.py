@@ -73,11 +73,13 @@ class Terms:
         self._parts = list[tuple[int, Any, Product | None, Product | None]]()
         names = list(system.bodies)
         for number, term in enumerate(system.terms):
-            rows = [np.arange(at.start, at.stop) for at in (system.local[names.index(name)] for name in term.bodies)]
+            rows = [
+                np.arange(at.start, at.stop) for at in (system.local_slices[names.index(name)] for name in term.bodies)
+            ]
             stiffness, damping = (_product(system, term.bodies, A) for A in (term.stiffness, term.damping))
             self._parts.append((number, np.concatenate(rows), stiffness, damping))
         self._largest = self._first = self._widest = 0.0
-        self._friction = Friction.of(system.contacts)
+        self._friction = Friction.from_contacts(system.contacts)
         self._iteration: FixedPoint | None = None
 
     def __bool__(self) -> bool:
@@ -99,10 +101,10 @@ class Terms:
             return Rubbed(0.0, np.zeros(0), np.zeros(len(multipliers)))
         friction, limits = self._friction, grip.limits
         moments, most = friction.moments(grip.forces, multipliers), np.abs(friction.moments(limits, multipliers))
-        self._widest = max(self._widest, float(friction.gaps(limits).max(initial=0.0)))
+        self._widest = max(self._widest, float(friction.compressions(limits).max(initial=0.0)))
         at_limits = float(np.sum(rows.transposed_slopes(most) ** 2))
-        force, sums = rows.transposed_slopes(moments), friction.totals(grip.forces)
-        return Rubbed(force, sums, friction.gaps_of(sums), at_limits)
+        force, sums = rows.transposed_slopes(moments), friction.joint_totals(grip.forces)
+        return Rubbed(force, sums, friction.compressions_by_totals(sums), at_limits)
 
     def slide(self, old: Grip, rubbed: Rubbed, c: Array, h: float, multipliers: Array, matrix: Array) -> Grip:
         """Friction of the pads after a step of h s, from `old` at its beginning.
@@ -129,7 +131,7 @@ class Terms:
         if self._friction is None:
             return following, new
         sums = self._comm.bcast(following[size:])
-        return following[:size], replace(new, sums=sums, gap=self._friction.gaps_of(sums))
+        return following[:size], replace(new, sums=sums, gap=self._friction.compressions_by_totals(sums))
 
     def at_rest(self, old: Rubbed, new: Rubbed) -> bool:
         """Whether the gaps by friction no longer change."""
@@ -240,7 +242,7 @@ def starting_state(
         If the initial position violates a rigid contact, a size is wrong, or contacts depend on each other.
     """
     start = whole_start(system, initial)
-    q, v = system.mine(start.q), system.mine(start.v)
+    q, v = system.local_part(start.q), system.local_part(start.v)
     multipliers = np.zeros(len(system.contacts))
     if mass is None:
         nothing = np.zeros_like(q)
@@ -249,12 +251,12 @@ def starting_state(
         )
     C, soft, pushes = contact_rows(system, at.x[0]), ~system.compliance.rigid, ~np.isnan(system.clearance)
     excess = C @ start.q - np.nan_to_num(system.clearance)
-    F = system.gives(at.x[0])[np.ix_(soft, soft)]
+    F = system.contact_compliance(at.x[0])[np.ix_(soft, soft)]
     multipliers[soft] = solve_contact(F, excess[soft], pushes[soft], excess[soft] > 0.0)[0]
     held = _Held(system, at, mass)
     v -= held.impulse(start)
     force = _forces(system, at.f[0], q, v) + Terms(system).forces(q, v, at.c[0])
-    force -= system.mine((C.T @ multipliers)[None])[0]
+    force -= system.local_part((C.T @ multipliers)[None])[0]
     acceleration, multipliers[~soft] = held.acceleration(force)
     share, grip = np.where(pushes, multipliers, 0.0), _initial_grip(system, at, multipliers)
     return State(q, v, acceleration.copy(), acceleration, multipliers, share, grip)
@@ -290,14 +292,14 @@ def whole_start(system: FullSystem, initial: Mapping[str, InitialState]) -> Init
 def _forces(system: FullSystem, f: Array, q: Array, v: Array) -> Array:
     """This rank's rows of B f - D v - K q."""
     forces = np.empty_like(q)
-    for (model, inputs), at in zip(_inputs(system), system.local, strict=True):
+    for (model, inputs), at in zip(_inputs(system), system.local_slices, strict=True):
         forces[at] = local_csr(model.inputs) @ f[inputs] - product(model.D, v[at]) - product(model.K, q[at])
     return forces
 
 
 def _inputs(system: FullSystem) -> list[tuple[FullModel, slice]]:
     """Pairs of each model and the slice of its inputs."""
-    return list(zip(system.models, system.inputs, strict=True))
+    return list(zip(system.models, system.input_slices, strict=True))
 
 
 class _Held:
@@ -309,7 +311,7 @@ class _Held:
         self._names = tuple(name for name, stiff in zip(system.contact_names, rigid, strict=True) if stiff)
         self._C = contact_rows(system, at.x[0])[rigid].toarray()
         self._turning = contact_rows(system, at.x[0], at.rates[0])[rigid].toarray()
-        self._mine = system.mine(self._C)
+        self._mine = system.local_part(self._C)
         self._answers = mass.solve_columns(np.ascontiguousarray(self._mine.T))  # M^-1 C^T
         self._G = self._comm.allreduce(self._mine @ self._answers)
 

@@ -44,7 +44,7 @@ from pmr.errors import InputError
 from pmr.kernel.laws import ContactSearch
 from pmr.system.assembly import Assembly
 from pmr.system.contact_rows import ContactRows
-from pmr.system.definite import definite
+from pmr.system.definite import is_definite
 from pmr.system.terms import add_terms
 
 Array = NDArray[np.float64]
@@ -101,16 +101,16 @@ def equilibrium(assembly: Assembly, x: Array, f: Array, c: Array | None = None) 
         equilibrium is found with the terms (the boom buckles).
     """
     contacts = _Contacts(assembly, x, f)
-    K, softest = assembly.stiffness(() if c is None else c), _lowest(assembly, contacts.rows)
+    K, softest = assembly.stiffness(() if c is None else c), _lowest_eigenvalue(assembly, contacts.rows)
     push, neutral = assembly.B @ f, ALMOST_FREE * softest * assembly.M
     with_terms = bool(assembly.terms) and c is not None and bool(np.any(c))
 
     def stand(almost: Equilibrium) -> Equilibrium | None:
         """The equilibrium by K alone with the contacts that are closed in another; None where there is none."""
-        if (may_tip := with_terms and contacts.push) and not contacts.hold(K + neutral, almost.closed):
+        if (may_tip := with_terms and contacts.push) and not contacts.is_stable(K + neutral, almost.closed):
             return None
         state = contacts.solve_closed(K, push, almost.closed)
-        return state if contacts.confirm(state, almost, K, stable=may_tip) else None
+        return state if contacts.is_confirmed(state, almost, K, stable=may_tip) else None
 
     almost = contacts.solve(K + neutral, push)
     if (state := stand(almost)) is not None:
@@ -120,7 +120,7 @@ def equilibrium(assembly: Assembly, x: Array, f: Array, c: Array | None = None) 
         for _ in range(STEPS):
             floor = share * softest * assembly.M
             step = contacts.solve(K + floor, push + floor @ almost.q, almost.closed, FEW)
-            if contacts.wrong(step).any() or not contacts.hold(K + floor, step.closed):
+            if contacts.wrong_contacts(step).any() or not contacts.is_stable(K + floor, step.closed):
                 share *= LARGER
                 continue
             almost, share = step, SMALLER * share
@@ -143,7 +143,7 @@ class _Contacts:
     """
 
     def __init__(self, assembly: Assembly, x: Array, f: Array) -> None:
-        self._assembly, self.rows, clearance = assembly, assembly.at(x), assembly.system.clearance
+        self._assembly, self.rows, clearance = assembly, assembly.contact_rows(x), assembly.system.clearance
         self._pushes = ~np.isnan(clearance)
         self.push = bool(self._pushes.any())
         self._clearance, self._motion = np.where(self._pushes, clearance, 0.0), self.rows.H @ f
@@ -159,7 +159,7 @@ class _Contacts:
         search = ContactSearch()
         for _ in range(limit):
             state = self.solve_closed(K, push, closed)
-            wrong = self.wrong(state)
+            wrong = self.wrong_contacts(state)
             if not wrong.any():
                 break
             closed = search.change(closed, wrong)
@@ -172,11 +172,11 @@ class _Contacts:
         """
         forces, n = np.zeros(len(closed)), self._assembly.size
         right = np.concatenate([push, (self._clearance - self._motion)[closed]])
-        solution = saddle_point_solver(K, self.rows.of(closed))(right)
+        solution = saddle_point_solver(K, self.rows.select(closed))(right)
         forces[closed] = solution[n:]
         return Equilibrium(solution[:n], forces, closed)
 
-    def confirm(self, state: Equilibrium, almost: Equilibrium, K: sp.csr_matrix, stable: bool) -> bool:
+    def is_confirmed(self, state: Equilibrium, almost: Equilibrium, K: sp.csr_matrix, stable: bool) -> bool:
         """Return whether `state`, solved with the stiffness K (n, n) alone, is a valid equilibrium.
 
         It has to agree with `almost`, solved with K plus a multiple of the mass matrix, to `UNCHANGED`; its strain
@@ -190,20 +190,20 @@ class _Contacts:
         unchanged = np.abs(q - almost.q).max(initial=0.0) <= UNCHANGED * np.abs(q).max(initial=0.0)
         stored = q @ (K @ q) + forces @ self.rows.F @ forces
         stiff = (abs(stored) if stable else stored) >= ROUND_OFF_OF_K * np.abs(q) @ (abs(K) @ np.abs(q))
-        return bool(unchanged and stiff and not self.wrong(state).any())
+        return bool(unchanged and stiff and not self.wrong_contacts(state).any())
 
-    def hold(self, K: sp.csr_matrix, closed: Mask) -> bool:
+    def is_stable(self, K: sp.csr_matrix, closed: Mask) -> bool:
         """Return whether K (n, n) is positive definite on what the contacts of a mask `closed` (m,) leave free.
 
         Contacts with a flexibility act as springs, a rigid one as a spring much stiffer than K is anywhere.
         """
-        rows = self.rows.of(closed)
-        rigid = SPRING_OF_RIGID * (rows.C**2).sum(axis=1).max(initial=0.0) / rows.unit(K)
+        rows = self.rows.select(closed)
+        rigid = SPRING_OF_RIGID * (rows.C**2).sum(axis=1).max(initial=0.0) / rows.force_scale(K)
         more = np.where(self.rows.rigid[closed], rigid, SOFTER * np.diagonal(rows.F))
         C, springs = sp.csr_matrix(rows.C), sp.csr_matrix(np.linalg.inv(rows.F + np.diag(more)))
         return _is_definite((K + K.T) / 2.0 + C.T @ springs @ C)
 
-    def wrong(self, state: Equilibrium) -> Mask:
+    def wrong_contacts(self, state: Equilibrium) -> Mask:
         """Mask (m,) of closed contacts that pull although they only push, and of open ones whose bodies overlap."""
         rows, q, forces = self.rows, state.q, state.forces
         motion = rows.C @ q + self._motion - rows.F @ forces
@@ -215,7 +215,7 @@ class _Contacts:
 def _is_definite(A: sp.csr_matrix) -> bool:
     """Whether a symmetric matrix (n, n) is positive definite: all pivots of its factor on the diagonal are positive."""
     if A.shape[0] <= DENSE:
-        return definite(A.toarray())
+        return is_definite(A.toarray())
     try:
         factor = spla.splu(A.tocsc(), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError:
@@ -242,7 +242,7 @@ def saddle_point_solver(K: sp.csr_matrix, rows: ContactRows) -> Callable[[Array]
     K (n, n) is the stiffness, C (m, n) and F (m, m) are those of the contact `rows`.  The function returns z (n + m,
     ...): coordinates, then contact forces; NaN where the matrix is singular.
     """
-    n, scale = K.shape[0], rows.unit(K)
+    n, scale = K.shape[0], rows.force_scale(K)
     units = np.concatenate([np.ones(n), np.full(len(rows.C), scale)])
     if 0 < len(units) <= DENSE:
         C = scale * rows.C
@@ -279,7 +279,7 @@ def _dense_factor(matrix: Array) -> Callable[[Array], Array] | None:
     return None if singular else lambda right: dgetrs(factor, pivots, right)[0]
 
 
-def _lowest(assembly: Assembly, rows: ContactRows) -> float:
+def _lowest_eigenvalue(assembly: Assembly, rows: ContactRows) -> float:
     """Estimate of the lowest omega^2 in (rad/s)^2 with all contacts closed.
 
     Rayleigh's quotient g . q / (q . M q) of the displacements q under the forces g = diag(M).
@@ -318,13 +318,13 @@ def buckling_factors(assembly: Assembly, x: Array, coefficients: Mapping[str, fl
     InputError
         If the system has no term of such a name, or the contacts do not hold the bodies.
     """
-    return Held(assembly, assembly.at(x)).factors(coefficients, count)
+    return HeldSystem(assembly, assembly.contact_rows(x)).factors(coefficients, count)
 
 
-class Held:
+class HeldSystem:
     """A system at fixed side positions with every contact closed; its factored flexibility serves any number of loads.
 
-    `rows` are the contacts at these positions (`Assembly.at`).
+    `rows` are the contacts at these positions (`Assembly.contact_rows`).
     """
 
     def __init__(self, assembly: Assembly, rows: ContactRows) -> None:
@@ -340,9 +340,9 @@ class Held:
         values = np.full(count, np.inf)
         if G.nnz:
             if self._assembly.size <= DENSE_UP_TO:
-                shares = np.linalg.eigvalsh(-(self._root.T @ (G @ self._root)))
+                shares = np.linalg.eigvalsh(-(self._flexibility_root.T @ (G @ self._flexibility_root)))
             else:
-                shares = _largest(self._solve, self._rows, G, self._answer, count)
+                shares = _largest_eigenvalues(self._solve, self._rows, G, self._random_response, count)
             shares = np.sort(shares[shares > EIGEN_ROUND_OFF * np.abs(shares).max()])[::-1][:count]
             values[: len(shares)] = 1.0 / shares
         return values
@@ -353,7 +353,7 @@ class Held:
         return saddle_point_solver(self._assembly.K, self._rows)
 
     @cached_property
-    def _answer(self) -> Array:
+    def _random_response(self) -> Array:
         """Displacements (n,) under a random load, which has no symmetry.
 
         Raises InputError where only round-off resists the load, so that the contacts do not hold the bodies.
@@ -366,9 +366,9 @@ class Held:
         return q
 
     @cached_property
-    def _root(self) -> Array:
+    def _flexibility_root(self) -> Array:
         """Matrix L (n, n) with A = L L^T, A the flexibility of the bodies and their contacts."""
-        n = len(self._answer)
+        n = len(self._random_response)
         A = self._solve(np.vstack([np.eye(n), np.zeros((len(self._rows.F), n))]))[:n]
         size, Q = np.linalg.eigh((A + A.T) / 2.0)
         return np.asarray(Q * np.sqrt(np.maximum(size, 0.0)))
@@ -387,7 +387,7 @@ def geometric_stiffness(assembly: Assembly, coefficients: Mapping[str, float]) -
     return add_terms(sp.csr_matrix((assembly.size,) * 2), some, "stiffness", [*coefficients.values()])
 
 
-def _largest(solve: Solve, rows: ContactRows, G: sp.csr_matrix, start: Array, count: int) -> Array:
+def _largest_eigenvalues(solve: Solve, rows: ContactRows, G: sp.csr_matrix, start: Array, count: int) -> Array:
     """Largest eigenvalues 1/Lambda (count + 2,) of -A G, unsorted, by Arnoldi's method.
 
     G (n, n) is the sum of c_k G_k, A the flexibility that `solve` applies, `start` (n,) the first vector.

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from pmr.kernel.laws import ContactSearch
 from pmr.simulation.statics.equilibrium import border_matrix
-from pmr.system.definite import Free, first_singular, root
+from pmr.system.definite import FreeMotions, cholesky_root, first_singular
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -62,13 +62,13 @@ class Equations:
     pushes: Mask  # (m,): contacts that only push
     # inputs of the load in its d directions: forces on coordinates (n, d), direct displacements of contacts (m, d)
     # and of the load's position (d, d)
-    on: tuple[Array, Array, Array]
+    load_inputs: tuple[Array, Array, Array]
     # (r, n): added to the last r rows of `outputs` by a unit of the load
-    by_load: Array = field(default_factory=lambda: np.zeros((0, 1)))
+    outputs_by_load: Array = field(default_factory=lambda: np.zeros((0, 1)))
 
 
 @dataclass(frozen=True)
-class State:
+class LoadedState:
     """Outputs (o,), contact forces (m,) and form under a load; NaN where no equilibrium exists."""
 
     load: float
@@ -77,47 +77,51 @@ class State:
     form: Form
 
     @cached_property
-    def stands(self) -> bool:
+    def in_equilibrium(self) -> bool:
         """Whether an equilibrium exists."""
         return bool(np.isfinite(self.forces).all() and np.isfinite(self.outputs).all())
 
 
 @dataclass(frozen=True)
-class States:
+class LoadedStates:
     """Equilibria under p loads."""
 
     load: Array  # (p,)
     outputs: Array  # (p, o)
     forces: Array  # (p, m)
-    stands: Mask  # (p,)
+    in_equilibrium: Mask  # (p,)
     forms: tuple[Form, ...]  # (p,)
 
     @classmethod
-    def of(cls, states: Sequence[State]) -> States:
+    def from_states(cls, states: Sequence[LoadedState]) -> LoadedStates:
         """Equilibria of a list of states, in its order."""
         load, outputs, forces = (
             np.array([getattr(state, of) for state in states]) for of in ("load", "outputs", "forces")
         )
-        stands = np.array([state.stands for state in states], dtype=bool)
+        stands = np.array([state.in_equilibrium for state in states], dtype=bool)
         return cls(load, outputs, forces, stands, tuple(state.form for state in states))
 
     @classmethod
-    def beside(cls, state: State, outputs: Array, forces: Array) -> States:
+    def with_outputs(cls, state: LoadedState, outputs: Array, forces: Array) -> LoadedStates:
         """Equilibria under the load and with the form of `state`, with outputs (p, o) and forces (p, m)."""
         count = len(outputs)
         return cls(np.full(count, state.load), outputs, forces, np.ones(count, dtype=bool), (state.form,) * count)
 
-    def some(self, which: Mask) -> States:
+    def select(self, which: Mask) -> LoadedStates:
         """Equilibria selected by a mask (p,)."""
         forms = tuple(form for form, chosen in zip(self.forms, which.tolist(), strict=True) if chosen)
-        return States(self.load[which], self.outputs[which], self.forces[which], self.stands[which], forms)
+        return LoadedStates(
+            self.load[which], self.outputs[which], self.forces[which], self.in_equilibrium[which], forms
+        )
 
-    def split(self, lengths: Iterable[int]) -> Iterator[States]:
+    def split(self, lengths: Iterable[int]) -> Iterator[LoadedStates]:
         """Yield consecutive groups of these lengths, in order."""
         first = 0
         for length in lengths:
             at = slice(first, first := first + length)
-            yield States(self.load[at], self.outputs[at], self.forces[at], self.stands[at], self.forms[at])
+            yield LoadedStates(
+                self.load[at], self.outputs[at], self.forces[at], self.in_equilibrium[at], self.forms[at]
+            )
 
 
 @dataclass(frozen=True)
@@ -127,9 +131,9 @@ class Condensed:
     M: Array
     K: Array  # with the geometric stiffness of the fixed loads
     G: tuple[Array, Array]  # geometric stiffness, of the fixed loads and of a unit of the load
-    place: Array  # (d, r): displacement of the load's position along its directions
-    own: Array  # (n, r): coordinates of the structure, q = own z
-    gaps: Array  # (r, closed): forces by gaps of closed contacts that give way
+    load_position: Array  # (d, r): displacement of the load's position along its directions
+    coordinates: Array  # (n, r): coordinates of the structure, q = own z
+    gap_forces: Array  # (r, closed): forces by gaps of closed contacts that give way
 
 
 class Form:
@@ -153,15 +157,15 @@ class Form:
         flexibility = (Z[:n, :n] + Z[:n, :n].T) / 2.0
         if not np.isfinite(size := float(np.linalg.norm(flexibility))):
             return
-        if size * np.abs(K).max() > 1.0 / np.finfo(float).eps or (L := root(flexibility)) is None:
+        if size * np.abs(K).max() > 1.0 / np.finfo(float).eps or (L := cholesky_root(flexibility)) is None:
             return  # nothing but round-off holds it, or it buckles under the fixed loads alone
         self.eta, V = np.linalg.eigh(L.T @ e.G[1] @ L)
         least = float(self.eta[0]) if len(self.eta) else 0.0
         some = -least > ROUND_OFF * np.abs(self.eta).max(initial=0.0) and least < 0.0
         self.held, self.critical = True, -1.0 / least if some else np.inf
-        self._answers(Z, L @ V)
+        self._compute_responses(Z, L @ V)
 
-    def _answers(self, Z: Array, U: Array) -> None:
+    def _compute_responses(self, Z: Array, U: Array) -> None:
         """Compute the responses to both components of the load and to the modes U.
 
         A response is outputs, contact forces and motions of pushing contacts.  `Z` is the inverse of the bordered
@@ -169,8 +173,8 @@ class Form:
         """
         e, n, closed, pushes = self.equations, len(self.equations.K), self.closed, self.equations.pushes
         o, m, d = len(e.outputs), len(closed), int(pushes.sum())
-        R = np.zeros((o + m + d + len(e.by_load), n + int(closed.sum())))
-        R[o + m + d :, :n] = e.by_load
+        R = np.zeros((o + m + d + len(e.outputs_by_load), n + int(closed.sum())))
+        R[o + m + d :, :n] = e.outputs_by_load
         R[:o, :n], R[:o, n:] = e.outputs, -self._X
         R[o + np.flatnonzero(closed), np.arange(n, R.shape[1])] = 1.0
         if d:
@@ -178,7 +182,7 @@ class Form:
             R[pushing, :n], R[pushing, n:] = e.C[pushes], -e.F[pushes][:, closed]
         z = [Z @ np.concatenate([b, g[closed]]) for b, g in zip(e.b, e.g, strict=True)]
         # contacts are closed where C q - F lambda = g: the rest is how far that fails
-        none = np.zeros(len(e.by_load))
+        none = np.zeros(len(e.outputs_by_load))
         remainders = [
             np.concatenate([direct, np.zeros(m), -g[pushes], none]) for direct, g in zip(e.direct, e.g, strict=True)
         ]
@@ -198,17 +202,17 @@ class Form:
             e = self.equations
             return np.full((len(loads), len(e.outputs) + len(e.pushes) + int(e.pushes.sum())), np.nan)
         (r0, r1), (y0, y1), (u0, u1) = self._linear, self._bent, self._on_modes
-        stands = self.stands(loads)
+        stands = self.is_stable(loads)
         P = np.where(stands, loads, 0.0)[:, None]
         amplitudes = P * (u0 + P * u1) / (1.0 + P * self.eta)
         values = r0 + P * (r1 - y0 - P * y1 + amplitudes @ self._modal)
         values[~stands] = np.nan
-        o, count = len(self.equations.outputs), len(self.equations.by_load)
+        o, count = len(self.equations.outputs), len(self.equations.outputs_by_load)
         last = values.shape[1] - count
         values[:, o - count : o] += P * values[:, last:]
         return np.asarray(values[:, :last])
 
-    def stands(self, loads: Array) -> Mask:
+    def is_stable(self, loads: Array) -> Mask:
         """Mask (p,) of the loads (p,) below the load at which the structure buckles."""
         return np.asarray(loads < self.critical)
 
@@ -244,7 +248,7 @@ class Form:
         on = self.condensed
         return first_singular(on.K + (factor - 1.0) * on.G[0], factor * on.G[1], near, up_to)
 
-    def buckled(self, load: float) -> Array:
+    def buckling_forces(self, load: float) -> Array:
         """Contact forces (m,) of the first buckling shape under `load`, scaled so that the largest is 1."""
         N0, N1, L, on_contacts = self._unstressed_flexibility
         _, Y = np.linalg.eigh(N0 + load * N1)
@@ -257,7 +261,7 @@ class Form:
     def condensed(self) -> Condensed:
         """Matrices on what rigid contacts leave free; compliant contacts are included in K."""
         e, closed = self.equations, self.closed
-        T, H, E = e.on
+        T, H, E = e.load_inputs
         n, d = T.shape
         m = int(closed.sum())
         C, F, K = np.zeros((m + d, n + d)), np.empty((m + d, m + d)), np.zeros((n + d, n + d))
@@ -271,24 +275,24 @@ class Form:
         pressing = np.zeros((n + d, m + d))
         pressing[:, soft] = np.linalg.solve(F[np.ix_(soft, soft)], C[soft]).T
         K += pressing @ C
-        free = Free(C[rigid])
+        free = FreeMotions(C[rigid])
         M, G0, G1 = (np.zeros_like(K) for _ in range(3))
         M[:n, :n], G0[:n, :n], G1[:n, :n] = e.M, *e.G
-        M, K, G0, G1 = (free.on(matrix) for matrix in (M, K, G0, G1))
+        M, K, G0, G1 = (free.project(matrix) for matrix in (M, K, G0, G1))
         Z = free.basis
         return Condensed(M, K, (G0, G1), Z[n:], Z[:n], (Z.T @ pressing)[:, :m])
 
     @property
-    def against(self) -> Array:
+    def lifting_direction(self) -> Array:
         """Unit vector (d,) opposite to the pull of the load, in the directions of its inputs."""
-        pull = np.linalg.lstsq(self.equations.on[0], self.equations.b[1], rcond=None)[0]
+        pull = np.linalg.lstsq(self.equations.load_inputs[0], self.equations.b[1], rcond=None)[0]
         return np.asarray(-pull / np.linalg.norm(pull))
 
     def frequency(self, load: float) -> float:
         """Lowest natural frequency in Hz under `load` in kg, a mass that moves in its directions; 0 past buckling."""
         if load >= self.critical:
             return 0.0
-        M, place = self.condensed.M, self.condensed.place
+        M, place = self.condensed.M, self.condensed.load_position
         K = self.condensed.K + load * self.condensed.G[1]
         last = len(K) - 1
         try:
@@ -306,38 +310,40 @@ class Form:
         `near` and `up_to` as in `first_singular`.
         """
         on, square = self.condensed, (2.0 * np.pi * frequency) ** 2
-        return first_singular(on.K - square * on.M, on.G[1] - square * on.place.T @ on.place, near, up_to)
+        return first_singular(
+            on.K - square * on.M, on.G[1] - square * on.load_position.T @ on.load_position, near, up_to
+        )
 
 
-class Loaded:
+class LoadedStructure:
     """Equilibria in one posture under any load; the forms of all sets of closed contacts met so far are stored."""
 
     def __init__(self, equations: Equations) -> None:
         self.equations = equations
-        self._forms, self._states = dict[bytes, Form](), dict[float, State]()
+        self._forms, self._states = dict[bytes, Form](), dict[float, LoadedState]()
         self._last = np.ones(len(equations.pushes), dtype=bool)
 
     @cached_property
-    def both_ways(self) -> bool:
+    def holds_both_ways(self) -> bool:
         """Whether no contact can open."""
         return not self.equations.pushes.any()
 
-    def state(self, load: float) -> State:
+    def state(self, load: float) -> LoadedState:
         """Equilibrium under a load; NaN values where none is found."""
         if load not in self._states:
-            self._states[load] = self._find(load)
+            self._states[load] = self._find_equilibrium(load)
         return self._states[load]
 
-    def states(self, loads: Sequence[float]) -> States:
+    def states(self, loads: Sequence[float]) -> LoadedStates:
         """Equilibria under several loads, computed at once where no contact can open."""
-        if not self.both_ways:
-            return States.of([self.state(load) for load in loads])
-        o, m, form, load = len(self.equations.outputs), len(self.equations.pushes), self._closed, np.array(loads)
+        if not self.holds_both_ways:
+            return LoadedStates.from_states([self.state(load) for load in loads])
+        o, m, form, load = len(self.equations.outputs), len(self.equations.pushes), self._all_closed, np.array(loads)
         responses = form.responses(load)
-        return States(load, responses[:, :o], responses[:, o : o + m], form.stands(load), (form,) * len(loads))
+        return LoadedStates(load, responses[:, :o], responses[:, o : o + m], form.is_stable(load), (form,) * len(loads))
 
     @cached_property
-    def _closed(self) -> Form:
+    def _all_closed(self) -> Form:
         """Form with every contact closed; used if no contact can open."""
         return self._form(self._last)
 
@@ -348,44 +354,44 @@ class Loaded:
             self._forms[key] = Form(self.equations, closed.copy())
         return self._forms[key]
 
-    def _find(self, load: float) -> State:
+    def _find_equilibrium(self, load: float) -> LoadedState:
         """Search the equilibrium under a load, from the last closed contacts and then from those of first order."""
         closed, every = self._last, np.ones_like(self._last)
-        if self.both_ways:
-            return self._with(closed, load)[0]
+        if self.holds_both_ways:
+            return self._solve_closed(closed, load)[0]
         state = self._search(closed, load)
-        if not state.stands and self._form(every).stands(np.array([load]))[0]:
+        if not state.in_equilibrium and self._form(every).is_stable(np.array([load]))[0]:
             state = self._search(self._first_order._search(every, load).form.closed, load)
         return state
 
     @cached_property
-    def _first_order(self) -> Loaded:
+    def _first_order(self) -> LoadedStructure:
         """Problem without geometric stiffness, with a little of the mass matrix as stiffness: always solvable."""
         e, every = self.equations, self._form(np.ones_like(self._last))
         floor = ALMOST_FREE * (2.0 * np.pi * every.frequency(0.0)) ** 2
-        return Loaded(replace(e, K=e.K + floor * e.M, G=(0.0 * e.K, 0.0 * e.K)))
+        return LoadedStructure(replace(e, K=e.K + floor * e.M, G=(0.0 * e.K, 0.0 * e.K)))
 
-    def _search(self, closed: Mask, load: float) -> State:
+    def _search(self, closed: Mask, load: float) -> LoadedState:
         """Search the equilibrium under a load from a mask `closed` (m,) on, through sets that have an equilibrium.
 
         NaN values where a set has none, or after `MOST_SETS` sets.
         """
         search = ContactSearch()
         for _ in range(MOST_SETS):
-            state, wrong = self._with(closed, load)
-            if not state.stands:
+            state, wrong = self._solve_closed(closed, load)
+            if not state.in_equilibrium:
                 break
             if not wrong.any():
                 self._last = closed
                 return state
             closed = search.change(closed, wrong)
-        return State(load, np.full_like(state.outputs, np.nan), np.full_like(state.forces, np.nan), state.form)
+        return LoadedState(load, np.full_like(state.outputs, np.nan), np.full_like(state.forces, np.nan), state.form)
 
-    def _with(self, closed: Mask, load: float) -> tuple[State, Mask]:
+    def _solve_closed(self, closed: Mask, load: float) -> tuple[LoadedState, Mask]:
         """State with the contacts of a mask (m,) closed, and a mask (m,) of contacts on the wrong side."""
         form, o, m = self._form(closed), len(self.equations.outputs), len(closed)
         values = form.responses(np.array([load]))[0]
         forces, beyond, pushes = values[o : o + m], values[o + m :], self.equations.pushes
         wrong = closed & pushes & (forces < -WRONG * np.abs(forces).max(initial=0.0))
         wrong[pushes] |= ~closed[pushes] & (beyond > WRONG * np.abs(beyond).max(initial=0.0))
-        return State(load, values[:o], forces, form), wrong
+        return LoadedState(load, values[:o], forces, form), wrong

@@ -40,7 +40,7 @@ SIDEWAYS = "sideways in the chart"
 
 
 @dataclass(frozen=True)
-class Stands:
+class PostureSet:
     """P postures of a boom: extensions (P,) in m by the sections' names, luffing and slewing angles (P,) in rad."""
 
     extensions: Mapping[str, Array]  # of a single body the slider's path coordinate, if given
@@ -48,7 +48,7 @@ class Stands:
     slewing: Array
 
     @classmethod
-    def of(cls, at: Mapping[str, Any]) -> Stands:
+    def from_task(cls, at: Mapping[str, Any]) -> PostureSet:
         """Postures from a task's arguments `at`: lists ``extensions`` by name, ``luffing`` and ``slewing``."""
         extensions = {name: np.array(extension, float) for name, extension in at["extensions"].items()}
         return cls(extensions, np.array(at["luffing"], float), np.array(at["slewing"], float))
@@ -58,17 +58,17 @@ class Stands:
         """Number P of postures."""
         return len(self.luffing)
 
-    def some(self, which: NDArray[np.int64]) -> Stands:
+    def select(self, which: NDArray[np.int64]) -> PostureSet:
         """Postures selected by their numbers."""
         extensions = {name: values[which] for name, values in self.extensions.items()}
-        return Stands(extensions, self.luffing[which], self.slewing[which])
+        return PostureSet(extensions, self.luffing[which], self.slewing[which])
 
-    def reach(self, scene: Scene) -> Array:
+    def boom_length(self, scene: Scene) -> Array:
         """Distance (P,) in m along the boom from the tail of the base section to the tip of the last section."""
         tails = np.sum([np.zeros(self.count), *(self.extensions[name] for name in scene.names[1:])], axis=0)
         return np.asarray(tails + scene.sections[-1].length)
 
-    def on_ground(self, scene: Scene, along: Array) -> Array:
+    def ground_positions(self, scene: Scene, along: Array) -> Array:
         """Positions (P, 3) in m from the pivot, in ground axes X, Y, Z, of undeformed points of the boom.
 
         `along` (P,) in m is the distance of each posture's point from the tail of the base section.
@@ -96,7 +96,7 @@ def with_hook(scene: Scene) -> Scene:
 
 
 @dataclass(frozen=True)
-class Postures:
+class PostureMatrices:
     """Matrices of a system in P postures, and the loads of each component: the weight, then every load by its name.
 
     Sizes: n coordinates, i inputs, m contacts, o outputs, k terms, w components, d driven sections, r forces on
@@ -145,16 +145,16 @@ class Postures:
     force_kinds: tuple[str, ...]
 
     @classmethod
-    def of(cls, scene: Scene, system: System, at: Stands) -> Postures:
+    def from_scene(cls, scene: Scene, system: System, at: PostureSet) -> PostureMatrices:
         """Matrices of a scene made by `with_hook`, of its system of reduced or full bodies and of the postures `at`."""
         assembly = Assembly(system)
-        x = places_of(system, at)
-        rows, size = assembly.along(x), assembly.size
+        x = side_positions(system, at)
+        rows, size = assembly.contact_rows_over_time(x), assembly.size
         parts, f, c = unit_loads(scene, system, at)
         assert scene.frame is not None and scene.gravity is not None  # as `with_hook` says
         shown, outputs = _select_outputs(system)
         still = rest_scene(scene, at.extensions, at.luffing, at.slewing, dict.fromkeys(_load_names(scene), 0.0))
-        machine = [rest_rows(still, assembly, k, x[k], rows.at(k), c[:, k]) for k in range(at.count)]
+        machine = [rest_rows(still, assembly, k, x[k], rows.at_time(k), c[:, k]) for k in range(at.count)]
         outputs = [*outputs, *machine[0].outputs]
         columns = [output.name for output in outputs] + list(system.contact_names)
         drives = drive_rows(scene, columns)
@@ -185,9 +185,9 @@ class Postures:
             machine_parts=np.stack([rows_of_place.parts for rows_of_place in machine], axis=1),
             slewing=at.slewing,
             luffing=at.luffing,
-            up=_up(still, at),
-            tip=np.array(scene.frame.place) + at.reach(scene)[:, None] * np.eye(3)[0],
-            arm=_arms(scene, at),
+            up=_vertical_directions(still, at),
+            tip=np.array(scene.frame.place) + at.boom_length(scene)[:, None] * np.eye(3)[0],
+            arm=_lever_arms(scene, at),
             drives=np.array([*drives.values()]).reshape(len(drives), len(columns)),
             drive_names=tuple(drives),
             rope_names=tuple(rope_shares(scene)),
@@ -214,7 +214,7 @@ class Postures:
             self.rope_names,
         )
 
-    def at(self, k: int, amounts: Mapping[str, float], factor: float = 1.0) -> Equations:
+    def equations(self, k: int, amounts: Mapping[str, float], factor: float = 1.0) -> Equations:
         """Equations of the k-th posture under a fixed load and a load in kg that grows.
 
         Parameters
@@ -247,11 +247,11 @@ class Postures:
             X=np.vstack([self.X[k], -self.machine_forces[k]]),
             direct=(direct @ f[0], direct @ f[1]),
             pushes=self.pushes,
-            on=(self.B[:, hook_inputs], H[:, hook_inputs], self.energy[np.ix_(hook_inputs, hook_inputs)]),
-            by_load=bent[1],
+            load_inputs=(self.B[:, hook_inputs], H[:, hook_inputs], self.energy[np.ix_(hook_inputs, hook_inputs)]),
+            outputs_by_load=bent[1],
         )
 
-    def pull(self, k: int) -> Array:
+    def hook_force(self, k: int) -> Array:
         """Force (3,) in N that 1 kg of the load exerts in the k-th posture, in boom axes."""
         force = np.zeros(3)
         for number, axis in zip(self.hook.tolist(), self.hook_axes, strict=True):
@@ -259,15 +259,15 @@ class Postures:
         return force
 
 
-def places_of(system: System, at: Stands) -> Array:
+def side_positions(system: System, at: PostureSet) -> Array:
     """Positions x (P, sides) in m of the sides of all contacts in each posture."""
     paths = {name: at.extensions.get(name, np.zeros(at.count)) for name in system.paths}
     paths |= {LUFFING: at.luffing} if LUFFING in system.paths else {}
-    x = system.coordinates(paths) if paths else system.coordinates({})
+    x = system.side_coordinates(paths) if paths else system.side_coordinates({})
     return np.ascontiguousarray(np.broadcast_to(x, (at.count, len(system.sides))))
 
 
-def unit_loads(scene: Scene, system: System, at: Stands) -> tuple[tuple[str, ...], Array, Array]:
+def unit_loads(scene: Scene, system: System, at: PostureSet) -> tuple[tuple[str, ...], Array, Array]:
     """Names of the w components, their loads (w, P, i) and amplitudes (w, P, k), at P postures on i inputs and k terms.
 
     The first component is the weight, by itself; each other one is a unit of a load without the weight: 1 N or 1 N m,
@@ -293,7 +293,7 @@ def _load_names(scene: Scene) -> list[str]:
     return list(dict.fromkeys(load.name for part in scene.sections for load in part.loads))
 
 
-def acceleration_loads(scene: Scene, system: System, at: Stands, angle: str) -> Array:
+def acceleration_loads(scene: Scene, system: System, at: PostureSet, angle: str) -> Array:
     """Loads (P, i) for an acceleration of 1 rad/s^2 of an `angle`, ``luffing`` or ``slewing``, in N s^2.
 
     The scene is one that `with_hook` made.
@@ -304,14 +304,14 @@ def acceleration_loads(scene: Scene, system: System, at: Stands, angle: str) -> 
     return np.asarray(f[1] - f[0])
 
 
-def _arms(scene: Scene, at: Stands) -> Array:
+def _lever_arms(scene: Scene, at: PostureSet) -> Array:
     """Lever arms (P,) in m of the luffing cylinder about the pivot; NaN for a scene without one."""
     assert scene.frame is not None
     cylinder = scene.frame.cylinder
     return np.full(at.count, np.nan) if cylinder is None else cylinder.length(at.luffing)[1]
 
 
-def _up(still: Scene, at: Stands) -> Array:
+def _vertical_directions(still: Scene, at: PostureSet) -> Array:
     """Vertical unit vectors (P, 3) in boom axes, of a scene made by `rest_scene`."""
     assert still.frame is not None
     numbers = np.arange(at.count, dtype=float)
@@ -344,10 +344,10 @@ PLACES = 9
 
 
 @dataclass(frozen=True)
-class Bent:
+class DeflectionOutputs:
     """Outputs that show the deflection of a boom: b displacements across it, at about `PLACES` points of each section.
 
-    Sizes as in `Postures`.
+    Sizes as in `PostureMatrices`.
     """
 
     outputs: Array  # (b, n)
@@ -359,7 +359,7 @@ class Bent:
     names: tuple[str, ...]  # of the sections
 
     @classmethod
-    def of(cls, system: System, at: Stands) -> Bent:
+    def from_system(cls, system: System, at: PostureSet) -> DeflectionOutputs:
         """Choose outputs across the boom of a system in the postures `at`."""
         assembly = Assembly(system)
         number, x, section, direction, first = list[int](), list[float](), list[int](), list[str](), 0
@@ -374,13 +374,13 @@ class Bent:
                     section.append(k)
                     direction.append(axis)
             first += len(kinds)
-        rows = assembly.along(places_of(system, at))
+        rows = assembly.contact_rows_over_time(side_positions(system, at))
         outputs, direct = assembly.outputs.toarray()[number], assembly.direct[number]
         return cls(
             outputs, direct, rows.X[:, number], np.array(x), np.array(section), tuple(direction), tuple(system.bodies)
         )
 
-    def measured(self, at: Postures) -> Postures:
+    def replace_outputs(self, at: PostureMatrices) -> PostureMatrices:
         """Postures `at` whose only outputs are displacements across the boom; forces on the machine are left out."""
         none = {name: getattr(at, name)[..., :0, :] for name in ("machine_q", "machine_forces", "machine_loads")}
         return replace(

@@ -51,7 +51,7 @@ class Rope:
     speed: float  # m/s
 
 
-class _Forced:
+class _ForcedMotion:
     """Solution of M x'' + K x = f_0 + t f_1 in modes, for times from `since` in s on, with initial x and x' in `start`.
 
     Modes are scaled to a unit stiffness, so that those without inertia are included: they follow the loads at once.
@@ -68,13 +68,13 @@ class _Forced:
         self._since = since
         self.period = 2.0 * np.pi * float(np.sqrt(inertia[-1]))
 
-    def along(self, row: Array, t: Array) -> Array:
+    def values(self, row: Array, t: Array) -> Array:
         """Values (T,) of row . x at times (T,) in s, for a row (n,)."""
         of, angle = row @ self._shapes, self._w * (t[:, None] - self._since)
         free = np.cos(angle) @ (of * self._amplitude) + np.sin(angle) @ (of * self._rate)
         return np.asarray(free + of @ self._constant + t * (of @ self._growing))
 
-    def at(self, t: float) -> tuple[Array, Array]:
+    def state(self, t: float) -> tuple[Array, Array]:
         """Displacements x (n,) and rates x' (n,) at a time t in s."""
         angle = self._w * (t - self._since)
         x = self._amplitude * np.cos(angle) + self._rate * np.sin(angle) + self._constant + self._growing * t
@@ -89,23 +89,23 @@ def lift_off(form: Form, load: float, rope: Rope, gravity: float) -> float:
     """
     if not form.held or not 0.0 < load < form.critical:
         return np.nan
-    M, place = form.condensed.M, form.condensed.place
+    M, place = form.condensed.M, form.condensed.load_position
     K, k, v, weight = form.condensed.K + load * form.condensed.G[1], rope.stiffness, rope.speed, load * gravity
-    K, c = (K + K.T) / 2.0, form.against @ place
+    K, c = (K + K.T) / 2.0, form.lifting_direction @ place
     n = len(c)
     still, t, q, rate, taut = np.zeros(n), 0.0, np.zeros(n), np.zeros(n), True
     # twice the time in which the rope's speed makes up for the deflections of rope and boom under the weight
     longest = 2.0 * (weight / k + weight * float(c @ np.linalg.solve(K, c))) / v
     for _ in range(MOST):  # a rope may become slack again before it lifts anything
         stiff, pulls = (K + k * np.outer(c, c), -k * v * c) if taut else (K, still)
-        phase = _Forced(M, stiff, (still, pulls), (q, rate), t)
+        phase = _ForcedMotion(M, stiff, (still, pulls), (q, rate), t)
         times = t + longest * np.linspace(0.0, 1.0, SAMPLES)[1:]
-        pull = k * (phase.along(c, times) + v * times)
+        pull = k * (phase.values(c, times) + v * times)
         changes = (pull >= weight) | (pull < 0.0) if taut else pull > 0.0
         if not changes.any():
             return np.nan
         t = float(times[np.argmax(changes)])
-        q, rate = phase.at(t)
+        q, rate = phase.state(t)
         if taut and pull[np.argmax(changes)] >= weight:
             break
         taut = not taut
@@ -115,9 +115,9 @@ def lift_off(form: Form, load: float, rope: Rope, gravity: float) -> float:
     stiffness[:n, :n] = K
     stiffness += k * np.outer(rope_of, rope_of)
     loads = np.append(still, -weight), -k * v * rope_of
-    lifted = _Forced(masses, stiffness, loads, (np.append(q, 0.0), np.append(rate, 0.0)), t)
+    lifted = _ForcedMotion(masses, stiffness, loads, (np.append(q, 0.0), np.append(rate, 0.0)), t)
     times = t + PERIODS * lifted.period * np.linspace(0.0, 1.0, SAMPLES)
-    pull = k * (lifted.along(rope_of, times) + v * times)
+    pull = k * (lifted.values(rope_of, times) + v * times)
     slack = int(np.argmax(pull < 0.0)) or len(pull)
     return float(np.max(pull[:slack]) / weight)
 
@@ -127,7 +127,7 @@ STOP_PERIODS, STOP_SAMPLES = 2.0, 300
 
 
 @dataclass(frozen=True)
-class Acting:
+class DecelerationLoads:
     """Effect of a unit of the deceleration: loads b (n,) on coordinates, g (m,) on gaps, `direct` (o,) on outputs."""
 
     b: Array
@@ -148,7 +148,7 @@ class Swing:
     steady: tuple[Array, Array]  # (o,) and (m,): where the deceleration has lasted for long
 
 
-def stopping_swing(form: Form, load: float, acting: Acting, duration: float) -> Swing | None:
+def stopping_swing(form: Form, load: float, acting: DecelerationLoads, duration: float) -> Swing | None:
     """Swing of a structure under a `load` in kg, during a constant deceleration of `duration` s and afterwards.
 
     None where no equilibrium exists under the load.
@@ -156,22 +156,22 @@ def stopping_swing(form: Form, load: float, acting: Acting, duration: float) -> 
     if not form.held or not 0.0 <= load < form.critical:
         return None
     e, on, closed = form.equations, form.condensed, form.closed
-    pull = np.linalg.lstsq(e.on[0], e.b[1], rcond=None)[0]
-    hook, c = float(np.linalg.norm(pull)), -form.against @ on.place  # along the pull
+    pull = np.linalg.lstsq(e.load_inputs[0], e.b[1], rcond=None)[0]
+    hook, c = float(np.linalg.norm(pull)), -form.lifting_direction @ on.load_position  # along the pull
     K = on.K + load * on.G[1]
     inertia, shapes = scipy.linalg.eigh(on.M + load * np.outer(c, c), (K + K.T) / 2.0)
     moving = inertia > len(K) * np.finfo(float).eps * inertia[-1]
     inertia, shapes = inertia[moving], shapes[:, moving]
-    amplitude = shapes.T @ (on.own.T @ acting.b + on.gaps @ acting.g[closed])
+    amplitude = shapes.T @ (on.coordinates.T @ acting.b + on.gap_forces @ acting.g[closed])
     # inertia of a unit acceleration of each mode: on coordinates, and along the rope
     along = load * (c @ shapes) / hook
     resisting = [
-        e.M @ (on.own @ shapes) + np.outer(e.b[1], along),
+        e.M @ (on.coordinates @ shapes) + np.outer(e.b[1], along),
         np.outer(e.g[1], along),
         np.outer(e.direct[1], along),
     ]
     each = zip((acting.b, acting.g, acting.direct), resisting, strict=True)
-    outputs, forces = _at_rest(form, load, [np.column_stack(pair) for pair in each])
+    outputs, forces = _static_response(form, load, [np.column_stack(pair) for pair in each])
     omega = 1.0 / np.sqrt(inertia)
     looked = (
         STOP_PERIODS * 2.0 * np.pi / float(omega.min())
@@ -185,7 +185,7 @@ def stopping_swing(form: Form, load: float, acting: Acting, duration: float) -> 
     return Swing(t, shares @ outputs.T, shares @ forces.T, (outputs[:, 0], forces[:, 0]))
 
 
-def _at_rest(form: Form, load: float, loads: list[Array]) -> tuple[Array, Array]:
+def _static_response(form: Form, load: float, loads: list[Array]) -> tuple[Array, Array]:
     """Outputs (o, k) and contact forces (m, k) at rest under k load cases.
 
     `loads` are forces on coordinates (n, k), gaps (m, k) and direct outputs (o, k); `load` in kg sets the geometric
@@ -198,6 +198,6 @@ def _at_rest(form: Form, load: float, loads: list[Array]) -> tuple[Array, Array]
     forces = np.zeros((len(closed), solution.shape[1]))
     forces[closed] = solution[n:]
     outputs = e.outputs @ solution[:n] - e.X @ forces + loads[2]
-    if len(e.by_load):
-        outputs[-len(e.by_load) :] += load * (e.by_load @ solution[:n])
+    if len(e.outputs_by_load):
+        outputs[-len(e.outputs_by_load) :] += load * (e.outputs_by_load @ solution[:n])
     return outputs, forces

@@ -367,10 +367,10 @@ def test_a_scene_that_starts_in_equilibrium_is_an_fmu_that_does() -> None:
     first = np.loadtxt(found.texts["resources/reference_out.csv"].splitlines(), delimiter=",", skiprows=1)[0, 1:]
     system, scene = System.of(model), read_scene(System.of(model), "model")
     assembly = Assembly(system)
-    f, x = scene.first_loads, system.coordinates({SLIDER: scene.excitation.s[0, 0]})
+    f, x = scene.first_loads, system.side_coordinates({SLIDER: scene.excitation.s[0, 0]})
     state = equilibrium(assembly, x, f)
     y = assembly.outputs @ state.q + assembly.direct @ f
-    y -= assembly.at(x).X @ state.forces
+    y -= assembly.contact_rows(x).X @ state.forces
     assert np.abs(y).max() > 1e-6
     np.testing.assert_allclose(first[: len(y)], y, rtol=0.0, atol=1e-9 * np.abs(y).max())
     np.testing.assert_allclose(first[len(y) :], state.forces, rtol=0.0, atol=1e-9 * np.abs(state.forces).max())

@@ -232,10 +232,10 @@ def test_model_exchange_has_the_equations_of_motion(made: Made) -> None:
         made.frame,
         np.column_stack([*now["s"].values(), *([x, 0.0, 0.0] for x in now["F"].values()), *now["frame"].values()]),
     )
-    rows = assembly.at(system.coordinates({path: motion[0] for path, motion in now["s"].items()}))
+    rows = assembly.contact_rows(system.side_coordinates({path: motion[0] for path, motion in now["s"].items()}))
     forces = np.linalg.solve(rows.F, rows.C @ q + rows.H @ f)
     right = assembly.B @ f - assembly.D @ rate - assembly.K @ q - rows.C.T @ forces
-    at = {name: np.arange(one.start, one.stop) for name, one in assembly.coordinates.items()}
+    at = {name: np.arange(one.start, one.stop) for name, one in assembly.coordinate_slices.items()}
     for term, amplitude in zip(system.terms, c, strict=True):
         on = np.concatenate([at[name] for name in term.bodies])
         for key, A in term.arrays.items():

@@ -165,7 +165,7 @@ def test_it_starts_in_equilibrium_unless_told_to_be_at_rest(made: Made) -> None:
     scene, assembly = of_boom(made.boom, system), Assembly(system)
     x = places(system, made.excitation)[0]
     expected = equilibrium(assembly, x, scene.first_loads)
-    rows = assembly.at(x)
+    rows = assembly.contact_rows(x)
     y = assembly.outputs @ expected.q + assembly.direct @ scene.first_loads - rows.X @ expected.forces
     instance, at_rest = Instance(made.library), Instance(made.library)
     instance.initialise()
@@ -197,7 +197,7 @@ def test_model_exchange_has_the_equations_of_motion(made: Made) -> None:
     s, f = {"middle": 1.3, "fly": 0.9}, 100.0 * rng.normal(size=len(system.input_names))
     ends = np.cumsum([form.body.size for form in forms])[:-1]
     q, rate = (np.concatenate([form.X @ a for form, a in zip(forms, np.split(b, ends), strict=True)]) for b in (z, v))
-    rows = assembly.at(system.coordinates(s))
+    rows = assembly.contact_rows(system.side_coordinates(s))
     forces = np.linalg.solve(rows.F, rows.C @ q + rows.H @ f)
     right = assembly.B @ f - assembly.D @ rate - assembly.K @ q - rows.C.T @ forces
     expected = np.concatenate([form.X.T @ a for form, a in zip(forms, np.split(right, ends), strict=True)])

@@ -9,7 +9,7 @@ from boxes import box
 
 from pmr.fem.compat import MPI
 from pmr.fullmodel.assembly import share
-from pmr.fullmodel.build import Built
+from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Clamp, Structure, couple
 from pmr.models.beam2d import Beam2D
@@ -17,7 +17,7 @@ from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
 from pmr.reduction.basis import modal_basis
 from pmr.reduction.free_body import FreeBody
-from pmr.reduction.recovery import Recovery, View, in_blocks, look
+from pmr.reduction.recovery import BodyFields, Recovery, in_blocks, record_fields
 from pmr.reduction.residual import flexible_model
 from pmr.reduction.snapshots import free_modes
 from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, PointMass, Profile, ShellBody
@@ -36,8 +36,8 @@ def clamped() -> Structure:
     return Structure(shell(), (Clamp("tail"),), (payload,))
 
 
-def alone(structure: Structure) -> Built:
-    return Built(structural_model(structure), structure)
+def alone(structure: Structure) -> AssembledBody:
+    return AssembledBody(structural_model(structure), structure)
 
 
 def states(size: int) -> np.ndarray:
@@ -51,7 +51,7 @@ def mine(z: np.ndarray) -> np.ndarray:
 
 def test_a_view_takes_the_coordinates_that_clamps_and_masses_leave() -> None:
     structure = clamped()
-    T, model, view = couple(structure).T, structure.model, View(alone(structure))
+    T, model, view = couple(structure).T, structure.model, BodyFields(alone(structure))
     z = states(T.shape[1])
     q = (T @ z.T).T
     expected = (model.point_displacements() @ q.T).T.reshape(len(q), -1, 3)
@@ -65,8 +65,8 @@ def test_a_view_takes_the_coordinates_that_clamps_and_masses_leave() -> None:
 
 
 def test_one_look_finds_the_largest_stress_and_keeps_pictures() -> None:
-    view, q = View(alone(Structure(shell()))), states(shell().size)
-    seen = look(view, TIMES, in_blocks(mine(q)), pictures=[130, 0, 67])
+    view, q = BodyFields(alone(Structure(shell()))), states(shell().size)
+    seen = record_fields(view, TIMES, in_blocks(mine(q)), pictures=[130, 0, 67])
     rows = shell().stresses()
     sizes = rows.von_mises(rows.of(q))
     assert seen.stress is not None
@@ -88,15 +88,15 @@ def test_one_look_finds_the_largest_stress_and_keeps_pictures() -> None:
 def test_a_beam_shows_its_corners() -> None:
     profile = BoxProfile(width=0.3, height=0.4, wall=0.008)
     beam = Beam3D(Beam3DBody(length=2, profile=profile, elements=5))
-    seen = look(View(alone(Structure(beam))), TIMES, in_blocks(mine(states(beam.size))), pictures=[3])
+    seen = record_fields(BodyFields(alone(Structure(beam))), TIMES, in_blocks(mine(states(beam.size))), pictures=[3])
     assert sorted(seen.fields.von_mises) == ["bottom left", "bottom right", "top left", "top right"]
     assert seen.fields.von_mises["top left"].shape == (1, 5) and seen.fields.grid.cell == "line"
 
 
 def test_a_planar_beam_has_pictures_but_no_stresses() -> None:
     beam = Beam2D(Profile(length=2.0, bending_stiffness=1.0, mass_per_length=1.0), np.linspace(0.0, 2.0, 4))
-    view, q = View(alone(Structure(beam))), states(beam.size)
-    seen = look(view, TIMES, in_blocks(mine(q)), pictures=[7])
+    view, q = BodyFields(alone(Structure(beam))), states(beam.size)
+    seen = record_fields(view, TIMES, in_blocks(mine(q)), pictures=[7])
     assert seen.stress is None and not seen.fields.von_mises
     expected = np.zeros((4, 3))
     expected[:, 2] = q[7, ::2]
@@ -115,10 +115,13 @@ def test_ten_coordinates_know_the_largest_stress() -> None:
     body = flexible_model(FreeBody(full), basis, {})
     exact = petsc_alone.observe(full, boom.excitation, Recording((0,), states=tuple(t)))
     whole = one_body.simulate(body, boom.excitation)
-    view, recovery = View(Built(full, boom.structure)), Recovery(full, np.array(basis.V.getDenseArray()), body)
+    view, recovery = (
+        BodyFields(AssembledBody(full, boom.structure)),
+        Recovery(full, np.array(basis.V.getDenseArray()), body),
+    )
     states = one_body.states(body, whole.at(steps), boom.excitation.f[steps])
-    found = look(view, t, recovery.blocks(states)).stress
-    expected = look(view, t, in_blocks(exact.states.q)).stress
+    found = record_fields(view, t, recovery.blocks(states)).stress
+    expected = record_fields(view, t, in_blocks(exact.states.q)).stress
     assert found is not None and expected is not None
     assert found.peak.value == pytest.approx(expected.peak.value, rel=3e-4)
     assert (found.peak.cell, found.peak.face, found.peak.t) == (expected.peak.cell, expected.peak.face, expected.peak.t)

@@ -9,7 +9,7 @@ import pytest
 
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import local_csr
-from pmr.fullmodel.build import Built
+from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.pads import Pad, Pads, Slider, Support
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Structure, Weight
@@ -47,11 +47,11 @@ def found(
     rows = {row.name: row for row in full.rows.rows}
     for name, force in held.items():
         g -= force * rows[name].at(at).toarray()[0]
-    fixed = [row.at(0.5).toarray()[0] for row in full.rows.rows if row.fixed]
+    fixed = [row.at(0.5).toarray()[0] for row in full.rows.rows if row.is_fixed]
     K, C = local_csr(full.K).toarray(), np.array(fixed).reshape(len(fixed), full.size)
     whole = np.block([[K, C.T], [C, np.zeros((len(C), len(C)))]])
     q = np.linalg.solve(whole, np.concatenate([g, np.zeros(len(C))]))[: full.size]
-    return of_states(Built(full, structure), cut, q, loads, held, at)
+    return of_states(AssembledBody(full, structure), cut, q, loads, held, at)
 
 
 def of_states(built, cut, q, loads, held, at):
@@ -66,7 +66,7 @@ def of_states(built, cut, q, loads, held, at):
         tuple(held),
     )
     forces = SectionForces(built, cut)
-    values, names = forces.of(q[None], acting)[0], np.array(forces.names)
+    values, names = forces.evaluate(q[None], acting)[0], np.array(forces.names)
     return {name: (forces.x[names == name], values[names == name]) for name in dict.fromkeys(forces.names)}, forces
 
 
@@ -168,7 +168,7 @@ def test_what_the_inertia_of_a_free_beam_takes_is_in_its_forces(model: str) -> N
     g = local_csr(full.inputs).toarray()[:, 0] * TIP
     a = R @ np.linalg.solve(R.T @ M @ R, R.T @ g)
     q = np.linalg.lstsq(K, g - M @ a, rcond=1e-12)[0]
-    x, moment = of_states(Built(full, structure), beam.cut(4), q, (TIP,), {}, 0.0)[0]["bending moment y"]
+    x, moment = of_states(AssembledBody(full, structure), beam.cut(4), q, (TIP,), {}, 0.0)[0]["bending moment y"]
     inertia = 0.0 if d == ("x", "z", "ry") else beam.body.material.density * beam.sections.second_moments[0, 1]
     known = free_rod(x, beam.masses[0], inertia)
     assert near(moment, known) and np.abs(moment[[0, -1]]).max() < 1e-9 * moment.max()
@@ -195,14 +195,22 @@ def test_a_pad_that_rubs_turns_the_beam_and_pulls_it_from_where_it_is() -> None:
     pads = Pads(sliders=(Slider(),), travel=(0.5, 2.5))
     structure = Structure(planar(), clamps=(Clamp("tail"),), pads=pads)
     full, cut = structural_model(structure, MPI.COMM_SELF), structure.model.cut(4)
-    (row,) = [row for row in full.rows.rows if not row.fixed]
+    (row,) = [row for row in full.rows.rows if not row.is_fixed]
     q = np.linalg.solve(local_csr(full.K).toarray(), TIP * row.at(2.1, 1).toarray()[0])
     one, nothing = np.array([[2.1]]), np.zeros((1, 0))
     acting = BodyStates(
-        one[0], one, q[None], q[None], 0.0 * one, nothing, ("slider",), moments=TIP + 0.0 * one, along=50.0 + 0.0 * one
+        one[0],
+        one,
+        q[None],
+        q[None],
+        0.0 * one,
+        nothing,
+        ("slider",),
+        friction_moments=TIP + 0.0 * one,
+        friction_forces=50.0 + 0.0 * one,
     )
-    forces = SectionForces(Built(full, structure), cut)
-    values, names = forces.of(q[None], acting)[0], np.array(forces.names)
+    forces = SectionForces(AssembledBody(full, structure), cut)
+    values, names = forces.evaluate(q[None], acting)[0], np.array(forces.names)
     for name, size in (("bending moment y", TIP), ("normal force", 50.0)):
         x, known = forces.x[names == name], values[names == name]
         assert np.abs(known + size * (x < 2.1)).max() < 1e-9 * size and 0 < (x < 2.1).sum() < len(x)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from pmr import scene
-from pmr.constraints.rows import Rows, carrier, fixed_row
+from pmr.constraints.rows import Rows, fixed_row, sparse_row
 from pmr.fem.compat import MPI
-from pmr.fullmodel.build import Built, build
-from pmr.fullmodel.structural import Orbits, images_of, mirror_images
+from pmr.fullmodel.build import AssembledBody, build
+from pmr.fullmodel.structural import MirroredLoads, images_of, mirror_images
 from pmr.fullmodel.structure import couple
 from pmr.reduction.basis import modal_basis
 from pmr.reduction.free_body import FreeBody
@@ -27,13 +27,13 @@ COARSE = ["mesh.size=0.15", "mesh.along=0.5", "compare.against=[]"]
 
 
 @pytest.fixture(scope="module")
-def built() -> Built:
+def built() -> AssembledBody:
     return build(scene.load(SHELL, COARSE), MPI.COMM_WORLD)
 
 
 @pytest.mark.slow
 @pytest.mark.numerical
-def test_one_pad_of_each_face_answers_for_all(built: Built, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_pad_of_each_face_answers_for_all(built: AssembledBody, monkeypatch: pytest.MonkeyPatch) -> None:
     model, solved = built.model, []
     apply = ResidualFlexibility.apply
 
@@ -54,7 +54,7 @@ def test_one_pad_of_each_face_answers_for_all(built: Built, monkeypatch: pytest.
 
 
 @pytest.mark.slow
-def test_images_that_miss_are_not_taken(built: Built) -> None:
+def test_images_that_miss_are_not_taken(built: AssembledBody) -> None:
     """K that is stiffer on one side, a basis that leans to it, a row that holds it, and carriers without a partner."""
     model, T = built.model, couple(built.structure).T
     first, last = model.K.getOwnershipRange()
@@ -67,17 +67,17 @@ def test_images_that_miss_are_not_taken(built: Built) -> None:
     modes = np.array(free_modes(model, 6).S.getDenseArray())
     lean = modes + 1e-6 * np.random.default_rng(2).normal(size=(model.size, 6))[first:last]
     for V, kept in ((modes, True), (lean, False)):
-        assert ResidualFlexibility(FreeBody(model), V).keeps(P) == kept
-    corner = fixed_row("corner", carrier(0, 1.0, model.size), model.rows.domain)
+        assert ResidualFlexibility(FreeBody(model), V).commutes_with(P) == kept
+    corner = fixed_row("corner", sparse_row(0, 1.0, model.size), model.rows.domain)
     held = FreeBody(replace(model, rows=Rows((corner, *model.rows.rows), model.size)))
     held.__dict__["Z"] = FreeBody(model).Z  # so that the row alone is what the image misses
-    assert not ResidualFlexibility(held, np.ascontiguousarray(modes[:, held.Z.shape[1] :])).keeps(P)
-    shared = model.rows.shared
+    assert not ResidualFlexibility(held, np.ascontiguousarray(modes[:, held.Z.shape[1] :])).commutes_with(P)
+    shared = model.rows.shared_carriers
     (image,) = images_of(shared.carriers, [P])
     moving = [row for row in shared.rows if row.moves]
     touched = np.unique(np.concatenate([np.unique(row.touched) for row in moving]))
     assert np.all(image.partners[touched] >= 0)
     assert np.array_equal(image.partners[image.partners[touched]], touched)
     alone = images_of(shared.carriers[np.unique(moving[0].touched)], [P])
-    orbits = Orbits(np.arange(np.unique(moving[0].touched).size), alone, model.M)
-    assert len(orbits.own) == np.unique(moving[0].touched).size
+    orbits = MirroredLoads(np.arange(np.unique(moving[0].touched).size), alone, model.M)
+    assert len(orbits.representatives) == np.unique(moving[0].touched).size

@@ -116,7 +116,7 @@ def test_free_modes_need_no_floor(load_scene) -> None:
     modes = free_modes(model, 60)
     found = flexible_model(FreeBody(model), modal_basis(modes), {})
     V = np.array(modes.S.getDenseArray())
-    shared = Rows(model.rows.rows[2:], model.size).shared.refined(found.rows.x)
+    shared = Rows(model.rows.rows[2:], model.size).shared_carriers.refine(found.rows.x)
     residual = ResidualFlexibility(FreeBody(model), V)
     plain = tables(load_flexibility(residual, shared.carriers, load_pairs(shared, len(model.input_names))), shared)
     assert found.flexibility and np.array_equal(found.flexibility.rows.c, plain.rows.c)

@@ -76,9 +76,9 @@ def test_on_soft_supports_it_depends_on_the_span_of_the_basis_alone() -> None:
     scene = load(BOOM, case(139).overrides)
     full = build(scene).model
     V = np.array(free_modes(full, 20).S.getDenseArray())
-    loads = full.rows.shared.carriers.toarray().T
+    loads = full.rows.shared_carriers.carriers.toarray().T
     body = FreeBody(full)
-    rigid = body.rigid(V)  # a motion of a rigid body has to stand in a column of its own, or the rest would lack it
+    rigid = body.are_rigid(V)  # a motion of a rigid body has to stand in a column of its own, or the rest would lack it
     elastic = V[:, ~rigid]
     assert rigid.any()
     turn = np.linalg.qr(np.random.default_rng(5).standard_normal((elastic.shape[1], elastic.shape[1])))[0]

@@ -48,7 +48,7 @@ def test_tables_are_exact_between_and_on_their_breaks(case) -> None:
     R = (R + R.T) / 2.0
     rows = full.rows.rows[2:]
     breaks = common_breaks([row.project(np.zeros((full.size, 1))) for row in rows], full.rows.domain)
-    shared = Rows(rows, full.size).shared.refined(breaks)
+    shared = Rows(rows, full.size).shared_carriers.refine(breaks)
     found = tables(load_flexibility(residual, shared.carriers, load_pairs(shared, 2)), shared)
     body = full.comm.bcast(full.gather())
     O, B = body.outputs.toarray(), body.B
@@ -66,7 +66,7 @@ def test_the_sliders_flexibility_is_symmetric_and_positive(case) -> None:
     full, residual = case
     rows = full.rows.rows[2:]
     breaks = common_breaks([row.project(np.zeros((full.size, 1))) for row in rows], full.rows.domain)
-    shared = Rows(rows, full.size).shared.refined(breaks)
+    shared = Rows(rows, full.size).shared_carriers.refine(breaks)
     G = tables(load_flexibility(residual, shared.carriers, load_pairs(shared, 2)), shared).rows
     assert np.array_equal(G.c, G.c.swapaxes(2, 3))
     s = np.linspace(*full.rows.domain, 301)[1:]
@@ -77,7 +77,7 @@ def test_pairs_of_loads_grow_as_the_mesh_and_not_as_its_square(load_scene) -> No
     found = []
     for elements in (30, 60):
         full = full_model(load_scene("paper_simple", ["compare.against=[]", f"mesh.elements={elements}"]))
-        shared = Rows(full.rows.rows[2:], full.size).shared.aligned(full.rows.domain)
+        shared = Rows(full.rows.rows[2:], full.size).shared_carriers.align_breaks(full.rows.domain)
         found.append(load_pairs(shared, 1).nnz)
     assert 1.9 < found[1] / found[0] < 2.1
 

@@ -103,9 +103,9 @@ def test_rigid_bodies_that_nothing_reaches_are_left_out(load_scene, solver: str)
 )
 def test_rigid_and_soft_are_told_apart_at_any_scale(load_scene, change: str) -> None:
     full = model(load_scene, change, "body.profile.axial=false", "reduction.solver=dense")
-    assert FreeBody(full).rigid(local(free_modes(full, 4))).tolist() == [True, False, False, False]
+    assert FreeBody(full).are_rigid(local(free_modes(full, 4))).tolist() == [True, False, False, False]
     clamped = model(load_scene, change, "body.profile.axial=false", "supports=[{on=0.0,kind='clamped'}]")
-    assert not FreeBody(clamped).rigid(local(free_modes(clamped, 4))).any()
+    assert not FreeBody(clamped).are_rigid(local(free_modes(clamped, 4))).any()
 
 
 @pytest.mark.mpi

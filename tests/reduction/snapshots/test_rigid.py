@@ -58,7 +58,7 @@ def test_pitch_and_yaw_are_left_at_any_length(length: float) -> None:
     modes = free_modes(model, 4)
     Z = np.array(modes.S.getDenseArray())
     assert modes.omega[:2].tolist() == [0.0, 0.0] and np.all(modes.omega[2:] > 100.0)
-    assert FreeBody(model).rigid(Z).tolist() == [True, True, False, False]
+    assert FreeBody(model).are_rigid(Z).tolist() == [True, True, False, False]
     motion = whole(model, Z).reshape(-1, 6, 4)[:, :, :2]
     turns = motion[:, 3:]
     assert np.abs(turns - turns[:1]).max() < 1e-13 * np.abs(turns).max()
@@ -149,7 +149,7 @@ def second_moment(width: float, height: float, wall: float) -> float:
 def test_modes_without_the_rigid_ones_are_refused() -> None:
     """Round-off so large that the lowest modes are others."""
     model = attached(boom())
-    held = replace(model, rows=replace(model.rows, rows=tuple(row for row in model.rows.rows if row.fixed)))
+    held = replace(model, rows=replace(model.rows, rows=tuple(row for row in model.rows.rows if row.is_fixed)))
     modes = eigensolver(held, "dense").lowest(held.rows.domain[0], 6)
     upper = replace(modes, omega=modes.omega[3:], phi=modes.phi[:, 3:])
     with pytest.raises(ConvergenceError, match="hides 2 rigid-body modes"):

@@ -115,7 +115,7 @@ def test_second_order_from_a_moving_start(rich: FullBody) -> None:
 
 def test_many_rows_come_in_blocks(rich: FullBody, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = one_body.in_exudyn(rich, driven(PATH, LOADS, STEPPING))
-    blocks, along = [], Assembly.along
+    blocks, along = [], Assembly.contact_rows_over_time
 
     def recorded(assembly: Assembly, x: Array) -> ContactRows:
         blocks.append(len(x))
@@ -124,7 +124,7 @@ def test_many_rows_come_in_blocks(rich: FullBody, monkeypatch: pytest.MonkeyPatc
     free = rich.size - len(rich.held)
     for module in (equations, contacts):  # two of its four rows move
         monkeypatch.setattr(module, "ENTRIES_AHEAD", 7 * 2 * free)
-    monkeypatch.setattr(Assembly, "along", recorded)
+    monkeypatch.setattr(Assembly, "contact_rows_over_time", recorded)
     np.testing.assert_array_equal(one_body.in_exudyn(rich, driven(PATH, LOADS, STEPPING)).q, whole.q)
     assert max(blocks) == 7
 

@@ -14,7 +14,7 @@ from oracle import free_modes as modes_of
 
 import pmr
 from pmr.fullmodel.build import full_model
-from pmr.reduced.carriers import CarriedRows
+from pmr.reduced.carriers import CarrierRows
 from pmr.reduction.basis import modal_basis
 from pmr.reduction.free_body import FreeBody
 from pmr.reduction.residual import section_model
@@ -41,10 +41,10 @@ def twice(excitation: Excitation) -> Excitation:
 def test_pads_that_push_on_a_body_alone_are_followed_alike_in_tables_and_by_places(parts: int) -> None:
     """The same steps in the same parts, each with its own balance of energy."""
     rich = beam_on_pads(1e-3, 3e8)
-    carried = CarriedRows.of(rich.rows.shared.rows, rich.rows.shared.carriers.toarray())
+    carried = CarrierRows.from_rows(rich.rows.shared_carriers.rows, rich.rows.shared_carriers.carriers.toarray())
     model = modes_on_pads(rich, 6)
     modes = modes_of(rich, 6)[0]
-    model = replace(model, carriers=carried.on(modes).with_rows([1, 2, 3, 4]))
+    model = replace(model, carriers=carried.project(modes).with_rows([1, 2, 3, 4]))
     loads = (Constant(amount=9.81), Sine(amplitude=4000.0, frequency=5.0))
     path = SmoothRamp(times=(0.0, 0.2), values=(3.0, 3.2))
     excitation, system = driven(path, loads, TimeStepping(0.2, 1e-3, 0.9, parts)), System.of(model)

@@ -41,7 +41,7 @@ def test_a_pad_that_rubs_presses_as_one_nearer_to_the_tail(way: float) -> None:
     given = sliding(system, TimeStepping(4000.0, 10.0, 0.0), way * 1e-6)
     found = systems.simulate(system, given, systems.static_start(system, given))
     assembly, x, d = Assembly(system), places(system, given)[-2], 1e-6
-    rows = assembly.at(x)
+    rows = assembly.contact_rows(x)
     low, high = (
         np.array(ends) for ends in zip(*map(system.range_of, (one.place for one in system.sides)), strict=True)
     )
@@ -50,7 +50,7 @@ def test_a_pad_that_rubs_presses_as_one_nearer_to_the_tail(way: float) -> None:
     for k in range(len(x)):  # of each side by itself
         one, other = x.copy(), x.copy()
         one[k], other[k] = after[k], before[k]
-        slope += (assembly.at(one).C - assembly.at(other).C) / (after[k] - before[k])
+        slope += (assembly.contact_rows(one).C - assembly.contact_rows(other).C) / (after[k] - before[k])
     pressed = rows.C - way * MU * ARM * slope
     held = np.block([[assembly.K.toarray(), pressed.T], [rows.C, -rows.F]])
     right = np.concatenate([assembly.B @ found.loads[-2], np.zeros(len(rows.F))])
@@ -107,9 +107,11 @@ def test_a_stepper_rubs_as_a_simulation_does() -> None:
     size[size == 0.0] = 1.0
     np.testing.assert_allclose(np.array(taken) / size, moved / size, atol=1e-9)
     states, last = states_of(system, found, np.array([100])), found.friction[[100]]
-    np.testing.assert_allclose(states["1"].along, last)  # the inner section towards its tail, the outer one outwards
-    np.testing.assert_allclose(states["0"].along, -last)
-    assert states["1"].moments is not None and np.any(states["1"].moments)
+    np.testing.assert_allclose(
+        states["1"].friction_forces, last
+    )  # the inner section towards its tail, the outer one outwards
+    np.testing.assert_allclose(states["0"].friction_forces, -last)
+    assert states["1"].friction_moments is not None and np.any(states["1"].friction_moments)
     np.testing.assert_allclose(totals, found.friction[1:].sum(axis=1), rtol=1e-9, atol=1e-9)
 
 

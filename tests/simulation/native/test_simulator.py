@@ -13,7 +13,7 @@ from one_body import displacement, energy
 from oracle import CASES, Case, generalized_alpha, project, started
 from scipy.interpolate import PPoly
 
-from pmr.constraints.rows import Rows, carrier, fixed_row
+from pmr.constraints.rows import Rows, fixed_row, sparse_row
 from pmr.errors import InputError, SimulationError
 from pmr.reduced.carriers import Flexibility
 from pmr.reduced.model import ReducedModel
@@ -73,7 +73,7 @@ def test_damping_that_couples_the_modes(body: SlidingBody) -> None:
 
 def test_rows_that_never_move_stand_before_those_that_do(rich: FullBody) -> None:
     """With pads and three rows."""
-    held = fixed_row("fixed", carrier([4, 5, 7, 8], [0.3, 0.1, 0.6, -0.2], rich.size), rich.rows.domain)
+    held = fixed_row("fixed", sparse_row([4, 5, 7, 8], [0.3, 0.1, 0.6, -0.2], rich.size), rich.rows.domain)
     more = replace(rich, rows=Rows((held, *rich.rows.rows[2:]), rich.size))
     body = project(more, np.eye(rich.size)[:, 2:])
     assert_same(one_body.simulate(body, driven(PATH, LOADS, STEPPING), some_state(body)), reference(body), 1e-11)

@@ -56,12 +56,15 @@ def from_statics(system: System, given: Excitation) -> SystemTrajectory:
 def integrated(system: System, given: Excitation, start: dict[str, InitialState]) -> tuple[np.ndarray, np.ndarray]:
     """q (T, n) and forces (T, m) by generalized-alpha on one sparse saddle point a step; contacts hold both ways."""
     a, method = Assembly(system), GeneralizedAlpha(given.stepping.step, given.stepping.rho_inf)
-    x = system.coordinates(dict(zip(given.paths, given.s.T, strict=True)))
+    x = system.side_coordinates(dict(zip(given.paths, given.s.T, strict=True)))
     f, h = given.forces(system.input_names), given.stepping.step
     gain = (1.0 - method.alpha_f) / (1.0 - method.alpha_m)
     to_v, to_q = method.gamma * h * gain, method.beta * h**2 * gain
-    q, v = (np.concatenate([getattr(start[name], part)[a.free[name]] for name in system.bodies]) for part in "qv")
-    rows = a.at(x[0])
+    q, v = (
+        np.concatenate([getattr(start[name], part)[a.free_coordinates[name]] for name in system.bodies])
+        for part in "qv"
+    )
+    rows = a.contact_rows(x[0])
     firm = np.all(rows.F == 0.0, axis=1)
     force = np.zeros(len(firm))
     if not firm.all():
@@ -74,7 +77,7 @@ def integrated(system: System, given: Excitation, start: dict[str, InitialState]
     acceleration, force[firm] = found[: a.size], found[a.size :]
     alike, kept = acceleration, [(q, force)]
     for x_k, f_k in zip(x[1:], f[1:], strict=True):
-        rows = a.at(x_k)
+        rows = a.contact_rows(x_k)
         predicted = (method.alpha_f * acceleration - method.alpha_m * alike) / (1.0 - method.alpha_m)
         q = q + h * v + h**2 * ((0.5 - method.beta) * alike + method.beta * predicted)
         v = v + h * ((1.0 - method.gamma) * alike + method.gamma * predicted)
@@ -94,8 +97,8 @@ def assert_integrated(system: System, given: Excitation, tolerance: float) -> No
     found, (q, forces) = systems.simulate(system, given, start), integrated(system, given, start)
     a = Assembly(system)
     for name, motion in found.bodies.items():
-        expected = q[:, a.coordinates[name]]
-        assert np.abs(motion.q[:, a.free[name]] - expected).max() < tolerance * np.abs(expected).max()
+        expected = q[:, a.coordinate_slices[name]]
+        assert np.abs(motion.q[:, a.free_coordinates[name]] - expected).max() < tolerance * np.abs(expected).max()
     assert np.abs(found.forces - forces).max() < tolerance * np.abs(forces).max()
 
 
@@ -156,7 +159,10 @@ def test_mixed_orders_in_one_system() -> None:
 def test_one_body_on_the_ground_is_the_simulator_of_one_body() -> None:
     """Two sliders 0.8 m apart on one path, with residual flexibility, clearances and loads; outputs too."""
     rich = rich_body()
-    rows = Rows(tuple(replace(row, compliance=1e-6) if row.held is None else row for row in rich.rows.rows), rich.size)
+    rows = Rows(
+        tuple(replace(row, compliance=1e-6) if row.held_coordinate is None else row for row in rich.rows.rows),
+        rich.size,
+    )
     rich = replace(rich, rows=rows)
     body = replace(flexible(rich, 5), carriers=carried_rows(rich, 5))
     stepping, path = TimeStepping(0.6, 1e-3, 0.9), Ramp(times=(0.0, 0.6), values=(1.2, 3.1))
@@ -207,7 +213,7 @@ def test_newtons_law_where_pads_let_go_in_parts_of_steps(rho_inf: float) -> None
     for name in ("1", "2"):
         momentum, force = momenta(system, found, name)[:, 0], loading(boom, system, fine, name)[:, :1]
         gave = impulses(given.stepping, found.parts, force)[:, 0]
-        gave -= system.pressed(name, found.impulses).sum(axis=1)
+        gave -= system.side_multipliers(name, found.impulses).sum(axis=1)
         largest = found.peaks.max() * given.stepping.step
         assert np.abs(np.diff(momentum) - gave[1:]).max() < 1e-9 * largest
 

@@ -178,7 +178,7 @@ def column(elements: int = 16) -> tuple[System, float]:
 def test_a_column_at_nine_tenths_of_its_buckling_load_is_stable() -> None:
     """Over 1e5 steps, with no damping at all; its frequency is sqrt(1 - 0.9) of the unloaded one."""
     system, load = column()
-    assembly, x = Assembly(system), system.coordinates({})
+    assembly, x = Assembly(system), system.side_coordinates({})
     unloaded, loaded = (assembly.frequencies(x, 1, np.array([-share * load]))[0] for share in (0.0, 0.9))
     assert loaded == pytest.approx(np.sqrt(0.1) * unloaded, rel=1e-4)
     h, count = 1.0 / (40.0 * loaded), 100_000
@@ -205,7 +205,7 @@ def test_sections_on_pads_that_push_are_stable_at_nine_tenths_of_their_buckling_
     system = replace(system, terms=(Term("tension", ("1",), stiffness=axial_force),))
     stepping = TimeStepping(6.0, 2e-3, 1.0)
     driven = excitation(system, stepping, constant(tension=0.0))
-    long = system.coordinates({name: path[-1] for name, path in zip(driven.paths, driven.s.T, strict=True)})
+    long = system.side_coordinates({name: path[-1] for name, path in zip(driven.paths, driven.s.T, strict=True)})
     load = buckling_factors(Assembly(system), long, {"tension": -1.0})[0]
     tips = []
     for share in (0.0, 0.9):

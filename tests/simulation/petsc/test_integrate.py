@@ -151,7 +151,9 @@ def test_ranks_agree_with_one(rich: FullBody, memory: int, monkeypatch: pytest.M
 
 @pytest.mark.mpi
 def test_steps_of_a_body_alone_in_the_parts_that_march_took(rich: FullBody) -> None:
-    rows = tuple(replace(row, compliance=1e-6, clearance=1e-4) if row.held is None else row for row in rich.rows.rows)
+    rows = tuple(
+        replace(row, compliance=1e-6, clearance=1e-4) if row.held_coordinate is None else row for row in rich.rows.rows
+    )
     body = replace(rich, rows=Rows(rows, rich.size))
     excitation = driven(PATH, LOADS, replace(STEPPING, end=0.15))
     expected = one_body.simulate(body, excitation)
@@ -166,7 +168,9 @@ def test_steps_of_a_body_alone_in_the_parts_that_march_took(rich: FullBody) -> N
 @pytest.mark.parametrize("parts", [0, 1])
 def test_rows_that_only_push_as_march_has_them(rich: FullBody, parts: int) -> None:
     """They lift off and land; a step in one part, and in as many as the contact takes."""
-    rows = tuple(replace(row, compliance=1e-6, clearance=1e-4) if row.held is None else row for row in rich.rows.rows)
+    rows = tuple(
+        replace(row, compliance=1e-6, clearance=1e-4) if row.held_coordinate is None else row for row in rich.rows.rows
+    )
     body, excitation = (
         replace(rich, rows=Rows(rows, rich.size)),
         driven(PATH, LOADS, replace(STEPPING, end=0.15, parts=parts)),

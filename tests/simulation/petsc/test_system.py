@@ -119,7 +119,7 @@ def test_pads_that_only_push_start_as_a_complementarity_problem_has_them() -> No
     )
     found = simulated(system, excitation)
     f = np.array([rest[name].amount for name in system.input_names])
-    expected = by_least_squares(system, system.coordinates(dict.fromkeys(system.paths, 2.4)), f)
+    expected = by_least_squares(system, system.side_coordinates(dict.fromkeys(system.paths, 2.4)), f)
     largest = np.abs(expected).max()
     assert 0 < np.count_nonzero(found.forces[0]) < len(expected)
     assert np.abs(found.forces[0] - expected).max() < 1e-9 * largest

@@ -39,7 +39,7 @@ def test_a_mass_that_a_term_tips_comes_to_rest_on_the_pad_on_its_side(force: flo
     body = ReducedModel(one, none, K * one, one, one, rows, ("F",), names, np.zeros(1))
     pads = tuple(Contact(name, Place("mass", name, 0.0), compliance=1.0 / k, clearance=c) for name in names)
     system = System({"mass": body}, pads, terms=(Term("pressed", ("mass",), stiffness=one),))
-    found = equilibrium(Assembly(system), system.coordinates({}), np.array([force]), np.array([-N]))
+    found = equilibrium(Assembly(system), system.side_coordinates({}), np.array([force]), np.array([-N]))
     expected = (force + np.sign(force) * k * c) / (k - (N - K))
     assert found.q == pytest.approx(expected) and np.sign(force) * expected > c
     np.testing.assert_allclose(found.forces, [max(0.0, k * (expected - c)), max(0.0, k * (-expected - c))])
@@ -53,7 +53,7 @@ def test_a_bar_between_pads_with_play_comes_to_rest_where_it_stands_stably(
 ) -> None:
     """Beside all sets of closed pads.  Under small loads it has unstable equilibria with pads open, too."""
     system = bar_between_pads(seed)
-    state = equilibrium(Assembly(system), system.coordinates({}), np.array([load]), np.array([-softer]))
+    state = equilibrium(Assembly(system), system.side_coordinates({}), np.array([load]), np.array([-softer]))
     stable = stable_equilibria(system, load, -softer)
     assert np.abs(stable - state.q).max(axis=1).min() < 1e-9 * np.abs(state.q).max()
 
@@ -64,11 +64,11 @@ def test_a_rigid_stop_holds_what_a_term_tips_until_that_buckles_between_its_ends
     system, free, fixed = chain_on_a_stop(n)
     load = np.array([0.01 * free])
     for softer in (1.5 * free, 0.99 * fixed):
-        state = equilibrium(Assembly(system), system.coordinates({}), load, np.array([-softer]))
+        state = equilibrium(Assembly(system), system.side_coordinates({}), load, np.array([-softer]))
         np.testing.assert_allclose(state.q, bent_chain(system, softer), rtol=1e-6)
         assert state.closed.all()
     with pytest.raises(InputError, match="second order"):
-        equilibrium(Assembly(system), system.coordinates({}), load, np.array([-1.01 * fixed]))
+        equilibrium(Assembly(system), system.side_coordinates({}), load, np.array([-1.01 * fixed]))
 
 
 def test_what_second_order_alone_lets_go_is_said_to_be_so() -> None:
@@ -78,4 +78,4 @@ def test_what_second_order_alone_lets_go_is_said_to_be_so() -> None:
         body = ReducedModel(one, none, K * one, one, one, rows, ("F",), (), np.zeros(1))
         system = System({"mass": body}, (), terms=(Term("pressed", ("mass",), stiffness=one),))
         with pytest.raises(InputError, match=said):
-            equilibrium(Assembly(system), system.coordinates({}), np.array([3.0]), np.array([-250.0]))
+            equilibrium(Assembly(system), system.side_coordinates({}), np.array([3.0]), np.array([-250.0]))

@@ -22,7 +22,7 @@ def springs(stiffness: list[float], masses: list[float]) -> Form:
     on = (tip[:, None], np.zeros((0, 1)), np.zeros((1, 1)))
     equations = Equations(
         M=np.diag(masses), K=K, G=(none, none), b=(np.zeros(n), -G * tip), g=gaps, C=rows, F=np.zeros((0, 0)),
-        outputs=np.zeros((0, n)), X=np.zeros((0, 0)), direct=gaps, pushes=np.zeros(0, bool), on=on,
+        outputs=np.zeros((0, n)), X=np.zeros((0, 0)), direct=gaps, pushes=np.zeros(0, bool), load_inputs=on,
     )  # fmt: skip
     return Form(equations, np.zeros(0, bool))
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from pmr.simulation.statics.loaded import Equations, Form, Loaded
+from pmr.simulation.statics.loaded import Equations, Form, LoadedStructure
 from pmr.studies.allowed import Search, first_load, run_searches
-from pmr.system.definite import Free, first_singular, root
+from pmr.system.definite import FreeMotions, cholesky_root, first_singular
 
 Array = np.ndarray
 
@@ -33,7 +33,7 @@ def equations(K: Array, G: Array, b: Array, C: Array, F: Array, pushes: bool, ga
         X=np.zeros((n, m)),
         direct=(np.zeros(n), np.zeros(n)),
         pushes=np.full(m, pushes),
-        on=(np.zeros((n, 0)), np.zeros((m, 0)), np.zeros((0, 0))),
+        load_inputs=(np.zeros((n, 0)), np.zeros((m, 0)), np.zeros((0, 0))),
     )
 
 
@@ -69,7 +69,7 @@ def test_a_stepped_column_buckles_where_its_halves_say() -> None:
 
 def test_a_pad_with_a_gap_carries_from_the_load_on_that_closes_it() -> None:
     """A spring of 100 N/m on which the load pulls, and a pad of 300 N/m 0.1 m away: force and motion have a kink."""
-    loaded = Loaded(
+    loaded = LoadedStructure(
         equations(
             np.array([[100.0]]), np.zeros((1, 1)), np.ones(1), np.ones((1, 1)), np.full((1, 1), 1 / 300.0), True, 0.1
         )
@@ -108,8 +108,8 @@ def test_a_rod_between_pads_with_clearances_is_found_wherever_it_rests(seed: int
         if (forces > 0.0).all() and (e.C @ q < e.g[0])[~closed].all():
             states.append(q)
     assert len(states) == 1
-    state = Loaded(e).state(3.0)
-    assert state.stands and state.outputs == pytest.approx(states[0], rel=1e-9)
+    state = LoadedStructure(e).state(3.0)
+    assert state.in_equilibrium and state.outputs == pytest.approx(states[0], rel=1e-9)
 
 
 def found(used: Callable[[float], float], search: Search) -> tuple[float | None, int]:
@@ -170,9 +170,9 @@ def test_loads_at_which_matrices_become_singular_are_those_of_all_eigenvalues() 
     L[:, 3:] = 0.0
     some: list[Array] = [A, L @ L.T]
     for semidefinite in some:
-        of = root(semidefinite)
+        of = cholesky_root(semidefinite)
         assert of is not None and of @ of.T == pytest.approx(semidefinite, abs=1e-12 * np.abs(A).max())
-    assert root(A - 1.1 * float(np.linalg.eigvalsh(A)[0]) * np.eye(30)) is None
+    assert cholesky_root(A - 1.1 * float(np.linalg.eigvalsh(A)[0]) * np.eye(30)) is None
 
 
 def test_what_rows_leave_free_is_a_basis_of_their_null_space() -> None:
@@ -180,9 +180,9 @@ def test_what_rows_leave_free_is_a_basis_of_their_null_space() -> None:
     rng = np.random.default_rng(5)
     C, A = rng.normal(size=(4, 9)), rng.normal(size=(9, 9))
     C[3] = C[0] - 2.0 * C[1]
-    free = Free(C)
+    free = FreeMotions(C)
     Z = free.basis
     assert Z.shape == (9, 6) and np.abs(C @ Z).max() < 1e-13
     assert Z.T @ Z == pytest.approx(np.eye(6), abs=1e-14)
-    assert free.on(A + A.T) == pytest.approx(Z.T @ (A + A.T) @ Z, abs=1e-13)
-    assert Free(C[:0]).on(A + A.T) == pytest.approx(A + A.T)
+    assert free.project(A + A.T) == pytest.approx(Z.T @ (A + A.T) @ Z, abs=1e-13)
+    assert FreeMotions(C[:0]).project(A + A.T) == pytest.approx(A + A.T)
