@@ -133,7 +133,7 @@ def richer_system(scene: Scene, system: System, positions: PostureSet, up_to: fl
     return system_with_attachment_modes(system, side_positions(system, few), bearing, loads)
 
 
-def postures_with_tip_mass(scene: Scene, positions: Stands, mass: float) -> Postures:
+def postures_with_tip_mass(scene: Scene, positions: PostureSet, mass: float) -> PostureMatrices:
     """Return the postures of the reduced model that a run has if its scene carries a `mass` in kg at its tip.
 
     Its modes move that mass, so it has an error of its own.  The weight of the mass is taken out: the load of the
@@ -144,7 +144,7 @@ def postures_with_tip_mass(scene: Scene, positions: Stands, mass: float) -> Post
     with_mass = scene.model_copy(
         update={"sections": (*scene.sections[:-1], last.model_copy(update={"masses": masses}))}
     )
-    postures = Postures.of(with_mass, shared.reduced_system(with_mass), positions)
+    postures = PostureMatrices.from_scene(with_mass, shared.reduced_system(with_mass), positions)
     loads = {name: getattr(postures, name).copy() for name in ("f", "c", "machine_parts")}
     for load_parts in loads.values():
         load_parts[postures.parts.index(WEIGHT)] -= mass * load_parts[postures.parts.index(HOOK)]
@@ -227,7 +227,7 @@ class ChartModels:
 
     reduced: PostureMatrices
     enriched: PostureMatrices | None
-    with_tip_mass: Postures | None
+    with_tip_mass: PostureMatrices | None
     finer_mesh: PostureMatrices | None
     structural: PostureMatrices | None
     structural_label: str  # what the richer structural model is called, or why there is none

@@ -122,7 +122,7 @@ class Chart:
             error[[*which, -1]] = other.share * self._differences(other.postures, which, k, loads)
         return error
 
-    def _differences(self, other: Postures, which: Sequence[int], k: int, loads: Array) -> Array:
+    def _differences(self, other: PostureMatrices, which: Sequence[int], k: int, loads: Array) -> Array:
         """Return the differences in kg of the smallest loads of the limits `which`, then of stability, of two models.
 
         `loads` (c, l) in kg are those that the reduced model allows at the k-th posture; `other` is the second model.
