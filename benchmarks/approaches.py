@@ -98,7 +98,7 @@ def in_exudyn(repeats: int) -> dict[str, Any]:
 
 def _observe(form: ModalForm, drive: Excitation, chosen: Sequence[int]) -> float:
     """Seconds of a simulation in modal form that stores only the outputs numbered `chosen`."""
-    return systems.observe(SystemForm.alone(form), drive, outputs=chosen).seconds
+    return systems.observe(SystemForm.of_modal_body(form), drive, outputs=chosen).seconds
 
 
 def _size(name: str, body: SlidingBody, as_in_paper: SlidingBody, share: float, repeats: int) -> dict[str, Any]:
@@ -120,7 +120,7 @@ def _size(name: str, body: SlidingBody, as_in_paper: SlidingBody, share: float, 
 
     def modal() -> float:
         """Seconds of a simulation in modal form that stores all modes."""
-        return systems.simulate_form(SystemForm.alone(form), drive).seconds
+        return systems.simulate_form(SystemForm.of_modal_body(form), drive).seconds
 
     by("march, parts", systems.simulate, body, parts)()  # compiled before the clock runs
     by("march", systems.simulate, body, [drive])()

@@ -111,7 +111,7 @@ def step(boom: Boom) -> Callable[[], float]:
     def seconds() -> float:
         """Simulate all steps and return the processor time in s of one."""
         with patch.object(time, "perf_counter", time.process_time):
-            return march.again() / STEPS
+            return march.rerun() / STEPS
 
     return seconds
 
@@ -173,7 +173,7 @@ def _series(forms: dict[int, tuple[ModalForm, int]], repeats: int) -> dict[str, 
     for _ in range(repeats):
         for size, (form, outputs) in forms.items():
             chosen = np.linspace(0, len(form.body.outputs) - 1, outputs).astype(int)
-            seen = systems.observe(SystemForm.alone(form), drive, outputs=chosen)
+            seen = systems.observe(SystemForm.of_modal_body(form), drive, outputs=chosen)
             best[size] = min(best[size], seen.seconds / drive.stepping.steps)
     return {"size": list(best), "ns": [1e9 * seconds for seconds in best.values()]}
 

@@ -72,7 +72,7 @@ def simulate_modal(
     form: ModalForm, excitation: Excitation, initial: InitialState | None = None, progress: Progress | None = None
 ) -> Motion:
     """Simulate a body alone in modal form."""
-    alone, excitation = SystemForm.alone(form), excitation.on_slider
+    alone, excitation = SystemForm.of_modal_body(form), excitation.on_slider
     start = systems.start_of(alone.system, excitation, None if initial is None else {ALONE: initial})
     return motion(form.body, systems.simulate_form(alone, excitation, start, progress), excitation)
 
@@ -82,7 +82,7 @@ def observe(
 ) -> Observation:
     """Simulate a body alone in modal form, and store only these outputs at each `every`-th step."""
     form.body.ensure_whole("model")
-    return systems.observe(SystemForm.alone(form), excitation.on_slider, outputs, every)
+    return systems.observe(SystemForm.of_modal_body(form), excitation.on_slider, outputs, every)
 
 
 def motion(body: SlidingBody, found: SystemTrajectory, excitation: Excitation) -> Motion:

@@ -258,7 +258,7 @@ def _prepare_march(
         response, states = evaluation.response(ended), states_of(system, trajectory, numbers)
         return Simulation(response, states, parts, trajectory if every else None, response)
 
-    return PreparedSimulation(run, lambda count: [march().again() for _ in range(count)])
+    return PreparedSimulation(run, lambda count: [march().rerun() for _ in range(count)])
 
 
 Array = NDArray[np.float64]

@@ -26,7 +26,7 @@ from pmr.scene.keys import ALONE, Section
 from pmr.scene.members import EXTENSION, Member, member_at, members
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import on_path
-from pmr.simulation.machine import with_machine_moved
+from pmr.simulation.machine import with_machine_motion
 from pmr.system.from_scene import system_of
 from pmr.system.system import System
 
@@ -71,7 +71,7 @@ def simulate_with_states(
     with Clock().stage("reduced"), refuse_growth(scene):
         if scene.frame is not None and scene.frame.machine is not None:
             check_scene_fits(scene, system)
-            scene, system = with_machine_moved(scene, system)
+            scene, system = with_machine_motion(scene, system)
         simulated = simulate_by(
             scene, system, excitation_of_scene(scene, system), scene.simulation.simulators[0], steps
         )

@@ -53,7 +53,7 @@ def _exudyn(model: Path, target: Path, options: Options) -> Path:
 def _fmu(model: Path, target: Path, options: Options) -> Path:
     """Write an FMU as the options say."""
     fmu, version = import_module("pmr.export.fmi.fmu"), options.fmi or "3"
-    platforms = fmu.chosen(options.platforms, version)
+    platforms = fmu.selected_platforms(options.platforms, version)
     written: Path = fmu.write_fmu(model, target, version, platforms, bool(options.sources))
     return written
 

@@ -50,7 +50,7 @@ def system_data(
     `reduced` is the result of `in_modes` if the caller has it; the arrays are then without reactions of supports.
     """
     supports = [supports_of(system, name, form, reduced is None) for name, form in forms.items()]
-    reduced = reduced or in_modes(system, forms, supports)
+    reduced = reduced or system_in_modes(system, forms, supports)
     modal, rows = reduced.system, arrange(reduced.system)
     used = np.concatenate([part.modes.start + np.arange(part.body.size) for part in rows.parts])
     motions = 0 if frame is None else len(frame.drivers)
@@ -116,7 +116,7 @@ class Outputs:
         return int(first), int(second)
 
 
-def in_modes(system: System, forms: Mapping[str, Modal], supports: Sequence[Supports] = ()) -> CombinedRings:
+def system_in_modes(system: System, forms: Mapping[str, Modal], supports: Sequence[Supports] = ()) -> CombinedRings:
     """System of the bodies in their modes, with rings of pads combined; without carriers if it is on one path.
 
     With `supports`, one for each body, their reactions are additional outputs behind those of each body.
@@ -242,8 +242,8 @@ def _blocks(rows: Arrangement, split: Outputs) -> dict[str, NDArray[Any] | str]:
         count, (first_output, first_reaction) = split.counts[part.number], split.before(part)
         tables = {
             "C": C,
-            "G": _at_least(block.between.c, 2 * len(C) - 1),
-            "S": _at_least(block.staying.c, len(C)),
+            "G": _pad_powers(block.between.c, 2 * len(C) - 1),
+            "S": _pad_powers(block.staying.c, len(C)),
             "H": block.inputs.c,
             "X": X[..., :count],
         }
@@ -256,7 +256,7 @@ def _blocks(rows: Arrangement, split: Outputs) -> dict[str, NDArray[Any] | str]:
         at = store("table_R", _fill_rows(X[..., count:].swapaxes(0, 1), X.shape[3] - count))
         reactions.append([first_reaction, X.shape[3] - count, len(X), at])
         width = max((row.touched.shape[1] for row in block.on_carriers), default=0)
-        wide = [_widen(row, width, on) for row in block.on_carriers]
+        wide = [_carrier_weights(row, width, on) for row in block.on_carriers]
         head += [len(on), width]
         for what, k in (("touched", 0), ("weights", 1)):  # interval by interval, with all rows of each
             head.append(store(what, np.stack([arrays[k] for arrays in wide], axis=1) if wide else parts[what][0]))
@@ -271,7 +271,7 @@ def _blocks(rows: Arrangement, split: Outputs) -> dict[str, NDArray[Any] | str]:
     return {**lists, **{name: np.concatenate(some) for name, some in parts.items()}}
 
 
-def _at_least(c: Array, powers: int) -> Array:
+def _pad_powers(c: Array, powers: int) -> Array:
     """Coefficients with zeros before the highest power, so that there are at least so many powers."""
     return np.concatenate([np.zeros((max(powers - len(c), 0), *c.shape[1:])), c])
 
@@ -281,7 +281,7 @@ def _carriers(rows: tuple[Row, ...]) -> NDArray[np.int64]:
     return np.unique(np.concatenate([np.zeros(0, np.int64), *(row.touched.ravel() for row in rows)]))
 
 
-def _widen(row: Row, width: int, carriers: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array]:
+def _carrier_weights(row: Row, width: int, carriers: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array]:
     """Index in `carriers` of those that a row touches (intervals, width), and coefficients (intervals, powers, width).
 
     Both are padded to `width`: by the last carrier, and by zeros.

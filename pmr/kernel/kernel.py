@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int32]
 
 
-def variant() -> str:
+def code_variant() -> str:
     """Name of the kernel's code that runs on this processor: avx2, sse2, vectors or plain."""
     return str(ffi.string(lib.pmr_variant()).decode())
 

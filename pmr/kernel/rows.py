@@ -114,14 +114,14 @@ class Arrangement:
 
 def arrange(system: System) -> Arrangement:
     """Arrange the rows of a system whose bodies are in their modes; flexibility that is round-off becomes zero."""
-    rows, m = _with_round_off(system), len(system.contacts)
+    rows, m = _arrange_exactly(system), len(system.contacts)
     rigid = np.zeros(len(rows.F), bool)
     rigid[:m] = is_round_off(np.diag(rows.gives[:m]), system.largest_flexibility)
     clear_rows(rows.F, rigid)
-    return replace(rows, blocks=tuple(_cleared(block, rigid) for block in rows.blocks))
+    return replace(rows, blocks=tuple(_without_rigid_flexibility(block, rigid) for block in rows.blocks))
 
 
-def _cleared(block: Block, rigid: NDArray[np.bool_]) -> Block:
+def _without_rigid_flexibility(block: Block, rigid: NDArray[np.bool_]) -> Block:
     """Return the block without the flexibility of the rows that are rigid, (m + n,)."""
     on, staying = rigid[block.numbers], block.staying.c.copy()
     if not on.any() and not rigid[block.stays].any():
@@ -137,7 +137,7 @@ def _cleared(block: Block, rigid: NDArray[np.bool_]) -> Block:
     return replace(block, between=PPoly(between, breaks), staying=PPoly(staying, breaks), on_carriers=tuple(carried))
 
 
-def _with_round_off(system: System) -> Arrangement:
+def _arrange_exactly(system: System) -> Arrangement:
     """Arrange the rows of a system, with flexibility that is round-off."""
     parts, friction = _parts(system), Friction.from_contacts(system.contacts)
     F = np.pad(system.compliance.constant, (0, 0 if friction is None else len(friction.pads)))
@@ -154,7 +154,7 @@ def _with_round_off(system: System) -> Arrangement:
     for part, name in zip(parts, system.bodies, strict=True):
         sides = [side for side in of_all if side.place.body == name]
         stays = [side for side in sides if side.place.path is None]
-        weights = np.array([_staying_weights(system, side) for side in stays]).reshape(len(stays), len(part.values))
+        weights = np.array([_fixed_side_weights(system, side) for side in stays]).reshape(len(stays), len(part.values))
         numbers = [side.contact for side in stays]
         for number, b, G in zip(numbers, weights, weights @ part.flexibility.rows @ weights.T, strict=True):
             C[number, part.modes] += b @ part.values
@@ -213,7 +213,7 @@ def _block_on_path(
 
     Sides on the body that don't travel have the rows `stays` (w,) and the weights `weights` (w, K) on the K carriers.
     """
-    rows = [_along_path(system, side) for side in sides]
+    rows = [_row_on_path(system, side) for side in sides]
     breaks = common_breaks([PPoly(row.coefficients, row.breaks) for row in rows], domain)
     rows = [row.refine(breaks) for row in rows]
     degree = same_degree(*(row.coefficients for row in rows))
@@ -246,12 +246,12 @@ def _row(system: System, side: Side) -> Row:
     return row if side.contact < len(system.contacts) else row.slope
 
 
-def _staying_weights(system: System, side: Side) -> Array:
+def _fixed_side_weights(system: System, side: Side) -> Array:
     """Weights (K,) of the carriers in the row of a side that does not travel, with the side's sign."""
     return np.asarray(side.sign * _row(system, side).weights(side.place.at).toarray()[0])
 
 
-def _along_path(system: System, side: Side) -> Row:
+def _row_on_path(system: System, side: Side) -> Row:
     """Row of a side as a function of the path coordinate s, with x = at + rate s, times the side's sign."""
     row, place = _row(system, side), side.place
     c, breaks, touched = row.coefficients, row.breaks, row.touched

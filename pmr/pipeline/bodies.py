@@ -44,7 +44,7 @@ from pmr.results.run import SummaryPart
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
-from pmr.simulation.machine import with_machine_moved
+from pmr.simulation.machine import with_machine_motion
 from pmr.simulation.petsc import Checkpoint
 
 Array = NDArray[np.float64]
@@ -124,7 +124,7 @@ class Bodies:
         if self.scene.frame is not None and self.scene.frame.machine is not None:
             with clock.stage("machine"):
                 self.scene, self.system = self._comm.bcast(
-                    on_first(self._comm, lambda: with_machine_moved(self.scene, self.system))
+                    on_first(self._comm, lambda: with_machine_motion(self.scene, self.system))
                 )
         self.excitation = Excitation.of(self.scene)
         self.full = FullOrder.join(self.scene, models_of(built))

@@ -20,9 +20,9 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
-from pmr.kernel.carried import Carried, Machine
 from pmr.kernel.further import AXES
 from pmr.kernel.kernel import Kernel
+from pmr.kernel.machine import Machine, MachineSimulation
 from pmr.kernel.state import Settings, State, StepError
 from pmr.scene import Scene
 from pmr.scene.choice import refuse
@@ -33,7 +33,7 @@ from pmr.simulation.excitation import Excitation, places, rates_of_places
 from pmr.simulation.frame_motion import MachineMotion, in_motion
 from pmr.simulation.free_base import FreeBase, with_all_inertia
 from pmr.simulation.moving import OF_BASE, MovingFrame
-from pmr.simulation.native.form import SystemForm, failed_at, places_of, rest_states, start_modes
+from pmr.simulation.native.form import SystemForm, path_text, rest_states, start_modes, step_failure
 from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState
 from pmr.system.assembly import Assembly
@@ -78,10 +78,10 @@ def machine_of(scene: Scene, system: System, frame: MovingFrame, excitation: Exc
         fields=inputs,
         inertial=np.array([k for k, name in enumerate(system.input_names) if INERTIA in name], np.int32),
         masses=boom.masses,
-        first=boom.first,
+        first_moments=boom.first,
         loads=boom.loads,
         rotating=modes.T @ boom.rotating.transpose(0, 2, 1) @ modes,
-        carried=modes.T @ boom.carried @ modes,
+        second_moments=modes.T @ boom.carried @ modes,
         of_shortened=np.array(
             [(term.section, term.over, -1 if term.cylinder is None else term.cylinder) for term in boom.shortened],
             np.int32,
@@ -89,8 +89,8 @@ def machine_of(scene: Scene, system: System, frame: MovingFrame, excitation: Exc
         shortened=modes.T @ np.array(shortened).reshape(-1, boom.size, boom.size) @ modes,
         motions=np.ascontiguousarray(np.moveaxis(frame.motions(excitation, t), -1, 0)),
         rates=_path_rates(scene, frame, t),
-        given=base_motions(scene, t),
-        pushed=np.stack([signal.value(t) for signal in pushed], axis=1),
+        base_motion=base_motions(scene, t),
+        external=np.stack([signal.value(t) for signal in pushed], axis=1),
         weight=weight,
     )
 
@@ -103,7 +103,7 @@ def modes_in_bodies(form: SystemForm, size: int) -> Array:
     assembly = Assembly(form.system)
     modes = np.zeros((assembly.size, size))
     blocks = [modal.X[assembly.free_coordinates[name]] for name, modal in form.forms.items()]
-    modes[:, form.used] = scipy.linalg.block_diag(*blocks)
+    modes[:, form.mode_columns] = scipy.linalg.block_diag(*blocks)
     return modes
 
 
@@ -127,10 +127,10 @@ def base_motions(scene: Scene, t: Array) -> Array:
     still, motions = Constant(amount=0.0), {} if scene.frame.base is None else scene.frame.base.motions
     signals = [motions.get(direction, still) for direction in DIRECTIONS]
     values = np.array([[getattr(signal, of)(t) for signal in signals] for of in ("value", "rate", "second_rate")])
-    return np.ascontiguousarray(np.moveaxis(values, -1, 0)) * units(scene)
+    return np.ascontiguousarray(np.moveaxis(values, -1, 0)) * direction_units(scene)
 
 
-def units(scene: Scene) -> Array:
+def direction_units(scene: Scene) -> Array:
     """Units (6,) of the directions in m and rad."""
     assert scene.frame is not None  # of a scene with a machine
     return np.repeat([1.0, 1.0 if scene.frame.unit == "rad" else np.pi / 180.0], 3)
@@ -142,7 +142,7 @@ TRIALS, DIFFERENCE, ROUND_OFF = 30, 1e-4, 1e-12
 BLOCK = 1024
 
 
-def with_machine_moved(scene: Scene, system: System) -> tuple[Scene, System]:
+def with_machine_motion(scene: Scene, system: System) -> tuple[Scene, System]:
     """Scene with the machine's computed motion as that of its frame's base, and system with all inertia.
 
     Both are unchanged if the scene has no machine.  Errors as `machine_motion`.
@@ -189,40 +189,40 @@ class MachineRun:
         self._angles = [moving.drivers.index(angle) for angle in OF_BASE]
         self._free, self._sprung = np.isin(DIRECTIONS, frame.machine.free), machine.stiffness > 0.0
         begun = [[getattr(of, axis) for axis in DIRECTIONS] for of in (frame.machine.start, frame.machine.rate)]
-        self._begun = np.array(begun) * units(scene)  # (2, 6): of free directions, with rates
+        self._begun = np.array(begun) * direction_units(scene)  # (2, 6): of free directions, with rates
         self._inertial = [system.input_names[k] for k in machine.inertial] if self._free.any() else []
-        self.carried, self._in_balance = Carried(state, machine), scene.start == "equilibrium"
+        self.simulation, self._in_balance = MachineSimulation(state, machine), scene.start == "equilibrium"
 
     def run(self) -> MachineMotion:
         """Take all steps and return the motion; a SimulationError names the step that fails."""
-        t, carried, started = self._excitation.times, self.carried, False
+        t, simulation, started = self._excitation.times, self.simulation, False
         try:
-            self._begin()
+            self._start()
             started = True
-            while carried.number + 1 < len(t):
-                carried.advance(min(BLOCK, len(t) - 1 - carried.number))
+            while simulation.number + 1 < len(t):
+                simulation.advance(min(BLOCK, len(t) - 1 - simulation.number))
         except StepError as error:
-            k = carried.number + 1 if started else 0
+            k = simulation.number + 1 if started else 0
             s = self._excitation.s[k]
-            where = f"step {k}, t = {t[k]:g} s" if k else f"t = 0 s{places_of(tuple(self._excitation.paths), s)}"
-            raise failed_at(where, self.form, error, places(self.form.modal, self._excitation)[k]) from None
+            where = f"step {k}, t = {t[k]:g} s" if k else f"t = 0 s{path_text(tuple(self._excitation.paths), s)}"
+            raise step_failure(where, self.form, error, places(self.form.modal, self._excitation)[k]) from None
         return MachineMotion(
             self._excitation.stepping.step,
-            np.ascontiguousarray(np.moveaxis(carried.motion, 0, 1)),
-            -(carried.held + carried.springs),
-            dict(zip(self._inertial, carried.inertia.T, strict=False)),
-            carried.momenta,
+            np.ascontiguousarray(np.moveaxis(simulation.motion, 0, 1)),
+            -(simulation.held + simulation.springs),
+            dict(zip(self._inertial, simulation.inertia.T, strict=False)),
+            simulation.momenta,
         )
 
-    def _begin(self) -> None:
+    def _start(self) -> None:
         """Set the initial state: as given, or in equilibrium on the machine's springs."""
         motion, states = self._given.copy(), dict[str, InitialState]()
         motion[:2, self._free] += self._begun[:, self._free]
         if self._in_balance:
-            motion = self._balanced(motion)
+            motion = self._balance_springs(motion)
             states = self._rest_states(motion[0])
         x_rate = rates_of_places(self._system, self._excitation)
-        self.carried.start(motion, *start_modes(self.form, self._x[0], x_rate, states))
+        self.simulation.start(motion, *start_modes(self.form, self._x[0], x_rate, states))
 
     def _rest_states(self, place: Array) -> dict[str, InitialState]:
         """States of the bodies in equilibrium with the loads at t = 0 on a machine at rest at `place` (6,)."""
@@ -231,7 +231,7 @@ class MachineRun:
         f, c = np.split(self._kernel.frame_drivers(motions)[0][self._kernel.paths :], [self._kernel.inputs])
         return rest_states(self._assembly, self._x[0], f, c)
 
-    def _balanced(self, motion: Array) -> Array:
+    def _balance_springs(self, motion: Array) -> Array:
         """Motion (3, 6) with the free directions on springs moved to where these balance weight and loads.
 
         Raises SimulationError if Newton's method finds no such equilibrium.
@@ -245,7 +245,7 @@ class MachineRun:
             """Unbalanced forces of the directions on springs, with the machine at rest at `at` in these directions."""
             place[sprung] = at
             z, _ = start_modes(self.form, self._x[0], np.zeros_like(self._x[0]), self._rest_states(place))
-            return self.carried.needed(np.vstack([place, np.zeros((2, 6))]), z, nothing, nothing)[sprung]
+            return self.simulation.holding_forces(np.vstack([place, np.zeros((2, 6))]), z, nothing, nothing)[sprung]
 
         at = place[sprung].copy()
         for _ in range(TRIALS):

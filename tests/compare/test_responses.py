@@ -34,7 +34,7 @@ def test_repeats_time_the_solver_and_evaluate_nothing(workflow: str, monkeypatch
     assert found.response.seconds > 0.0
     march = taken[-1]  # from the same start to the same end
     repeated, number = march.state.z.copy(), march.state.step_number
-    march.again()
+    march.rerun()
     assert np.allclose(march.state.z, repeated, rtol=1e-9, atol=0.0) and march.state.step_number == number
 
 

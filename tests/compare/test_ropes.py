@@ -17,7 +17,7 @@ import pmr
 from pmr.compare import forces as ropes
 from pmr.errors import InputError
 from pmr.export.exudyn_script import write_exudyn_script
-from pmr.export.fmi.fmu import contents
+from pmr.export.fmi.fmu import fmu_contents
 from pmr.fullmodel.build import build_bodies, models_of
 from pmr.pipeline.full_order import FullOrder
 from pmr.report import forces as reported
@@ -306,7 +306,7 @@ def test_a_chain_of_ropes_gives_way_alike_in_all_simulators(tmp_path: Path) -> N
     changing = system.save(tmp_path / "changing.npz")
     with pytest.raises(InputError, match=r"rope.lengthens = 'cylinder of second': 0 is allowed here"):
         write_exudyn_script(changing, tmp_path / "script.py")
-    unit = contents(system, read_scene(system, "system.npz"), "boom", "3")
+    unit = fmu_contents(system, read_scene(system, "system.npz"), "boom", "3")
     outputs, reference = follow_reference(unit, loaded(unit, tmp_path, "3"))
     for name in (name for name in outputs if name.startswith("force_of_cylinder")):
         bound = 1e-6 * np.abs(reference[name]).max()

@@ -20,7 +20,7 @@ from fuzz.names import fit, hostile
 from oracle import flexible, rich_body
 
 from pmr.export.exudyn_script import script_data
-from pmr.export.fmi.fmu import contents
+from pmr.export.fmi.fmu import fmu_contents
 from pmr.export.formats import Options, write
 from pmr.kernel.kernel import Kernel
 from pmr.reduced.model import ReducedModel
@@ -81,7 +81,7 @@ def test_names_are_names_to_whoever_reads_a_file(plain: ReducedModel, number: in
 
     assert script_data(System.of(found), "model.npz")["inputs"].tolist() == inputs
     for version in "23":
-        fmu = contents(System.of(found), read_scene(System.of(found), "model.npz"), "model", version)
+        fmu = fmu_contents(System.of(found), read_scene(System.of(found), "model.npz"), "model", version)
         root = ElementTree.fromstring(fmu.texts["modelDescription.xml"])
         shown = {element.get("name") for element in root.iter()} | {
             element.get("description") for element in root.iter()

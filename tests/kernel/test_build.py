@@ -22,7 +22,7 @@ import sys
 import numpy as np
 from kernels import kernel_of
 from nested import Nested, reduced
-from pmr.kernel.kernel import variant
+from pmr.kernel.kernel import code_variant
 from pmr.kernel.state import Settings, State
 system = reduced(Nested(3, elements=8, clearance=2e-4, compliance=1e-7), 3)
 kernel, _ = kernel_of(system)
@@ -33,7 +33,7 @@ for n in range(1, 60):
     state.step([2.0 + 1e-4 * n, 2.1 + 2e-4 * n, *np.full(kernel.inputs, 2e3 * np.sin(0.05 * n))])
     rows.append([*state.z, *state.multipliers, *state.energy, *state.outputs()[0]])
 np.save(sys.argv[1], np.array(rows))
-print(variant())
+print(code_variant())
 """
 
 

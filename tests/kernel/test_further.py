@@ -54,7 +54,7 @@ class Moved:
     def coordinates(self, modal: Array) -> dict[str, Array]:
         """Coordinates of the bodies from modal ones (modes,)."""
         ends = np.cumsum([form.body.size for form in self.forms.values()])[:-1]
-        parts = np.split(modal[SystemForm(self.system, self.forms).used], ends)
+        parts = np.split(modal[SystemForm(self.system, self.forms).mode_columns], ends)
         return {name: form.X @ z for (name, form), z in zip(self.forms.items(), parts, strict=True)}
 
 

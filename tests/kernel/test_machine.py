@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pmr.errors import InputError, SimulationError
-from pmr.kernel.carried import Carried
+from pmr.kernel.machine import MachineSimulation
 from pmr.kernel.state import Settings, State
 from pmr.scene.frame import DIRECTIONS
 from pmr.simulation.floating import Extended, Motion
@@ -83,12 +83,12 @@ class Oracle:
         moment = np.cross(first, weight) + R @ loads[3:] + MOMENT
         axes = np.stack([Rb[:, 0], [-np.sin(motion[0, 5]), np.cos(motion[0, 5]), 0.0], [0.0, 0.0, 1.0]], axis=1)
         needed = np.append(R @ own[:3] + linear - force, axes.T @ (R @ own[3:] + turned - moment))
-        self.needed = needed + STIFFNESS * motion[0] + DAMPING * motion[1]
+        self.holding_forces = needed + STIFFNESS * motion[0] + DAMPING * motion[1]
 
 
 def test_momenta_and_what_holds_it_are_those_of_the_equations(run: MachineRun) -> None:
     """Where machine and boom move anyhow, the boom telescopes, and contacts give way by residual flexibility."""
-    rng, r = np.random.default_rng(3), run.carried.state.kernel.modes
+    rng, r = np.random.default_rng(3), run.simulation.state.kernel.modes
     modes = modes_in_bodies(run.form, r)
     extension = run.machine.motions[0, :, 0]  # its second rate is spread over a step
     assert extension.all()
@@ -96,13 +96,13 @@ def test_momenta_and_what_holds_it_are_those_of_the_equations(run: MachineRun) -
         motion = rng.uniform(-1.0, 1.0, (3, 6))
         z, v, a = rng.normal(size=(3, r)) * [[0.02], [0.5], [20.0]]
         oracle = Oracle(extension, motion, modes @ z, modes @ v, modes @ a)
-        needed = run.carried.needed(motion, z, v, a)
+        needed = run.simulation.holding_forces(motion, z, v, a)
         for part in (slice(3), slice(3, 6)):
-            size = np.abs(oracle.needed[part]).max()
-            np.testing.assert_allclose(needed[part], oracle.needed[part], rtol=0.0, atol=1e-11 * size)
-        run.carried.start(motion, z, v)
+            size = np.abs(oracle.holding_forces[part]).max()
+            np.testing.assert_allclose(needed[part], oracle.holding_forces[part], rtol=0.0, atol=1e-11 * size)
+        run.simulation.start(motion, z, v)
         np.testing.assert_allclose(
-            run.carried.momenta[0], oracle.momenta, rtol=0.0, atol=1e-11 * np.abs(oracle.momenta).max()
+            run.simulation.momenta[0], oracle.momenta, rtol=0.0, atol=1e-11 * np.abs(oracle.momenta).max()
         )
 
 
@@ -114,7 +114,7 @@ def test_momenta_change_by_forces_that_are_averaged_as_accelerations_are() -> No
     scene = free_boom.scene(*(change for change in SCENE if "loads" not in change))
     run = MachineRun(scene, free_boom.system(*SOFT))
     mass = FreeBase(scene, free_boom.system(*SOFT)).boom.mass + MASS
-    h, rho = run.carried.state.settings.step, run.carried.state.settings.rho_inf
+    h, rho = run.simulation.state.settings.step, run.simulation.state.settings.rho_inf
     am, af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
     gamma = 0.5 + af - am
     motion, force = run.run(), -mass * run.machine.weight
@@ -129,22 +129,22 @@ def test_momenta_change_by_forces_that_are_averaged_as_accelerations_are() -> No
 
 def test_what_it_cannot_carry_is_refused(run: MachineRun) -> None:
     """Steps in parts have momenta of their own."""
-    kernel = run.carried.state.kernel
+    kernel = run.simulation.state.kernel
     for settings in (Settings(1e-3, parts=(1, 2), energy=False), Settings(1e-3, energy=True)):
         with pytest.raises(InputError, match="a frame with a base that moves"):
-            Carried(State(kernel, settings), run.machine)
+            MachineSimulation(State(kernel, settings), run.machine)
 
 
 def test_no_more_steps_are_taken_than_there_are_motions(run: MachineRun) -> None:
-    nothing, steps = np.zeros(run.carried.state.kernel.modes), len(run.machine.motions)
-    run.carried.start(np.zeros((3, 6)), nothing, nothing)
+    nothing, steps = np.zeros(run.simulation.state.kernel.modes), len(run.machine.motions)
+    run.simulation.start(np.zeros((3, 6)), nothing, nothing)
     for count in (-1, steps):
         with pytest.raises(InputError, match=f"0 to {steps - 1}"):
-            run.carried.advance(count)
-    run.carried.advance(2)
+            run.simulation.advance(count)
+    run.simulation.advance(2)
     with pytest.raises(InputError, match=f"0 to {steps - 3}"):
-        run.carried.advance(steps - 2)
-    assert run.carried.number == 2
+        run.simulation.advance(steps - 2)
+    assert run.simulation.number == 2
 
 
 def test_a_step_that_fails_leaves_machine_and_boom_where_the_last_one_ended() -> None:
@@ -152,11 +152,11 @@ def test_a_step_that_fails_leaves_machine_and_boom_where_the_last_one_ended() ->
     held = [change for change in SCENE if not change.startswith(("frame.machine.free", "frame.machine.stiff"))]
     held += ["frame.machine.free=['x', 'y', 'z']", "frame.machine.stiffness={x=1e5}"]
     run = MachineRun(free_boom.scene(*held), free_boom.system(*SOFT))
-    nothing, given = np.zeros(run.carried.state.kernel.modes), run.machine.given.copy()
+    nothing, given = np.zeros(run.simulation.state.kernel.modes), run.machine.base_motion.copy()
     ends = list[bytes]()
     for turned in (0.0, np.pi / 2.0):
-        carried = Carried(
-            State(run.carried.state.kernel, run.carried.state.settings), replace(run.machine, given=given)
+        carried = MachineSimulation(
+            State(run.simulation.state.kernel, run.simulation.state.settings), replace(run.machine, base_motion=given)
         )
         carried.start(given[0], nothing, nothing)
         carried.advance(2)
@@ -178,6 +178,6 @@ def test_contacts_that_depend_on_each_other_are_told() -> None:
     contact = replace(system.contacts[0], compliance=0.0)
     twice = (contact, replace(contact, name="again"), *system.contacts[1:])
     run = MachineRun(free_boom.scene(*SCENE), replace(system, contacts=twice))
-    nothing = np.zeros(run.carried.state.kernel.modes)
+    nothing = np.zeros(run.simulation.state.kernel.modes)
     with pytest.raises(SimulationError, match="again depends on those before it"):
-        run.carried.needed(np.zeros((3, 6)), nothing, nothing, nothing)
+        run.simulation.holding_forces(np.zeros((3, 6)), nothing, nothing, nothing)

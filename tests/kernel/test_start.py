@@ -49,7 +49,7 @@ def test_multipliers_of_a_given_start_follow_from_the_position(count: int) -> No
     kernel, forms = kernel_of(system)
     rng, state = np.random.default_rng(4), State(kernel, Settings(1e-3))
     z, v, f = np.zeros(kernel.modes), np.zeros(kernel.modes), rng.normal(size=kernel.inputs)
-    used = SystemForm(system, forms).used
+    used = SystemForm(system, forms).mode_columns
     z[used] = 1e-3 * rng.normal(size=len(used))
     v[used] = rng.normal(size=len(used))
     state.start("given", [2.5, *f], z, v)
@@ -116,7 +116,7 @@ def test_a_contact_that_gives_way_by_round_off_is_rigid_at_any_step(noise: float
         kernel, forms = kernel_of(system)
         state = State(kernel, Settings(step))
         z, v = (np.zeros(kernel.modes) for _ in range(2))
-        used = SystemForm(system, forms).used
+        used = SystemForm(system, forms).mode_columns
         v[used] = 1e-3 * np.random.default_rng(2).normal(size=len(used))
         state.start("given", [2.5, *np.full(kernel.inputs, 9.81)], z, v, rates=[0.0])
         assert np.abs(state.v - v).max() > 1e-5

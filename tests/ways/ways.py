@@ -23,7 +23,7 @@ from processes import undrawn
 from ways.subjects import Refused, Subject, command, refusals
 
 import pmr
-from pmr.export.fmi.fmu import contents
+from pmr.export.fmi.fmu import fmu_contents
 from pmr.export.formats import BODY_FORMATS, FORMATS
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.eigensolvers import lowest_frequencies
@@ -338,7 +338,7 @@ def script(subject: Subject) -> None:
 def fmu(subject: Subject) -> None:
     """Check that an FMU gives the outputs of its own reference under the reference's inputs."""
     with refusals():
-        made = contents(subject.system, read_scene(subject.system, "system.npz"), "body", "3")
+        made = fmu_contents(subject.system, read_scene(subject.system, "system.npz"), "body", "3")
     found, expected = follow_reference(made, loaded(made, subject.out("fmu"), "3"))
     outputs = list(expected)
     largest = dict[tuple[bool, bool], float]()  # of forces, displacements and rates: one may be nothing but round-off

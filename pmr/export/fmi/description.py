@@ -29,7 +29,7 @@ UNITS = _UNITS | {
 
 
 @dataclass(frozen=True)
-class Described:
+class ModelAttributes:
     """Attributes of a whole model in its description."""
 
     identifier: str  #: C identifier: the name of the binaries
@@ -41,9 +41,9 @@ class Described:
     step: float  #: s, of the reference trajectory
 
 
-def description_2(model: Described, variables: Sequence[Variable]) -> str:
+def description_2(model: ModelAttributes, variables: Sequence[Variable]) -> str:
     """Text of modelDescription.xml of FMI 2.0."""
-    root = _root(model, "2.0", {"guid": model.token, "numberOfEventIndicators": "0"})
+    root = _root_element(model, "2.0", {"guid": model.token, "numberOfEventIndicators": "0"})
     can = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true", "providesDirectionalDerivative": "true"}
     steps = {
         "canHandleVariableCommunicationStepSize": "true",
@@ -56,65 +56,66 @@ def description_2(model: Described, variables: Sequence[Variable]) -> str:
             files = ET.SubElement(element, "SourceFiles")
             for name in model.sources:
                 ET.SubElement(files, "File", name=name)
-    _units(root, variables)
+    _add_units(root, variables)
     choice = ET.SubElement(ET.SubElement(root, "TypeDefinitions"), "SimpleType", name="Start")
-    _items(ET.SubElement(choice, "Enumeration"))
-    _experiment(root, model)
+    _add_start_kinds(ET.SubElement(choice, "Enumeration"))
+    _add_experiment(root, model)
     listed, number = ET.SubElement(root, "ModelVariables"), {v.reference: k + 1 for k, v in enumerate(variables)}
     for variable in variables:
-        scalar = ET.SubElement(listed, "ScalarVariable", _common(variable))
+        scalar = ET.SubElement(listed, "ScalarVariable", _variable_attributes(variable))
         if variable.is_choice:
             ET.SubElement(scalar, "Enumeration", declaredType="Start", start=str(int(variable.start or 0)))
             continue
-        real = ET.SubElement(scalar, "Real", _real(variable))
+        real = ET.SubElement(scalar, "Real", _real_attributes(variable))
         if variable.derivative_of is not None:
             real.set("derivative", str(number[variable.derivative_of]))
     structure = ET.SubElement(root, "ModelStructure")
-    for name, unknowns in zip(("Outputs", "Derivatives", "InitialUnknowns"), _unknowns(variables), strict=True):
+    for name, unknowns in zip(("Outputs", "Derivatives", "InitialUnknowns"), _model_structure(variables), strict=True):
         element = ET.SubElement(structure, name)
         for variable in unknowns:
             ET.SubElement(element, "Unknown", index=str(number[variable.reference]))
-    return _text(root)
+    return _xml_text(root)
 
 
-def description_3(model: Described, variables: Sequence[Variable]) -> str:
+def description_3(model: ModelAttributes, variables: Sequence[Variable]) -> str:
     """Text of modelDescription.xml of FMI 3.0."""
-    root = _root(model, "3.0", {"instantiationToken": model.token})
+    root = _root_element(model, "3.0", {"instantiationToken": model.token})
     can = {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true", "providesDirectionalDerivatives": "true"}
     steps = {"canHandleVariableCommunicationStepSize": "true", "maxOutputDerivativeOrder": "1"}
     for kind, more in _interfaces(model, steps):
         ET.SubElement(root, kind, {"modelIdentifier": model.identifier, **can, **more})
-    _units(root, variables)
-    _items(ET.SubElement(ET.SubElement(root, "TypeDefinitions"), "EnumerationType", name="Start"))
-    _experiment(root, model)
+    _add_units(root, variables)
+    _add_start_kinds(ET.SubElement(ET.SubElement(root, "TypeDefinitions"), "EnumerationType", name="Start"))
+    _add_experiment(root, model)
     listed = ET.SubElement(root, "ModelVariables")
     for variable in variables:
         if variable.is_choice:
             start = str(int(variable.start or 0))
-            ET.SubElement(listed, "Enumeration", {**_common(variable), "declaredType": "Start", "start": start})
+            attributes = {**_variable_attributes(variable), "declaredType": "Start", "start": start}
+            ET.SubElement(listed, "Enumeration", attributes)
             continue
-        element = ET.SubElement(listed, "Float64", {**_common(variable), **_real(variable)})
+        element = ET.SubElement(listed, "Float64", {**_variable_attributes(variable), **_real_attributes(variable)})
         if variable.derivative_of is not None:
             element.set("derivative", str(variable.derivative_of))
     structure = ET.SubElement(root, "ModelStructure")
     names = ("Output", "ContinuousStateDerivative", "InitialUnknown")
-    for name, unknowns in zip(names, _unknowns(variables), strict=True):
+    for name, unknowns in zip(names, _model_structure(variables), strict=True):
         for variable in unknowns:
             ET.SubElement(structure, name, valueReference=str(variable.reference))
-    return _text(root)
+    return _xml_text(root)
 
 
-def build_description(model: Described) -> str:
+def build_description(model: ModelAttributes) -> str:
     """Text of sources/buildDescription.xml of FMI 3.0."""
     root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
     build = ET.SubElement(root, "BuildConfiguration", modelIdentifier=model.identifier)
     files = ET.SubElement(build, "SourceFileSet", language="C11")
     for name in model.sources:
         ET.SubElement(files, "SourceFile", name=name)
-    return _text(root)
+    return _xml_text(root)
 
 
-def _root(model: Described, version: str, more: dict[str, str]) -> ET.Element:
+def _root_element(model: ModelAttributes, version: str, more: dict[str, str]) -> ET.Element:
     """Root element fmiModelDescription of a version of FMI, with attributes `more`."""
     return ET.Element(
         "fmiModelDescription",
@@ -129,13 +130,13 @@ def _root(model: Described, version: str, more: dict[str, str]) -> ET.Element:
     )
 
 
-def _interfaces(model: Described, of_steps: dict[str, str]) -> list[tuple[str, dict[str, str]]]:
+def _interfaces(model: ModelAttributes, of_steps: dict[str, str]) -> list[tuple[str, dict[str, str]]]:
     """Interfaces (element's name, further attributes): ModelExchange if supported, and CoSimulation with `of_steps`."""
     interfaces: list[tuple[str, dict[str, str]]] = [("CoSimulation", of_steps)]
     return [("ModelExchange", {}), *interfaces] if model.model_exchange else interfaces
 
 
-def _units(root: ET.Element, variables: Sequence[Variable]) -> None:
+def _add_units(root: ET.Element, variables: Sequence[Variable]) -> None:
     """Add the units of the variables to the root element; a unit that is not of SI has only its name."""
     units = ET.SubElement(root, "UnitDefinitions")
     for name in dict.fromkeys(variable.unit for variable in variables if variable.unit):
@@ -144,13 +145,13 @@ def _units(root: ET.Element, variables: Sequence[Variable]) -> None:
             ET.SubElement(unit, "BaseUnit", {base: str(power) for base, power in UNITS[name].items()})
 
 
-def _items(choice: ET.Element) -> None:
+def _add_start_kinds(choice: ET.Element) -> None:
     """Add an Item element to `choice` for each kind of start."""
     for name, value in STARTS.items():
         ET.SubElement(choice, "Item", name=name, value=str(value))
 
 
-def _experiment(root: ET.Element, model: Described) -> None:
+def _add_experiment(root: ET.Element, model: ModelAttributes) -> None:
     """Add log categories and the default experiment to the root element."""
     categories = ET.SubElement(root, "LogCategories")
     for name in ("logStatusWarning", "logStatusError"):
@@ -159,7 +160,7 @@ def _experiment(root: ET.Element, model: Described) -> None:
     ET.SubElement(root, "DefaultExperiment", times)
 
 
-def _common(variable: Variable) -> dict[str, str]:
+def _variable_attributes(variable: Variable) -> dict[str, str]:
     """Attributes that every variable has: name, value reference, description, causality, variability, initial."""
     attributes = {
         "name": variable.name,
@@ -171,7 +172,7 @@ def _common(variable: Variable) -> dict[str, str]:
     return attributes | ({"initial": variable.initial} if variable.initial else {})
 
 
-def _real(variable: Variable) -> dict[str, str]:
+def _real_attributes(variable: Variable) -> dict[str, str]:
     """Attributes of a real variable: unit, start, nominal, min and max, as far as it has them."""
     attributes = {} if not variable.unit else {"unit": variable.unit}
     low, high = variable.within or (None, None)
@@ -179,7 +180,7 @@ def _real(variable: Variable) -> dict[str, str]:
     return attributes | {name: repr(value) for name, value in numbers.items() if value is not None}
 
 
-def _unknowns(variables: Sequence[Variable]) -> list[list[Variable]]:
+def _model_structure(variables: Sequence[Variable]) -> list[list[Variable]]:
     """Lists of variables for the ModelStructure: outputs, derivatives of states, and unknowns of the initialisation."""
     return [
         [v for v in variables if v.causality == "output"],
@@ -188,7 +189,7 @@ def _unknowns(variables: Sequence[Variable]) -> list[list[Variable]]:
     ]
 
 
-def _text(root: ET.Element) -> str:
+def _xml_text(root: ET.Element) -> str:
     """Text of the XML tree; control characters and lone surrogates, which XML can't hold, are replaced."""
     for element in root.iter():
         element.attrib.update({key: visible(value) for key, value in element.attrib.items()})

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 import pmr.kernel
 from pmr.errors import BEYOND_ENDS, InputError, environment
-from pmr.export.fmi.description import Described, build_description, description_2, description_3
+from pmr.export.fmi.description import ModelAttributes, build_description, description_2, description_3
 from pmr.export.fmi.reference import inputs_csv, outputs_csv, reference
 from pmr.export.fmi.variables import Drivers, variables
 from pmr.files.whole import replacement
@@ -68,10 +68,10 @@ class Contents:
 
     texts: dict[str, str]
     system: bytes
-    described: Described
+    described: ModelAttributes
 
 
-def chosen(platforms: str | None, version: str) -> tuple[Platform, ...]:
+def selected_platforms(platforms: str | None, version: str) -> tuple[Platform, ...]:
     """Platforms that ``--platforms`` selects for a version of FMI.
 
     ``all``: every one; ``host`` or None: this machine's, or every one if no binary fits this machine.  Raises
@@ -80,8 +80,8 @@ def chosen(platforms: str | None, version: str) -> tuple[Platform, ...]:
     if platforms not in (None, "host", "all"):
         raise InputError("command line", "--platforms", platforms, "host or all is allowed")
     host = f"{_MACHINES.get(this.machine().lower(), '')}-{this.system().lower()}"
-    here_alone = tuple(platform for platform in PLATFORMS if platform.folder_3 == host and _place(platform, version))
-    return PLATFORMS if platforms == "all" else here_alone or PLATFORMS
+    of_host = tuple(of for of in PLATFORMS if of.folder_3 == host and _platform_folder(of, version))
+    return PLATFORMS if platforms == "all" else of_host or PLATFORMS
 
 
 def write_fmu(
@@ -133,11 +133,11 @@ def write(
     if version not in VERSIONS:
         raise InputError("command line", "--fmi", version, "2 or 3 is allowed")
     target = Path(target)
-    unit = contents(system, scene, target.stem, version, sources)
+    unit = fmu_contents(system, scene, target.stem, version, sources)
     files: dict[str, str | bytes] = {**unit.texts, "resources/system.pmr": unit.system}
     for platform in platforms:
-        if place := _place(platform, version):
-            files[f"binaries/{place}/{unit.described.identifier}{platform.suffix}"] = binary(platform)
+        if place := _platform_folder(platform, version):
+            files[f"binaries/{place}/{unit.described.identifier}{platform.suffix}"] = library_bytes(platform)
     target.parent.mkdir(parents=True, exist_ok=True)
     with replacement(target) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():
@@ -145,7 +145,7 @@ def write(
     return target
 
 
-def contents(system: System, scene: Recorded, name: str, version: str, sources: bool = False) -> Contents:
+def fmu_contents(system: System, scene: Recorded, name: str, version: str, sources: bool = False) -> Contents:
     """Description, system and reference trajectory of an FMU whose binaries are called `name`; otherwise as `write`."""
     drivers = Drivers.of(system)
     run = reference(drivers, scene)
@@ -154,7 +154,7 @@ def contents(system: System, scene: Recorded, name: str, version: str, sources: 
     file = system_file(drivers, paths, run.start_values, run.nominal, run.omega)
     files = source_files(version) if sources else {}
     plain = re.sub(r"[^A-Za-z0-9_]+", "_", name)
-    described = Described(
+    described = ModelAttributes(
         identifier=plain if re.match(r"[A-Za-z_]", plain) else f"model_{plain}",
         title=scene.title,
         token=file.token,
@@ -188,7 +188,7 @@ def compiled_files(files: dict[str, str]) -> list[str]:
     return [name for name in files if name.endswith(".c") and name not in included]
 
 
-def binary(platform: Platform) -> bytes:
+def library_bytes(platform: Platform) -> bytes:
     """Bytes of the shared library of a platform: the package's file, or compiled by ziglang from the package's sources.
 
     Raises InputError if neither the file nor ziglang is installed, or with the first error line of the compiler.
@@ -210,7 +210,7 @@ def binary(platform: Platform) -> bytes:
         return library.read_bytes()
 
 
-def _place(platform: Platform, version: str) -> str:
+def _platform_folder(platform: Platform, version: str) -> str:
     """Name of the platform's folder in a version of FMI; empty if that version does not support the platform."""
     return platform.folder_2 if version == "2" else platform.folder_3
 

@@ -58,8 +58,8 @@ def reference(drivers: Drivers, scene: Recorded) -> Reference:
     Without a frame, paths and loads follow the FMU's cubics between steps; in a frame that moves, its own signals.
     """
     system, excitation = drivers.system, scene.excitation
-    inputs = led_on(drivers, excitation)
-    reached = _follow_inputs(drivers, excitation, inputs)
+    inputs = input_cubics(drivers, excitation)
+    reached = _cubic_excitation(drivers, excitation, inputs)
     trajectory = systems.simulate(system, reached, systems.static_start(system, reached) if scene.static else {})
     y = list(systems.displacements(system, trajectory).values())
     z, v = (
@@ -73,8 +73,8 @@ def reference(drivers: Drivers, scene: Recorded) -> Reference:
     nominal = np.maximum(largest, smallest)
     first = inputs[0, 0].copy()
     if not drivers.shown_paths:
-        first[: drivers.first_load] = [low for low, _ in drivers.data.rows.ranges]
-    first[drivers.first_load : drivers.first_load + len(drivers.loads)] = first_loads(drivers, scene)
+        first[: drivers.first_load_number] = [low for low, _ in drivers.data.rows.ranges]
+    first[drivers.first_load_number : drivers.first_load_number + len(drivers.loads)] = first_loads(drivers, scene)
     return Reference(
         stepping=reached.stepping,
         omega=contact_frequency(SystemForm(system, drivers.forms).modal, reached),
@@ -94,7 +94,7 @@ def first_loads(drivers: Drivers, scene: Recorded) -> Array:
     return drivers.frame.start[0, drivers.frame.load_numbers]
 
 
-class Pieces(SignalBase):
+class CubicSignal(SignalBase):
     """Signal of one cubic for each step, given by value and rates of order one to three at the step's beginning."""
 
     step: float  # s
@@ -121,22 +121,22 @@ class Pieces(SignalBase):
         return at - number * self.step, rates[:, number]
 
 
-def _follow_inputs(drivers: Drivers, excitation: Excitation, inputs: Array) -> Excitation:
+def _cubic_excitation(drivers: Drivers, excitation: Excitation, inputs: Array) -> Excitation:
     """Excitation whose paths and loads are the cubics of `inputs` (4, T, n); unchanged in a frame that moves."""
     if drivers.frame is not None:
         return excitation
     step = excitation.stepping.step
 
-    def piece(number: int) -> Pieces:
+    def signal_of(number: int) -> CubicSignal:
         """Signal of the driver with this number."""
-        return Pieces(step=step, rates=tuple(map(tuple, inputs[:, :, number].tolist())))
+        return CubicSignal(step=step, rates=tuple(map(tuple, inputs[:, :, number].tolist())))
 
-    paths = dict(excitation.paths) | {name: piece(k) for k, name in enumerate(drivers.shown_paths)}
-    loads = {name: piece(drivers.first_load + k) for k, name in enumerate(drivers.loads)}
+    paths = dict(excitation.paths) | {name: signal_of(k) for k, name in enumerate(drivers.shown_paths)}
+    loads = {name: signal_of(drivers.first_load_number + k) for k, name in enumerate(drivers.loads)}
     return replace(excitation, paths=paths, loads=loads)
 
 
-def led_on(drivers: Drivers, excitation: Excitation) -> Array:
+def input_cubics(drivers: Drivers, excitation: Excitation) -> Array:
     """Drivers and their rates of order one to three at the steps, (4, T, n), as cubics that reach the next step.
 
     Without a frame, value and rate of each path and load agree at both ends of a step.  In a frame, paths and angles
@@ -150,16 +150,16 @@ def led_on(drivers: Drivers, excitation: Excitation) -> Array:
         second = np.array([name in (*frame.paths, *frame.angles) for name in frame.drivers])
         orders[0] = at[0].T
         x, a = at[0].T, at[2].T
-        lines = by_lines(x[:-1], x[1:], h)
-        orders[:, :-1] = np.where(second, by_second_rates(x[:-1], x[1:], a[:-1], a[1:], h), lines)
+        lines = straight_line(x[:-1], x[1:], h)
+        orders[:, :-1] = np.where(second, cubic_by_second_rates(x[:-1], x[1:], a[:-1], a[1:], h), lines)
         return orders
     signals = [*(excitation.paths[path] for path in drivers.shown_paths)]
-    numbers = [*range(len(drivers.shown_paths)), *(drivers.first_load + k for k in range(len(drivers.loads)))]
+    numbers = [*range(len(drivers.shown_paths)), *(drivers.first_load_number + k for k in range(len(drivers.loads)))]
     for number, signal in zip(numbers, [*signals, *in_order(excitation.loads, drivers.loads)], strict=True):
         orders[0, :, number] = signal.value(t)
         ended = signal.rate(np.nextafter(t[1:], 0.0))  # at a kink that of what ends there
         x = orders[0, :, number].copy()
-        orders[:, :-1, number] = by_rates(x[:-1], x[1:], signal.rate(t[:-1]), ended, h)
+        orders[:, :-1, number] = cubic_by_rates(x[:-1], x[1:], signal.rate(t[:-1]), ended, h)
     return orders
 
 
@@ -183,7 +183,7 @@ def _csv(names: Sequence[str], rows: Array) -> str:
     return "\n".join([*lines, *(",".join(map(repr, row)) for row in rows.tolist()), ""])
 
 
-def by_rates(begun: Array, ended: Array, begun_rate: Array, ended_rate: Array, h: float) -> Array:
+def cubic_by_rates(begun: Array, ended: Array, begun_rate: Array, ended_rate: Array, h: float) -> Array:
     """Value and rates of order one to three (4, ...) at the beginning of a step of h s: Hermite's cubic.
 
     It has the values `begun`, `ended` (...) and the rates `begun_rate`, `ended_rate` (...) at both ends of the step.
@@ -193,7 +193,7 @@ def by_rates(begun: Array, ended: Array, begun_rate: Array, ended_rate: Array, h
     return np.array([begun, begun_rate, second, 6.0 * (begun_rate + ended_rate - 2.0 * mean) / h**2])
 
 
-def by_second_rates(begun: Array, ended: Array, begun_second: Array, ended_second: Array, h: float) -> Array:
+def cubic_by_second_rates(begun: Array, ended: Array, begun_second: Array, ended_second: Array, h: float) -> Array:
     """Value and rates of order one to three (4, ...) at the beginning of a step of h s, of a cubic.
 
     It has the values `begun`, `ended` (...) and the second rates `begun_second`, `ended_second` (...) at both ends.
@@ -203,7 +203,7 @@ def by_second_rates(begun: Array, ended: Array, begun_second: Array, ended_secon
     return np.array([begun, rate, begun_second, third])
 
 
-def by_lines(begun: Array, ended: Array, h: float) -> Array:
+def straight_line(begun: Array, ended: Array, h: float) -> Array:
     """Value and rates of order one to three (4, ...) at the beginning of a step of h s, of a straight line.
 
     It leads from `begun` to `ended` (...); the second and third rates are zero.

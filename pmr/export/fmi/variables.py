@@ -100,14 +100,14 @@ class Drivers:
         )
 
     @property
-    def first_load(self) -> int:
+    def first_load_number(self) -> int:
         """Index of the first load among the drivers."""
         return len(self.paths)
 
     @property
-    def first_motion(self) -> int:
+    def first_motion_number(self) -> int:
         """Index of the first motion among the drivers."""
-        return self.first_load + len(self.loads)
+        return self.first_load_number + len(self.loads)
 
     @property
     def is_differential(self) -> bool:
@@ -204,10 +204,10 @@ def _drivers(drivers: Drivers) -> Iterator[_Driver]:
         what = f"path coordinate {what}; up to {BEYOND_ENDS * (high - low):.3g} m beyond an end it is taken there"
         yield _Driver(name, k, what, "m", (low, high))
     for k, (name, unit) in enumerate(zip(drivers.loads, drivers.load_units, strict=True)):
-        yield _Driver(name, drivers.first_load + k, f"load {name}", unit)
+        yield _Driver(name, drivers.first_load_number + k, f"load {name}", unit)
     for k, name in enumerate(drivers.motions):
         what, unit = (f"angle {name}", "rad") if name not in AXES else (f"acceleration of the pivot, {name}", "m/s2")
-        yield _Driver(name + " acceleration" * (name in AXES), drivers.first_motion + k, what, unit)
+        yield _Driver(name + " acceleration" * (name in AXES), drivers.first_motion_number + k, what, unit)
 
 
 def _inputs_and_parameters(drivers: Drivers, names: Identifiers, start: Array) -> Iterator[Variable]:
@@ -240,7 +240,7 @@ def _inputs_and_parameters(drivers: Drivers, names: Identifiers, start: Array) -
         yield replace(parameter, is_choice=what is how)
 
 
-def outputs_of(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
+def output_kinds(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
     """Yield name, unit and whether it has a rate, of each output in the kernel's order; forces have no rates."""
     for name, body in drivers.system.reduced.items():
         for output, unit, is_force in zip(names_of(body), units_of(body), force_outputs(body).tolist(), strict=True):
@@ -250,7 +250,7 @@ def outputs_of(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
 
 def _output_variables(drivers: Drivers, names: Identifiers, first: int) -> Iterator[Variable]:
     """Yield outputs, rates of those that are motions, and contact forces; the first value reference is `first`."""
-    system, called = drivers.system, list(outputs_of(drivers))
+    system, called = drivers.system, list(output_kinds(drivers))
     count, o = len(called), len(system.output_names)
     outputs = [names(force_of(name) if not moves and k < o else name) for k, (name, _, moves) in enumerate(called)]
     for k, (name, unit, _) in enumerate(called):

@@ -78,7 +78,7 @@ size_t pmr_frame_work(const pmr_system *system)
     return 2 * (size_t)system->quantities + 3 * (size_t)system->motions + (size_t)system->drivers + 1;
 }
 
-void pmr_carried_close(pmr_carried *carried) { pmr_free_aligned(carried); }
+void pmr_machine_run_close(pmr_machine_run *run) { pmr_free_aligned(run); }
 
 size_t pmr_contact_work(int m) { return m < 0 ? 0 : (size_t)m * m + 4 * (size_t)m + 1; }
 

@@ -79,14 +79,14 @@ static turning turn_on(const turning *base, const turning *on)
     int i, j, k;
     for (i = 0; i < 3; i++)
         for (k = 0; k < 3; k++) {
-            for (j = 0; j < 3; j++)
-                turned.R[i][k] = plus(turned.R[i][k], times(base->R[i][j], on->R[j][k]));
+            for (j = 0; j < 3; j++) turned.R[i][k] = plus(turned.R[i][k], times(base->R[i][j], on->R[j][k]));
             turned.velocity[k] = plus(turned.velocity[k], times(on->R[i][k], base->velocity[i]));
             turned.acceleration[k] = plus(turned.acceleration[k], times(on->R[i][k], base->acceleration[i]));
         }
     for (k = 0; k < 3; k++) {
         const int a = (k + 1) % 3, b = (k + 2) % 3;
-        const number crossed = minus(times(turned.velocity[a], on->velocity[b]), times(turned.velocity[b], on->velocity[a]));
+        const number crossed =
+            minus(times(turned.velocity[a], on->velocity[b]), times(turned.velocity[b], on->velocity[a]));
         turned.acceleration[k] = plus(plus(turned.acceleration[k], crossed), on->acceleration[k]);
     }
     for (k = 0; k < 3; k++) turned.velocity[k] = plus(turned.velocity[k], on->velocity[k]);

@@ -222,17 +222,17 @@ struct pmr_state {
       (pmr_state *state, const double *u, int per, int64_t count, int64_t every, const int32_t *parts,                 \
        const pmr_record *record, int64_t *taken, int *needed),                                                         \
       (state, u, per, count, every, parts, record, taken, needed))                                                     \
-    F(int, carried_open, carried_open, (pmr_state *state, const pmr_machine *machine, pmr_carried **carried),          \
-      (state, machine, carried))                                                                                       \
-    F(int, carried_needed, carried_needed,                                                                             \
-      (pmr_carried *carried, const double *b, const double *z, const double *v, const double *a, double *needed),      \
-      (carried, b, z, v, a, needed))                                                                                   \
-    F(int, carried_start, carried_start,                                                                               \
-      (pmr_carried *carried, const double *b, const double *z, const double *v, const pmr_carried_record *record),     \
-      (carried, b, z, v, record))                                                                                      \
-    F(int, carried_advance, carried_advance,                                                                           \
-      (pmr_carried *carried, int64_t first, int64_t count, const pmr_carried_record *record, int64_t *taken),          \
-      (carried, first, count, record, taken))                                                                          \
+    F(int, machine_run_open, machine_run_open, (pmr_state *state, const pmr_machine *machine, pmr_machine_run **run),  \
+      (state, machine, run))                                                                                           \
+    F(int, machine_run_holding_forces, machine_run_holding_forces,                                                     \
+      (pmr_machine_run *run, const double *b, const double *z, const double *v, const double *a, double *needed),      \
+      (run, b, z, v, a, needed))                                                                                       \
+    F(int, machine_run_start, machine_run_start,                                                                       \
+      (pmr_machine_run *run, const double *b, const double *z, const double *v, const pmr_machine_record *record),     \
+      (run, b, z, v, record))                                                                                          \
+    F(int, machine_run_advance, machine_run_advance,                                                                   \
+      (pmr_machine_run *run, int64_t first, int64_t count, const pmr_machine_record *record, int64_t *taken),          \
+      (run, first, count, record, taken))                                                                              \
     P(outputs, outputs, (pmr_state *state, double *y, double *forces), (state, y, forces))                             \
     P(observe, observe, (pmr_state *state, int count, const int32_t *numbers, double *values),                         \
       (state, count, numbers, values))                                                                                 \

@@ -45,20 +45,20 @@ static double by_impulse(const weights *w, double impulse, double before)
 
 /* ---- a step ---- */
 
-static void save_boom(pmr_carried *ms)
+static void save_boom(pmr_machine_run *ms)
 {
     memcpy(ms->saved, ms->state->mark, ms->state->saved * sizeof(double));
     ms->progress = ms->state->progress;
 }
 
-static void restore_boom(pmr_carried *ms)
+static void restore_boom(pmr_machine_run *ms)
 {
     memcpy(ms->state->mark, ms->saved, ms->state->saved * sizeof(double));
     ms->state->progress = ms->progress;
 }
 
 /* Step k in which free directions end with such rates (6,), those of others left out. */
-static int try_rates(pmr_carried *ms, int64_t k, const double *rates)
+static int try_rates(pmr_machine_run *ms, int64_t k, const double *rates)
 {
     const pmr_machine *m = ms->machine;
     const pmr_system *y = ms->state->system;
@@ -68,7 +68,7 @@ static int try_rates(pmr_carried *ms, int64_t k, const double *rates)
     const double *z[3], *loads = ms->u + y->paths, *old_loads = ms->u_old + y->paths;
     double second[6], left[6], middle[3];
     int free = 0, failed, n, i, j;
-    copy(now->b, m->given + 18 * (size_t)k, 18);
+    copy(now->b, m->base_motion + 18 * (size_t)k, 18);
     for (n = 0; n < 6; n++) {
         double smooth;
         if (!m->free[n]) continue;
@@ -130,7 +130,7 @@ static int try_rates(pmr_carried *ms, int64_t k, const double *rates)
 }
 
 /* The fastest so far, along and about axes, with that of a motion and its acceleration within a step. */
-static void find_fastest(const pmr_carried *ms, const double *b, double *fastest)
+static void find_fastest(const pmr_machine_run *ms, const double *b, double *fastest)
 {
     int n;
     copy(fastest, ms->past.fastest, 2);
@@ -141,7 +141,7 @@ static void find_fastest(const pmr_carried *ms, const double *b, double *fastest
 }
 
 /* Derivative of the free directions' impulses by their rates, from what was tried last. */
-static int find_machine_slope(pmr_carried *ms, int64_t k, const int *which, int count)
+static int find_machine_slope(pmr_machine_run *ms, int64_t k, const int *which, int count)
 {
     const trial at = ms->now;
     double rates[6];
@@ -160,7 +160,7 @@ static int find_machine_slope(pmr_carried *ms, int64_t k, const int *which, int 
 }
 
 /* Find the motion at the end of step k; PMR_LOST if it is not found. */
-static int find_motion_at(pmr_carried *ms, int64_t k)
+static int find_motion_at(pmr_machine_run *ms, int64_t k)
 {
     const machine_past *old = &ms->past;
     const double h = ms->state->settings.step;
@@ -213,13 +213,13 @@ static int find_motion_at(pmr_carried *ms, int64_t k)
 }
 
 /* z'' of the boom's modes where it stands, under what it was stepped to. */
-static void accelerate_boom(pmr_carried *ms)
+static void accelerate_boom(pmr_machine_run *ms)
 {
     accelerate(ms->state, ms->u + ms->state->system->paths, ms->accelerations);
 }
 
 /* End step k with what was tried last. */
-static int end_machine_step(pmr_carried *ms, int64_t k)
+static int end_machine_step(pmr_machine_run *ms, int64_t k)
 {
     const pmr_machine *m = ms->machine;
     const pmr_system *y = ms->state->system;
@@ -243,7 +243,7 @@ static int end_machine_step(pmr_carried *ms, int64_t k)
     for (n = 0; n < 6; n++) past->held[n] = 0.0;
     if (held) {
         accelerate_boom(ms);
-        find_needed(ms, k, now->b, ms->u + y->paths, z, needed);
+        find_holding_forces(ms, k, now->b, ms->u + y->paths, z, needed);
         for (n = 0; n < 6; n++) past->held[n] = m->free[n] ? 0.0 : needed[n];
     }
     /* what round-off has left of a step is not carried on into the next one */
@@ -273,10 +273,10 @@ static int end_machine_step(pmr_carried *ms, int64_t k)
 
 /* ---- the interface ---- */
 
-static void lay_out_carried(pmr_carried *ms, const pmr_state *st, const pmr_machine *machine, room *r)
+static void lay_out_machine(pmr_machine_run *ms, const pmr_state *st, const pmr_machine *machine, room *r)
 {
     const pmr_system *y = st->system;
-    pmr_carried *taken = take_room(r, 1, sizeof *ms);
+    pmr_machine_run *taken = take_room(r, 1, sizeof *ms);
     int o;
     if (taken) ms = taken;
 #define ROOM(field, count) ms->field = take_room(r, (size_t)(count), sizeof(double))
@@ -304,32 +304,32 @@ static void lay_out_carried(pmr_carried *ms, const pmr_state *st, const pmr_mach
 #undef ROOM
 }
 
-static int carried_open(pmr_state *st, const pmr_machine *machine, pmr_carried **carried)
+static int machine_run_open(pmr_state *st, const pmr_machine *machine, pmr_machine_run **run)
 {
     const pmr_system *y = st->system;
-    pmr_carried counted = {0};
+    pmr_machine_run counted = {0};
     room r = {NULL, 0};
     int n;
-    *carried = NULL;
+    *run = NULL;
     if (!y->motions || machine->sections < 1 || machine->sections > MOST_SECTIONS || y->pushing ||
         st->settings.energy || st->settings.levels != 1 || st->settings.parts[0] != 1)
         return PMR_REFUSED;
     for (n = 0; n < 3; n++)
         if (y->frame_angles[2 + n] < 0) return PMR_REFUSED;
-    lay_out_carried(&counted, st, machine, &r);
+    lay_out_machine(&counted, st, machine, &r);
     r.memory = pmr_aligned(r.at);
     if (!r.memory) return PMR_NO_MEMORY;
     memset(r.memory, 0, r.at);
     r.at = 0;
-    lay_out_carried(&counted, st, machine, &r);
-    *carried = (pmr_carried *)r.memory;
-    (*carried)->machine = machine;
-    (*carried)->state = st;
+    lay_out_machine(&counted, st, machine, &r);
+    *run = (pmr_machine_run *)r.memory;
+    (*run)->machine = machine;
+    (*run)->state = st;
     return PMR_DONE;
 }
 
-static int carried_needed(pmr_carried *ms, const double *b, const double *z, const double *v, const double *a,
-                          double *needed)
+static int machine_run_holding_forces(pmr_machine_run *ms, const double *b, const double *z, const double *v,
+                                      const double *a, double *needed)
 {
     const pmr_system *y = ms->state->system;
     double *const of = ms->state->others, *const rates = ms->state->pulled;
@@ -338,12 +338,12 @@ static int carried_needed(pmr_carried *ms, const double *b, const double *z, con
     copy(rates, v, y->modes);
     copy(ms->accelerations, a, y->modes);
     drivers_at(ms, 0, b, b + 12, ms->u);
-    find_needed(ms, 0, b, ms->u + y->paths, modes, needed);
+    find_holding_forces(ms, 0, b, ms->u + y->paths, modes, needed);
     return ms->failed;
 }
 
 /* What holds the machine where it is accelerated by b's second rates, which the boom's follow. */
-static int begin_with(pmr_carried *ms, const double *b, const double *z, const double *v, double *needed)
+static int begin_with(pmr_machine_run *ms, const double *b, const double *z, const double *v, double *needed)
 {
     const pmr_system *y = ms->state->system;
     const double *modes[3] = {ms->state->z, ms->state->v, ms->accelerations};
@@ -352,11 +352,11 @@ static int begin_with(pmr_carried *ms, const double *b, const double *z, const d
     failed = start(ms->state, PMR_GIVEN, ms->u, NULL, z, v);
     if (failed) return failed;
     accelerate_boom(ms);
-    find_needed(ms, 0, b, ms->u + y->paths, modes, needed);
+    find_holding_forces(ms, 0, b, ms->u + y->paths, modes, needed);
     return ms->failed;
 }
 
-static void record_machine(const pmr_carried *ms, const pmr_carried_record *record, int64_t row)
+static void record_machine(const pmr_machine_run *ms, const pmr_machine_record *record, int64_t row)
 {
     record_row(record->motion, row, 18, ms->past.b);
     record_row(record->held, row, 6, ms->past.held);
@@ -365,8 +365,8 @@ static void record_machine(const pmr_carried *ms, const pmr_carried_record *reco
     record_row(record->inertia, row, ms->machine->inertial_count, ms->inertia);
 }
 
-static int carried_start(pmr_carried *ms, const double *given, const double *z, const double *v,
-                         const pmr_carried_record *record)
+static int machine_run_start(pmr_machine_run *ms, const double *given, const double *z, const double *v,
+                         const pmr_machine_record *record)
 {
     const pmr_machine *m = ms->machine;
     const pmr_system *y = ms->state->system;
@@ -411,7 +411,7 @@ static int carried_start(pmr_carried *ms, const double *given, const double *z, 
     return PMR_DONE;
 }
 
-static int carried_advance(pmr_carried *ms, int64_t first, int64_t count, const pmr_carried_record *record,
+static int machine_run_advance(pmr_machine_run *ms, int64_t first, int64_t count, const pmr_machine_record *record,
                            int64_t *taken)
 {
     for (*taken = 0; *taken < count; ++*taken) {

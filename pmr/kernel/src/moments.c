@@ -41,7 +41,7 @@ static void solve_three(const double *A, int transposed, const double *b, double
 
 /* Rows of the contacts where the paths stand at step k, with their rates as the paths move; F of those that give way is
    factorised: `failed` where these depend on each other. */
-static void place_moving(pmr_carried *ms, int64_t k)
+static void place_moving(pmr_machine_run *ms, int64_t k)
 {
     pmr_state *st = ms->state;
     const pmr_system *y = st->system;
@@ -91,7 +91,7 @@ static void place_moving(pmr_carried *ms, int64_t k)
 static const double BINOMIAL[3][3] = {{1.0, 0.0, 0.0}, {1.0, 1.0, 0.0}, {1.0, 2.0, 1.0}};
 
 /* Elastic forces of contacts that give way, F lambda_0 = C z, with their rates; of z with z' and z''. */
-static void answer(pmr_carried *ms, const double *const z[3])
+static void answer(pmr_machine_run *ms, const double *const z[3])
 {
     const pmr_system *y = ms->state->system;
     int order, j, a, b;
@@ -113,7 +113,7 @@ static void answer(pmr_carried *ms, const double *const z[3])
 }
 
 /* Displacements (i,) of all inputs' points by inertia alone, B^T z - H^T lambda_0, with their rates. */
-static void find_inertial(pmr_carried *ms, const double *const z[3])
+static void find_inertial(pmr_machine_run *ms, const double *const z[3])
 {
     const pmr_system *y = ms->state->system;
     int order, j, a, l;
@@ -150,7 +150,7 @@ static void steiner(const double *A, double *inertia)
 }
 
 /* First moments of the sections (3, 3), where each moves along and its points by mu, at rates of an order. */
-static void first_moments(const pmr_carried *ms, int order, double *A)
+static void first_moments(const pmr_machine_run *ms, int order, double *A)
 {
     const int S = ms->machine->sections;
     int k, l, j;
@@ -166,7 +166,7 @@ static void first_moments(const pmr_carried *ms, int order, double *A)
 }
 
 /* What the boom has of momentum and inertia at step k, of z with z' and z'' (3, r'). */
-static void find_boom(pmr_carried *ms, int64_t k, const double *const z[3])
+static void find_boom(pmr_machine_run *ms, int64_t k, const double *const z[3])
 {
     const pmr_machine *m = ms->machine;
     const pmr_system *y = ms->state->system;
@@ -220,7 +220,7 @@ static void find_boom(pmr_carried *ms, int64_t k, const double *const z[3])
     for (n = 0; n < m->sections; n++) {
         carried_section *c = ms->of + n;
         for (j = 0; j < 3; j++) {
-            c->own[j] = m->masses[n] * c->d[j] + m->first[3 * n + j] + c->mu[0][0][j];
+            c->own[j] = m->masses[n] * c->d[j] + m->first_moments[3 * n + j] + c->mu[0][0][j];
             boom->s[0][j] += c->own[j];
             boom->s[1][j] += c->mu[1][0][j] + (j ? 0.0 : m->masses[n] * c->length[1]);
             boom->s[2][j] += c->mu[2][0][j] + (j ? 0.0 : m->masses[n] * c->length[2]);
@@ -239,7 +239,7 @@ static void find_boom(pmr_carried *ms, int64_t k, const double *const z[3])
     for (n = 0; n < m->sections; n++) {
         const carried_section *c = ms->of + n;
         for (j = 0; j < 3; j++) {
-            const double rigid = m->masses[n] * c->d[j], own = m->first[3 * n + j] + c->mu[0][0][j];
+            const double rigid = m->masses[n] * c->d[j], own = m->first_moments[3 * n + j] + c->mu[0][0][j];
             rate[j] += c->length[1] * (rigid + own);
             for (l = 0; l < 3; l++) {
                 second[3 * l + j] += c->d[l] * (rigid / 2.0 + own) + c->mu[0][1 + l][j];
@@ -250,7 +250,7 @@ static void find_boom(pmr_carried *ms, int64_t k, const double *const z[3])
     for (i = 0; i < 3; i++)
         for (j = i; j < 3; j++) {
             double zz, zv;
-            multiply_modes(m->carried + (size_t)(3 * i + j) * r * r, z[0], r, ms->product);
+            multiply_modes(m->second_moments + (size_t)(3 * i + j) * r * r, z[0], r, ms->product);
             zz = dot(ms->product, z[0], 0, r) / 2.0, zv = dot(ms->product, z[1], 0, r);
             second[3 * i + j] += zz, rate[3 * i + j] += zv;
             if (i != j) second[3 * j + i] += zz, rate[3 * j + i] += zv;

@@ -183,20 +183,20 @@ typedef struct {
     const int32_t *section_paths;  /* (S,): motions by which sections move along, less than 0: none */
     const int32_t *fields;         /* (S, 4, 3): inputs of acceleration fields over 1, x, y, z along x, y, z, or -1 */
     const int32_t *inertial;       /* (inertial_count,) inputs */
-    const double *masses, *first;  /* (S,) kg, (S, 3) kg m from each tail */
+    const double *masses, *first_moments; /* (S,) kg, (S, 3) kg m from each tail */
     const double *loads;           /* (S, 6, i): forces and moments about the tails of all inputs */
     const double *rotating;        /* (3, r', r') kg: moments of momentum z^T R_j z' */
-    const double *carried;         /* (3, 3, r', r') kg */
+    const double *second_moments;  /* (3, 3, r', r') kg: int rho u_i u_j = z^T A_ij z */
     const int32_t *of_shortened;   /* (G, 3): section, over 1 or x, section over whose extension it is or -1 */
     const double *shortened;       /* (G, r', r') */
     const double *motions;         /* (T, 3, n): of the frame, those of the machine left out */
     const double *rates;           /* (T, n) m/s: of the motions that are paths; at kinks the mean of both sides */
-    const double *given;           /* (T, 3, 6): directions that are held, and what springs stand on */
-    const double *pushed;          /* (T, 6) N and N m: forces and moments on the pivot, along the ground's axes */
+    const double *base_motion;     /* (T, 3, 6): directions that are held, and what springs stand on */
+    const double *external;        /* (T, 6) N and N m: forces and moments on the pivot, along the ground's axes */
     const double *weight;          /* (T,) m/s^2 */
 } pmr_machine;
 
-typedef struct pmr_carried pmr_carried;
+typedef struct pmr_machine_run pmr_machine_run;
 
 /* Where steps of a machine are recorded, one row each. */
 typedef struct {
@@ -205,23 +205,23 @@ typedef struct {
     double *springs; /* (., 6): of springs and dampers, by the directions */
     double *momenta; /* (., 6): linear and angular momentum about the ground's origin */
     double *inertia; /* (., inertial_count): inputs by which the frame accelerates the boom */
-} pmr_carried_record;
+} pmr_machine_record;
 
 /* PMR_REFUSED for a system whose frame has no base that moves or whose contacts push, and for steps in parts or with
    energy, which a boom that moves with its machine has none of by itself. */
-int pmr_carried_open(pmr_state *state, const pmr_machine *machine, pmr_carried **carried);
-void pmr_carried_close(pmr_carried *carried);
+int pmr_machine_run_open(pmr_state *state, const pmr_machine *machine, pmr_machine_run **run);
+void pmr_machine_run_close(pmr_machine_run *run);
 /* What has to hold the machine (6,), by its directions, at t = 0 where it moves as b (3, 6) and the boom as z, v, a
    (r',). */
-int pmr_carried_needed(pmr_carried *carried, const double *b, const double *z, const double *v, const double *a,
-                       double *needed);
+int pmr_machine_run_holding_forces(pmr_machine_run *run, const double *b, const double *z, const double *v,
+                                   const double *a, double *forces);
 /* Begin at t = 0 with b (3, 6), whose second rates of free directions are found, and the boom at z and v (r',); row 0
    is recorded. */
-int pmr_carried_start(pmr_carried *carried, const double *b, const double *z, const double *v,
-                      const pmr_carried_record *record);
+int pmr_machine_run_start(pmr_machine_run *run, const double *b, const double *z, const double *v,
+                          const pmr_machine_record *record);
 /* Take `count` steps, the first of which is number `first`, 1 or more; row 0 is that step.  `*taken` were taken. */
-int pmr_carried_advance(pmr_carried *carried, int64_t first, int64_t count, const pmr_carried_record *record,
-                        int64_t *taken);
+int pmr_machine_run_advance(pmr_machine_run *run, int64_t first, int64_t count, const pmr_machine_record *record,
+                            int64_t *taken);
 
 /* ---- signals ---- */
 

@@ -30,7 +30,7 @@ INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums
 #include "linearize.c"
 #include "start.c"
 #include "advance.c"
-#include "carried.h"
+#include "machine.h"
 #include "moments.c"
 #include "whole.c"
 #include "machine.c"

@@ -1,7 +1,7 @@
 /* Momenta of machine and boom, forces on both from outside, and what has to hold the machine. */
 
 /* Motions of step k with the machine's motion b (3, 6). */
-static const double *motions_at(const pmr_carried *ms, int64_t k, const double *rows, const double *second)
+static const double *motions_at(const pmr_machine_run *ms, int64_t k, const double *rows, const double *second)
 {
     const pmr_system *y = ms->state->system;
     const int n = y->motions;
@@ -16,7 +16,7 @@ static const double *motions_at(const pmr_carried *ms, int64_t k, const double *
     return ms->motions;
 }
 
-static void drivers_at(const pmr_carried *ms, int64_t k, const double *rows, const double *second, double *u)
+static void drivers_at(const pmr_machine_run *ms, int64_t k, const double *rows, const double *second, double *u)
 {
     pmr_frame_drivers(ms->state->system, motions_at(ms, k, rows, second), u, ms->state->quantities);
 }
@@ -31,7 +31,7 @@ static void axes_of(const pmr_turning *base, const double *b, double *axes)
         for (j = 0; j < 3; j++) axes[3 * i + j] = column[j][i];
 }
 
-static void find_carrier(const pmr_carried *ms, int64_t k, const double *b, carrier *c)
+static void find_carrier(const pmr_machine_run *ms, int64_t k, const double *b, carrier *c)
 {
     static const double none[6];
     pmr_turning boom, base;
@@ -69,11 +69,11 @@ static void seconds_of(const carrier *c, const double *felt, double *second)
 }
 
 /* Force and moment about the pivot from outside, along the ground's axes, but for what holds the machine. */
-static void push(const pmr_carried *ms, int64_t k, const double *R, const double *axes, const double *f,
+static void push(const pmr_machine_run *ms, int64_t k, const double *R, const double *axes, const double *f,
                  const double *springs, const double *lever, double *F, double *M)
 {
     const pmr_machine *m = ms->machine;
-    const double *pushed = m->pushed + 6 * (size_t)k, weight[3] = {0.0, 0.0, -m->weight[k]};
+    const double *pushed = m->external + 6 * (size_t)k, weight[3] = {0.0, 0.0, -m->weight[k]};
     const int inputs = ms->state->system->inputs;
     double force[3] = {0.0, 0.0, 0.0}, moment[3] = {0.0, 0.0, 0.0}, first[3], by_springs[3];
     int n, j, l;
@@ -103,14 +103,14 @@ static void push(const pmr_carried *ms, int64_t k, const double *R, const double
 
 static void find_springs(const pmr_machine *m, int64_t k, const double *b, double *springs)
 {
-    const double *given = m->given + 18 * (size_t)k;
+    const double *given = m->base_motion + 18 * (size_t)k;
     int j;
     for (j = 0; j < 6; j++)
         springs[j] = -m->stiffness[j] * (b[j] - given[j]) - m->damping[j] * (b[6 + j] - given[6 + j]);
 }
 
 /* Momenta and forces at step k with the machine's motion b, under loads f. */
-static void find_whole(pmr_carried *ms, int64_t k, const double *b, const double *f, const double *const z[3],
+static void find_whole(pmr_machine_run *ms, int64_t k, const double *b, const double *f, const double *const z[3],
                        machine_whole *w)
 {
     const pmr_machine *m = ms->machine;
@@ -150,8 +150,8 @@ static void find_whole(pmr_carried *ms, int64_t k, const double *b, const double
 }
 
 /* What has to hold the machine (6,), by its directions, for all to be accelerated so. */
-static void find_needed(pmr_carried *ms, int64_t k, const double *b, const double *f, const double *const z[3],
-                        double *needed)
+static void find_holding_forces(pmr_machine_run *ms, int64_t k, const double *b, const double *f,
+                                const double *const z[3], double *needed)
 {
     const pmr_machine *m = ms->machine;
     boom_moments *boom = &ms->boom;

@@ -63,9 +63,9 @@ class Drivers:
         self._in_frame, self._in_parts = frame is not None, in_parts
         self.paths, first = list(paths), len(paths)
         self._ranges = [ranges[path] for path in paths]
-        self._path_numbers = _numbers(list(ranges), [self.paths.index(path) for path in ranges])
-        self._load_numbers = _numbers(loads, range(first, first + len(loads)))
-        self._frame_numbers = _numbers(frame or (), range(first + len(loads), motions.shape[1]))
+        self._path_numbers = _motion_numbers(list(ranges), [self.paths.index(path) for path in ranges])
+        self._load_numbers = _motion_numbers(loads, range(first, first + len(loads)))
+        self._frame_numbers = _motion_numbers(frame or (), range(first + len(loads), motions.shape[1]))
         self._angles = {first + len(loads) + k: name for k, name in enumerate(frame or ()) if name not in AXES}
         #: names, by numbers, of drivers with inertia in a frame for which a missing second rate is not yet warned of
         self._unwarned = (dict(enumerate(self.paths)) | self._angles) if self._in_frame else {}
@@ -83,7 +83,7 @@ class Drivers:
         }
 
     @property
-    def places(self) -> dict[str, float]:
+    def path_coordinates(self) -> dict[str, float]:
         """Coordinates of the paths in m, by name."""
         return {path: self._values[k] for path, k in self._path_numbers.items() if isinstance(path, str)}
 
@@ -215,26 +215,26 @@ class Drivers:
 
     def _read(self, values: Values, numbers: Mapping[str | int, int], key: str, what: str) -> list[Reading]:
         """Read motions that are given by name, or all in their order; `key` and `what` are for messages."""
-        if not _by_name(values):
-            in_order = _in_order(values, numbers, key, what).tolist()
+        if not _is_mapping(values):
+            in_order = _read_in_order(values, numbers, key, what).tolist()
             return [(k, value, 0.0, 0.0, 1) for k, value in zip(numbers.values(), in_order, strict=False)]
         readings = list[Reading]()
         for name, motion in values.items():
             k = numbers.get(name, -1)
             if k < 0:
-                number_of(name, _names(numbers), key)  # refused
+                number_of(name, _motion_names(numbers), key)  # refused
             if isinstance(motion, float) and isfinite(motion):
                 readings.append((k, motion, 0.0, 0.0, 1))
             elif type(motion) is tuple and [*map(type, motion)] in FLOATS and isfinite(sum(motion)):
                 readings.append((k, *motion, 3) if len(motion) == 3 else (k, *motion, 0.0, 2))
             else:
-                read = _motion(motion, f"{key}.{name if isinstance(name, str) else _names(numbers)[name]}")
+                read = _read_motion(motion, f"{key}.{name if isinstance(name, str) else _motion_names(numbers)[name]}")
                 value, rate, second = [*read, 0.0, 0.0][:3]
                 readings.append((k, value, rate, second, len(read)))
         return readings
 
 
-def _numbers(names: Sequence[str], numbers: Sequence[int]) -> dict[str | int, int]:
+def _motion_numbers(names: Sequence[str], numbers: Sequence[int]) -> dict[str | int, int]:
     """Numbers of motions among all drivers, by names and by positions in `names`."""
     return dict(zip(names, numbers, strict=True)) | dict(enumerate(numbers))
 
@@ -249,29 +249,31 @@ def number_of(name: str | int, names: Sequence[str], key: str) -> int:
     return names.index(str(name))
 
 
-def _by_name(values: Values) -> TypeGuard[Mapping[str, Any]]:
+def _is_mapping(values: Values) -> TypeGuard[Mapping[str, Any]]:
     """Whether values are given by name."""
     return type(values) is dict or isinstance(values, Mapping)  # the former is quicker
 
 
-def _names(numbers: Mapping[str | int, int]) -> list[str]:
+def _motion_names(numbers: Mapping[str | int, int]) -> list[str]:
     """Names among the keys of `numbers`."""
     return [name for name in numbers if isinstance(name, str)]
 
 
-def _in_order(values: Values, numbers: Mapping[str | int, int], key: str, what: str) -> Array:
+def _read_in_order(values: Values, numbers: Mapping[str | int, int], key: str, what: str) -> Array:
     """Values of all motions of a kind, given as a number or an array, as a float array."""
     count = len(numbers) // 2
     array = np.asarray(values, dtype=float)
     if array.shape != (count,) and not (array.ndim == 0 and count == 1):
-        allowed = f"{what} is allowed, in this order: {', '.join(_names(numbers)) or 'none'}; or some by their names"
+        allowed = (
+            f"{what} is allowed, in this order: {', '.join(_motion_names(numbers)) or 'none'}; or some by their names"
+        )
         raise InputError("stepper", key, array.tolist(), allowed)
     if not np.isfinite(array).all():
         raise InputError("stepper", key, array.tolist(), "finite numbers are allowed")
     return array.ravel()
 
 
-def _motion(value: Motion, key: str) -> list[float]:
+def _read_motion(value: Motion, key: str) -> list[float]:
     """Value of a motion, with its rate and second rate if they are given, as a list of one to three floats."""
     array = np.atleast_1d(np.asarray(value, float))
     if array.ndim != 1 or not 1 <= len(array) <= 3:

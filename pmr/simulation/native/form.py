@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from pmr.errors import InputError, SimulationError
-from pmr.kernel.data import in_modes
+from pmr.kernel.data import system_in_modes
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.rows import round_up
 from pmr.kernel.state import Failure, StepError
@@ -43,7 +43,7 @@ class SystemForm:
         return cls(system, {name: modal_form(body) for name, body in system.bodies.items()})
 
     @classmethod
-    def alone(cls, form: ModalForm) -> SystemForm:
+    def of_modal_body(cls, form: ModalForm) -> SystemForm:
         """Modal form of a system of one body that is already in modal coordinates."""
         eye, rows = np.eye(form.body.size), tuple(range(len(form.body.row_names)))
         return cls(System.of(form.body), {ALONE: replace(form, X=eye, inverse=eye, rows=rows)})
@@ -56,7 +56,7 @@ class SystemForm:
         return {name: slice(at, at + size) for at, (name, size) in zip(starts, sizes.items(), strict=False)}
 
     @property
-    def used(self) -> NDArray[np.int64]:
+    def mode_columns(self) -> NDArray[np.int64]:
         """Columns (r,) of all modes in the kernel's arrays, without padding."""
         return np.concatenate([np.arange(part.start, part.stop) for part in self.columns.values()])
 
@@ -89,7 +89,7 @@ class SystemForm:
     @cached_property
     def combined(self) -> CombinedRings:
         """System in modal coordinates, and how the forces of all contacts follow from those of combined ones."""
-        return in_modes(self.system, self.forms)
+        return system_in_modes(self.system, self.forms)
 
     def forces(self, multipliers: Array, friction: Array | None) -> Array:
         """Forces (..., m) in N of all contacts from the kernel's multipliers; of cylinders with their pads' friction.
@@ -164,12 +164,12 @@ def start_of(
     return static_start(system, excitation)
 
 
-def failed_at(where: str, form: SystemForm, error: StepError, x: Array) -> SimulationError:
+def step_failure(where: str, form: SystemForm, error: StepError, x: Array) -> SimulationError:
     """Error of a failed step for the user; `where` names the step, x (sides,) in m are the positions of the sides."""
-    return SimulationError(f"march failed at {where}: {reason(form.modal, error, x)}")
+    return SimulationError(f"march failed at {where}: {failure_reason(form.modal, error, x)}")
 
 
-def reason(system: System, error: StepError, x: Array) -> str:
+def failure_reason(system: System, error: StepError, x: Array) -> str:
     """Text of why a step failed, for a system in modal form with sides at x (sides,) m."""
     if error.failure == Failure.UNSETTLED:
         return describe_unsettled(system.contact_names, ~np.isnan(system.clearance))
@@ -181,6 +181,6 @@ def reason(system: System, error: StepError, x: Array) -> str:
     return "not finite" if error.failure == Failure.NOT_FINITE else str(error)
 
 
-def places_of(paths: Sequence[str], s: Array) -> str:
+def path_text(paths: Sequence[str], s: Array) -> str:
     """Text with the coordinates s (P,) in m of the paths."""
     return "".join(f", {path} at {at:g} m" for path, at in zip(paths, s, strict=False))

@@ -15,7 +15,7 @@ from pmr.kernel.state import Failure, Record, Settings, State, StepError
 from pmr.scene.choice import refuse
 from pmr.simulation import balance, contact_step
 from pmr.simulation.excitation import Excitation, places, rates_of_places
-from pmr.simulation.native.form import SystemForm, driver_signals, failed_at, places_of, start_modes, static_start
+from pmr.simulation.native.form import SystemForm, driver_signals, path_text, start_modes, static_start, step_failure
 from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Ended, Progress, in_blocks
@@ -95,16 +95,16 @@ class March:
         self._start: tuple[Any, ...] = ("rest", zero)
         if initial is None and excitation.start == "equilibrium":
             self._start = ("equilibrium", zero)
-            if kernel.modes <= DENSE and self.begin() is None:
+            if kernel.modes <= DENSE and self.start() is None:
                 return
             initial = static_start(system, excitation)  # which also says what nothing holds
         if initial:
             modes = start_modes(form, self.x[0], rates_of_places(system, excitation), initial)
             self._start = ("given", zero, *modes)
-        if error := self.begin():
+        if error := self.start():
             raise self._failure(error, 0)
 
-    def begin(self) -> StepError | None:
+    def start(self) -> StepError | None:
         """Set the kernel's state to t = 0; return the error if that fails, else None."""
         self._sampling = 0.0  # s, of the steps that follow
         try:
@@ -137,9 +137,9 @@ class March:
         balance.refuse_growth(surplus, "march", self._growing)
         return Ended(seconds, surplus)
 
-    def again(self) -> float:
+    def rerun(self) -> float:
         """Take all steps once more from the start, without output; return the solver's time in s."""
-        self.begin()
+        self.start()
         return self.observe(1, lambda first, steps: None)
 
     def observe(self, every: int, take: Callable[[int, Steps], None], progress: Progress | None = None) -> float:
@@ -150,8 +150,8 @@ class March:
         """
         count = (len(self.t) - 1) // every
         most = max(1, min(BLOCK // every, RECORDED // (2 * self.form.kernel.modes), count))
-        record = Record(self.form.kernel, most + 1, self._recorded_names)
-        room = self._room(record)
+        record = Record(self.form.kernel, most + 1, self._record_names)
+        room = self._record_arrays(record)
 
         def advance(first: int, last: int) -> None:
             """Take the steps of records first to last - 1."""
@@ -172,20 +172,20 @@ class March:
         return in_blocks(count + 1, most, self.finest, advance, hand_over, progress) - self._sampling
 
     @property
-    def _recorded_names(self) -> tuple[str, ...]:
+    def _record_names(self) -> tuple[str, ...]:
         """Names of the arrays that are recorded at each step."""
         of_parts = ("peaks", "parts") if self.finest > 1 else ()
         impulses = ("impulses",) if self.pushing.any() else ()
         friction = ("friction",) if self.form.kernel.pads else ()
         return ("z", "v", "multipliers", "energy", "drivers", *of_parts, *impulses, *friction)
 
-    def _room(self, record: Record) -> Steps:
+    def _record_arrays(self, record: Record) -> Steps:
         """Arrays of a record, with the start in the first row."""
         arrays: dict[str, Any] = dict(record.arrays)
         for name, array in arrays.items():
             if name != "impulses":
                 array[0] = getattr(self.state, "multipliers" if name == "peaks" else name)
-        if "parts" in self._recorded_names:
+        if "parts" in self._record_names:
             record.parts[0] = 1
             arrays["parts"] = record.parts
         return Steps(**arrays)
@@ -234,19 +234,19 @@ class March:
         """Error of a failed step for the user."""
         modal = self.form.modal
         at = {path: self._s[step, k] for k, path in enumerate(self._paths)}
-        return failed_at(self._where(step), self.form, error, modal.side_coordinates(at))
+        return step_failure(self._step_text(step), self.form, error, modal.side_coordinates(at))
 
     def _check_finite(self, recorded: Array, first: int, every: int) -> None:
         """Raise SimulationError at the first row that is not finite; row 0 is step `first` times `every`."""
         finite = np.isfinite(recorded).all(axis=1)
         if not finite.all():
-            where = self._where((first + int(np.argmin(finite))) * every)
+            where = self._step_text((first + int(np.argmin(finite))) * every)
             raise SimulationError(f"march failed at {where}: not finite")
 
-    def _where(self, step: int) -> str:
+    def _step_text(self, step: int) -> str:
         """Text with number and time of a step, and the path coordinates."""
         number = f"step {step}, " if step else ""
-        return f"{number}t = {self.t[step]:g} s{places_of(self._paths, self._s[step])}"
+        return f"{number}t = {self.t[step]:g} s{path_text(self._paths, self._s[step])}"
 
 
 def without_pull(multipliers: Array, pushing: NDArray[np.bool_]) -> None:

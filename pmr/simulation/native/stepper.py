@@ -34,7 +34,7 @@ from pmr.simulation.contact_step import MOST_PARTS, contact_frequency, levels
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.moving import MovingFrame, Recorded, read_scene
 from pmr.simulation.native.driving import JUMP, Drivers, Motion, Values, number_of
-from pmr.simulation.native.form import SystemForm, failed_at, places_of, start_modes, static_start
+from pmr.simulation.native.form import SystemForm, path_text, start_modes, static_start, step_failure
 from pmr.simulation.native.march import DENSE
 from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState
@@ -268,29 +268,31 @@ class Stepper:
 
         With `parts` = 1, impacts lose force and energy where this is above `contact_step.RESOLVED` (docs/pads.md).
         """
-        return self._step * contact_frequency(self._system, self._anywhere)
+        return self._step * contact_frequency(self._system, self._full_range)
 
     def check_finite(self) -> None:
         """Raise SimulationError if the state is not finite: loads may have been NaN."""
         if not np.all(np.isfinite(self._state.z)):
-            raise SimulationError(f"march failed at {self._where}: not finite")
+            raise SimulationError(f"march failed at {self._step_text}: not finite")
 
     def _start(self, initial: Mapping[str, InitialState] | None, static: bool) -> None:
         """Set the state to t = 0: as `initial` says, in equilibrium if it is None and `static`, or at rest."""
         kernel, motions = self._state.kernel, self._bound.motions
         u = kernel.frame_drivers(motions)[0] if kernel.motions else motions[0].copy()
-        modal, paths = self._form.modal, self._places
+        modal, paths = self._form.modal, self._path_coordinates
         x = modal.side_coordinates(paths)
         refuse("march", needs_of(modal, Assembly(modal).contact_rows(x).rigid, x[None], self._rho_inf))
         if initial is None and static:
-            if kernel.modes <= DENSE and self._begin("equilibrium") is None:
+            if kernel.modes <= DENSE and self._start_kernel("equilibrium") is None:
                 return
-            initial = static_start(self._system, self._constant(paths, u))  # which also says what nothing holds
+            initial = static_start(
+                self._system, self._constant_excitation(paths, u)
+            )  # which also says what nothing holds
         x = self._system.side_coordinates(paths)
-        if error := self._begin("given", *start_modes(self._form, x, np.zeros(len(x)), initial or {})):
+        if error := self._start_kernel("given", *start_modes(self._form, x, np.zeros(len(x)), initial or {})):
             raise self._failure("t = 0 s", error)
 
-    def _begin(self, kind: Literal["given", "equilibrium"], *modes: Array) -> StepError | None:
+    def _start_kernel(self, kind: Literal["given", "equilibrium"], *modes: Array) -> StepError | None:
         """Start the kernel with a kind of start; return the error if that fails, else None."""
         motions = self._bound.motions
         try:
@@ -302,7 +304,7 @@ class Stepper:
             return error
         return None
 
-    def _constant(self, paths: Mapping[str, float], u: Array) -> Excitation:
+    def _constant_excitation(self, paths: Mapping[str, float], u: Array) -> Excitation:
         """Excitation of one step with constant paths, loads and terms, as in the drivers u (N,)."""
         names, first = (self._system.input_names, self._system.term_names), len(paths)
         split = np.split(u[first:], [len(names[0])])
@@ -314,11 +316,11 @@ class Stepper:
         return Excitation(still, loads, TimeStepping(self._step, self._step, self._rho_inf), terms=terms)
 
     @property
-    def _places(self) -> dict[str, float]:
+    def _path_coordinates(self) -> dict[str, float]:
         """Coordinates in m of all paths of the system, by name."""
         kernel = self._state.kernel
         if not kernel.motions:
-            return self._drivers.places
+            return self._drivers.path_coordinates
         paths = kernel.names("drivers")[: kernel.paths]
         return dict(zip(paths, kernel.frame_drivers(self._bound.motions)[0][: kernel.paths].tolist(), strict=True))
 
@@ -330,12 +332,12 @@ class Stepper:
         modal = self._form.modal
         if np.isnan(modal.clearance).all():
             return (1,), 0.0
-        way = self._anywhere if scene is None else scene.excitation
+        way = self._full_range if scene is None else scene.excitation
         omega = contact_frequency(modal, way) if parts == 0 else 0.0
         return levels(omega, TimeStepping(self._step, self._step, parts=parts)), omega
 
     @property
-    def _anywhere(self) -> Excitation:
+    def _full_range(self) -> Excitation:
         """Excitation whose paths lead from one end of their ranges to the other in one step."""
         ends = {path: Ramp(times=(0.0, self._step), values=ends) for path, ends in self._ranges.items()}
         return Excitation(ends, {}, TimeStepping(self._step, self._step / 64.0))
@@ -343,17 +345,17 @@ class Stepper:
     def _raise_failure(self, failed: int) -> None:
         """Raise the error of a failed step."""
         try:
-            self._state.raise_unless_done(failed, self._where)
+            self._state.raise_unless_done(failed, self._step_text)
         except StepError as error:
-            raise self._failure(self._where, error) from None
+            raise self._failure(self._step_text, error) from None
 
     def _failure(self, where: str, error: StepError) -> SimulationError:
         """Error of a failed step or start, for the user."""
-        paths = self._places
-        where = f"{where}{places_of(tuple(paths), np.array(list(paths.values())))}"
-        return failed_at(where, self._form, error, self._form.modal.side_coordinates(paths))
+        paths = self._path_coordinates
+        where = f"{where}{path_text(tuple(paths), np.array(list(paths.values())))}"
+        return step_failure(where, self._form, error, self._form.modal.side_coordinates(paths))
 
     @property
-    def _where(self) -> str:
+    def _step_text(self) -> str:
         """Text with number and time of the next step."""
         return f"step {self._steps + 1}, t = {self.time + self._step:g} s"

@@ -130,7 +130,7 @@ def observe(
     `pmr.simulation.SystemSimulator`.
     """
     march, system = March(form, excitation), form.system
-    count, chosen = excitation.stepping.steps // every + 1, by_body(system, outputs)
+    count, chosen = excitation.stepping.steps // every + 1, outputs_by_body(system, outputs)
     sizes = {name: len(np.arange(system.bodies[name].outputs.shape[0])[which]) for name, which in chosen.items()}
     y, forces, evaluated = np.empty((count, sum(sizes.values()))), np.empty((count, len(system.contacts))), 0.0
     rubbing, P = Friction.from_contacts(system.contacts), form.kernel.paths
@@ -167,7 +167,7 @@ def displacements(
     `outputs` are numbers among those of all bodies, one body after the other, ascending; None: all.
     """
     outputs_of_bodies, first = {}, 0
-    for name, chosen in by_body(system, outputs).items():
+    for name, chosen in outputs_by_body(system, outputs).items():
         body, motion = system.bodies[name], trajectory.bodies[name]
         last = first + len(body.input_names)
         turned = None if trajectory.moments is None else system.side_multipliers(name, trajectory.moments)
@@ -179,7 +179,7 @@ def displacements(
     return outputs_of_bodies
 
 
-def by_body(system: System, outputs: Sequence[int] | None) -> dict[str, Indices | slice]:
+def outputs_by_body(system: System, outputs: Sequence[int] | None) -> dict[str, Indices | slice]:
     """Indices of `outputs` within each body's own outputs; None: all.
 
     The arguments are indices among the outputs of all bodies, one body after the other, ascending.

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.export.fmi import fmu
-from pmr.export.fmi.fmu import Contents, contents
+from pmr.export.fmi.fmu import Contents, fmu_contents
 from pmr.reduced.model import ReducedModel
 from pmr.simulation.moving import read_scene
 from pmr.system.system import System
@@ -47,13 +47,13 @@ class Library:
 def library(model: ReducedModel, folder: Path, version: str) -> Library:
     """Unpack the FMU of a body alone in a folder and load it."""
     return loaded(
-        contents(System.of(model), read_scene(System.of(model), "model.npz"), "body", version), folder, version
+        fmu_contents(System.of(model), read_scene(System.of(model), "model.npz"), "body", version), folder, version
     )
 
 
 def loaded(unit: Contents, folder: Path, version: str) -> Library:
     """Unpack the contents of an FMU in a folder and load the package's binary for it."""
-    (host,) = fmu.chosen("host", "3")
+    (host,) = fmu.selected_platforms("host", "3")
     library = Path(fmu.__file__).parent / "binaries" / host.folder_3 / f"pmr_fmi{host.suffix}"
     resources = folder / f"fmi {version}" / "resources"
     resources.mkdir(parents=True)

@@ -19,7 +19,7 @@ from oracle import flexible, project, rich_body
 from springs import CompliantRows
 
 from pmr.errors import BEYOND_ENDS
-from pmr.export.fmi.fmu import Contents, contents
+from pmr.export.fmi.fmu import Contents, fmu_contents
 from pmr.export.fmi.reference import reference
 from pmr.export.fmi.variables import Drivers
 from pmr.reduced.model import ReducedModel
@@ -59,7 +59,7 @@ def provided(model: ReducedModel, path: SignalBase, loads: tuple[SignalBase, ...
 
 def described(model: ReducedModel, version: str) -> Contents:
     """What an FMU of it holds."""
-    return contents(System.of(model), read_scene(System.of(model), "model.npz"), "body", version)
+    return fmu_contents(System.of(model), read_scene(System.of(model), "model.npz"), "body", version)
 
 
 def model_of(kind: str) -> ReducedModel:

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 import pmr
 from pmr.errors import InputError
-from pmr.export.fmi.fmu import contents
+from pmr.export.fmi.fmu import fmu_contents
 from pmr.export.fmi.variables import Drivers, path_names
 from pmr.scene import Scene, load_any
 from pmr.scene.mechanism import CYLINDER
@@ -102,7 +102,7 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     scene = load_any(WORKFLOWS / "crane.toml", changes)
     found = pmr.reduce(scene)
     system = System.load(found.system.save(tmp_path_factory.mktemp("system") / "system.npz"))
-    texts = contents(system, read_scene(system, "system.npz"), "crane", version)
+    texts = fmu_contents(system, read_scene(system, "system.npz"), "crane", version)
     library = loaded(texts, tmp_path_factory.mktemp("fmu"), version)
     return Made(found.scene, system, Drivers.of(system), library, texts.texts)
 

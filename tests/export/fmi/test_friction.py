@@ -11,7 +11,7 @@ from export.fmi.libraries import CallError, Instance, Library, loaded
 from export.fmi.test_systems import BOTH_WAYS, WORKFLOWS
 from numpy.typing import NDArray
 
-from pmr.export.fmi.fmu import contents
+from pmr.export.fmi.fmu import fmu_contents
 from pmr.pipeline import reduce
 from pmr.reduction.bodies import Reduction
 from pmr.scene import load_any
@@ -52,7 +52,7 @@ class Made:
         assert isinstance(found, Reduction)
         self.system = System.load(found.system.save(folder / "system.npz"))
         self.library: Library = loaded(
-            contents(self.system, read_scene(self.system, "system.npz"), "boom", version), folder, version
+            fmu_contents(self.system, read_scene(self.system, "system.npz"), "boom", version), folder, version
         )
         self.pushes = not np.isnan(self.system.clearance).all()
         t = STEP * np.arange(STEPS + 1)

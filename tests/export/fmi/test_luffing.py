@@ -11,7 +11,7 @@ from export.fmi.libraries import Instance, loaded
 from turning_cylinder import Rigid, boom
 
 import pmr
-from pmr.export.fmi.fmu import contents
+from pmr.export.fmi.fmu import fmu_contents
 from pmr.simulation.moving import read_scene
 from pmr.system.system import System
 
@@ -21,7 +21,7 @@ def test_the_cylinder_carries_the_weight_at_each_angle(tmp_path: Path) -> None:
     """The arm is the height of the triangle of pivot, foot and lug over the cylinder; how it changes with the angle."""
     found = pmr.reduce(raised({"kind": "smooth_ramp", "times": [0.0, 2.0], "values": [0.3, 0.9]}))
     system = System.load(found.reduced.save(tmp_path / "reduced.npz"))
-    library = loaded(contents(system, read_scene(system, "reduced.npz"), "boom", "3"), tmp_path, "3")
+    library = loaded(fmu_contents(system, read_scene(system, "reduced.npz"), "boom", "3"), tmp_path, "3")
     output = "reaction_of_pivot_cylinder"
 
     def pressed(angle: float) -> float:
@@ -45,7 +45,7 @@ def test_a_cylinder_that_gives_way_turns_with_the_angle(tmp_path: Path) -> None:
     """Forces at rest as of a rigid boom, at angles that the scene does not have, and their change with the angle."""
     found = pmr.reduce(boom(20.0, "beam2d", 1e12))
     system = System.load(found.system.save(tmp_path / "system.npz"))
-    library = loaded(contents(system, read_scene(system, "system.npz"), "boom", "3"), tmp_path, "3")
+    library = loaded(fmu_contents(system, read_scene(system, "system.npz"), "boom", "3"), tmp_path, "3")
     force, pin = "force_of_s0_luffing_cylinder", [f"reaction_of_s0_pin_{axis}" for axis in "xz"]
     for degrees in (5.0, 65.0):
         instance, rigid = Instance(library), Rigid(np.deg2rad(degrees))

@@ -15,7 +15,7 @@ from oracle import flexible, rich_body
 
 from pmr.errors import InputError
 from pmr.export.fmi import fmu
-from pmr.export.fmi.fmu import PLATFORMS, chosen
+from pmr.export.fmi.fmu import PLATFORMS, selected_platforms
 from pmr.export.formats import Options, write
 from pmr.simulation.moving import read_scene
 from pmr.system.system import System
@@ -33,15 +33,16 @@ from pmr.system.system import System
 def test_by_default_it_is_the_one_of_this_machine(monkeypatch, machine: str, system: str, folder: str) -> None:
     monkeypatch.setattr("platform.machine", lambda: machine)
     monkeypatch.setattr("platform.system", lambda: system)
-    assert [one.folder_3 for one in chosen(None, "3")] == [folder] == [one.folder_3 for one in chosen("host", "3")]
-    assert chosen("all", "3") == PLATFORMS
+    for platforms in (None, "host"):
+        assert [platform.folder_3 for platform in selected_platforms(platforms, "3")] == [folder]
+    assert selected_platforms("all", "3") == PLATFORMS
 
 
 @pytest.mark.parametrize(("machine", "system", "version"), [("riscv64", "Linux", "3"), ("aarch64", "Linux", "2")])
 def test_a_machine_that_no_binary_is_for_gets_all(monkeypatch, machine: str, system: str, version: str) -> None:
     monkeypatch.setattr("platform.machine", lambda: machine)
     monkeypatch.setattr("platform.system", lambda: system)
-    assert chosen(None, version) == PLATFORMS
+    assert selected_platforms(None, version) == PLATFORMS
 
 
 def test_anything_else_is_refused(tmp_path: Path) -> None:
@@ -53,7 +54,7 @@ def test_anything_else_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("version", "count"), [("2", 3), ("3", 5)])
 def test_each_has_its_place_in_the_archive(tmp_path: Path, monkeypatch, version: str, count: int) -> None:
-    monkeypatch.setattr(fmu, "binary", lambda platform: platform.target.encode())
+    monkeypatch.setattr(fmu, "library_bytes", lambda platform: platform.target.encode())
     model = provided(flexible(rich_body(), 6), PATH, LOADS)
     system = System.of(model)
     file = fmu.write(system, read_scene(system, "model.npz"), tmp_path / "boom.fmu", version)
@@ -72,7 +73,7 @@ def test_without_binary_or_compiler_it_says_what_to_install(monkeypatch) -> None
     monkeypatch.setattr(fmu, "_HERE", Path("nowhere"))
     monkeypatch.setitem(sys.modules, "ziglang", None)
     with pytest.raises(InputError, match="ziglang"):
-        fmu.binary(other)
+        fmu.library_bytes(other)
 
 
 @pytest.mark.slow

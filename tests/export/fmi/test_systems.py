@@ -15,7 +15,7 @@ from export.fmi.libraries import CallError, Instance, Library, loaded
 from numpy.typing import NDArray
 
 from pmr.errors import BEYOND_ENDS, InputError
-from pmr.export.fmi.fmu import contents
+from pmr.export.fmi.fmu import fmu_contents
 from pmr.export.fmi.reference import reference
 from pmr.export.fmi.variables import Drivers
 from pmr.pipeline import reduce
@@ -98,7 +98,7 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     scene, changes, version = KINDS[request.param]
     found = reduced(scene, *changes)
     system = System.load(found.system.save(tmp_path_factory.mktemp("system") / "system.npz"))
-    texts = contents(system, read_scene(system, "system.npz"), "boom", version)
+    texts = fmu_contents(system, read_scene(system, "system.npz"), "boom", version)
     return Made(found.scene, system, loaded(texts, tmp_path_factory.mktemp("fmu"), version))
 
 
@@ -335,7 +335,7 @@ def test_pads_with_a_clearance_find_where_they_lie(tmp_path: Path) -> None:
     wide = tuple(f"section.joint.{ring}.0.clearance=2e-3" for ring in ("tail", "mouth"))
     found = reduced("boom_two", *wide, "time.end=0.01")
     scene, assembly = of_boom(found.scene, found.system), Assembly(found.system)
-    made = Made(found.scene, found.system, loaded(contents(found.system, scene, "boom", "3"), tmp_path, "3"))
+    made = Made(found.scene, found.system, loaded(fmu_contents(found.system, scene, "boom", "3"), tmp_path, "3"))
     expected = equilibrium(assembly, places(found.system, made.excitation)[0], scene.first_loads)
     instance = Instance(made.library)
     instance.initialise()
@@ -386,7 +386,7 @@ def renamed(system: System, scene: Recorded, bodies: tuple[str, ...], path: str)
 def test_any_name_leaves_a_description_that_can_be_read(two: Reduction, version: str) -> None:
     for one, other in zip(HOSTILE, reversed(HOSTILE), strict=True):
         system, scene = renamed(two.system, of_boom(two.scene, two.system), (one, other), one)
-        texts = contents(system, scene, "boom", version).texts
+        texts = fmu_contents(system, scene, "boom", version).texts
         root = ET.fromstring(texts["modelDescription.xml"].encode())
         names = [v.attrib["name"] for v in root.find("ModelVariables") or ()]
         assert len(set(names)) == len(names) > 100
@@ -397,7 +397,7 @@ def test_any_name_leaves_a_description_that_can_be_read(two: Reduction, version:
 
 
 def test_inputs_of_sections_have_their_units(two: Reduction) -> None:
-    texts = contents(two.system, of_boom(two.scene, two.system), "boom", "3").texts
+    texts = fmu_contents(two.system, of_boom(two.scene, two.system), "boom", "3").texts
     root = ET.fromstring(texts["modelDescription.xml"])
     given = {v.attrib["name"]: v.attrib for v in root.iter("Float64") if v.attrib["causality"] == "input"}
     units = {name: has["unit"] for name, has in given.items() if "_rate" not in name}
@@ -417,7 +417,7 @@ def test_a_body_without_contacts_or_paths_is_a_system_too(two: Reduction, tmp_pa
     weight = of_boom(two.scene, two.system).excitation.loads["base.gravity"]
     driven = Excitation({}, {"base.gravity": weight}, stepping, start="equilibrium")
     scene = Recorded("base", driven, np.array([9.81]))
-    instance = Instance(loaded(contents(system, scene, "base", "3"), tmp_path, "3"))
+    instance = Instance(loaded(fmu_contents(system, scene, "base", "3"), tmp_path, "3"))
     (moved,) = [[name for name in instance.library.named("output") if name.endswith("tip_z")]]
     instance.initialise()
     assembly = Assembly(system)

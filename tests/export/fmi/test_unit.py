@@ -12,7 +12,7 @@ from export.fmi.test_body import LOADS, PATH, STEP, provided
 from numpy.typing import NDArray
 from oracle import flexible, rich_body
 
-from pmr.export.fmi.fmu import Contents, contents
+from pmr.export.fmi.fmu import Contents, fmu_contents
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.state import Settings, State
 from pmr.reduced.model import ReducedModel
@@ -26,7 +26,7 @@ VERSIONS = pytest.mark.parametrize("version", ["2", "3"])
 
 
 def unit_of(model: ReducedModel, version: str = "3") -> Contents:
-    return contents(System.of(model), read_scene(System.of(model), "model.npz"), "body", version)
+    return fmu_contents(System.of(model), read_scene(System.of(model), "model.npz"), "body", version)
 
 
 def model(last: float) -> ReducedModel:

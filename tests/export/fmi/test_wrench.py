@@ -10,7 +10,7 @@ import pytest
 from export.fmi.libraries import Instance, loaded
 
 import pmr
-from pmr.export.fmi.fmu import contents
+from pmr.export.fmi.fmu import fmu_contents
 from pmr.scene import load_any
 from pmr.simulation.moving import read_scene
 from pmr.system.system import System
@@ -35,7 +35,7 @@ def test_a_wrench_at_the_tip_reaches_the_pin(tmp_path: Path) -> None:
     (tmp_path / "crane.toml").write_text(text.replace("\n[damping]", f"\n{wrench}\n[damping]"))
     found = pmr.reduce(load_any(tmp_path / "crane.toml", QUICK))
     system = System.load(found.system.save(tmp_path / "system.npz"))
-    library = loaded(contents(system, read_scene(system, "system.npz"), "crane", "3"), tmp_path, "3")
+    library = loaded(fmu_contents(system, read_scene(system, "system.npz"), "crane", "3"), tmp_path, "3")
     inputs = [name for name in library.named("input") if "_rate" not in name]
     assert [name for name in inputs if name in NAMES] == NAMES
     reactions = [f"reaction_of_base_pin_{axis}" for axis in ("x", "y", "z", "rx", "rz")]

@@ -23,7 +23,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.modal import modal_form
-from pmr.simulation.native.form import reason
+from pmr.simulation.native.form import failure_reason
 from pmr.simulation.native.march import without_pull
 from pmr.simulation.native.stepper import Stepper
 from pmr.system.body import Trajectory, pushing_rows
@@ -316,7 +316,9 @@ def test_steps_take_no_memory(few: ReducedModel) -> None:
 
 def test_what_is_not_settled_is_named(few: ReducedModel) -> None:
     error = StepError("", Failure.UNSETTLED, -1)
-    assert f"which of the rows {', '.join(NAMES)} are closed" in reason(System.of(few), error, np.zeros(len(NAMES)))
+    assert f"which of the rows {', '.join(NAMES)} are closed" in failure_reason(
+        System.of(few), error, np.zeros(len(NAMES))
+    )
 
 
 def test_pads_that_only_push_never_pull_not_even_by_round_off(few: ReducedModel) -> None:

@@ -46,20 +46,20 @@ class Machine:
     fields: Integers
     inertial: Integers
     masses: Array
-    first: Array
+    first_moments: Array
     loads: Array
     rotating: Array
-    carried: Array
+    second_moments: Array
     of_shortened: Integers
     shortened: Array
     motions: Array
     rates: Array
-    given: Array
-    pushed: Array
+    base_motion: Array
+    external: Array
     weight: Array
 
 
-class Carried:
+class MachineSimulation:
     """Simulation of a machine with its boom, and what is recorded of the machine at T steps; `state` is the boom's.
 
     An InputError is raised for a boom that a machine can't carry: on a frame without a base that moves, with contacts
@@ -80,11 +80,11 @@ class Carried:
         counts = {"sections": len(machine.masses), "shortened_count": len(machine.of_shortened)}
         self._arrays = arrays  # they stay as long as what points to them
         self._machine = ffi.new("pmr_machine *", scalars | counts | {"inertial_count": len(machine.inertial)})
-        out = ffi.new("pmr_carried **")
-        if lib.pmr_carried_open(state.pointer, self._machine, out):
+        out = ffi.new("pmr_machine_run **")
+        if lib.pmr_machine_run_open(state.pointer, self._machine, out):
             allowed = "a frame with a base that moves, contacts that hold both ways and steps without parts and energy"
             raise InputError("machine", "boom", None, f"{allowed} are allowed")
-        self._carried = ffi.gc(out[0], lib.pmr_carried_close)
+        self._run = ffi.gc(out[0], lib.pmr_machine_run_close)
         steps, inertial = len(machine.motions), len(machine.inertial)
         self.number = 0
         self.motion = np.zeros((steps, 3, 6))  # directions, their rates and second rates
@@ -93,19 +93,19 @@ class Carried:
         self.momenta = np.zeros((steps, 6))  # linear momentum; angular momentum about the ground's origin
         self.inertia = np.zeros((steps, inertial))  # values of the inputs by which the frame accelerates the boom
 
-    def _record(self, first: int) -> Any:
+    def _record_pointers(self, first: int) -> Any:
         """Pointers to the rows of the recorded arrays from row `first` on."""
         names = ("motion", "held", "springs", "momenta", "inertia")
-        return ffi.new("pmr_carried_record *", {name: pointer(getattr(self, name)[first:]) for name in names})
+        return ffi.new("pmr_machine_record *", {name: pointer(getattr(self, name)[first:]) for name in names})
 
-    def needed(self, motion: Array, z: Array, v: Array, a: Array) -> Array:
+    def holding_forces(self, motion: Array, z: Array, v: Array, a: Array) -> Array:
         """Forces (6,) in N and N m that hold the machine at t = 0, by its directions x, y, z, roll, pitch and yaw.
 
         It has the `motion` (3, 6): directions in m and rad, rates, second rates; the boom's modes are at z, their rates
         v and accelerations a (modes,).  A StepError is raised if compliant contacts depend on each other.
         """
         forces, arrays = np.zeros(6), [np.ascontiguousarray(array, float) for array in (motion, z, v, a)]
-        failed = lib.pmr_carried_needed(self._carried, *map(pointer, arrays), pointer(forces))
+        failed = lib.pmr_machine_run_holding_forces(self._run, *map(pointer, arrays), pointer(forces))
         self._raise_unless_done(failed, 0)
         return forces
 
@@ -117,7 +117,7 @@ class Carried:
         """
         self.number = 0
         arrays = [np.ascontiguousarray(array, float) for array in (motion, z, v)]
-        failed = lib.pmr_carried_start(self._carried, *map(pointer, arrays), self._record(0))
+        failed = lib.pmr_machine_run_start(self._run, *map(pointer, arrays), self._record_pointers(0))
         self._raise_unless_done(failed, 0)
 
     def advance(self, count: int) -> None:
@@ -130,7 +130,7 @@ class Carried:
         taken, first, left = ffi.new("int64_t *"), self.number + 1, len(self.motion) - 1 - self.number
         if not 0 <= count <= left:
             raise InputError("machine", "steps", count, f"0 to {left} are allowed")
-        failed = lib.pmr_carried_advance(self._carried, first, count, self._record(first), taken)
+        failed = lib.pmr_machine_run_advance(self._run, first, count, self._record_pointers(first), taken)
         self.number += int(taken[0])
         self._raise_unless_done(failed, self.number + 1)
 

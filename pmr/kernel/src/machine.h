@@ -1,6 +1,6 @@
 /* A machine and the boom that it carries, at one moment: what moments.c, whole.c and machine.c share. */
-#ifndef PMR_CARRIED_H
-#define PMR_CARRIED_H
+#ifndef PMR_MACHINE_H
+#define PMR_MACHINE_H
 
 enum { MOST_SECTIONS = 16 };
 
@@ -38,7 +38,7 @@ typedef struct {
     machine_whole whole;
 } trial;
 
-struct pmr_carried {
+struct pmr_machine_run {
     const pmr_machine *machine;
     pmr_state *state;
     machine_past past;
