@@ -75,7 +75,7 @@ def scene(name: str, *settings: str) -> Scene:
 
 def drive(name: str) -> Excitation:
     """Excitation of a case of the paper."""
-    return Excitation.of(scene(CASES[name]))
+    return Excitation.from_scene(scene(CASES[name]))
 
 
 def sliding(steps: int) -> Excitation:

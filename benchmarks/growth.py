@@ -23,7 +23,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.reduction.bodies import reduce_bodies
 from pmr.scene.signals import Constant, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping
-from pmr.simulation.excitation import places
+from pmr.simulation.excitation import side_positions
 from pmr.simulation.modal import ModalForm
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
@@ -123,7 +123,7 @@ def _estimate(boom: Boom) -> Callable[[], float]:
 
 def _frequencies(boom: Boom) -> Callable[[], float]:
     """Function that returns the processor time in s of the frequencies at one position."""
-    x = places(boom.system, boom.driven(PLACES))
+    x = side_positions(boom.system, boom.driven(PLACES))
     return lambda: _processor(lambda: Assembly(boom.system).frequencies(x, LOWEST)) / len(x)
 
 

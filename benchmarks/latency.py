@@ -107,7 +107,7 @@ for what, outputs in (("all outputs", None), ("one output", system.output_names[
     stepper = pmr.Stepper(system, excitation.stepping.step, places, outputs=outputs)
     times[f"boom_three, {what}"] = least(lambda n: stepper.step({"fly": fly[n + 1]}))
 system = System.load(f"{folder}/crane.npz")
-frame, excitation = MovingFrame.of(system), read_scene(system, "crane").excitation
+frame, excitation = MovingFrame.from_system(system), read_scene(system, "crane").excitation
 motions = frame.motions(excitation, excitation.times[:4001]).tolist()
 def given(names, k):
     numbers = [frame.drivers.index(name) for name in names]

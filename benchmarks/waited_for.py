@@ -130,9 +130,9 @@ def exudyn(_: Place) -> Taken:
     from pmr.simulation.native import systems
 
     scene = load_scene(ROOT / "workflows" / "boom_three.toml")
-    system, excitation = reduce(scene).system, Excitation.of(scene)
+    system, excitation = reduce(scene).system, Excitation.from_scene(scene)
     made, omega = systems.simulate(system, excitation).parts, contact_step.contact_frequency(system, excitation)
-    same = excitation.with_stepping(contact_step.as_made(excitation.stepping, made, omega))
+    same = excitation.with_stepping(contact_step.with_schedule(excitation.stepping, made, omega))
     return timed(lambda: exudyn.simulate_system(system, same, systems.start_of(system, same)))
 
 

@@ -118,7 +118,7 @@ def as_cable(hub: Hub, scene: Scene) -> Swing:
 
 def as_reduced(hub: Hub, scene: Scene) -> Swing:
     """Simulate the scene's reduced beam on rigid bodies of Exudyn, in space."""
-    system, excitation = system_of(scene, {ALONE: pmr.reduce(scene).reduced}), Excitation.of(scene)
+    system, excitation = system_of(scene, {ALONE: pmr.reduce(scene).reduced}), Excitation.from_scene(scene)
     container = exu.SystemContainer()
     mbs = container.AddSystem()
     ground = mbs.CreateGround()

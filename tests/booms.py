@@ -27,4 +27,4 @@ class Boom:
 def boom(model: StructuralModel, span: float = 10.0, overrides: Sequence[str] = ()) -> Boom:
     """Build the reference boom with a structural model, over `span` s, with further settings of its scene."""
     scene = scenes.load(WORKFLOWS / "boom_beam.toml", [f"time.end={span}", *overrides])
-    return Boom(replace(structure_of(member_at(scene)), model=model), Excitation.of(scene))
+    return Boom(replace(structure_of(member_at(scene)), model=model), Excitation.from_scene(scene))

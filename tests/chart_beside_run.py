@@ -21,7 +21,7 @@ from pmr.scene import Scene
 from pmr.scene.checks import check
 from pmr.scene.mechanism import CYLINDER
 from pmr.simulation import Excitation
-from pmr.simulation.excitation import places
+from pmr.simulation.excitation import side_positions
 from pmr.simulation.native import systems
 from pmr.simulation.reactions import with_forces_on_machine
 from pmr.simulation.statics.loaded import LoadedStates
@@ -148,8 +148,8 @@ class Run:
         if limit.of == "buckling":
             return second_order_effect(self.scene, self.system.bodies).least_factor
         if limit.of == "frequency":
-            excitation = Excitation.of(self.scene)
-            x, c = places(self.system, excitation)[0], excitation.amplitudes(self.system.term_names)[0]
+            excitation = Excitation.from_scene(self.scene)
+            x, c = side_positions(self.system, excitation)[0], excitation.amplitudes(self.system.term_names)[0]
             return float(Assembly(self.system).frequencies(x, 1, c)[0])
         raise NotImplementedError(limit.of)
 
@@ -241,7 +241,7 @@ def run(plain: Mapping[str, Any], wind: float, mass: float) -> Run:
     changed["gravity"] = {"rise": 0.0}
     scene = scene_of(changed)
     system = join_bodies(scene, reduce_bodies(scene, shared.bodies_of(scene)))
-    excitation = Excitation.of(scene)
+    excitation = Excitation.from_scene(scene)
     moved = systems.simulate(system, excitation, systems.start_of(system, excitation))
     return Run(scene, system, with_forces_on_machine(scene, evaluate_motion(system, moved)), mass)
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.kernel.further import ANGLES, AXES
-from pmr.simulation.frame_motion import Turning
+from pmr.simulation.frame_motion import FrameRotation
 from pmr.simulation.moving import GRAVITY, OF_BASE, MovingFrame
 
 Array = NDArray[np.float64]
@@ -23,7 +23,7 @@ def _quantities(frame: MovingFrame, drivers: Array) -> Array:
     """Values (q,) of the frame's quantities, in its order, from the drivers (3, n)."""
     at, none = dict(zip(frame.drivers, drivers.T, strict=True)), np.zeros(3)
     angles = [tuple(at.get(name, none)[:, None]) for name in ANGLES]
-    turning = Turning.by(angles[0], angles[1], angles[2:] if OF_BASE[0] in frame.angles else ())
+    turning = FrameRotation.from_angles(angles[0], angles[1], angles[2:] if OF_BASE[0] in frame.angles else ())
     tables = {
         "turned": turning.rotation[0],
         "velocity": turning.velocity[0],

@@ -32,7 +32,7 @@ class Turret:
 
     def __init__(self, scene: Scene, kind: str = "EP", changes: tuple[str, ...] = (), **body: Any) -> None:
         self._container, self.scene, self.system = exu.SystemContainer(), scene, free_boom.system(*changes)
-        self.mbs, self.excitation = self._container.AddSystem(), Excitation.of(scene)
+        self.mbs, self.excitation = self._container.AddSystem(), Excitation.from_scene(scene)
         self.renderer = self._container.renderer
         self.body = self.mbs.CreateRigidBody(inertia=TURRET, nodeType=KINDS[kind], **body)
         self.on = OnBody(self.body, scene, PLACE)
@@ -100,7 +100,7 @@ class Turret:
         base, found = self.base(), []
         for k, t in enumerate(self.t):
             turned, _, motion, R = base.kinematics(self.x[k], self.x_t[k])
-            out = base.extended(t, self.z[k], self.z_t[k])
+            out = base.extensions(t, self.z[k], self.z_t[k])
             O = self.x[k, :3] + base.reference[:3]
             velocity, com, J = R.T @ self.x_t[k, :3], TURRET.com, TURRET.inertiaTensor
             linear = TURRET.mass * (velocity + np.cross(motion.omega, com))
@@ -119,8 +119,8 @@ class Turret:
         for k, t in enumerate(self.t):
             turned, _, motion, R = base.kinematics(self.x[k], self.x_t[k])
             velocity, q, rate, omega = R.T @ self.x_t[k, :3], self.q[k], self.q_t[k], motion.omega
-            out = base.extended(t, self.z[k], self.z_t[k])
-            places = equations.at(dict(zip(base.paths.names, out.value, strict=True)))
+            out = base.extensions(t, self.z[k], self.z_t[k])
+            places = equations.side_positions_on(dict(zip(base.paths.names, out.value, strict=True)))
             K = contacts.springs(places)[0][:, : equations.size]
             own = momenta.kinetic(base.boom, motion, turned[:3] @ self.x_t[k], out, q, rate, base.moments(out))
             turret = TURRET.mass * velocity @ (velocity / 2.0 + np.cross(omega, TURRET.com))

@@ -5,26 +5,38 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulation.floating import Extended, Moments, Motion, State
+from pmr.simulation.floating import BoomState, Extensions, FrameMotion, Moments
 from pmr.simulation.free_base import FreeBase
 
 Array = NDArray[np.float64]
 
 
 def momentum(
-    of: FreeBase, motion: Motion, v: Array, extended: Extended, q: Array, rate: Array, moments: Moments | None = None
+    of: FreeBase,
+    motion: FrameMotion,
+    v: Array,
+    extended: Extensions,
+    q: Array,
+    rate: Array,
+    moments: Moments | None = None,
 ) -> Array:
     """Linear and angular momentum (6,) about O in the boom's axes, with O moving at v (3,) m/s."""
-    at = State(of.boom, motion, extended, q, rate, moments)
+    at = BoomState(of.boom, motion, extended, q, rate, moments)
     linear = of.boom.mass * v + np.cross(motion.omega, at.s) + at.s_rate
     return np.append(linear, np.cross(at.s, v) + at.inertia @ motion.omega + at.h)
 
 
 def kinetic(
-    of: FreeBase, motion: Motion, v: Array, extended: Extended, q: Array, rate: Array, moments: Moments | None = None
+    of: FreeBase,
+    motion: FrameMotion,
+    v: Array,
+    extended: Extensions,
+    q: Array,
+    rate: Array,
+    moments: Moments | None = None,
 ) -> float:
     """Kinetic energy in J, without q'^T M q' / 2 of the motion relative to the boom's axes."""
-    at, omega = State(of.boom, motion, extended, q, rate, moments), motion.omega
+    at, omega = BoomState(of.boom, motion, extended, q, rate, moments), motion.omega
     along = sum(
         section.mass * X**2 / 2.0 + X * rates[0, 0]
         for section, X, rates in zip(of.boom.sections, at.X_rate, at.mu_rate, strict=True)

@@ -88,7 +88,7 @@ def observe(
 def motion(body: SlidingBody, found: SystemTrajectory, excitation: Excitation) -> Motion:
     """Motion of a body alone from the trajectory of the system of one; forces of held rows are computed."""
     alone, contacts = found.bodies[ALONE], _contacts(body)
-    multipliers, s = np.zeros((len(found.t), len(body.row_names))), excitation.along(body.domain)
+    multipliers, s = np.zeros((len(found.t), len(body.row_names))), excitation.path_within(body.domain)
     multipliers[:, contacts] = found.forces
     if body.held:
         assert body.reactions is not None
@@ -139,7 +139,7 @@ def displacement(body: SlidingBody, q: Array, s: Array, multipliers: Array, load
 def energy(body: SlidingBody, found: Trajectory, loads: Array) -> Energy:
     """Kinetic, strain and potential energy (T,) in J of a body alone."""
     kinetic, (stored, _) = balance.half_form(body.M, found.v), energy_and_work(body, found, loads)
-    return Energy(kinetic, stored - kinetic, balance.potential(body, found, loads))
+    return Energy(kinetic, stored - kinetic, balance.load_potential(body, found, loads))
 
 
 def energy_and_work(body: SlidingBody, found: Trajectory, loads: Array) -> tuple[Array, Array]:
@@ -150,7 +150,7 @@ def energy_and_work(body: SlidingBody, found: Trajectory, loads: Array) -> tuple
     q, s, forces, flexibility = found.q, found.s, found.multipliers, body.flexibility
     v, points = found.v.copy(), np.asarray(q @ body.B)
     v[:, body.quasi_static] = 0.0
-    mean_q, mean_f, mean_forces = (balance.mean(values) for values in (q, loads, forces))
+    mean_q, mean_f, mean_forces = (balance.step_means(values) for values in (q, loads, forces))
     with np.errstate(over="ignore", invalid="ignore"):
         turned = body.apply_rows(s[1:], mean_q) - body.apply_rows(s[:-1], mean_q)
         stored = balance.half_form(body.M, v) + balance.half_form(body.K, q) + forces**2 @ body.row_compliance / 2.0
@@ -161,7 +161,7 @@ def energy_and_work(body: SlidingBody, found: Trajectory, loads: Array) -> tuple
             points = points + loads @ flexibility.energy - np.einsum("tmi,tm->ti", H, forces)
             turned += np.einsum("tmi,ti->tm", np.diff(H, axis=0), mean_f)
             turned -= np.einsum("tmn,tn->tm", np.diff(G, axis=0), mean_forces) / 2.0
-        steps = balance.dot(mean_f, np.diff(points, axis=0)) + balance.dot(mean_forces, turned)
+        steps = balance.row_products(mean_f, np.diff(points, axis=0)) + balance.row_products(mean_forces, turned)
     return stored, np.append(0.0, np.cumsum(steps))
 
 

@@ -195,7 +195,7 @@ def test_a_random_structure(number: int) -> None:
     full, own = FullOrder.join(scene, {ALONE: model}).references(), simulate(scene, found.model)
     responses = {"reduced": own, **full.responses}
     error = errors_between(responses, quantities=compared_quantities(scene, own))["reduced_vs_full"]["beam"]
-    estimated = estimate(found.model, Excitation.of(scene))
+    estimated = estimate(found.model, Excitation.from_scene(scene))
     print(number, one.model, model.size, "rigid", rigid, left, f"error {error:.2e} estimate {estimated.beam:.2e}")
     assert np.isfinite(error)
     if estimated.beam < 1e-4:

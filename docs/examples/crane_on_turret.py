@@ -62,7 +62,7 @@ cylinder = mbs.AddObject(eut.HydraulicActuatorSimple(
 # The boom is on the turret.  30 kg hang on a rope, from a winch on the turret over a sheave at the tip.  The winch pays
 # out as much rope as the boom gets longer.  The valve is open from 0.3 to 1.2 s.
 
-excitation = Excitation.of(scene)
+excitation = Excitation.from_scene(scene)
 loads = {name: signal for name, signal in excitation.loads.items() if "hook" in name}
 items = add_system(mbs, system, excitation.paths, loads, on=OnBody(turret, scene))
 hook = add_hook(mbs, items, ("fly.hook x", "fly.hook y", "fly.hook z"), mass=2.0)

@@ -67,7 +67,7 @@ mbs.AddObject(
         forceUserFunction=lambda mbs, t, item, q, q_t: np.array([push(t)]),
     )
 )
-loads = {name: signal for name, signal in Excitation.of(scene).loads.items() if "inertia" not in name}
+loads = {name: signal for name, signal in Excitation.from_scene(scene).loads.items() if "inertia" not in name}
 items = add_system(mbs, system, {"fly": NodeCoordinate(piston)}, loads, on=OnBody(carrier, scene))
 
 of = exu.OutputVariableType

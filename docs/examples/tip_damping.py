@@ -37,7 +37,7 @@ scene = Scene.model_validate({
     "time": {"end": END, "step": STEP, "rho_inf": 0.8},
 })  # fmt: skip
 system = system_of(scene, pmr.reduce(scene).reduced)
-excitation = Excitation.of(scene)
+excitation = Excitation.from_scene(scene)
 loads = {name: signal for name, signal in excitation.loads.items() if "hook" in name}
 
 

@@ -15,7 +15,7 @@ from pmr.errors.text import visible
 from pmr.export.formats import BODY_FORMATS, ONE_BODY, Options, formats, write
 from pmr.files.whole import finish_swap, fresh
 
-_SAYS = "; ".join(f"{name}: {one.says}" for name, one in formats().items())
+_SAYS = "; ".join(f"{name}: {one.description}" for name, one in formats().items())
 
 
 def export(
@@ -75,7 +75,9 @@ def flexible(
     at: Annotated[float, typer.Option("--at", metavar="S", help="Place of the sliders in m.")],
     to: Annotated[
         str,
-        typer.Option("--to", metavar="FORMAT", help=f"{'; '.join(f'{k}: {v.says}' for k, v in BODY_FORMATS.items())}."),
+        typer.Option(
+            "--to", metavar="FORMAT", help=f"{'; '.join(f'{k}: {v.description}' for k, v in BODY_FORMATS.items())}."
+        ),
     ] = "sid",
     modes: Annotated[int, typer.Option("--modes", metavar="N", help="Number of modes.")] = 8,
     out_file: Annotated[

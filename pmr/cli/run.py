@@ -184,7 +184,7 @@ def _save(folder: Path, of_all: Path, report: BackgroundReport, outcome: Outcome
 
     `of_all` is the folder of the report about all scenes of the run.
     """
-    from pmr.export.paraview import Travelling, write_series
+    from pmr.export.paraview import MovingFields, write_series
     from pmr.report.blocks import REPORT_FILES
     from pmr.results import RESULT_FILES
     from pmr.results.pads import pads_over_time
@@ -200,7 +200,7 @@ def _save(folder: Path, of_all: Path, report: BackgroundReport, outcome: Outcome
         write_tables(result, new)
         outcome.save(new)
         bodies = {
-            name: Travelling(fields, along, result.pose(fields.t))
+            name: MovingFields(fields, along, result.pose(fields.t))
             for name, (fields, along) in result.moving_fields.items()
         }
         if recovery is not None and recovery.series and bodies:

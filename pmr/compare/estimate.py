@@ -341,7 +341,7 @@ def _errors_by_section(system: System, displacement: Array, error: Array) -> dic
 
 def _probes(system: System) -> list[str]:
     """Names of the probes of all bodies, in the order of the probes in `Outputs`."""
-    return [named(name, probe) for name, body in system.bodies.items() for probe in column_names(body).others]
+    return [named(name, probe) for name, body in system.bodies.items() for probe in column_names(body).other_outputs]
 
 
 def estimate_by_other_model(system: System, better: ReducedModel, excitation: Excitation) -> Estimate:

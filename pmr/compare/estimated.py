@@ -45,8 +45,8 @@ from pmr.results.run import SummaryPart
 from pmr.scene import Reduction, Scene
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation, TimeStepping
-from pmr.simulation.excitation import places
-from pmr.simulation.frame_motion import moves_by_itself
+from pmr.simulation.excitation import side_positions
+from pmr.simulation.frame_motion import has_computed_motion
 from pmr.simulation.modal import modal_form
 from pmr.simulation.reactions import with_forces_on_machine
 from pmr.system.assembly import Assembly
@@ -121,7 +121,7 @@ def reduction_error(
         return ReductionError(SummaryPart({"estimate": figures} if is_wanted else {}, messages))
     held = any(body.reactions is not None for body in system.bodies.values())
     left_out = [*_effects_left_out(telling, system, excitation, estimated.enrichment), *[RIGID_REACTIONS] * held]
-    left_out += [*[MACHINE_MOTION] * moves_by_itself(scene), *estimated.unknown.values()]
+    left_out += [*[MACHINE_MOTION] * has_computed_motion(scene), *estimated.unknown.values()]
     messages = estimate_warnings(models, excitation.stepping, estimated) + coverage_warnings(left_out)
     messages += [estimated.scatter] if estimated.scatter else []
     figures = estimate_summary(estimated, left_out) | {"frequency": _frequency_error(models, system, excitation)}
@@ -137,7 +137,7 @@ def _frequency_error(models: Mapping[str, ReducedModel], system: System, excitat
     if reason_without_estimate(models) is not None:
         return None
     steps = evenly_spaced_steps(excitation)
-    x, c = places(system, excitation)[steps], excitation.amplitudes(system.term_names)[steps]
+    x, c = side_positions(system, excitation)[steps], excitation.amplitudes(system.term_names)[steps]
     richer = system.with_bodies({name: extend(model) for name, model in models.items()})
     lowest, better = (Assembly(compared_system).frequencies(x, FREQUENCIES, c) for compared_system in (system, richer))
     apart = frequency_error(lowest, better)
@@ -245,7 +245,7 @@ def step_part(
     """
     system, excitation = simulated.system, simulated.excitation
     if scene.simulation.simulators[0] != "march":
-        simulated = SimulatedSystem(system, excitation := Excitation.of(scene))
+        simulated = SimulatedSystem(system, excitation := Excitation.from_scene(scene))
     impacts = ALONE in system.reduced and has_impulsive_force(system.reduced[ALONE], excitation)
     complete = None if impacts else partial(with_forces_on_machine, scene)
     try:

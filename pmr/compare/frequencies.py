@@ -32,7 +32,7 @@ from pmr.scene.choice import is_pinned_beam
 from pmr.scene.keys import ALONE, LUFFING, SLIDER
 from pmr.scene.members import member_at
 from pmr.simulation import Excitation
-from pmr.simulation.at_rest import amplitudes_at_rest, steepest
+from pmr.simulation.at_rest import amplitudes_at_rest, critical_luffing
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
@@ -335,11 +335,11 @@ def frequency_map(boom: Scene, system: System) -> FrequencyMap | None:
             joint = boom.sections[boom.names.index(name)].joint
             if joint is not None and joint.follows in extensions:
                 extensions[name] = joint.offset + joint.ratio * extensions[joint.follows]
-    turned = {LUFFING: np.full((MAPPED, MAPPED), steepest(boom))} if LUFFING in system.paths else {}
+    turned = {LUFFING: np.full((MAPPED, MAPPED), critical_luffing(boom))} if LUFFING in system.paths else {}
     x, c = system.side_coordinates(extensions | turned), np.zeros((MAPPED**2, 0))
     if system.terms:
         placed = {name: np.broadcast_to(at, (MAPPED, MAPPED)).ravel() for name, at in extensions.items()}
-        c = amplitudes_at_rest(boom, placed, steepest(boom))
+        c = amplitudes_at_rest(boom, placed, critical_luffing(boom))
     lowest = Assembly(system).frequencies(x.reshape(-1, x.shape[-1]), 1, c)[:, 0]
     return FrequencyMap((first, second), a, b, lowest.reshape(MAPPED, MAPPED))
 

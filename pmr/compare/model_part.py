@@ -27,7 +27,7 @@ from pmr.compare.responses import march_once, refuse_growth
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.simulation import Excitation
-from pmr.simulation.excitation import places
+from pmr.simulation.excitation import side_positions
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
@@ -65,9 +65,9 @@ class Motion:
         Raises an `InputError` if the motion grows without bound.
         """
         scene = with_choice_of_terms(scene, system.terms)
-        excitation = Excitation.of(scene)
+        excitation = Excitation.from_scene(scene)
         steps = evenly_spaced_steps(excitation)
-        x, c = places(system, excitation)[steps], excitation.amplitudes(system.term_names)[steps]
+        x, c = side_positions(system, excitation)[steps], excitation.amplitudes(system.term_names)[steps]
         if response is None:
             with refuse_growth(scene):
                 response = march_once(scene, system, excitation)

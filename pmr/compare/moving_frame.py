@@ -19,10 +19,10 @@ from pmr.scene.frame import INERTIA, BaseMotion, Frame
 from pmr.scene.keys import input_of
 from pmr.scene.mechanism import AXIAL, FrameTerm, frame_terms, stress_terms
 from pmr.simulation import Excitation
-from pmr.simulation.balance import dot, mean
-from pmr.simulation.excitation import places
+from pmr.simulation.balance import row_products, step_means
+from pmr.simulation.excitation import side_positions
 from pmr.simulation.frame import term_signals
-from pmr.simulation.frame_motion import Turning
+from pmr.simulation.frame_motion import FrameRotation
 from pmr.simulation.statics.equilibrium import HeldSystem
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
@@ -54,7 +54,9 @@ def frame_part(scene: Scene, system: System, excitation: Excitation, frequencies
         return SummaryPart()
     luffing, slewing = scene.frame.angles
     t = excitation.times
-    speed = float(np.linalg.norm(Turning.of(luffing, slewing, t, scene.frame.rocking).velocity, axis=1).max())
+    speed = float(
+        np.linalg.norm(FrameRotation.from_signals(luffing, slewing, t, scene.frame.rocking).velocity, axis=1).max()
+    )
     lowest = 2.0 * np.pi * float(np.nanmin(frequencies.models["reduced"][:, 0]))  # 0 past the buckling load
     figures = {
         "luffing": _signal_range(luffing.value(t)),
@@ -207,8 +209,8 @@ def second_order_effect(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Seco
     """
     terms = list(stress_terms(scene))
     system = replace(system_of(_with_second_order(scene, False), bodies), terms=terms_of(scene, bodies, terms))
-    signals, excitation = term_signals(scene, terms), Excitation.of(_with_second_order(scene, False))
-    assembly, x = Assembly(system), places(system, excitation)
+    signals, excitation = term_signals(scene, terms), Excitation.from_scene(_with_second_order(scene, False))
+    assembly, x = Assembly(system), side_positions(system, excitation)
     axial = [term.name for term in terms if term.of in AXIAL]
     steps = _second_order_steps(excitation)
     rows = assembly.contact_rows_over_time(x[steps])
@@ -354,7 +356,7 @@ class _EnergyBalance:
     def __init__(self, scene: Scene, run: SystemTrajectory) -> None:
         assert scene.frame is not None  # `energy_in_space` is for scenes with a frame
         self._scene, self._run = scene, run
-        self._turning = Turning.of(*scene.frame.angles, run.t, scene.frame.rocking)
+        self._turning = FrameRotation.from_signals(*scene.frame.angles, run.t, scene.frame.rocking)
         self._base = np.einsum("tji,tj->ti", self._turning.rotation, _pivot_velocity(scene.frame, run.t))
         none = np.zeros((len(run.t), len(OVER), 3))
         self.moments = {name: _Moments(none.copy(), none.copy()) for name in scene.names}
@@ -372,7 +374,7 @@ class _EnergyBalance:
                 at = slice(None), OVER.index(field[1:]), "xyz".index(field[0])
                 moments.u[at], moments.rate[at] = motion.q @ b, motion.v @ b
                 load = self._run.loads[:, system.input_names.index(input_of(name, of_input))]
-                self.others -= mean(load) * np.diff(moments.u[at])
+                self.others -= step_means(load) * np.diff(moments.u[at])
 
     def add_term(self, frame_term: FrameTerm, term: Term, c: Array) -> None:
         """Add energy and work of a term of second order, whose amplitudes are c (T,).
@@ -384,15 +386,17 @@ class _EnergyBalance:
         q, v = (np.hstack([getattr(self._run.bodies[name], what) for name in term.bodies]) for what in "qv")
         G, V = ((0.0 * q.T if A is None else A @ q.T).T for A in (term.stiffness, term.damping))
         damped = 0.0 * q if term.damping is None else (term.damping @ v.T).T
-        self.others += dot(mean(c[:, None] * (G + damped)), np.diff(q, axis=0))
+        self.others += row_products(step_means(c[:, None] * (G + damped)), np.diff(q, axis=0))
         if frame_term.of in ("field", "cylinder"):
-            self._add_shortening(frame_term, c, dot(q, G) / 2.0, dot(v, G))
+            self._add_shortening(frame_term, c, row_products(q, G) / 2.0, row_products(v, G))
         elif frame_term.of == "rotation":
-            self.energy += c / 2.0 * dot(v, V)
-            self.drives += mean(c) / 2.0 * dot(np.diff(v, axis=0), mean(V))
+            self.energy += c / 2.0 * row_products(v, V)
+            self.drives += step_means(c) / 2.0 * row_products(np.diff(v, axis=0), step_means(V))
         elif frame_term.of == "carried":
-            self.energy -= c / 2.0 * dot(q, G)
-            self.drives -= 2.0 * mean(c) * dot(np.diff(q, axis=0), mean(G)) + np.diff(c) / 2.0 * dot(mean(q), mean(G))
+            self.energy -= c / 2.0 * row_products(q, G)
+            self.drives -= 2.0 * step_means(c) * row_products(np.diff(q, axis=0), step_means(G)) + np.diff(
+                c
+            ) / 2.0 * row_products(step_means(q), step_means(G))
 
     def _add_shortening(self, frame_term: FrameTerm, c: Array, bent: Array, rate: Array) -> None:
         """Add the displacements along the axis of a section that bends, or of one whose cylinder leans, to the moments.
@@ -403,7 +407,7 @@ class _EnergyBalance:
             length, longer = (
                 getattr(self._scene.extension(frame_term.number), what)(self._run.t) for what in ("value", "rate")
             )
-            self.drives -= mean(c * bent * longer / length) * np.diff(self._run.t)
+            self.drives -= step_means(c * bent * longer / length) * np.diff(self._run.t)
             bent, rate = -bent / length, -rate / length + bent * longer / length**2
         moments, over = self.moments[frame_term.carried or frame_term.bodies[0]], OVER.index(frame_term.component[1:])
         moments.u[:, over, 0] += bent
@@ -416,12 +420,12 @@ class _EnergyBalance:
         V = _speeds(self._scene, omega, number, t)
         V[:, 0] += self._base
         c = np.cross(V, omega[:, None])
-        self.energy += _contract(V, moments.rate) + _contract(c, moments.u) + dot(weight, moments.u[:, 0])
-        self.drives += _contract(mean(V), np.diff(moments.rate, axis=0)) + 2.0 * _contract(
-            mean(c), np.diff(moments.u, axis=0)
+        self.energy += _contract(V, moments.rate) + _contract(c, moments.u) + row_products(weight, moments.u[:, 0])
+        self.drives += _contract(step_means(V), np.diff(moments.rate, axis=0)) + 2.0 * _contract(
+            step_means(c), np.diff(moments.u, axis=0)
         )
-        self.drives += _contract(np.diff(c, axis=0), mean(moments.u)) + dot(
-            np.diff(weight, axis=0), mean(moments.u[:, 0])
+        self.drives += _contract(np.diff(c, axis=0), step_means(moments.u)) + row_products(
+            np.diff(weight, axis=0), step_means(moments.u[:, 0])
         )
 
 
@@ -448,7 +452,7 @@ def _pivot_velocity(frame: Frame, t: Array) -> Array:
             if axis in frame.base.motions:
                 velocity[:, k] += frame.base.motions[axis].rate(t)
             if axis in frame.base.accelerations:
-                velocity[:, k] += _cumulative_work(mean(frame.base.accelerations[axis].value(t)) * np.diff(t))
+                velocity[:, k] += _cumulative_work(step_means(frame.base.accelerations[axis].value(t)) * np.diff(t))
     return velocity
 
 

@@ -32,8 +32,8 @@ from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE, named
 from pmr.simulation import Excitation, TimeStepping
-from pmr.simulation.contact_step import as_made, contact_frequency
-from pmr.simulation.excitation import in_order
+from pmr.simulation.contact_step import contact_frequency, with_schedule
+from pmr.simulation.excitation import signals_in_order
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.reactions import column_names, is_reaction
@@ -299,7 +299,7 @@ class Rates:
 
 def load_rates(model: ReducedModel, excitation: Excitation) -> Rates:
     """Loads (T, i) in N at all steps and their rates (T, i) in N/s, in the order of the model's inputs."""
-    t, signals = excitation.times, in_order(excitation.loads, model.input_names)
+    t, signals = excitation.times, signals_in_order(excitation.loads, model.input_names)
     rates = np.column_stack([np.empty((len(t), 0)), *(load.rate(t) for load in signals)])
     return Rates(excitation.forces(model.input_names), rates)
 
@@ -389,7 +389,7 @@ def divide_steps(system: System, excitation: Excitation, run: SystemTrajectory |
     if omega == 0.0:
         return excitation
     parts = (run or run_from_start(system, excitation)).parts
-    return excitation.with_stepping(as_made(excitation.stepping, parts, omega))
+    return excitation.with_stepping(with_schedule(excitation.stepping, parts, omega))
 
 
 def outputs_of_run(system: System, run: SystemTrajectory, excitation: Excitation, every: int = 1) -> Outputs:
@@ -494,5 +494,5 @@ def only_body_motion(system: System, run: SystemTrajectory, excitation: Excitati
     """The only body, with no rows but those of its contacts, and its motion with one path coordinate s (T,) in m."""
     (body,), (motion,) = system.reduced.values(), run.bodies.values()
     rows = [body.row_names.index(contact.inner.row) for contact in system.contacts]
-    s = excitation.on_slider.along(body.domain) if excitation.paths else np.full(len(run.t), body.domain[0])
+    s = excitation.on_slider.path_within(body.domain) if excitation.paths else np.full(len(run.t), body.domain[0])
     return body.with_rows(rows), replace(motion, s=s)

@@ -26,13 +26,13 @@ from pmr.scene.choice import SIMULATORS, transverse
 from pmr.scene.keys import ALONE, named
 from pmr.scene.members import member_at
 from pmr.simulation import Excitation, Progress, TimeStepping, contact_step, exudyn
-from pmr.simulation.balance import blocks, potential
-from pmr.simulation.frame_motion import Found, Samples
+from pmr.simulation.balance import load_potential, row_blocks
+from pmr.simulation.frame_motion import ComputedMotion, MotionSamples
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March
-from pmr.simulation.reactions import column_names, on_rows, with_forces_on_machine, with_support_reactions
-from pmr.simulation.stepping import Block, Ended, Recorder
+from pmr.simulation.reactions import column_names, with_forces_on_machine, with_row_multipliers, with_support_reactions
+from pmr.simulation.stepping import Block, Recorder, SimulationEnd
 from pmr.system.body import SlidingBody, Trajectory, clear_rates_without_inertia, force_outputs, length_outputs
 from pmr.system.contacts import Friction
 from pmr.system.states import BodyStates, SystemTrajectory, states_of
@@ -103,7 +103,7 @@ def simulate(
                 result, response=append_machine(scene, with_forces_on_machine(scene, result.own_response))
             )
         if names[0] == "march" or name == names[-1]:
-            stepping = contact_step.as_made(excitation.stepping, results[names[0]].parts, omega)
+            stepping = contact_step.with_schedule(excitation.stepping, results[names[0]].parts, omega)
     responses = {name: one.response for name, one in results.items()}
     seconds = {name: response.seconds for name, response in responses.items()}
 
@@ -176,7 +176,7 @@ def compared_quantities(scene: Scene, response: Response) -> Mapping[str, Respon
     They are `observed_quantities` of a body alone and `quantities_of_boom` of a boom.
     """
     if ALONE not in scene.bodies:
-        return boom_quantities(Excitation.of(scene), response)
+        return boom_quantities(Excitation.from_scene(scene), response)
     tips = len(transverse(member_at(scene)))
     return observed_quantities(tips, slice(None) if scene.observe.stations is None else slice(-tips))
 
@@ -275,9 +275,9 @@ def evaluate_motion(system: System, trajectory: SystemTrajectory) -> Response:
     Raises SimulationError if outputs, forces or energies overflow.
     """
     evaluation = Evaluation(system, trajectory.t, trajectory.loads)
-    for block in blocks(len(trajectory.t)):
+    for block in row_blocks(len(trajectory.t)):
         evaluation(block.start, trajectory.select(block))
-    return evaluation.response(Ended(trajectory.seconds, trajectory.surplus))
+    return evaluation.response(SimulationEnd(trajectory.seconds, trajectory.surplus))
 
 
 class Evaluation:
@@ -305,7 +305,7 @@ class Evaluation:
                 self._columns[name][rows] = values
         self._found = self._found or self._with_round_off(response, part)
 
-    def response(self, ended: Ended) -> Response:
+    def response(self, ended: SimulationEnd) -> Response:
         """Response at all steps, after the last block; `ended` has the solver's seconds and the surplus of energy."""
         assert self._found is not None  # as every simulation has a block
         columns: dict[str, Any] = {name: self._columns.get(name) for name in RESPONSE_HISTORIES}
@@ -323,7 +323,7 @@ class Evaluation:
         if ALONE not in system.bodies or system.terms:
             return response
         body = system.bodies[ALONE]
-        start = float(on_rows(system, body, part.bodies[ALONE]).s[0])
+        start = float(with_row_multipliers(system, body, part.bodies[ALONE]).s[0])
         return replace(response, force_round_off=force_round_off(body, self._loads, end, start))
 
 
@@ -337,8 +337,8 @@ def _evaluate(system: System, part: SystemTrajectory) -> Response:
         outputs, external = systems.displacements(system, part), -part.work
         violation = drift = np.full((len(part.t), 1), np.nan)
         if ALONE in system.bodies and not system.terms:
-            body, motion = system.bodies[ALONE], on_rows(system, system.bodies[ALONE], part.bodies[ALONE])
-            external = potential(body, motion, part.loads)
+            body, motion = system.bodies[ALONE], with_row_multipliers(system, system.bodies[ALONE], part.bodies[ALONE])
+            external = load_potential(body, motion, part.loads)
             violation, drift = _residuals(body, motion, part)
         energy = Energy(kinetic, part.energy - kinetic, external)
     refuse_infinite(*outputs.values(), part.forces, energy.kinetic, energy.strain, energy.external)
@@ -405,10 +405,10 @@ def response_to_motion(system: BodySystem[Any], t: Array, motion: MotionOutputs)
         displacements.append(y[:, length_outputs(body)])
         springs.append(y[:, force_outputs(body)])
         other_outputs.append(y[:, ~(length_outputs(body) | force_outputs(body))])
-        other_names += [named(name, output) for output in of.others]
+        other_names += [named(name, output) for output in of.other_outputs]
         other_units += of.other_units
         x.append(body.output_positions[length_outputs(body)])
-        names += [named(name, output) for output in of.moved]
+        names += [named(name, output) for output in of.displacements]
         force_names += [named(name, output) for output in of.forces]
         for columns, bodies, output_kinds in zip(kinds, of_bodies, of.kinds, strict=True):
             columns += output_kinds
@@ -449,8 +449,8 @@ def append_machine(scene: Scene, response: Response) -> Response:
     The response is returned unchanged if no motion of a machine was found with the scene's.
     """
     motions = {} if scene.frame is None or scene.frame.base is None else scene.frame.base.motions
-    free_motions: dict[str, Samples] = {
-        key: motion.samples for key, motion in motions.items() if isinstance(motion, Found)
+    free_motions: dict[str, MotionSamples] = {
+        key: motion.samples for key, motion in motions.items() if isinstance(motion, ComputedMotion)
     }
     if not free_motions:
         return response
@@ -561,7 +561,7 @@ def cable_response(scene: Scene, x: ArrayLike, done: Progress | None = None) -> 
 
     Its joint holds a point in space, so it has no rows: their residuals are NaN.
     """
-    motion = simulate_cable(scene, x, Excitation.of(scene), done)
+    motion = simulate_cable(scene, x, Excitation.from_scene(scene), done)
     from pmr.simulation.exudyn import ancf
 
     unknown = np.full(len(motion.t), np.nan)

@@ -25,7 +25,7 @@ from pmr.scene.joints import OneBody
 from pmr.scene.keys import ALONE, Section
 from pmr.scene.members import EXTENSION, Member, member_at, members
 from pmr.simulation import Excitation
-from pmr.simulation.excitation import on_path
+from pmr.simulation.excitation import clip_path
 from pmr.simulation.machine import with_machine_motion
 from pmr.system.from_scene import system_of
 from pmr.system.system import System
@@ -86,10 +86,10 @@ def excitation_of_scene(scene: Any, system: System) -> Excitation:
     scene = with_choice_of_terms(scene, system.terms)
     check_scene_fits(scene, system)
     alone = ALONE in system.bodies
-    excitation = Excitation.of(scene)
+    excitation = Excitation.from_scene(scene)
     for (name, path), s in zip(excitation.paths.items(), excitation.s.T, strict=True):
         try:
-            on_path(path, s, system.ranges.get(name, (-np.inf, np.inf)), excitation.times)
+            clip_path(path, s, system.ranges.get(name, (-np.inf, np.inf)), excitation.times)
         except InputError as error:
             raise InputError(
                 "scene", error.key if alone else f"sections.{name}.joint", error.value, error.allowed

@@ -143,7 +143,7 @@ class SteppedSystem:
         self._known = self._known or self.run
         self._parts = self.given.parts
         if self.pushing and self.run is None:
-            self._parts = contact_step.parts(contact_frequency(system, excitation), self.given)
+            self._parts = contact_step.count_parts(contact_frequency(system, excitation), self.given)
 
     def halved_grid(self, times: int) -> TimeStepping:
         """Time grid of a run with the given step halved `times` times, and with the reference rho_inf."""

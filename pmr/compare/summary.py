@@ -40,7 +40,7 @@ from pmr.scene.hints import hints
 from pmr.scene.joints import Part as Body
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation, contact_step
-from pmr.simulation.stepping import overshoots, unseen
+from pmr.simulation.stepping import describe_lost_features, describe_overshoots
 from pmr.system.system import System
 
 
@@ -126,7 +126,7 @@ def impacts_part(system: System, excitation: Excitation, responses: Mapping[str,
 def sampling_part(excitation: Excitation) -> SummaryPart:
     """Warnings about path and loads that the steps do not resolve."""
     signals, stepping = excitation.signals, excitation.stepping
-    return SummaryPart(warnings=unseen(signals, stepping) + overshoots(signals, stepping))
+    return SummaryPart(warnings=describe_lost_features(signals, stepping) + describe_overshoots(signals, stepping))
 
 
 def reliability_part(missing: Mapping[str, str], responses: Mapping[str, Response], system: System) -> SummaryPart:
@@ -245,7 +245,7 @@ def parts_of_forces(scene: Scene, system: System, response: Response) -> list[Su
 
 def warnings_of_response(scene: Scene, system: System, response: Response) -> tuple[str, ...]:
     """Warnings about a response of a system that can be given without another model, the gravest first."""
-    excitation = Excitation.of(scene)
+    excitation = Excitation.from_scene(scene)
     omega = contact_step.contact_frequency(system, excitation)
     parts = [
         SummaryPart(grave=hints(scene)),
@@ -269,7 +269,7 @@ def parts_of_motion(
     `simulations` are those of `simulated`; `natural` are frequencies on the way; `step` is the part on the step's
     error.
     """
-    excitation, system = Excitation.of(scene), simulated.system
+    excitation, system = Excitation.from_scene(scene), simulated.system
     omega = contact_step.contact_frequency(system, excitation)
     other_parts = [
         published_part(scene, natural),

@@ -131,7 +131,7 @@ def write_sid(body: NodalBody, target: Path) -> Path:
 
     Raises InputError as `inertia_integrals`.
     """
-    lines = list(_lines(body))
+    lines = list(_sid_lines(body))
     target.parent.mkdir(parents=True, exist_ok=True)
     with replacement(target) as part:
         part.write_text("\n".join([*lines, ""]), encoding="ascii")
@@ -148,58 +148,58 @@ def _centrifugal(of: Array) -> Array:
     return np.stack([*squares, *(of[a, b] + of[b, a] for a, b in PRODUCTS[3:])], axis=-1)
 
 
-def _lines(body: NodalBody) -> Iterator[str]:
+def _sid_lines(body: NodalBody) -> Iterator[str]:
     """Yield the lines of a body's file."""
     m, places = len(body.omega), body.places
     yield f"{len(places.names):5d}{m:5d}    :No. nodes, No. modes: sliders at s = {body.s!r} m, SI units"
     yield " part"
-    yield _entry(6, "new modal", "")
+    yield _entry_line(6, "new modal", "")
     yield f"{'':11}refmod"
-    yield _entry(16, "mass", _number(float(body.M[::3][:, ::3].sum())))
-    yield _entry(16, "nelastq", f"{m:6d}")
+    yield _entry_line(16, "mass", _number(float(body.M[::3][:, ::3].sum())))
+    yield _entry_line(16, "nelastq", f"{m:6d}")
     for k, omega in enumerate(body.omega, start=1):
-        yield _entry(16, f"ielastq ({k:4d})", f" Eigen Mode {k:4d} : {omega / (2.0 * np.pi):12.6g} Hz")
+        yield _entry_line(16, f"ielastq ({k:4d})", f" Eigen Mode {k:4d} : {omega / (2.0 * np.pi):12.6g} Hz")
     yield f"{'':11}end refmod"
     yield f"{'':11}frame"
     for k in range(len(places.names)):
-        yield from _node(k + 1, places.points[k], places.displacement[k], places.rotation[k])
+        yield from _node_lines(k + 1, places.points[k], places.displacement[k], places.rotation[k])
     yield f"{'':11}end frame"
     for name, value in inertia_integrals(body).items():
-        yield from _taylor(11, name, value, m)
+        yield from _taylor_lines(11, name, value, m)
     yield f"{'':6}end modal"
     yield " end part"
 
 
-def _node(number: int, point: Array, translation: Array, turned: Array) -> Iterator[str]:
+def _node_lines(number: int, point: Array, translation: Array, turned: Array) -> Iterator[str]:
     """Yield the lines of a node at `point` (3,), with modal displacements and rotations (3, m)."""
     m, skew = translation.shape[1], np.zeros((3, translation.shape[1], 3))
     for a, (b, c) in enumerate(_NEXT):
         skew[c, :, b], skew[b, :, c] = turned[a], -turned[a]
-    yield _entry(16, "new node", f"{number:8d}")
-    yield _entry(21, "rframe", " body ref")
-    yield from _taylor(21, "origin", Taylor(point[:, None], translation[:, :, None]), m)
-    yield from _taylor(21, "phi", Taylor(translation), m)
-    yield from _taylor(21, "psi", Taylor(turned), m)
-    yield from _taylor(21, "AP", Taylor(np.eye(3), skew), m)
+    yield _entry_line(16, "new node", f"{number:8d}")
+    yield _entry_line(21, "rframe", " body ref")
+    yield from _taylor_lines(21, "origin", Taylor(point[:, None], translation[:, :, None]), m)
+    yield from _taylor_lines(21, "phi", Taylor(translation), m)
+    yield from _taylor_lines(21, "psi", Taylor(turned), m)
+    yield from _taylor_lines(21, "AP", Taylor(np.eye(3), skew), m)
     yield f"{'':16}end node"
 
 
-def _taylor(indent: int, name: str, value: Taylor, m: int) -> Iterator[str]:
+def _taylor_lines(indent: int, name: str, value: Taylor, m: int) -> Iterator[str]:
     """Yield the lines of a matrix called `name`, of a body with m modes."""
     yield f"{'':{indent}}{name}"
     sizes = {"order": int(value.M1 is not None), "nrow": len(value.M0), "ncol": value.M0.shape[1], "nq": m, "nqn": 0}
     structure = value.structure if np.any(value.M0) or value.M1 is not None else 0
     for key, size in (sizes | {"structure": structure}).items():
-        yield _entry(26, key, f"{size:6d}")
+        yield _entry_line(26, key, f"{size:6d}")
     for i, j in np.argwhere(value.M0):
-        yield _entry(26, f"m0({i + 1:2d},{j + 1:2d})", _number(value.M0[i, j]))
+        yield _entry_line(26, f"m0({i + 1:2d},{j + 1:2d})", _number(value.M0[i, j]))
     if value.M1 is not None:
         for j, k, i in np.argwhere(value.M1.transpose(2, 1, 0)):
-            yield _entry(26, f"m1({i + 1:2d},{k + 1:2d},{j + 1:2d})", _number(value.M1[i, k, j]))
+            yield _entry_line(26, f"m1({i + 1:2d},{k + 1:2d},{j + 1:2d})", _number(value.M1[i, k, j]))
     yield f"{'':{indent}}end {name}"
 
 
-def _entry(indent: int, key: str, value: str) -> str:
+def _entry_line(indent: int, key: str, value: str) -> str:
     """Line of a key and its value, which begins in a fixed column."""
     return f"{'':{indent}}{key:<{48 - indent}}={value}"
 

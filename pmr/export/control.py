@@ -18,7 +18,7 @@ from pmr.errors import InputError
 from pmr.errors.environment import check_installed
 from pmr.export.fmi.variables import Identifiers
 from pmr.export.formats import Options
-from pmr.export.state_space import PLACES, StateSpace, load_places, state_space
+from pmr.export.state_space import PLACES, StateSpace, load_with_positions, state_space
 from pmr.files.whole import replacement
 from pmr.scene.frame import INERTIA, MINUS_THE_ACCELERATION
 from pmr.system.assembly import Assembly
@@ -84,7 +84,7 @@ if __name__ == "__main__":
 def write_matlab(npz_path: Path, target: Path, options: Options) -> Path:
     """Write A, B, C, D as arrays (., ., S) over S grid points s, as MATLAB's ``ss`` takes them; return `target`.
 
-    The file also has all names.  Raises InputError as `pmr.export.state_space.held_at`.
+    The file also has all names.  Raises InputError as `pmr.export.state_space.saved_state_space`.
     """
     return _write_matrices(*_interpolable(npz_path, options), target)
 
@@ -113,7 +113,7 @@ def write_frequency_response(npz_path: Path, target: Path, options: Options) -> 
     it.  Raises InputError as `write_matlab`.
     """
     check_installed("matplotlib")
-    system, s = load_places(npz_path, options)
+    system, s = load_with_positions(npz_path, options)
     space, assembly = state_space(system, s, npz_path.name), Assembly(system)
     output = max(k for k, unit in enumerate(space.units) if unit == "m")
     natural = space.natural
@@ -123,7 +123,7 @@ def write_frequency_response(npz_path: Path, target: Path, options: Options) -> 
     answers = [assembly.frequency_responses(rows.at_time(k), 2.0 * np.pi * f)[:, output] for k in range(len(space.s))]
     response = np.array(answers)
     with replacement(target) as part:
-        part.write_text(_table(space, f, response, space.outputs[output]), encoding="utf-8")
+        part.write_text(_response_table(space, f, response, space.outputs[output]), encoding="utf-8")
     _draw(space, f, np.abs(response), space.outputs[output], target.with_suffix(".png"))
     return target
 
@@ -135,7 +135,7 @@ def _interpolable(npz_path: Path, options: Options) -> tuple[StateSpace, tuple[f
     until the errors are at most `CLOSE`.  Larger errors are logged as a warning.  Errors as `load_places` and
     `state_space`.
     """
-    system, s = load_places(npz_path, options)
+    system, s = load_with_positions(npz_path, options)
     count = PLACES
     while True:
         space = state_space(system, s, npz_path.name)
@@ -188,7 +188,7 @@ def _write_matrices(space: StateSpace, off: tuple[float, float], target: Path) -
     return target
 
 
-def _table(space: StateSpace, f: Array, response: NDArray[np.complex128], output: str) -> str:
+def _response_table(space: StateSpace, f: Array, response: NDArray[np.complex128], output: str) -> str:
     """Comma-separated table of gain and phase of the complex `response` (S, W, i) from i inputs to one output.
 
     S are grid points of s, f (W,) frequencies in Hz.
@@ -261,12 +261,12 @@ end {name};
 def write_modelica(npz_path: Path, target: Path, options: Options) -> Path:
     """Write a Modelica 3 block named as the file, with A, B, C, D at all grid points; variables are named as in an FMU.
 
-    Raises InputError as `pmr.export.state_space.held_at`, or if Modelica does not allow the file's name.
+    Raises InputError as `pmr.export.state_space.saved_state_space`, or if Modelica does not allow the file's name.
     """
     name = target.stem
     if not (name.isascii() and name.isidentifier()) or name in RESERVED or target.suffix != ".mo":
         raise InputError("command line", "--out", str(target), "a name of letters, digits and _, with .mo, is allowed")
-    system, s = load_places(npz_path, options)
+    system, s = load_with_positions(npz_path, options)
     space, names = state_space(system, s, npz_path.name), Identifiers({name, *RESERVED})
     inputs = zip(space.inputs, system.input_units, strict=True)
     outputs = zip(space.outputs, space.units, strict=True)

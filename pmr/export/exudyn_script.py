@@ -24,7 +24,7 @@ from pmr.scene.signals import SignalBase
 from pmr.simulation import contact_step
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.exudyn.equations import Equations
-from pmr.simulation.moving import Recorded, read_scene
+from pmr.simulation.moving import StoredScene, read_scene
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
 from pmr.system.body import force_outputs
@@ -81,7 +81,7 @@ def script_data(system: System, source: str) -> Arrays:
         raise InputError(source, "frame", None, allowed)
     excitation = scene.excitation
     first = dict(zip(excitation.paths, excitation.s[0].tolist(), strict=True))
-    x = equations.at(first or {"": 0.0})  # of a system in which nothing travels
+    x = equations.side_positions_on(first or {"": 0.0})  # of a system in which nothing travels
     refuse("exudyn", equations.needs(x), Asked(source, "", None))
     omega = contact_frequency(system, excitation)
     start = equilibrium(assembly, x[0], scene.first_loads).q if scene.static else np.zeros(assembly.size)
@@ -91,7 +91,7 @@ def script_data(system: System, source: str) -> Arrays:
         "inputs": np.array(system.input_names, str),
         "contacts": np.array(system.contact_names, str),
         "time": np.array([excitation.stepping.end, excitation.stepping.step, excitation.stepping.rho_inf]),
-        "parts": contact_step.parts(omega, excitation.stepping) if omega else 1,
+        "parts": contact_step.count_parts(omega, excitation.stepping) if omega else 1,
         "start": start,
         "ends": np.cumsum([len(free) for free in assembly.free_coordinates.values()]),
         **{name: getattr(assembly, name).toarray() for name in ("M", "D", "K", "B", "outputs")},
@@ -122,7 +122,7 @@ def _tip(system: System, source: str) -> Arrays:
     return {"tip": displacements[-1], "tip_of": where, "tip_position": position}
 
 
-def _signals(scene: Recorded, system: System, source: str) -> Arrays:
+def _signals(scene: StoredScene, system: System, source: str) -> Arrays:
     """Strands of paths and loads (`pmr.scene.signals.base.Strand`) in the order of the system's names."""
     excitation = scene.excitation
     names = [*system.paths, *system.input_names]

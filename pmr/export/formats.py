@@ -27,7 +27,7 @@ class Options:
 class Format:
     """A format: description, default file name, names of its options, and writer (model, target, options)."""
 
-    says: str
+    description: str
     file_name: str
     options: frozenset[str]
     write: Callable[[Path, Path, Options], Path]
@@ -91,7 +91,7 @@ def formats() -> dict[str, Format]:
 class BodyFormat:
     """A file format of flexible bodies: description, default file name, what the body is described by, and writer."""
 
-    says: str
+    description: str
     file_name: str
     by: str  #: node or frame: what the body's data refer to
     write: Callable[[Any, Path], Path]  #: Function (body, target)

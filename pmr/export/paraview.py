@@ -28,7 +28,7 @@ _LEVEL = 3  # of zlib: a series is mostly digits that don't compress, and more e
 
 
 @dataclass(frozen=True)
-class Travelling:
+class MovingFields:
     """Fields of a body whose frame is at `along` (S,) m on the boom's axis at the S times of the fields.
 
     `along` None: at 0.  With a `pose` of the boom's axes in space, points and displacements are written in ground axes;
@@ -36,22 +36,24 @@ class Travelling:
     """
 
     fields: Fields
-    along: Array | None = None
+    axis_position: Array | None = None
     pose: Pose | None = None
 
     def file(self, k: int) -> str:
         """Content of the .vtu file of time number k."""
         fields = self.fields
-        named: dict[str, NDArray[Any]] = {f"von_mises_{_word(face)}": of[k] for face, of in fields.von_mises.items()}
-        named |= {f"stress_{_word(of)}": stress[k] for of, stress in fields.stress.items()}
-        points = fields.grid.points + (0.0 if self.along is None else self.along[k], 0.0, 0.0)
+        named: dict[str, NDArray[Any]] = {
+            f"von_mises_{_with_underscores(face)}": of[k] for face, of in fields.von_mises.items()
+        }
+        named |= {f"stress_{_with_underscores(of)}": stress[k] for of, stress in fields.stress.items()}
+        points = fields.grid.points + (0.0 if self.axis_position is None else self.axis_position[k], 0.0, 0.0)
         displacement: NDArray[Any] = fields.displacement[k]
         if self.pose is not None:
             points, displacement = self.pose.at(k, points), self.pose.turned(k, displacement)
         return _vtu(fields.grid, points, {"displacement": displacement}, named | _regions(fields.grid))
 
 
-def write_series(folder: Path, name: str, bodies: Mapping[str, Travelling], pads: Boxes | None = None) -> Path:
+def write_series(folder: Path, name: str, bodies: Mapping[str, MovingFields], pads: Boxes | None = None) -> Path:
     """Write ``name.pvd``, which is returned, and in a folder ``name`` next to it one .vtu file for each time and body.
 
     Points have ``displacement`` in m (ParaView: Warp By Vector).  Cells have ``von_mises_<face>`` in Pa and, where they
@@ -61,7 +63,7 @@ def write_series(folder: Path, name: str, bodies: Mapping[str, Travelling], pads
     """
     times = next(iter(bodies.values())).fields.t
     drawn = {f"{body_name}-" if body_name else "": body.file for body_name, body in bodies.items()}
-    return _write_files(folder, name, times, drawn | ({PADS: lambda k: _of_pads(pads, k)} if pads is not None else {}))
+    return _write_files(folder, name, times, drawn | ({PADS: lambda k: _pads_vtu(pads, k)} if pads is not None else {}))
 
 
 def _write_files(folder: Path, name: str, times: Array, drawn: Mapping[str, Callable[[int], str]]) -> Path:
@@ -87,7 +89,7 @@ def _write_files(folder: Path, name: str, times: Array, drawn: Mapping[str, Call
     return listing
 
 
-def _of_pads(pads: Boxes, k: int) -> str:
+def _pads_vtu(pads: Boxes, k: int) -> str:
     """Content of the pads' .vtu file of time number k: boxes with their numbers and values."""
     points = pads.corners[k].reshape(-1, 3)
     grid = Grid("hexahedron", points, np.arange(len(points)).reshape(-1, 8))
@@ -99,11 +101,12 @@ def _regions(grid: Grid) -> dict[str, NDArray[Any]]:
     """Cell values ``region_<name>`` of a grid: 1 for cells in the region, 0 for others."""
     every = np.arange(len(grid.cells))
     return {
-        f"region_{_word(name)}": np.isin(every, grid.regions[name]).astype(np.int8) for name in sorted(grid.regions)
+        f"region_{_with_underscores(name)}": np.isin(every, grid.regions[name]).astype(np.int8)
+        for name in sorted(grid.regions)
     }
 
 
-def _word(name: str) -> str:
+def _with_underscores(name: str) -> str:
     """Name with underscores for spaces."""
     return name.replace(" ", "_")
 

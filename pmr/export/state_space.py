@@ -90,7 +90,7 @@ def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> Stat
     firm = np.all(rows.F == 0.0, axis=(0, 2))
     X, omega2 = _modes(system, assembly, rows.C[:, firm], firm, source)
     places = np.column_stack([np.empty((len(rows.C), 0)), *(np.broadcast_to(s[p], len(rows.C)) for p in system.paths)])
-    spaces = [_Held.at(assembly, rows.at_time(k), firm, X, omega2, p) for k, p in enumerate(places)]
+    spaces = [_HeldSystem.build(assembly, rows.at_time(k), firm, X, omega2, p) for k, p in enumerate(places)]
     r = len(omega2)
     A = np.zeros((len(spaces), 2 * r, 2 * r))
     A[:, :r, r:], A[:, r:, r:] = np.eye(r), -_damping(system, assembly, X, omega2)
@@ -148,7 +148,7 @@ def _damping(system: System, assembly: Assembly, X: Array, omega2: Array) -> Arr
 
 
 @dataclass(frozen=True)
-class _Held:
+class _HeldSystem:
     """A system at one grid point, on r modes: stiffness and input matrix of the modes, and output matrices.
 
     The q outputs and contact forces are `measured` . (z, z') + `direct` . f.
@@ -160,9 +160,9 @@ class _Held:
     direct: Array  # (q, i)
 
     @classmethod
-    def at(
+    def build(
         cls, assembly: Assembly, rows: ContactRows, firm: NDArray[np.bool_], X: Array, omega2: Array, s: Array
-    ) -> _Held:
+    ) -> _HeldSystem:
         """System at one grid point, with its contact rows and the mask `firm` (m,) of rigid ones.
 
         X (n, r) and `omega2` (r,) are its modes; s (P,) are path coordinates, for messages.
@@ -203,19 +203,19 @@ def _check_apart(system: System, F: Array, firm: NDArray[np.bool_], s: Array) ->
 PLACES = 21
 
 
-def held_at(npz_path: Path, options: Options) -> StateSpace:
+def saved_state_space(npz_path: Path, options: Options) -> StateSpace:
     """State space of a saved system; errors as `load_places` and `state_space`."""
-    return state_space(*load_places(npz_path, options), npz_path.name)
+    return state_space(*load_with_positions(npz_path, options), npz_path.name)
 
 
-def load_places(npz_path: Path, options: Options) -> tuple[System, Mapping[str, Array]]:
+def load_with_positions(npz_path: Path, options: Options) -> tuple[System, Mapping[str, Array]]:
     """Saved system and its path coordinates (`places`); or one of its sections alone, without path coordinates.
 
     Raises InputError as `places` and `section_alone`.
     """
     if options.section is None:
         system = System.load(npz_path).ensure_constant(npz_path.name)
-        return system, places(system, options.at)
+        return system, path_positions(system, options.at)
     if options.at is not None:
         allowed = "none is allowed with --section: without its joints nothing of a section depends on a place"
         raise InputError("command line", "--at", options.at, allowed)
@@ -243,7 +243,7 @@ def section_alone(npz_path: Path, name: str) -> System:
     return System({name: alone.bodies[ALONE]}, held)
 
 
-def places(system: System, text: str | None) -> Mapping[str, Array]:
+def path_positions(system: System, text: str | None) -> Mapping[str, Array]:
     """Coordinates (S,) in m of each path: those of `text`, or a grid between the ends of each path (`PLACES` points).
 
     `text` is ``1.5,2,4`` for one path, and ``mid=2,fly=3; mid=2.5,fly=3`` for several; None: the grid.  Raises
@@ -263,7 +263,11 @@ def places(system: System, text: str | None) -> Mapping[str, Array]:
         allowed_ranges = ", ".join(f"{path} from {low:g} to {high:g} m" for path, (low, high) in ranges.items())
         allowed = f"each path by its name, places separated by ;, is allowed, such as {of_each!r}: {allowed_ranges}"
     try:
-        points = _parse(text, list(ranges)) if "=" in text or len(ranges) > 1 else _plain(text, next(iter(ranges)))
+        points = (
+            _parse_points(text, list(ranges))
+            if "=" in text or len(ranges) > 1
+            else _parse_one_path(text, next(iter(ranges)))
+        )
     except ValueError:
         raise InputError("command line", "--at", text, allowed) from None
     for path, (low, high) in ranges.items():
@@ -272,12 +276,12 @@ def places(system: System, text: str | None) -> Mapping[str, Array]:
     return points
 
 
-def _plain(text: str, path: str) -> Mapping[str, Array]:
+def _parse_one_path(text: str, path: str) -> Mapping[str, Array]:
     """Coordinates on one path, ascending, each once."""
     return {path: np.array(sorted({float(part) for part in text.split(",")}))}
 
 
-def _parse(text: str, paths: list[str]) -> Mapping[str, Array]:
+def _parse_points(text: str, paths: list[str]) -> Mapping[str, Array]:
     """Coordinates on several paths in the order of the text; a ValueError is raised unless each point has all paths."""
     places_by_path = [
         {name.strip(): float(value) for name, value in (part.split("=") for part in place.split(","))}
@@ -295,7 +299,7 @@ _RECTANGULAR_DMIG, _DOUBLE = 9, 2
 
 
 @dataclass(frozen=True)
-class _Named:
+class _NastranMatrix:
     """A matrix for Nastran: first letter of its name, number of its grid point (or ""), number of its form.
 
     The forms are numbered as in OUTPUT4.
@@ -313,37 +317,37 @@ def write_dmig(npz_path: Path, target: Path, options: Options) -> Path:
     A field holds at least ten digits; the remainder of each matrix is written as a second one, so that their sum, as
     Nastran takes it (``K2GG = K1, KL1``), has all digits.
 
-    Raises InputError as `held_at`.
+    Raises InputError as `saved_state_space`.
     """
-    return _write(npz_path, target, options, _deck)
+    return _write(npz_path, target, options, _dmig_deck)
 
 
 def write_output4(npz_path: Path, target: Path, options: Options) -> Path:
     """Write the same matrices with all digits as text of OUTPUT4; raises InputError as `write_dmig`."""
-    return _write(npz_path, target, options, _output4)
+    return _write(npz_path, target, options, _output4_deck)
 
 
 def _write(npz_path: Path, target: Path, options: Options, lines: Callable[[StateSpace], Iterator[str]]) -> Path:
     """Write the lines that `lines` yields from the state space, and return `target`."""
-    space = held_at(npz_path, options)
+    space = saved_state_space(npz_path, options)
     with replacement(target) as part:
         part.write_text("\n".join([*lines(space), ""]), encoding="utf-8")
     return target
 
 
-def _matrices(space: StateSpace) -> Iterator[_Named]:
+def _matrices(space: StateSpace) -> Iterator[_NastranMatrix]:
     """Yield M, D and, for each grid point, K and the loads F."""
     r = space.A.shape[1] // 2
-    yield _Named("M", "", np.eye(r), _SYMMETRIC)
+    yield _NastranMatrix("M", "", np.eye(r), _SYMMETRIC)
     damping = -space.A[0, r:, r:]
-    yield _Named("D", "", damping, _SYMMETRIC if np.array_equal(damping, damping.T) else _SQUARE)
+    yield _NastranMatrix("D", "", damping, _SYMMETRIC if np.array_equal(damping, damping.T) else _SQUARE)
     for k in range(len(space.s)):
         stiffness = -space.A[k, r:, :r]
-        yield _Named("K", str(k + 1), (stiffness + stiffness.T) / 2.0, _SYMMETRIC)
-        yield _Named("F", str(k + 1), space.B[k, r:], _RECTANGULAR)
+        yield _NastranMatrix("K", str(k + 1), (stiffness + stiffness.T) / 2.0, _SYMMETRIC)
+        yield _NastranMatrix("F", str(k + 1), space.B[k, r:], _RECTANGULAR)
 
 
-def _deck(space: StateSpace) -> Iterator[str]:
+def _dmig_deck(space: StateSpace) -> Iterator[str]:
     """Yield the lines of a file with DMIG entries."""
     r = space.A.shape[1] // 2
     yield "$ A reduced model in modal coordinates (modal mass 1 kg), SI units; each matrix is the sum of two."
@@ -354,10 +358,10 @@ def _deck(space: StateSpace) -> Iterator[str]:
     yield f"SPOINT  {1:<8d}THRU    {r:<8d}"
     for matrix in _matrices(space):
         form = _RECTANGULAR_DMIG if matrix.form == _RECTANGULAR else matrix.form
-        yield from _both(matrix.letter, matrix.number, matrix.A, form)
+        yield from _lines_with_remainder(matrix.letter, matrix.number, matrix.A, form)
 
 
-def _output4(space: StateSpace) -> Iterator[str]:
+def _output4_deck(space: StateSpace) -> Iterator[str]:
     """Yield the lines of an OUTPUT4 file."""
     for matrix in _matrices(space):
         rows, columns = matrix.A.shape
@@ -372,14 +376,14 @@ def _output4(space: StateSpace) -> Iterator[str]:
         yield f"{1.0:24.16E}"
 
 
-def _both(letter: str, number: str, A: Array, form: int) -> Iterator[str]:
+def _lines_with_remainder(letter: str, number: str, A: Array, form: int) -> Iterator[str]:
     """Yield the lines of a matrix, and of the remainder that its fields can't hold."""
     rounded = np.vectorize(lambda x: float(_field(x).replace("D", "e")), otypes=[float])(A)
-    yield from _matrix(f"{letter}{number}", A, form)
-    yield from _matrix(f"{letter}L{number}", A - rounded, form)
+    yield from _dmig_lines(f"{letter}{number}", A, form)
+    yield from _dmig_lines(f"{letter}L{number}", A - rounded, form)
 
 
-def _matrix(name: str, A: Array, form: int) -> Iterator[str]:
+def _dmig_lines(name: str, A: Array, form: int) -> Iterator[str]:
     """Yield the DMIG lines of a matrix."""
     columns = f"{A.shape[1]:<8d}" if form == _RECTANGULAR_DMIG else ""
     yield f"DMIG    {name:<8}{0:<8d}{form:<8d}{_DOUBLE:<8d}{_DOUBLE:<8d}{'':<16}{columns}".rstrip()

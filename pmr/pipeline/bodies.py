@@ -126,7 +126,7 @@ class Bodies:
                 self.scene, self.system = self._comm.bcast(
                     on_first(self._comm, lambda: with_machine_motion(self.scene, self.system))
                 )
-        self.excitation = Excitation.of(self.scene)
+        self.excitation = Excitation.from_scene(self.scene)
         self.full = FullOrder.join(self.scene, models_of(built))
         self._other = self._other_model()
 

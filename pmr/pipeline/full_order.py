@@ -36,7 +36,7 @@ from pmr.scene.choice import REFERENCE, refuse
 from pmr.scene.keys import ALONE
 from pmr.scene.mechanism import frame_terms
 from pmr.simulation import Excitation, Progress, TimeStepping
-from pmr.simulation.excitation import places
+from pmr.simulation.excitation import side_positions
 from pmr.simulation.petsc import Checkpoint, History, Recording, observe, static_start
 from pmr.simulation.petsc.rows import contact_rows
 from pmr.simulation.reactions import Supports, with_forces_on_machine, with_reactions
@@ -144,7 +144,7 @@ class FullOrder:
 
     def _excitation_on(self, stepping: TimeStepping | None) -> Excitation:
         """Return the scene's excitation with this stepping, or with the scene's own if it is None."""
-        excitation = Excitation.of(self.scene)
+        excitation = Excitation.from_scene(self.scene)
         return excitation.with_stepping(stepping or excitation.stepping)
 
     def _simulate_full(
@@ -159,7 +159,7 @@ class FullOrder:
         Raises SimulationError on every rank if the response can't be trusted.
         """
         system, comm, excitation = self.system, self.system.comm, self._excitation_on(stepping)
-        rigid, x = system.compliance.rigid, places(system, excitation)
+        rigid, x = system.compliance.rigid, side_positions(system, excitation)
         refuse(self.simulator, needs_of(system, rigid, x, excitation.stepping.rho_inf), REFERENCE)
         with clock.stage("full") as done:
             response: Response | None
@@ -203,7 +203,7 @@ class FullOrder:
             seconds=history.preparation + history.seconds,
             surplus=history.surplus,
         )
-        x, f = places(system, excitation), excitation.forces(system.input_names)
+        x, f = side_positions(system, excitation), excitation.forces(system.input_names)
         return with_forces_on_machine(self.scene, response), _states_of_bodies(system, history, list(steps), x, f)
 
     def _with_terms(self) -> FullSystem:

@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 ANGLES = 1001
 
 
-class Listed(SignalBase):
+class ListSignal(SignalBase):
     """Signal of a list of values, at rest at each; the times 0, 1, 2 ... are the numbers of the values."""
 
     values: tuple[float, ...]
@@ -57,14 +57,14 @@ class Listed(SignalBase):
         return np.full(np.shape(t), self.acceleration)
 
 
-def steepest(scene: Scene) -> float:
+def critical_luffing(scene: Scene) -> float:
     """Luffing angle in rad, of those the boom takes in the scene's time, at which gravity compresses it most."""
     assert scene.frame is not None  # of a scene that has angles
     angles = np.linspace(*scene.frame.angles[0].bounds(0.0, scene.time.end), ANGLES)
     return float(angles[np.argmax(np.sin(angles))])
 
 
-def rest_scene(
+def scene_at_rest(
     scene: Scene,
     extensions: Mapping[str, Array],
     luffing: Array | float,
@@ -99,14 +99,14 @@ def rest_scene(
             slider = slider.model_copy(update={"path": _signal_of(extensions[SLIDER])})
         changed.append(part.model_copy(update={"loads": steady, "joint": joint, "slider": slider}))
     still = {"luffing": _signal_of(luffing), "unit": "rad"}
-    still |= {"base": level_or_inclined(scene.frame.base, np.pi / 180.0 if scene.frame.unit == "degrees" else 1.0)}
+    still |= {"base": constant_inclination(scene.frame.base, np.pi / 180.0 if scene.frame.unit == "degrees" else 1.0)}
     still |= {"slewing": _signal_of(slewing)} if scene.frame.slewing is not None else {}
     frame = scene.frame.model_copy(update=still)
     gravity = scene.gravity.model_copy(update={"rise": 0.0}) if scene.gravity else None
     return scene.model_copy(update={"sections": tuple(changed), "frame": frame, "gravity": gravity})
 
 
-def level_or_inclined(base: BaseMotion | None, unit: float = 1.0) -> BaseMotion | None:
+def constant_inclination(base: BaseMotion | None, unit: float = 1.0) -> BaseMotion | None:
     """Base with only those of its angles that are constant, each times `unit`; None where there are none."""
     angles = {} if base is None else {key: base.motions.get(key) for key in ("rx", "ry", "rz")}
     constant = {
@@ -116,7 +116,7 @@ def level_or_inclined(base: BaseMotion | None, unit: float = 1.0) -> BaseMotion 
 
 
 def accelerate_angle(still: Scene, angle: str) -> Scene:
-    """Scene of `rest_scene` in which an `angle`, ``luffing`` or ``slewing``, has an acceleration of 1 rad/s^2."""
+    """Scene of `scene_at_rest` in which an `angle`, ``luffing`` or ``slewing``, has an acceleration of 1 rad/s^2."""
     assert still.frame is not None
     turned = {angle: getattr(still.frame, angle).model_copy(update={"acceleration": 1.0})}
     return still.model_copy(update={"frame": still.frame.model_copy(update=turned)})
@@ -136,14 +136,18 @@ def amplitudes_at_rest(scene: Scene, extensions: Mapping[str, Array], luffing: f
         for part in scene.sections
         for load in part.loads
     }
-    still = rest_scene(scene, extensions, luffing, 0.0, pressing)
+    still = scene_at_rest(scene, extensions, luffing, 0.0, pressing)
     numbers = np.arange(max(len(values) for values in extensions.values()), dtype=float)
     return np.column_stack([signal.value(numbers) for signal in term_signals(still, frame_terms(scene)).values()])
 
 
 def _signal_of(values: Array | float) -> SignalBase:
     """Constant signal of a number, or signal of a list of values (`Listed`)."""
-    return Constant(amount=float(values)) if np.ndim(values) == 0 else Listed(values=tuple(np.asarray(values).tolist()))
+    return (
+        Constant(amount=float(values))
+        if np.ndim(values) == 0
+        else ListSignal(values=tuple(np.asarray(values).tolist()))
+    )
 
 
 @dataclass(frozen=True)
@@ -162,7 +166,7 @@ class RestRows:
 
 
 def rest_rows(scene: Scene, assembly: Assembly, place: int, x: Array, rows: ContactRows, amplitudes: Array) -> RestRows:
-    """Coefficients of the forces on supports and on the machine, in one posture of a scene of `rest_scene`.
+    """Coefficients of the forces on supports and on the machine, in one posture of a scene of `scene_at_rest`.
 
     Parameters
     ----------
@@ -183,14 +187,14 @@ def rest_rows(scene: Scene, assembly: Assembly, place: int, x: Array, rows: Cont
     for number, amplitude in enumerate(amplitudes):
         body_states = slice(ends[-1] + number * n, ends[-1] + (number + 1) * n)
         states[body_states, :n], c[body_states] = np.eye(n), amplitude
-    response = _response(scene, assembly, place, x, rows, states, c)
+    response = _response_at_rest(scene, assembly, place, x, rows, states, c)
     values = np.empty((0, len(states))) if response.others is None else response.others.T
     q, forces, loads = np.split(values[:, : ends[-1]], ends[:2], axis=1)
     more = values[:, ends[-1] :].reshape(len(values), parts, n).transpose(1, 0, 2) - q
     return RestRows(response.outputs[len(response.force_names) :], q, forces, loads, more)
 
 
-def _response(
+def _response_at_rest(
     scene: Scene, assembly: Assembly, place: int, x: Array, rows: ContactRows, states: Array, c: Array
 ) -> Response:
     """Response at rest in the posture `place`, with forces of springs, contacts, supports and on the machine.
@@ -212,7 +216,7 @@ def _response(
     trajectory = SystemTrajectory(
         t, bodies, forces, forces, loads, none, none, 0.0, np.nan, amplitudes=c if system.terms else None
     )
-    springs, names, kinds, owners = _springs(system, assembly)
+    springs, names, kinds, owners = _spring_outputs(system, assembly)
     held = [k for k, contact in enumerate(system.contacts) if not is_reaction(contact)]
     y = (assembly.outputs[springs] @ q.T).T - forces @ rows.X[springs].T + loads @ assembly.direct[springs].T
     response = Response(
@@ -231,7 +235,7 @@ def _response(
     return with_forces_on_machine(scene, with_support_reactions(response, system, trajectory))
 
 
-def _springs(
+def _spring_outputs(
     system: System, assembly: Assembly
 ) -> tuple[NDArray[np.int64], Sequence[str], Sequence[str], Sequence[str]]:
     """Indices of the outputs that are forces of the bodies' springs, and names, kinds and bodies of these."""

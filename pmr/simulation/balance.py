@@ -41,7 +41,7 @@ ROUND_OFF = 1e-12
 BLOCK = 4096
 
 
-def potential(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
+def load_potential(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
     """Potential energy (T,) in J of the loads (T, i): minus loads times displacements of their points.
 
     Without residual flexibility -q^T B f (Weyrer et al., equation for H(t)).
@@ -49,10 +49,10 @@ def potential(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
     motion = np.asarray(trajectory.q @ body.B)
     if body.flexibility is not None:
         motion = motion + body.flexibility.input_motion(trajectory.s, trajectory.multipliers, loads)
-    return -dot(motion, loads)
+    return -row_products(motion, loads)
 
 
-def surplus(stored: Array, work: Array, least: float = 0.0, since_start: bool = False) -> float:
+def energy_surplus(stored: Array, work: Array, least: float = 0.0, since_start: bool = False) -> float:
     """Largest rise of energy less work over the largest energy: 0 to 1 and a little more; inf if it overflows.
 
     Parameters
@@ -86,7 +86,7 @@ def round_off(mobility: Array, loads: Array, step: float) -> float:
 def refuse_growth(surplus: float, simulator: str, moving: list[str]) -> None:
     """Raise GrowthError if `surplus` exceeds `GROWN`; `moving` names the rigid rows that move."""
     if surplus > GROWN:
-        line = f"{simulator}: the motion grows without bound, {describe_surplus(surplus)}{remedy(moving)}"
+        line = f"{simulator}: the motion grows without bound, {describe_surplus(surplus)}{describe_remedy(moving)}"
         raise GrowthError(line, tuple(moving))
 
 
@@ -97,7 +97,7 @@ def describe_surplus(surplus: float) -> str:
     return f"{100.0 * min(surplus, 1.0):.3g} % of its largest energy was put in by neither loads nor moving rows"
 
 
-def remedy(moving: list[str]) -> str:
+def describe_remedy(moving: list[str]) -> str:
     """Text about remedies against growth; `moving` names the rigid rows that move."""
     if not moving:
         return "; a smaller step or a smaller time.rho_inf helps"
@@ -108,7 +108,7 @@ def remedy(moving: list[str]) -> str:
     )
 
 
-def blocks(size: int) -> Iterator[slice]:
+def row_blocks(size: int) -> Iterator[slice]:
     """Yield slices of a trajectory of `size` steps, of some thousand rows; each begins with the last row before it."""
     for first in range(0, max(1, size - 1), BLOCK):
         yield slice(first, min(first + BLOCK + 1, size))
@@ -118,14 +118,14 @@ def half_form(A: Any, x: Array) -> Array:
     """Values x^T A x / 2 (T,) of the rows of x (T, n)."""
     if not sp.issparse(A) and not np.any(A - np.diag(np.diagonal(A))):
         return np.asarray(x**2 @ np.diagonal(A)) / 2.0  # modal coordinates
-    return dot((A @ x.T).T, x) / 2.0
+    return row_products((A @ x.T).T, x) / 2.0
 
 
-def dot(a: Array, b: Array) -> Array:
+def row_products(a: Array, b: Array) -> Array:
     """Scalar products (T,) of the rows of two arrays (T, n)."""
     return np.asarray(np.einsum("tn,tn->t", a, b))
 
 
-def mean(values: Array) -> Array:
+def step_means(values: Array) -> Array:
     """Mean (T - 1, ...) of the two ends of each step, of values (T, ...)."""
     return np.asarray(values[1:] + values[:-1]) / 2.0

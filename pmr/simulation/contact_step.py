@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from pmr.errors.text import rounded, rounded_down
 from pmr.kernel.laws import SchemeFactors
 from pmr.simulation import contact_step
-from pmr.simulation.excitation import Excitation, places
+from pmr.simulation.excitation import Excitation, side_positions
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
@@ -44,15 +44,17 @@ def contact_frequency(system: System, excitation: Excitation) -> float:
 
     Errors as `pmr.simulation.excitation.places`.
     """
-    x = places(system, excitation)
+    x = side_positions(system, excitation)
     if not (system.on_one_path and system.paths):
-        return frequency_at(system, x[np.unique(np.linspace(0, len(x) - 1, PLACES).astype(int))])
+        return contact_frequency_at(system, x[np.unique(np.linspace(0, len(x) - 1, PLACES).astype(int))])
     (path,) = system.paths
     s = np.clip(excitation.s[:, list(excitation.paths).index(path)], *system.ranges[path])
-    return frequency_at(system, system.side_coordinates({path: np.unique(np.linspace(s.min(), s.max(), PLACES))}))
+    return contact_frequency_at(
+        system, system.side_coordinates({path: np.unique(np.linspace(s.min(), s.max(), PLACES))})
+    )
 
 
-def frequency_at(system: System, x: Array) -> float:
+def contact_frequency_at(system: System, x: Array) -> float:
     """Largest omega in rad/s of the contacts that only push, with the sides of contacts at x (T, sides) m.
 
     0 if no contact only pushes.
@@ -63,10 +65,10 @@ def frequency_at(system: System, x: Array) -> float:
     assembly = Assembly(system)
     factor, rows = spla.splu(assembly.M.tocsc()), assembly.contact_rows_over_time(x)
     mobility = [C @ factor.solve(np.ascontiguousarray(C.T)) for C in rows.C[:, pushing]]
-    return frequency(rows.F[:, pushing][:, :, pushing], np.array(mobility))
+    return row_frequency(rows.F[:, pushing][:, :, pushing], np.array(mobility))
 
 
-def frequency(F: Array, mobility: Array) -> float:
+def row_frequency(F: Array, mobility: Array) -> float:
     """Largest omega in rad/s of rows with flexibility F = G + 1/k in m/N and mobility C M^-1 C^T in 1/kg.
 
     Both are (S, m, m), at S positions; positions with a singular F are left out.
@@ -76,7 +78,7 @@ def frequency(F: Array, mobility: Array) -> float:
     return float(np.sqrt(squares.max(initial=0.0)))
 
 
-def parts(omega: float, stepping: TimeStepping) -> int:
+def count_parts(omega: float, stepping: TimeStepping) -> int:
     """Number of equal parts of a step that resolves contacts of circular frequency `omega` in rad/s.
 
     The parts of `stepping`, or the largest of its schedule, if it has any; at most `MOST_PARTS`, and `MOST_IN_ALL` in
@@ -88,7 +90,7 @@ def parts(omega: float, stepping: TimeStepping) -> int:
     return max(1, min(needed, MOST_PARTS, MOST_IN_ALL // stepping.steps))
 
 
-def levels(omega: float, stepping: TimeStepping) -> tuple[int, ...]:
+def part_counts(omega: float, stepping: TimeStepping) -> tuple[int, ...]:
     """Numbers of parts of a step among which the error's tolerance chooses: powers of two that reach `parts`.
 
     If `stepping` has parts or a schedule, only the numbers in these.
@@ -97,10 +99,10 @@ def levels(omega: float, stepping: TimeStepping) -> tuple[int, ...]:
         return tuple(sorted(set(stepping.schedule)))
     if stepping.parts:
         return (stepping.parts,)
-    return tuple(2**k for k in range((parts(omega, stepping) - 1).bit_length() + 1))
+    return tuple(2**k for k in range((count_parts(omega, stepping) - 1).bit_length() + 1))
 
 
-def as_made(stepping: TimeStepping, parts_of_steps: NDArray[np.int64] | None, omega: float) -> TimeStepping:
+def with_schedule(stepping: TimeStepping, parts_of_steps: NDArray[np.int64] | None, omega: float) -> TimeStepping:
     """Time grid whose steps have the numbers of parts (T + 1,) of another simulation.
 
     The first number, of t = 0, is ignored.  None: every step has the parts that `omega` in rad/s needs.  Unchanged if
@@ -109,7 +111,7 @@ def as_made(stepping: TimeStepping, parts_of_steps: NDArray[np.int64] | None, om
     if omega == 0.0 or stepping.parts:
         return stepping
     if parts_of_steps is None:
-        return replace(stepping, parts=parts(omega, stepping))
+        return replace(stepping, parts=count_parts(omega, stepping))
     return replace(stepping, schedule=tuple(parts_of_steps[1:].tolist()))
 
 
@@ -121,7 +123,7 @@ def summary(omega: float, stepping: TimeStepping) -> dict[str, object]:
     """
     if omega == 0.0:
         return {}
-    count = parts(omega, stepping)
+    count = count_parts(omega, stepping)
     entries = {"omega": omega, "parts": count, "h_omega": stepping.step * omega / count}
     if stepping.schedule:
         entries["mean_parts"] = float(np.mean(stepping.schedule))
@@ -133,7 +135,7 @@ def warnings(omega: float, stepping: TimeStepping) -> list[str]:
 
     The list is empty if the parts are short enough.
     """
-    count = parts(omega, stepping)
+    count = count_parts(omega, stepping)
     reached = stepping.step * omega / count
     if reached <= RESOLVED * (1.0 + 1e-9):
         return []
@@ -150,21 +152,23 @@ Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Lengths:
+class StepParts:
     """Numbers of parts (T,) of each of T steps, N - 1 parts in all; the largest number is a multiple of all others."""
 
     stepping: TimeStepping
     parts: Indices
 
     @classmethod
-    def of(cls, stepping: TimeStepping, omega: float) -> Lengths:
+    def for_contacts(cls, stepping: TimeStepping, omega: float) -> StepParts:
         """Parts of the schedule, or those that contacts of frequency `omega` in rad/s need.
 
         One for each step if `omega` is 0.
         """
         if omega == 0.0:
             return cls(stepping, np.ones(stepping.steps, np.int64))
-        return cls(stepping, np.array(stepping.schedule or [contact_step.parts(omega, stepping)] * stepping.steps))
+        return cls(
+            stepping, np.array(stepping.schedule or [contact_step.count_parts(omega, stepping)] * stepping.steps)
+        )
 
     @property
     def finest(self) -> int:

@@ -19,7 +19,7 @@ from pmr.scene.members import EXTENSION, members
 from pmr.scene.run_settings import Simulation
 from pmr.scene.signals import SignalBase
 from pmr.simulation.frame import inertia_loads, load_signals, term_signals
-from pmr.simulation.frame_motion import Acceleration, found_inputs
+from pmr.simulation.frame_motion import Acceleration, computed_inputs
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import Body, BodySystem
 
@@ -41,7 +41,7 @@ class Excitation:
     terms: Mapping[str, SignalBase] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, scene: Scene) -> Excitation:
+    def from_scene(cls, scene: Scene) -> Excitation:
         r"""Paths, loads, amplitudes of terms and time grid of a scene.
 
         A section that slides along the boom has its tail at :math:`X_i = s_1 + \dots + s_i`, so that the load
@@ -60,7 +60,7 @@ class Excitation:
             if is_accelerated(member):
                 signals[EXTENSION] = Acceleration(paths=tuple(paths.values())[: member.number], step=stepping.step)
             loads |= {input_of(name, load): signal for load, signal in signals.items()}
-        loads |= found_inputs(scene)
+        loads |= computed_inputs(scene)
         terms = term_signals(scene)
         return cls(scene.driven_paths, loads, stepping, scene.simulation, scene.start, terms=terms)
 
@@ -98,9 +98,9 @@ class Excitation:
         """Velocity (T,) in m/s of the only path at the steps; errors as `path`."""
         return np.asarray(self.path.rate(self.times))
 
-    def along(self, domain: tuple[float, float]) -> Array:
-        """Coordinates (T,) in m of the only path at the steps, clipped to `domain`; errors as `on_path` and `path`."""
-        return on_path(self.path, self.s[:, 0], domain, self.times)
+    def path_within(self, domain: tuple[float, float]) -> Array:
+        """Coordinates (T,) in m of the only path at the steps, within `domain`; errors as `clip_path` and `path`."""
+        return clip_path(self.path, self.s[:, 0], domain, self.times)
 
     @cached_property
     def f(self) -> Array:
@@ -112,7 +112,7 @@ class Excitation:
 
         They are sampled at the steps or, if given, at other times t (T,) in s.  Errors as `in_order`.
         """
-        signals = in_order(self.loads, names)
+        signals = signals_in_order(self.loads, names)
         return self.f if t is None and tuple(names) == tuple(self.loads) else self._columns(signals, t)
 
     def amplitudes(self, names: Sequence[str], t: Array | None = None) -> Array:
@@ -120,7 +120,7 @@ class Excitation:
 
         They are sampled at the steps or, if given, at other times t (T,) in s.  Errors as `in_order`.
         """
-        return self._columns(in_order(self.terms, names, "term"), t)
+        return self._columns(signals_in_order(self.terms, names, "term"), t)
 
     @property
     def signals(self) -> list[tuple[str, SignalBase]]:
@@ -145,7 +145,7 @@ class Excitation:
         return np.column_stack([np.empty((len(at), 0)), *(signal.value(at) for signal in signals)])
 
 
-def in_order(
+def signals_in_order(
     loads: Mapping[str, Load], names: Sequence[str], of: Literal["input", "term"] = "input"
 ) -> tuple[Load, ...]:
     """Return the signals of `loads` in the order of `names`, the names of a system's inputs or terms.
@@ -158,7 +158,7 @@ def in_order(
     return tuple(loads[name] for name in names)
 
 
-def on_path(path: SignalBase, s: Array, domain: tuple[float, float], t: Array) -> Array:
+def clip_path(path: SignalBase, s: Array, domain: tuple[float, float], t: Array) -> Array:
     """Path coordinates s (T,) in m clipped to `domain`, the range (low, high) in m.
 
     A path may go beyond an end by `BEYOND_ENDS` times the length of the domain.
@@ -193,7 +193,7 @@ def on_path(path: SignalBase, s: Array, domain: tuple[float, float], t: Array) -
     return np.clip(s, low, high)
 
 
-def places(system: BodySystem[Body], excitation: Excitation) -> Array:
+def side_positions(system: BodySystem[Body], excitation: Excitation) -> Array:
     """Positions x (T, sides) in m of the sides of all contacts at the steps (`System.coordinates`).
 
     Raises
@@ -205,6 +205,6 @@ def places(system: BodySystem[Body], excitation: Excitation) -> Array:
     return np.ascontiguousarray(np.broadcast_to(x, (len(excitation.s), len(system.sides))))
 
 
-def rates_of_places(system: BodySystem[Body], excitation: Excitation) -> Array:
+def side_velocities(system: BodySystem[Body], excitation: Excitation) -> Array:
     """Velocities (sides,) in m/s of the sides of all contacts at t = 0."""
     return system.side_rates({name: float(path.rate(0.0)) for name, path in excitation.paths.items()})

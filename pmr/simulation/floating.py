@@ -20,7 +20,7 @@ CROSS = np.array([[np.cross(_E[l], _E[j]) for j in range(3)] for l in range(3)])
 
 
 @dataclass(frozen=True)
-class Extended:
+class Extensions:
     """Extensions of P paths in m with first and second rates: how far each section's tail is ahead of the one before.
 
     The first is the base's, 0; behind those of the S sections there may be paths that move no section, such as a single
@@ -42,7 +42,7 @@ class Moments:
 
 
 @dataclass(frozen=True)
-class Motion:
+class FrameMotion:
     """Angular velocity (3,) in rad/s of the boom's frame in its axes, and acceleration of gravity upwards."""
 
     omega: Array
@@ -50,7 +50,7 @@ class Motion:
 
 
 @dataclass(frozen=True)
-class Carried:
+class SectionInertia:
     """Rigid-body properties of a section."""
 
     mass: float  # kg
@@ -60,7 +60,7 @@ class Carried:
 
 
 @dataclass(frozen=True)
-class Shortened:
+class Shortening:
     """A moment f q^T G q / 2 along x of a section, quadratic in the coordinates: the boom is shorter as it bends.
 
     `over` 0: over the weight 1; 1: over x.  Without a `cylinder` f is 1; with one, an extension's number, -1 over its
@@ -72,7 +72,7 @@ class Shortened:
     G: Array  # (n, n)
     cylinder: int | None = None
 
-    def factor(self, extended: Extended) -> tuple[float, float, float]:
+    def factor(self, extended: Extensions) -> tuple[float, float, float]:
         """Factor f with its first and second rate."""
         if self.cylinder is None:
             return 1.0, 0.0, 0.0
@@ -81,7 +81,7 @@ class Shortened:
 
 
 @dataclass(frozen=True)
-class Pressed:
+class BaseEquations:
     """Equations of base (6,), coordinates (n,) and paths (P,): mass . (a, alpha, q'', s'') + forces = outer loads.
 
     `mass` leaves out M of the coordinates.
@@ -96,9 +96,9 @@ class Boom:
     """Properties of a boom that do not change."""
 
     place: Array  # p (3,) m: the base's tail from the pivot
-    sections: list[Carried]
+    sections: list[SectionInertia]
     moments: Moments  # of the coordinates
-    shortened: list[Shortened]
+    shortened: list[Shortening]
     rotating: Array  # T_k (3, n, n)
     carried: Array  # N_jk (3, 3, n, n)
 
@@ -133,18 +133,18 @@ class Boom:
         return float(sum(section.mass for section in self.sections))
 
 
-class State:
+class BoomState:
     """Momenta and inertia of the boom at one moment; `q` and `rate` (n,) are coordinates and their rates."""
 
     def __init__(
-        self, of: Boom, motion: Motion, extended: Extended, q: Array, rate: Array, moments: Moments | None = None
+        self, of: Boom, motion: FrameMotion, extended: Extensions, q: Array, rate: Array, moments: Moments | None = None
     ) -> None:
         self.of, self.omega, self.weight, self.extended, self.q, self.rate = (
             of, motion.omega, motion.weight, extended, q, rate,
         )  # fmt: skip
         e, S, P = _E[0], len(of.sections), len(extended.value)
         self.X, self.X_rate = (np.cumsum(values[:S]) for values in (extended.value, extended.rate))
-        self.beyond = _beyond(S, P)
+        self.beyond = _moving_sections(S, P)
         self.d = of.place + np.outer(self.X, e)
         beta = of.moments if moments is None else moments
         beta_rate = beta.slope @ extended.rate
@@ -190,7 +190,7 @@ class State:
         self.Nq = of.carried @ self.q
         A += self.Nq @ self.q / 2.0
         A_rate += self.Nq @ self.rate
-        return _steiner(A + A.T) + of.inertia, _steiner(A_rate + A_rate.T)
+        return _inertia_of_second_moments(A + A.T) + of.inertia, _inertia_of_second_moments(A_rate + A_rate.T)
 
     def mass(self) -> Array:
         """Mass matrix (6 + n + P, 6 + n + P) of (a, alpha, q'', s'')."""
@@ -235,13 +235,13 @@ class State:
         return np.concatenate([linear, turned, modal, path])
 
 
-def _steiner(A: Array) -> Array:
+def _inertia_of_second_moments(A: Array) -> Array:
     """Moment of inertia tr(A) 1 - A of second moments A (3, 3)."""
     return np.asarray(np.trace(A) * np.eye(3) - A)
 
 
 @lru_cache(maxsize=8)
-def _beyond(sections: int, paths: int) -> Array:
+def _moving_sections(sections: int, paths: int) -> Array:
     """Matrix (S, P) with 1 where a path moves a section: its own and all sections after it."""
     matrix = np.hstack([np.tril(np.ones((sections, sections))), np.zeros((sections, paths - sections))])
     matrix.flags.writeable = False

@@ -35,13 +35,13 @@ from pmr.scene.signals.base import Strand
 from pmr.simulation.frame_motion import (
     Acceleration,
     Derived,
+    FrameRotation,
     Product,
     Products,
     Quantity,
-    Turning,
     evaluate,
-    of_field,
-    of_rotation,
+    field_products,
+    rotation_products,
 )
 
 Array = NDArray[np.float64]
@@ -50,12 +50,14 @@ SAMPLES = 10_001
 
 
 @lru_cache(maxsize=2)
-def _cached_turning(luffing: SignalBase, slewing: SignalBase, t: bytes, rocking: tuple[SignalBase, ...]) -> Turning:
-    """`Turning.of`, cached: each field of each section asks for the same times t, an array's bytes."""
-    return Turning.of(luffing, slewing, np.frombuffer(t), rocking)
+def _cached_turning(
+    luffing: SignalBase, slewing: SignalBase, t: bytes, rocking: tuple[SignalBase, ...]
+) -> FrameRotation:
+    """`FrameRotation.from_signals`, cached: each field of each section asks for the same times t, an array's bytes."""
+    return FrameRotation.from_signals(luffing, slewing, np.frombuffer(t), rocking)
 
 
-class OfFrame(Derived):
+class FrameSignal(Derived):
     """A scalar signal that follows from the frame's angles and paths; its rate is a difference over one step."""
 
     def highest_frequency(self, start: float, end: float) -> float:
@@ -68,7 +70,7 @@ class OfFrame(Derived):
         return float(values.min()), float(values.max())
 
 
-class Amplitude(OfFrame):
+class Amplitude(FrameSignal):
     """Signal that is a sum of products of the frame's quantities (`pmr.simulation.frame_motion`)."""
 
     @property
@@ -86,7 +88,7 @@ class Amplitude(OfFrame):
         return evaluate(self.products, self.quantities(times), times).reshape(at.shape)
 
 
-class OfAngles(Amplitude):
+class AngleAmplitude(Amplitude):
     """Amplitude that depends on the frame's angles: luffing, slewing, and `rocking` (roll, pitch, yaw) of its base."""
 
     luffing: SignalBase
@@ -97,12 +99,12 @@ class OfAngles(Amplitude):
     def signals(self) -> tuple[SignalBase, ...]:
         return (self.luffing, self.slewing, *self.rocking)
 
-    def turning(self, t: Array) -> Turning:
+    def frame_rotation(self, t: Array) -> FrameRotation:
         """Angular velocity, angular acceleration and rotation of the frame at the times t (T,) in s."""
         return _cached_turning(self.luffing, self.slewing, t.tobytes(), self.rocking)
 
     def quantities(self, t: Array) -> Callable[[Quantity], Array]:
-        turning = self.turning(t)
+        turning = self.frame_rotation(t)
         of = {
             "turned": turning.rotation,
             "velocity": turning.velocity,
@@ -118,26 +120,26 @@ class OfAngles(Amplitude):
         return value_of
 
 
-class Shaken(OfFrame):
+class BaseAcceleration(FrameSignal):
     """Acceleration of a base along a ground axis in m/s^2: its displacement's, plus a `given` one."""
 
     displacement: SignalBase  # m
-    given: SignalBase  # m/s^2
+    acceleration: SignalBase  # m/s^2
 
     @property
     def signals(self) -> tuple[SignalBase, ...]:
-        return (self.displacement, self.given)
+        return (self.displacement, self.acceleration)
 
     def value(self, t: ArrayLike) -> Array:
-        return np.asarray(self.displacement.second_rate(t) + self.given.value(t))
+        return np.asarray(self.displacement.second_rate(t) + self.acceleration.value(t))
 
     @property
     def strands(self) -> tuple[Strand, ...]:
         displacements = (replace(strand, spread=-1.0) for strand in self.displacement.strands)
-        return (*displacements, *self.given.strands)
+        return (*displacements, *self.acceleration.strands)
 
 
-class Motion(OfAngles):
+class SectionAcceleration(AngleAmplitude):
     """A component of the acceleration field of a section, times a factor."""
 
     gravity: SignalBase  # m/s^2
@@ -153,8 +155,8 @@ class Motion(OfAngles):
 
     @property
     def products(self) -> Products:
-        """Products of the component (`of_field`)."""
-        return of_field(self.field, len(self.paths), self.pivot, bool(self.base), self.factor)
+        """Products of the component (`field_products`)."""
+        return field_products(self.field, len(self.paths), self.pivot, bool(self.base), self.factor)
 
     def quantities(self, t: Array) -> Callable[[Quantity], Array]:
         of_angles = super().quantities(t)
@@ -188,8 +190,8 @@ class Motion(OfAngles):
         return np.asarray(np.sum([getattr(path, ("value", "rate")[order])(t) for path in self.paths], axis=0))
 
 
-class Rotation(OfAngles):
-    """Amplitude by which the frame's rotation acts on a body's small motions (`of_rotation`).
+class Rotation(AngleAmplitude):
+    """Amplitude by which the frame's rotation acts on a body's small motions (`rotation_products`).
 
     `of` is ``rotation`` (twice an angular velocity), ``turning`` (an angular acceleration) or ``carried`` (a product of
     angular velocities).
@@ -200,10 +202,10 @@ class Rotation(OfAngles):
 
     @property
     def products(self) -> Products:
-        return of_rotation(self.of, self.component)
+        return rotation_products(self.of, self.component)
 
 
-class Pushed(Amplitude):
+class CylinderAmplitude(Amplitude):
     """Amplitude of a cylinder's force over its length: factor times `of` (an acceleration or a load) over `length`."""
 
     factor: float
@@ -229,7 +231,7 @@ class Pushed(Amplitude):
         return lambda quantity: np.asarray(1.0 / self.length.value(t)) if quantity[0] == "over" else inner(quantity)
 
 
-class AlongGround(OfAngles):
+class GroundForceComponent(AngleAmplitude):
     """Component along a body's axis of a force that has the direction of a ground axis."""
 
     force: SignalBase
@@ -265,20 +267,20 @@ def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
     signals = dict[str, SignalBase]()
     for load in member.part.loads:
         for name, part in parts_of(member, load).items():
-            signals[name] = load.signal if load.axes == "body" else _along_ground(scene, member, load, part)
+            signals[name] = load.signal if load.axes == "body" else _ground_force_component(scene, member, load, part)
     return signals
 
 
-def _along_ground(scene: Scene, member: Member, load: Load, part: Direction) -> AlongGround:
+def _ground_force_component(scene: Scene, member: Member, load: Load, part: Direction) -> GroundForceComponent:
     """Component `part` (an axis of the body) of a load along a ground axis."""
     assert scene.frame is not None  # as the checks say
     name = input_of(scene.names[member.number], load.name)
     about = {"name": name, "along": load.direction, "part": part, "step": scene.time.step}
-    return AlongGround(force=load.signal, **_angles(scene.frame), **about)
+    return GroundForceComponent(force=load.signal, **_angle_signals(scene.frame), **about)
 
 
-def _angles(frame: Frame) -> dict[str, Any]:
-    """Luffing, slewing and rocking angles of a frame, as arguments of `OfAngles`."""
+def _angle_signals(frame: Frame) -> dict[str, Any]:
+    """Luffing, slewing and rocking angles of a frame, as arguments of `AngleAmplitude`."""
     luffing, slewing = frame.angles
     return {"luffing": luffing, "slewing": slewing, "rocking": frame.rocking}
 
@@ -289,19 +291,21 @@ def base_accelerations(scene: Scene) -> tuple[SignalBase, ...]:
     if base is None or not {"x", "y", "z"} & {*base.motions, *base.accelerations}:
         return ()
     return tuple(
-        Shaken(
-            displacement=base.motions.get(axis, none), given=base.accelerations.get(axis, none), step=scene.time.step
+        BaseAcceleration(
+            displacement=base.motions.get(axis, none),
+            acceleration=base.accelerations.get(axis, none),
+            step=scene.time.step,
         )
         for axis in "xyz"
     )
 
 
-def motion_of(scene: Scene, number: int, field: str, factor: float = 1.0) -> Motion:
+def section_acceleration(scene: Scene, number: int, field: str, factor: float = 1.0) -> SectionAcceleration:
     """Signal of a component `field` of the acceleration field of section `number`, times `factor`."""
     frame = scene.frame
     assert frame is not None  # of a scene that has one
-    return Motion(
-        **_angles(frame),
+    return SectionAcceleration(
+        **_angle_signals(frame),
         base=base_accelerations(scene),
         gravity=scene.gravity.signal if scene.gravity else Constant(amount=0.0),
         pivot=frame.place,
@@ -314,27 +318,29 @@ def motion_of(scene: Scene, number: int, field: str, factor: float = 1.0) -> Mot
 
 def inertia_loads(scene: Scene, member: Member) -> dict[str, SignalBase]:
     """Amplitudes of the inertia inputs of a section in a frame, by their names; empty if it has no such inputs."""
-    return {INERTIA + field: motion_of(scene, member.number, field, -1.0) for field in inertia_fields(member)}
+    return {
+        INERTIA + field: section_acceleration(scene, member.number, field, -1.0) for field in inertia_fields(member)
+    }
 
 
 def term_signals(scene: Scene, which: Iterable[FrameTerm] | None = None) -> dict[str, SignalBase]:
     """Amplitudes of terms (`pmr.scene.mechanism`) by name: of all terms of the scene, or of `which`."""
-    return {term.name: _signal(scene, term) for term in (frame_terms(scene) if which is None else which)}
+    return {term.name: _term_signal(scene, term) for term in (frame_terms(scene) if which is None else which)}
 
 
-def _signal(scene: Scene, term: FrameTerm) -> SignalBase:
+def _term_signal(scene: Scene, term: FrameTerm) -> SignalBase:
     """Amplitude of one term of the scene."""
     assert scene.frame is not None  # of a scene that has terms
     if term.of == "field":
-        return motion_of(scene, term.number, term.component)
+        return section_acceleration(scene, term.number, term.component)
     if term.of == "load":
         return load_signals(scene, member_at(scene, term.number))[term.component]
     if term.of in ("cylinder", "cylinder load"):
         carried = scene.names.index(term.carried)
         length = {"length": scene.extension(term.number), "number": term.number, "step": scene.time.step}
         if term.of == "cylinder":
-            return Pushed(factor=-1.0, of=motion_of(scene, carried, term.component), **length)
+            return CylinderAmplitude(factor=-1.0, of=section_acceleration(scene, carried, term.component), **length)
         load = load_signals(scene, member_at(scene, carried))[term.component]
-        return Pushed(factor=1.0, of=load, name=input_of(term.carried, term.component), **length)
+        return CylinderAmplitude(factor=1.0, of=load, name=input_of(term.carried, term.component), **length)
     about = {"of": term.of, "component": term.component, "step": scene.time.step}
-    return Rotation(**_angles(scene.frame), **about)
+    return Rotation(**_angle_signals(scene.frame), **about)

@@ -83,7 +83,7 @@ Angle = tuple[Array, Array, Array]
 
 
 @dataclass(frozen=True)
-class Turning:
+class FrameRotation:
     """Rotation (T, 3, 3) of the frame at T times, its angular velocity and its angular acceleration.
 
     `velocity` (T, 3) in rad/s and `acceleration` (T, 3) in rad/s^2 are in the frame's axes.
@@ -94,17 +94,21 @@ class Turning:
     rotation: Array  # from its axes into those of the ground
 
     @classmethod
-    def of(cls, luffing: SignalBase, slewing: SignalBase, t: Array, rocking: Sequence[SignalBase] = ()) -> Turning:
+    def from_signals(
+        cls, luffing: SignalBase, slewing: SignalBase, t: Array, rocking: Sequence[SignalBase] = ()
+    ) -> FrameRotation:
         """Turning of the frame at the times t (T,) in s.
 
         `rocking` are the angles roll, pitch, yaw of its base; empty: the base does not turn.
         """
-        return cls.by(_motion_of(luffing, t), _motion_of(slewing, t), [_motion_of(angle, t) for angle in rocking])
+        return cls.from_angles(
+            _motion_of(luffing, t), _motion_of(slewing, t), [_motion_of(angle, t) for angle in rocking]
+        )
 
     @classmethod
-    def by(cls, luffing: Angle, slewing: Angle, rocking: Sequence[Angle] = ()) -> Turning:
+    def from_angles(cls, luffing: Angle, slewing: Angle, rocking: Sequence[Angle] = ()) -> FrameRotation:
         """Turning by the frame's angles (T,) in rad, with rates and second rates, on a base that turns by `rocking`."""
-        turning = cls._on_base(luffing, slewing)
+        turning = cls._on_fixed_base(luffing, slewing)
         if not rocking:
             return turning
         base = cls.from_rocking(rocking)
@@ -118,7 +122,7 @@ class Turning:
         )
 
     @classmethod
-    def from_rocking(cls, rocking: Sequence[Angle]) -> Turning:
+    def from_rocking(cls, rocking: Sequence[Angle]) -> FrameRotation:
         """Turning of a base that rolls by a, pitches by b, yaws by c: :math:`R_Z(c) R_Y(b) R_X(a)`, in its own axes."""
         (a, a1, a2), (b, b1, b2), (c, c1, c2) = rocking
         (ca, sa), (cb, sb) = ((np.cos(angle), np.sin(angle)) for angle in (a, b))
@@ -136,7 +140,7 @@ class Turning:
         return cls(velocity, acceleration, rotation(-b, c) @ roll)
 
     @classmethod
-    def _on_base(cls, luffing: Angle, slewing: Angle) -> Turning:
+    def _on_fixed_base(cls, luffing: Angle, slewing: Angle) -> FrameRotation:
         """Turning by luffing and slewing alone, on a base that does not turn."""
         (phi, rise, second), (psi, turn, faster) = luffing, slewing
         sine, cosine = np.sin(phi), np.cos(phi)
@@ -212,7 +216,7 @@ def evaluate(products: Products, quantity: Callable[[Quantity], Array], t: Array
     return total
 
 
-def of_field(field: str, number: int, pivot: Sequence[float], shaken: bool, factor: float) -> Products:
+def field_products(field: str, number: int, pivot: Sequence[float], shaken: bool, factor: float) -> Products:
     r"""Products of a component of the acceleration field of section `number`, times `factor`.
 
     `field` ``xz`` is the gradient A_xz; ``x`` is the component along x of the acceleration of the section's tail,
@@ -238,7 +242,7 @@ def of_field(field: str, number: int, pivot: Sequence[float], shaken: bool, fact
     return tuple(products)
 
 
-def of_rotation(of: str, component: str) -> Products:
+def rotation_products(of: str, component: str) -> Products:
     """Products of the effect `of` of the frame's rotation, for a `component` of one or two axes.
 
     ``rotation``: twice the angular velocity w_j.  ``turning``: the angular acceleration.  ``carried``: 2 w_j w_k for j
@@ -262,7 +266,7 @@ _QUINTIC = np.linalg.inv(_ENDS.astype(float))
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class MotionSamples:
     """Computed motion of a machine in one direction at the T steps; compared by identity."""
 
     step: float  # s
@@ -271,7 +275,7 @@ class Samples:
     inputs: Mapping[str, Array]  # (T,) values of the inertia inputs of the boom, by input name
 
 
-class Found(SignalBase):
+class ComputedMotion(SignalBase):
     """Computed motion of a machine in one direction as a signal, in m or in the unit of the frame's angles.
 
     Between steps it is the polynomial of degree 5 that has value, rate and second rate of both steps.
@@ -281,24 +285,24 @@ class Found(SignalBase):
     unit: float  # factor of the samples: units in 1 m or 1 rad
 
     def value(self, t: ArrayLike) -> Array:
-        return self._at(t, 0)
+        return self._interpolate(t, 0)
 
     def rate(self, t: ArrayLike) -> Array:
-        return self._at(t, 1)
+        return self._interpolate(t, 1)
 
     def second_rate(self, t: ArrayLike) -> Array:
-        return self._at(t, 2)
+        return self._interpolate(t, 2)
 
     def bounds(self, start: float, end: float) -> tuple[float, float]:
         """Smallest and largest value at the steps from `start` to `end` in s."""
-        of: Samples = self.samples
+        of: MotionSamples = self.samples
         first, last = int(np.floor(start / of.step)), int(np.ceil(end / of.step))
         some = of.values[0, max(first, 0) : last + 1] * self.unit
         return float(some.min()), float(some.max())
 
-    def _at(self, t: ArrayLike, order: int) -> Array:
+    def _interpolate(self, t: ArrayLike, order: int) -> Array:
         """Value (`order` 0), rate (1) or second rate (2) at the times t (...) in s."""
-        of: Samples = self.samples
+        of: MotionSamples = self.samples
         at, h = np.clip(np.asarray(t, float) / of.step, 0.0, of.values.shape[1] - 1.0), of.step
         k = np.rint(at).astype(int)
         values = np.asarray(of.values[order][k])
@@ -314,7 +318,7 @@ class Found(SignalBase):
         return np.asarray(values * self.unit)
 
 
-class AtSteps(SignalBase):
+class ComputedInput(SignalBase):
     """Values of an input at the steps, connected by straight lines."""
 
     samples: SkipValidation[Any]
@@ -322,13 +326,13 @@ class AtSteps(SignalBase):
 
     def value(self, t: ArrayLike) -> Array:
         """Value at the times t (...) in s, on the line between two steps."""
-        of: Samples = self.samples
+        of: MotionSamples = self.samples
         values = of.inputs[self.name]
         return np.asarray(np.interp(np.asarray(t, float) / of.step, np.arange(len(values)), values))
 
     def rate(self, t: ArrayLike) -> Array:
         """Slope of the line through the times t (...) in s; at a step that of the line after it."""
-        of: Samples = self.samples
+        of: MotionSamples = self.samples
         k = np.clip(np.floor(np.asarray(t, float) / of.step + SAME).astype(int), 0, of.values.shape[1] - 2)
         return np.asarray(np.diff(of.inputs[self.name])[k] / of.step)
 
@@ -338,7 +342,7 @@ class AtSteps(SignalBase):
         return float(values.min()), float(values.max())
 
 
-def found_inputs(scene: Scene) -> dict[str, SignalBase]:
+def computed_inputs(scene: Scene) -> dict[str, SignalBase]:
     """Inertia inputs of a boom on a machine whose motion has been computed, as signals by name; empty otherwise.
 
     Their average over a step is that of the frame's accelerations.  The frame's accelerations at the ends of steps are
@@ -346,14 +350,14 @@ def found_inputs(scene: Scene) -> dict[str, SignalBase]:
     multiplied by quantities that change in the meantime.
     """
     base = None if scene.frame is None else scene.frame.base
-    samples = base.x.samples if base is not None and isinstance(base.x, Found) else None
-    return {} if samples is None else {name: AtSteps(samples=samples, name=name) for name in samples.inputs}
+    samples = base.x.samples if base is not None and isinstance(base.x, ComputedMotion) else None
+    return {} if samples is None else {name: ComputedInput(samples=samples, name=name) for name in samples.inputs}
 
 
-def moves_by_itself(scene: Scene) -> bool:
+def has_computed_motion(scene: Scene) -> bool:
     """Whether a machine's motion is computed with the model, or has been; not if all of its directions are held."""
     machine = None if scene.frame is None else scene.frame.machine
-    return bool(found_inputs(scene)) or (machine is not None and bool(machine.free))
+    return bool(computed_inputs(scene)) or (machine is not None and bool(machine.free))
 
 
 @dataclass(frozen=True)
@@ -367,14 +371,16 @@ class MachineMotion:
     momenta: Array  # (T, 6): linear and angular momentum of the whole about the ground's origin, along its axes
 
 
-def in_motion(scene: Scene, track: MachineMotion) -> Scene:
+def with_computed_motion(scene: Scene, track: MachineMotion) -> Scene:
     """Scene whose frame has a base with the computed motion `track`, and no machine."""
     frame = scene.frame
     assert frame is not None  # of a scene with a machine
     angle = 1.0 if frame.unit == "rad" else 180.0 / np.pi
     signals: dict[str, Any] = {
-        direction: Found(
-            samples=Samples(track.step, np.ascontiguousarray(track.values[:, :, k]), track.forces[:, k], track.inputs),
+        direction: ComputedMotion(
+            samples=MotionSamples(
+                track.step, np.ascontiguousarray(track.values[:, :, k]), track.forces[:, k], track.inputs
+            ),
             unit=1.0 if k < 3 else angle,
         )
         for k, direction in enumerate(DIRECTIONS)

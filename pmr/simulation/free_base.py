@@ -46,7 +46,17 @@ from pmr.scene.frame import INERTIA
 from pmr.scene.keys import LUFFING, input_of
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.members import member_at
-from pmr.simulation.floating import CROSS, Boom, Carried, Extended, Moments, Motion, Pressed, Shortened, State
+from pmr.simulation.floating import (
+    CROSS,
+    BaseEquations,
+    Boom,
+    BoomState,
+    Extensions,
+    FrameMotion,
+    Moments,
+    SectionInertia,
+    Shortening,
+)
 from pmr.simulation.frame_motion import skew
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows
@@ -82,9 +92,9 @@ class FreeBase:
         self.fields = {
             (k, " xyz".index(over or " "), "xyz".index(along)): column
             for k, name in enumerate(scene.names)
-            for along, over, column in _fields(system.reduced[name], assembly.input_slices[name].start)
+            for along, over, column in _inertia_inputs(system.reduced[name], assembly.input_slices[name].start)
         }
-        rotating, carried, shortened = np.zeros((3, n, n)), np.zeros((3, 3, n, n)), list[Shortened]()
+        rotating, carried, shortened = np.zeros((3, n, n)), np.zeros((3, 3, n, n)), list[Shortening]()
         terms = {term.name: term for term in assembly.terms}
         self._scene, self._terms = scene, {term.name: term.stiffness for term in assembly.terms}
         for frame_term in frame_terms(scene):
@@ -98,7 +108,7 @@ class FreeBase:
             elif frame_term.of in ("field", "cylinder"):
                 section = scene.names.index(frame_term.carried) if frame_term.carried else frame_term.number
                 cylinder = frame_term.number if frame_term.of == "cylinder" else None
-                shortened.append(Shortened(section, len(frame_term.component) - 1, term.stiffness.toarray(), cylinder))
+                shortened.append(Shortening(section, len(frame_term.component) - 1, term.stiffness.toarray(), cylinder))
         self.size, self._count = n, len(sections)
         B = self.moments(assembly.B.toarray())
         #: names of paths that move no section: a slider's
@@ -123,7 +133,7 @@ class FreeBase:
             loads[column] = 0.0 if over else -upwards[along]
         return loads
 
-    def inertia(self, motion: Motion, driven: Array, extended: Extended, loads: Array) -> Array:
+    def inertia(self, motion: FrameMotion, driven: Array, extended: Extensions, loads: Array) -> Array:
         """Loads (i,) `loads` with the inertia inputs set to those of the frame's accelerations.
 
         `driven` (6,) is the acceleration of O and the angular acceleration of the frame.
@@ -137,7 +147,7 @@ class FreeBase:
             changed[column] = -(gradient[along, over - 1] if over else at[section, along])
         return changed
 
-    def shortened_by(self, load: str) -> Iterator[tuple[int | None, Array]]:
+    def load_shortenings(self, load: str) -> Iterator[tuple[int | None, Array]]:
         """Yield (cylinder, G) of a load: its point moves by -q^T G q / 2 along the boom as that bends, G (n, n) in 1/m.
 
         `cylinder` is None, or the number of the extension by whose length q^T G q / 2 has to be divided.
@@ -147,7 +157,7 @@ class FreeBase:
                 if input_of(term.carried or term.bodies[0], term.component) == load:
                     yield (term.number if term.of == "cylinder load" else None), self._terms[term.name].toarray()
 
-    def loads(self, f: Array, extended: Extended) -> Array:
+    def loads(self, f: Array, extended: Extensions) -> Array:
         """Force and moment about O (6,) of loads f (i,) on the undeformed boom, without inertia."""
         wrenches = self.boom.loads @ f
         x, y, z = np.outer(np.eye(3)[0], np.cumsum(extended.value)[: self._count]) + self.boom.place[:, None]
@@ -155,7 +165,7 @@ class FreeBase:
         moments = (y @ force[2] - z @ force[1], z @ force[0] - x @ force[2], x @ force[1] - y @ force[0])
         return np.asarray(wrenches.sum(axis=0) + np.concatenate([np.zeros(3), moments]))
 
-    def pulls(self, f: Array) -> Array:
+    def path_forces(self, f: Array) -> Array:
         """Forces (P,) of loads f (i,) along the paths: on each section and all after it.
 
         Zero for paths that move no section.
@@ -164,13 +174,15 @@ class FreeBase:
         forces[: self._count] = np.cumsum([(section.loads @ f)[0] for section in self.boom.sections[::-1]])[::-1]
         return forces
 
-    def at(self, motion: Motion, extended: Extended, q: Array, rate: Array, moments: Moments | None = None) -> Pressed:
+    def base_equations(
+        self, motion: FrameMotion, extended: Extensions, q: Array, rate: Array, moments: Moments | None = None
+    ) -> BaseEquations:
         """Mass matrix and forces of the equations of base, coordinates and extensions, at one moment."""
-        state = State(self.boom, motion, extended, q, rate, moments)
-        return Pressed(state.mass(), state.forces())
+        state = BoomState(self.boom, motion, extended, q, rate, moments)
+        return BaseEquations(state.mass(), state.forces())
 
 
-def _fields(body: ReducedModel, first: int) -> Iterator[tuple[str, str, int]]:
+def _inertia_inputs(body: ReducedModel, first: int) -> Iterator[tuple[str, str, int]]:
     """Yield the axis, the lever axis (or "") and the number, from `first` on, of each inertia input of a body."""
     for number, name in enumerate(body.input_names, first):
         if name.startswith(INERTIA):
@@ -178,7 +190,7 @@ def _fields(body: ReducedModel, first: int) -> Iterator[tuple[str, str, int]]:
             yield field[0], field[1:], number
 
 
-def _rigid_section(scene: Scene, number: int, body: ReducedModel, assembly: Assembly) -> Carried:
+def _rigid_section(scene: Scene, number: int, body: ReducedModel, assembly: Assembly) -> SectionInertia:
     """Rigid-body properties of a section, from the work of its inertia loads and all other loads in rigid motions.
 
     Raises InputError for planar sections, and if the rigid motions are not known.
@@ -192,7 +204,7 @@ def _rigid_section(scene: Scene, number: int, body: ReducedModel, assembly: Asse
         raise InputError("system", f"bodies.{name}.rigid_work", None, allowed)
     S, loads = np.zeros((6, W.shape[1])), np.zeros((6, assembly.B.shape[1]))
     loads[:, assembly.input_slices[name]] = W
-    for along, over, column in _fields(body, 0):
+    for along, over, column in _inertia_inputs(body, 0):
         j = "xyz".index(along)
         if over:
             S[3:, column] = CROSS[:, "xyz".index(over), j]
@@ -202,11 +214,11 @@ def _rigid_section(scene: Scene, number: int, body: ReducedModel, assembly: Asse
     gram = W @ S.T
     first, inertia = gram[3:, :3], gram[3:, 3:]
     first = np.array([first[2, 1] - first[1, 2], first[0, 2] - first[2, 0], first[1, 0] - first[0, 1]]) / 2.0
-    return Carried(float(gram[0, 0]), first, (inertia + inertia.T) / 2.0, loads)
+    return SectionInertia(float(gram[0, 0]), first, (inertia + inertia.T) / 2.0, loads)
 
 
 @dataclass(frozen=True)
-class Answers:
+class InputResponse:
     """Forces B f on coordinates (n,) by inputs f (i,), and displacements B^T q + E f (i,) at the inputs' points."""
 
     B: Array
@@ -215,7 +227,7 @@ class Answers:
     E_slope: Array  # (P, i, i)
 
 
-class Answering:
+class EliminatedContacts:
     """Response of a boom on n coordinates to inputs, with contacts that give way and hold both ways eliminated.
 
     The mask `gives` (m,) selects these contacts; rigid ones, and pads that only push, are left out.
@@ -224,27 +236,27 @@ class Answering:
     def __init__(self, boom: FreeBase, assembly: Assembly, along: ChangingRows, gives: NDArray[np.bool_]) -> None:
         self._boom, self._along, self._gives = boom, along, gives
         self._B, self._E = assembly.B.toarray(), assembly.energy
-        self._stored, self._moments = dict[bytes, Answers](), (b"", boom.boom.moments)
+        self._stored, self._moments = dict[bytes, InputResponse](), (b"", boom.boom.moments)
 
-    def moments(self, at: Extended) -> Moments:
+    def moments(self, at: Extensions) -> Moments:
         """Moments of the sections at extensions `at`, with the response to inertia of contacts that give way."""
         key = at.value.tobytes() + at.rate.tobytes()
         if self._gives.any() and key != self._moments[0]:
-            answers, of, B_curve = self.at(at.value), self._boom.moments, np.zeros_like(self._B)
+            answers, of, B_curve = self.response(at.value), self._boom.moments, np.zeros_like(self._B)
             if at.rate.any():
                 near, gives = self._along.evaluate(at.value), self._gives
                 rows, (first, second) = (
                     near.rows.select(gives),
                     (part.select(gives) for part in near.time_derivatives(at.rate)),
                 )
-                answer, bent = _answers(rows)
+                answer, bent = _solve_rows(rows)
                 answer_rate = np.linalg.solve(rows.F, first.H - first.F @ answer)
                 B_curve = -second.C.T @ answer - 2.0 * first.C.T @ answer_rate
                 B_curve -= bent.T @ (second.H - second.F @ answer - 2.0 * first.F @ answer_rate)
             self._moments = key, Moments(of(answers.B), np.moveaxis(of(answers.B_slope), 0, -1), of(B_curve))
         return self._moments[1]
 
-    def at(self, s: Array) -> Answers:
+    def response(self, s: Array) -> InputResponse:
         """Response to inputs with the paths at s (P,) m; the last few are stored."""
         key = s.tobytes()
         if key not in self._stored:
@@ -253,15 +265,15 @@ class Answering:
             if self._gives.any():
                 near = self._along.evaluate(s)
                 rows, slopes = near.rows.select(self._gives), near.slopes.select(self._gives)
-                answer, bent = _answers(rows)
+                answer, bent = _solve_rows(rows)
                 turned = slopes.H - slopes.F @ answer
                 B, B_slope = B - rows.C.T @ answer, -slopes.C.transpose(0, 2, 1) @ answer - bent.T @ turned
                 E, E_slope = E - rows.H.T @ answer, -answer.T @ turned - slopes.H.transpose(0, 2, 1) @ answer
-            self._stored = dict(list(self._stored.items())[-4:]) | {key: Answers(B, E, B_slope, E_slope)}
+            self._stored = dict(list(self._stored.items())[-4:]) | {key: InputResponse(B, E, B_slope, E_slope)}
         return self._stored[key]
 
 
-def _answers(rows: ContactRows) -> tuple[Array, Array]:
+def _solve_rows(rows: ContactRows) -> tuple[Array, Array]:
     """Matrices F^-1 H (m, i) and F^-1 C (m, n) of contact rows."""
     bent, answer = np.split(rows.force_coefficients, [rows.C.shape[1]], axis=1)
     return answer, bent

@@ -29,8 +29,8 @@ from pmr.scene.choice import refuse
 from pmr.scene.frame import DIRECTIONS, INERTIA, BaseMotion
 from pmr.scene.keys import LUFFING
 from pmr.scene.signals import Constant
-from pmr.simulation.excitation import Excitation, places, rates_of_places
-from pmr.simulation.frame_motion import MachineMotion, in_motion
+from pmr.simulation.excitation import Excitation, side_positions, side_velocities
+from pmr.simulation.frame_motion import MachineMotion, with_computed_motion
 from pmr.simulation.free_base import FreeBase, with_all_inertia
 from pmr.simulation.moving import OF_BASE, MovingFrame
 from pmr.simulation.native.form import SystemForm, path_text, rest_states, start_modes, step_failure
@@ -150,7 +150,7 @@ def with_machine_motion(scene: Scene, system: System) -> tuple[Scene, System]:
     if scene.frame is None or scene.frame.machine is None:
         return scene, system
     system = with_all_inertia(system)
-    return in_motion(scene, machine_motion(scene, system)), system
+    return with_computed_motion(scene, machine_motion(scene, system)), system
 
 
 def machine_motion(scene: Scene, system: System) -> MachineMotion:
@@ -175,9 +175,9 @@ class MachineRun:
         still = BaseMotion(**dict.fromkeys(DIRECTIONS, Constant(amount=0.0)))
         resting = scene.model_copy(update={"frame": frame.model_copy(update={"base": still, "machine": None})})
         self._system, self.form, self._machine = system, SystemForm.of(system), frame.machine
-        self._excitation, self._assembly = Excitation.of(resting), Assembly(system)
-        self._x, modal = places(system, self._excitation), self.form.modal
-        x = places(modal, self._excitation)
+        self._excitation, self._assembly = Excitation.from_scene(resting), Assembly(system)
+        self._x, modal = side_positions(system, self._excitation), self.form.modal
+        x = side_positions(modal, self._excitation)
         stepping = self._excitation.stepping
         refuse("march", needs_of(modal, Assembly(modal).contact_rows(x[0]).rigid, x, stepping.rho_inf))
         moving = MovingFrame.in_scene(resting, system)
@@ -205,7 +205,7 @@ class MachineRun:
             k = simulation.number + 1 if started else 0
             s = self._excitation.s[k]
             where = f"step {k}, t = {t[k]:g} s" if k else f"t = 0 s{path_text(tuple(self._excitation.paths), s)}"
-            raise step_failure(where, self.form, error, places(self.form.modal, self._excitation)[k]) from None
+            raise step_failure(where, self.form, error, side_positions(self.form.modal, self._excitation)[k]) from None
         return MachineMotion(
             self._excitation.stepping.step,
             np.ascontiguousarray(np.moveaxis(simulation.motion, 0, 1)),
@@ -221,7 +221,7 @@ class MachineRun:
         if self._in_balance:
             motion = self._balance_springs(motion)
             states = self._rest_states(motion[0])
-        x_rate = rates_of_places(self._system, self._excitation)
+        x_rate = side_velocities(self._system, self._excitation)
         self.simulation.start(motion, *start_modes(self.form, self._x[0], x_rate, states))
 
     def _rest_states(self, place: Array) -> dict[str, InitialState]:

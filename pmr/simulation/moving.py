@@ -39,7 +39,7 @@ _SIGNAL: TypeAdapter[Any] = TypeAdapter(Signal)
 
 
 @dataclass(frozen=True)
-class Recorded:
+class StoredScene:
     """Title of a stored scene, and its excitation with a load for each of the inputs."""
 
     title: str
@@ -54,7 +54,7 @@ class Recorded:
         return self.excitation.start == "equilibrium"
 
 
-def read_scene(system: System, source: str) -> Recorded:
+def read_scene(system: System, source: str) -> StoredScene:
     """Scene that is stored in a system's provenance.
 
     Raises InputError, which names the file `source`, if there is no scene, or if it holds anything but numbers where
@@ -65,8 +65,8 @@ def read_scene(system: System, source: str) -> Recorded:
         if any(map(_names_a_file, _signals(scene))):
             raise ValueError("a signal in a model holds its numbers itself")
         if ALONE in system.bodies and not scene.get("frame"):
-            return _of_body(scene, system)
-        return _of_sections(scene, system)
+            return _read_body_scene(scene, system)
+        return _read_boom_scene(scene, system)
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         if isinstance(error, InputError):
             raise InputError(source, f"provenance.scene.{error.key}", error.value, error.allowed) from None
@@ -74,7 +74,7 @@ def read_scene(system: System, source: str) -> Recorded:
         raise InputError(source, "provenance.scene", None, f"a file that holds its scene is allowed: {why}") from None
 
 
-def _of_body(scene: Any, system: System) -> Recorded:
+def _read_body_scene(scene: Any, system: System) -> StoredScene:
     """Stored scene of a single body, read by the keys that all versions of files have."""
     loads = [_SIGNAL.validate_python(load["signal"]) for load in scene["loads"]]
     weight = Gravity.model_validate(scene["gravity"]) if scene.get("gravity") else None
@@ -90,16 +90,16 @@ def _of_body(scene: Any, system: System) -> Recorded:
     first_loads = excitation.f[0].copy()
     if weight is not None:
         first_loads[-1] = weight.acceleration
-    return Recorded(visible(str(scene.get("title", "Sliding body"))), excitation, first_loads)
+    return StoredScene(visible(str(scene.get("title", "Sliding body"))), excitation, first_loads)
 
 
-def _of_sections(scene: Any, system: System) -> Recorded:
+def _read_boom_scene(scene: Any, system: System) -> StoredScene:
     """Stored scene of a boom."""
     boom = stored_scene(scene, "provenance.scene", RECORDED)
     _check_steps(TimeStepping(boom.time.end, boom.time.step))
     if set(system.bodies) != set(boom.bodies) or not set(system.paths) <= set(boom.driven_paths):
         raise ValueError(f"sections {', '.join(system.bodies)} and paths {', '.join(system.paths)} are needed")
-    return of_boom(boom, system)
+    return store_boom_scene(boom, system)
 
 
 def _check_steps(stepping: TimeStepping) -> TimeStepping:
@@ -109,12 +109,12 @@ def _check_steps(stepping: TimeStepping) -> TimeStepping:
     return stepping
 
 
-def of_boom(boom: Scene, system: System) -> Recorded:
+def store_boom_scene(boom: Scene, system: System) -> StoredScene:
     """Scene of a boom as a record, with its loads at t = 0 under the full weight."""
-    excitation = Excitation.of(boom)
+    excitation = Excitation.from_scene(boom)
     gravity = boom.gravity and boom.gravity.model_copy(update={"rise": 0.0})
-    in_full = Excitation.of(boom.model_copy(update={"gravity": gravity}))
-    return Recorded(boom.title, excitation, in_full.forces(system.input_names)[0].copy(), boom)
+    in_full = Excitation.from_scene(boom.model_copy(update={"gravity": gravity}))
+    return StoredScene(boom.title, excitation, in_full.forces(system.input_names)[0].copy(), boom)
 
 
 def path_ranges(system: System) -> dict[str, tuple[float, float]]:
@@ -173,7 +173,7 @@ class MovingFrame:
     terms: tuple[Products, ...]  # of its K terms
 
     @classmethod
-    def of(cls, system: System) -> MovingFrame | None:
+    def from_system(cls, system: System) -> MovingFrame | None:
         """Frame of the scene in a system's provenance; None without a scene or without a frame in it.
 
         Raises InputError as `read_scene`, and if the scene does not drive an input or a term.
@@ -189,7 +189,7 @@ class MovingFrame:
         """
         frame = scene.frame
         assert frame is not None  # of those who ask
-        excitation = Excitation.of(scene)
+        excitation = Excitation.from_scene(scene)
         of_terms = {term.name: input_of(scene.names[term.number], term.component) for term in frame_terms(scene)}
         angles = {"luffing": frame.luffing, "slewing": frame.slewing}
         return cls(
@@ -256,7 +256,7 @@ class MovingFrame:
     @property
     def start(self) -> Array:
         """Values, rates and second rates (3, n) of the drivers in the scene at t = 0, with the full weight."""
-        motions = self.motions(Excitation.of(self.scene), 0.0)
+        motions = self.motions(Excitation.from_scene(self.scene), 0.0)
         if self.scene.gravity is not None:
             motions[0, self.drivers.index(GRAVITY)] = self.scene.gravity.acceleration
         return motions
@@ -275,7 +275,7 @@ class MovingFrame:
         """Whether an excitation has the paths, loads and amplitudes of terms that the scene has on its time grid."""
         if self.scene.frame is None or self.scene.frame.machine is not None:
             return False
-        of_scene = Excitation.of(self.scene).on_grid(excitation.stepping)
+        of_scene = Excitation.from_scene(self.scene).on_grid(excitation.stepping)
         return all(getattr(of_scene, part) == getattr(excitation, part) for part in ("paths", "loads", "terms"))
 
 

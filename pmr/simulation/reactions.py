@@ -72,7 +72,7 @@ def with_support_reactions(response: Response, system: System, trajectory: Syste
         if body_reactions is None or not (alone or isinstance(body, ReducedModel)):
             continue
         if name == ALONE:
-            forces = support_forces(body, on_rows(system, body, motion), loads)
+            forces = support_forces(body, with_row_multipliers(system, body, motion), loads)
         elif body.carriers is None or body_reactions.carried is None:
             continue
         else:
@@ -84,12 +84,12 @@ def with_support_reactions(response: Response, system: System, trajectory: Syste
                 if trajectory.moments is not None:
                     turned = system.row(side.place).weights(x, 1) @ carried
                     forces += side.sign * trajectory.moments[:, side.contact, None] * turned
-        forces = forces - _of_terms(system, name, inertia_share(body, body_reactions), trajectory)
+        forces = forces - _term_forces(system, name, inertia_share(body, body_reactions), trajectory)
         of_bodies[name], reactions[name] = body_reactions.supports, forces
     return with_reactions(response, of_bodies, reactions)
 
 
-def on_rows(system: System, body: SlidingBody, motion: Trajectory) -> Trajectory:
+def with_row_multipliers(system: System, body: SlidingBody, motion: Trajectory) -> Trajectory:
     """Motion of a single body with the path coordinate s (T,), and with multipliers of all rows of the body."""
     multipliers = np.zeros((len(motion.t), len(body.row_names)))
     moving = 0
@@ -100,7 +100,7 @@ def on_rows(system: System, body: SlidingBody, motion: Trajectory) -> Trajectory
     return replace(motion, s=s, multipliers=multipliers)
 
 
-def _of_terms(system: System, name: str, P: Array, trajectory: SystemTrajectory) -> Array | float:
+def _term_forces(system: System, name: str, P: Array, trajectory: SystemTrajectory) -> Array | float:
     """Component due to terms that vary in time of the forces (T, h) on a body's rigid supports; 0.0 without terms.
 
     P (h, n) is that of `inertia_share`.
@@ -134,7 +134,7 @@ def with_reactions(response: Response, of_bodies: Mapping[str, Supports], forces
     return response.with_others(np.hstack(list(forces.values())), supports)
 
 
-def at_pivot(scene: Scene, response: Response) -> Response:
+def with_pivot_force(scene: Scene, response: Response) -> Response:
     """Add the force and moment at the pivot; response unchanged without a frame, or if a force is unknown."""
     if scene.frame is None:
         return response
@@ -161,7 +161,7 @@ def with_luffing_cylinder(scene: Scene, response: Response) -> Response:
     if scene.frame is None or scene.frame.cylinder is None:
         return response
     if scene.holding_cylinder is not None:
-        force = _force(response, forces_of_cylinder(scene))
+        force = _first_stored_force(response, forces_of_cylinder(scene))
     elif MOMENT not in response.other_names:
         return response
     else:
@@ -187,11 +187,11 @@ def with_force_of_pin(scene: Scene, response: Response) -> Response:
     along, across = (force[:, None] * scene.frame.cylinder.direction(scene.frame.angles[0].value(response.t))).T
     other_outputs = response.others.copy()
     other_outputs[:, response.other_names.index(held.pin[0])] += along
-    other_outputs[:, response.other_names.index(held.pin[1])] += across + _force(response, held.across)
+    other_outputs[:, response.other_names.index(held.pin[1])] += across + _first_stored_force(response, held.across)
     return replace(response, others=other_outputs)
 
 
-def _force(response: Response, names: Sequence[str]) -> Array:
+def _first_stored_force(response: Response, names: Sequence[str]) -> Array:
     """Force (T,) of a response, under the first of `names` that it has."""
     name = next(label for label in names if label in response.force_names or label in response.other_names)
     if name in response.force_names:
@@ -201,30 +201,30 @@ def _force(response: Response, names: Sequence[str]) -> Array:
 
 def with_forces_on_machine(scene: Scene, response: Response) -> Response:
     """Add force and moment at the pivot, and forces of luffing cylinder and pin, if the scene has them."""
-    return with_force_of_pin(scene, with_luffing_cylinder(scene, at_pivot(scene, response)))
+    return with_force_of_pin(scene, with_luffing_cylinder(scene, with_pivot_force(scene, response)))
 
 
 @dataclass(frozen=True)
-class Called:
+class ColumnNames:
     """Names, units and kinds of a response's columns: outputs in m, outputs in N, all others."""
 
-    moved: tuple[str, ...]  # of the outputs in m
+    displacements: tuple[str, ...]  # of the outputs in m
     forces: tuple[str, ...]  # of those in N
     # of all other outputs, and their units
-    others: tuple[str, ...]
+    other_outputs: tuple[str, ...]
     other_units: tuple[str, ...]
     # kind and direction of each, as `Response.kinds` has them: those of moved, of forces, of others
     kinds: tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]
 
 
-def column_names(body: BodyWithOutputs) -> Called:
+def column_names(body: BodyWithOutputs) -> ColumnNames:
     """Names, units and kinds of a body's outputs."""
     kinds, names, units = (np.array(of(body), dtype=object) for of in (kinds_of, names_of, units_of))
     lengths, forces, other = length_outputs(body), force_outputs(body), other_outputs(body)
-    return Called(
-        moved=tuple(names[lengths]),
+    return ColumnNames(
+        displacements=tuple(names[lengths]),
         forces=tuple(names[forces]),
-        others=tuple(names[other]),
+        other_outputs=tuple(names[other]),
         other_units=tuple(units[other]),
         kinds=(tuple(kinds[lengths]), tuple(kinds[forces]), tuple(kinds[other])),
     )

@@ -86,7 +86,7 @@ def consistent_start(
         for row, held in body.held.items():
             largest = np.abs(starts[name].q).max()
             check_position(np.ones((1, 1)), starts[name].q[[held]], (body.row_names[row],), largest)
-        starts[name] = InitialState(starts[name].q, _let_go(body, starts[name].v))
+        starts[name] = InitialState(starts[name].q, _release_supports(body, starts[name].v))
     rows = assembly.contact_rows(x)
     rigid = rows.rigid
     C, names = rows.C[rigid], tuple(name for name, firm in zip(system.contact_names, rigid, strict=True) if firm)
@@ -95,7 +95,7 @@ def consistent_start(
         for part in "qv"
     )
     check_position(C, q, names)
-    drift = row_drift(C, assembly.row_rates(x, x_rate)[rigid], InitialState(q, v))
+    drift = velocity_violation(C, assembly.row_rates(x, x_rate)[rigid], InitialState(q, v))
     if drift is None:
         return starts
     sparse = any(sp.issparse(body.M) for body in bodies.values())
@@ -105,7 +105,7 @@ def consistent_start(
     return starts
 
 
-def _let_go(body: SlidingBody, v: Array) -> Array:
+def _release_supports(body: SlidingBody, v: Array) -> Array:
     """Velocities (n,) of a body after those that supports hold at zero are removed, with the least kinetic energy."""
     held, v = np.array(list(body.held.values()), np.int64), v.copy()
     if np.any(v[held]):
@@ -121,7 +121,7 @@ def check_state(initial: InitialState, size: int) -> InitialState:
     return InitialState(*(_vector(name, getattr(initial, name), size) for name in ("q", "v")))
 
 
-def row_drift(C: Array, C_t: Array, start: InitialState) -> Array | None:
+def velocity_violation(C: Array, C_t: Array, start: InitialState) -> Array | None:
     """Violation C v + C_t q (m,) in m/s of rows C (m, n) with rates C_t (m, n); None if it is round-off."""
     drift = C @ start.v + C_t @ start.q
     scale = _magnitude(C, start.v) + _magnitude(C_t, start.q)

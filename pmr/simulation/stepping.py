@@ -90,14 +90,19 @@ UNSEEN = 0.05
 STEPS_A_PERIOD = 7
 
 
-def unseen(signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
+def describe_lost_features(signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
     """Warnings, one line for each feature of a named signal that is lost between the steps; empty if none is."""
-    return [f"{name}: {what}" for name, signal in signals for what in _lost(signal, stepping)]
+    return [f"{name}: {what}" for name, signal in signals for what in _describe_loss(signal, stepping)]
 
 
-def overshoots(signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
+def describe_overshoots(signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
     """Warnings, one line for each table whose curve exceeds the table's values by more than `UNSEEN` of their range."""
-    return [f"{name}: {what}" for name, signal in signals for part in signal.parts for what in _beyond(part, stepping)]
+    return [
+        f"{name}: {what}"
+        for name, signal in signals
+        for part in signal.parts
+        for what in _describe_table_overshoot(part, stepping)
+    ]
 
 
 def is_aliased(signal: SignalBase, stepping: TimeStepping) -> bool:
@@ -105,7 +110,7 @@ def is_aliased(signal: SignalBase, stepping: TimeStepping) -> bool:
     return 2.0 * signal.highest_frequency(0.0, stepping.end) * stepping.step >= 1.0
 
 
-def _lost(signal: SignalBase, stepping: TimeStepping) -> Iterator[str]:
+def _describe_loss(signal: SignalBase, stepping: TimeStepping) -> Iterator[str]:
     """Yield a line for each tone of a signal that the steps do not follow, and for its largest overshoot."""
     h = stepping.step
     for part in signal.parts:
@@ -113,9 +118,9 @@ def _lost(signal: SignalBase, stepping: TimeStepping) -> Iterator[str]:
         if f * h >= 0.5:
             apparent = abs(f - round(f * h) / h)
             at_rest = "stands still" if apparent < 1.0 / stepping.end else f"looks like {apparent:.4g} Hz"
-            yield f"{f:.6g} Hz {at_rest} at steps of {h:.4g} s; {_fine_enough(f)}"
+            yield f"{f:.6g} Hz {at_rest} at steps of {h:.4g} s; {_describe_needed_step(f)}"
         elif (1.0 - np.cos(np.pi * f * h)) / 2.0 > UNSEEN:
-            yield f"{f:.6g} Hz has {1.0 / (f * h):.2g} steps of {h:.4g} s a period; {_fine_enough(f)}"
+            yield f"{f:.6g} Hz has {1.0 / (f * h):.2g} steps of {h:.4g} s a period; {_describe_needed_step(f)}"
     share, at = _overshoot(signal, stepping)
     if share > UNSEEN:
         yield (
@@ -124,7 +129,7 @@ def _lost(signal: SignalBase, stepping: TimeStepping) -> Iterator[str]:
         )
 
 
-def _beyond(part: SignalBase, stepping: TimeStepping) -> Iterator[str]:
+def _describe_table_overshoot(part: SignalBase, stepping: TimeStepping) -> Iterator[str]:
     """Yield a line if a signal is a table whose curve exceeds its values between the knots."""
     if not isinstance(part, Table):
         return
@@ -140,7 +145,7 @@ def _beyond(part: SignalBase, stepping: TimeStepping) -> Iterator[str]:
         )
 
 
-def _fine_enough(f: float) -> str:
+def _describe_needed_step(f: float) -> str:
     """Text with the step that follows a tone of f Hz."""
     return f"steps of {rounded_down(1.0 / (STEPS_A_PERIOD * f))} s or less follow it"
 
@@ -185,7 +190,7 @@ Take = Callable[[Block], None]
 
 
 @dataclass(frozen=True)
-class Ended:
+class SimulationEnd:
     """End of a simulation: the solver's wall time in s, and the trajectory's `surplus` of energy."""
 
     seconds: float
@@ -207,25 +212,25 @@ class Recorder:
         # A whole block is taken without indexing, in a fifth of the time.
         some = block.at(slice(None) if high - low == block.count else self._steps[low:high] - block.first)
         if high - low == len(self._steps):
-            self._recorded = some.map_arrays(_own)
+            self._recorded = some.map_arrays(_copy_of_view)
             return
         if self._recorded is None:
             self._recorded = some.map_arrays(lambda array: np.empty((len(self._steps), *array.shape[1:]), array.dtype))
         for stored, array in zip(self._recorded.arrays, some.arrays, strict=True):
             stored[low:high] = array
 
-    def trajectory(self, ended: Ended) -> SystemTrajectory:
+    def trajectory(self, ended: SimulationEnd) -> SystemTrajectory:
         """Trajectory of the recorded steps, with the solver's time and surplus."""
         assert self._recorded is not None  # as every simulation has a block
         return replace(self._recorded, seconds=ended.seconds, surplus=ended.surplus)
 
 
-def _own(array: NDArray[Any]) -> NDArray[Any]:
+def _copy_of_view(array: NDArray[Any]) -> NDArray[Any]:
     """The array, or a copy if it is a view of memory that others may overwrite."""
     return np.ascontiguousarray(array) if array.flags.owndata else array.copy()
 
 
-def in_blocks(
+def advance_in_blocks(
     end: int,
     most: int,
     heavy: int,

@@ -57,7 +57,7 @@ class FullMotion:
         """Build the full models of a scene and simulate their motion."""
         is_alone = len(scene.sections) == 1
         full = System.of(modal_form(shared.body_of(scene)).body) if is_alone else shared.full_system(scene)
-        excitation = divide_steps(full, Excitation.of(scene))
+        excitation = divide_steps(full, Excitation.from_scene(scene))
         run = run_from_start(full, excitation)
         return cls(scene, full, excitation, run, with_forces_on_machine(scene, evaluate_motion(full, run)))
 
@@ -69,7 +69,7 @@ def simulate_displacement(
 
     Steps are `factor` times as long as the scene's; the spectral radius is `rho_inf`, or the scene's if it is None.
     """
-    driven = Excitation.of(scene)
+    driven = Excitation.from_scene(scene)
     grid = replace(driven.stepping, step=step_factor * driven.stepping.step)
     grid = grid if rho_inf is None else replace(grid, rho_inf=rho_inf)
     return evaluate_motion(system, run_from_start(system, driven.on_grid(grid), every)).displacement

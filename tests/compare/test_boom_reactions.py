@@ -93,7 +93,7 @@ def run(changes: Sequence[str], simulator: SystemSimulator = systems.simulate) -
     built = build_bodies(boom, MPI.COMM_SELF)
     sections = reduce_bodies(boom, built)
     system = system_of(boom, {name: one.model for name, one in sections.items()})
-    excitation = Excitation.of(boom)
+    excitation = Excitation.from_scene(boom)
     moved = simulator(system, excitation, systems.static_start(system, excitation))
     return Run(boom, built, sections, system, excitation, moved)
 

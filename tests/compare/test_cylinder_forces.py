@@ -134,7 +134,7 @@ def test_full_coordinates_are_recovered_from_modes_of_cylinders_too() -> None:
         {n: one.model.gather() for n, one in built.items()},
     ):
         system = system_of(boom, bodies)
-        given = Excitation.of(boom)
+        given = Excitation.from_scene(boom)
         runs.append((system, systems.simulate(system, given, systems.static_start(system, given))))
     (system, motion), (whole, full) = runs
     states = states_of(system, motion, steps)["fly"]

@@ -33,7 +33,7 @@ def ratios(scene: Scene) -> Iterator[tuple[str, float, float]]:
     """Kind, estimate over error and error, of all kinds that have an estimate."""
     model = build(scene, MPI.COMM_SELF).model
     reduced = reduce_with(scene, model, take_snapshots(scene, model)).model
-    excitation = Excitation.of(scene)
+    excitation = Excitation.from_scene(scene)
     own, system = outputs(reduced, excitation), System.of(reduced)
     full = outputs(model.gather(), divide_steps(system, excitation))  # which follows its parts of a step
     known = own.force.shape[1]

@@ -52,7 +52,7 @@ def case(seed: int) -> Case:
     reference = FullOrder.join(scene, {ALONE: model}).reference("full")
     assert reference is not None
     own, full = simulate(scene, reduced).displacement, reference.displacement
-    found = estimate(reduced, Excitation.of(scene))
+    found = estimate(reduced, Excitation.from_scene(scene))
     moves = np.sqrt(np.mean(full**2, axis=0))
     counted = moves > 1e-6 * moves.max()
 

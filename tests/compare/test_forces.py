@@ -83,7 +83,7 @@ def test_the_steps_error_of_forces_is_that_beside_far_smaller_steps(name: str) -
     changes = ["compare.against=[]", "time.end=1.0", elements]
     scene = load_any(WORKFLOWS / f"{name}.toml", [*changes, "time.step=0.01"])
     system = pmr.reduce(scene).system
-    error = step_error(system, Excitation.of(scene), complete=lambda response: response)
+    error = step_error(system, Excitation.from_scene(scene), complete=lambda response: response)
     fine = load_any(WORKFLOWS / f"{name}.toml", [*changes, "time.step=0.000625", "time.rho_inf=0.95"])
     own, reference = (pmr.simulate(one, system) for one in (scene, fine))
     sampled = {key: {n: f[::16] for n, f in of.items()} for key, of in force_histories(reference).items()}

@@ -15,9 +15,9 @@ from pmr.compare.responses import evaluate_motion
 from pmr.compare.simulated import excitation_of_scene
 from pmr.results import Response
 from pmr.scene import Scene
-from pmr.simulation.frame_motion import Turning
+from pmr.simulation.frame_motion import FrameRotation
 from pmr.simulation.native import systems
-from pmr.simulation.reactions import at_pivot
+from pmr.simulation.reactions import with_pivot_force
 from pmr.system.system import System
 
 pytestmark = pytest.mark.slow  # seconds each
@@ -74,7 +74,7 @@ PRESSED = (
 def followed(scene: Scene, system: System) -> tuple[SpaceEnergy, Response]:
     excitation = excitation_of_scene(scene, system)
     run = systems.simulate(system, excitation, systems.start_of(system, excitation))
-    return energy_in_space(scene, system, excitation, run), at_pivot(scene, evaluate_motion(system, run))
+    return energy_in_space(scene, system, excitation, run), with_pivot_force(scene, evaluate_motion(system, run))
 
 
 @pytest.mark.parametrize("second_order", ["false", "true"])
@@ -107,7 +107,7 @@ def test_the_drives_work_is_that_of_the_base_s_reactions_and_the_cylinders() -> 
     scene = scenes.load_any(LUFFING, changes)
     found, pressed = followed(scene, pmr.reduce(scene).system)
     t, power, out = found.t, np.zeros_like(found.t), np.zeros_like(found.t)
-    omega = Turning.of(*scene.frame.angles, t).velocity
+    omega = FrameRotation.from_signals(*scene.frame.angles, t).velocity
     power -= pressed.other("reaction of pivot ry") * omega[:, 1]
     for number, name in enumerate(scene.names):
         if number:

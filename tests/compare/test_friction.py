@@ -233,7 +233,7 @@ def test_exudyn_rubs_as_the_compiled_loop_does(stiffness: float | str, unilatera
     models = pmr.reduce(scene).reduced
     assert isinstance(models, Mapping)
     reduced = system_of(scene, models)
-    given = Excitation.of(scene)
+    given = Excitation.from_scene(scene)
     start = systems.start_of(reduced, given)
     march, other = (one(reduced, given, start) for one in (systems.simulate, exudyn.simulate_system))
     size, friction = np.abs(march.forces).max(), march.friction

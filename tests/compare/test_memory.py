@@ -80,7 +80,9 @@ def _a_step(load_scene, run: Callable[[object], object]) -> float:
 @pytest.mark.slow
 @pytest.mark.usefixtures("short_blocks")
 def test_a_response_is_made_without_the_states_of_all_steps(load_scene, full: FullBody) -> None:
-    found = _a_step(load_scene, lambda scene: simulate_by(scene, System.of(full), Excitation.of(scene), "march"))
+    found = _a_step(
+        load_scene, lambda scene: simulate_by(scene, System.of(full), Excitation.from_scene(scene), "march")
+    )
     states = BYTES * 2 * full.size
     outputs = BYTES * len(full.output_positions)
     assert outputs < found < min(states, 2.0 * outputs)
@@ -95,7 +97,9 @@ def test_states_at_a_few_steps_don_t_take_those_of_all(load_scene, full: FullBod
         recorder = Recorder(np.arange(0, 7001, 1000))
         form = SystemForm.of(System.of(full))
         recorder.trajectory(
-            systems.follow(marching.March(form, Excitation.of(scene), {}), Excitation.of(scene), recorder)
+            systems.follow(
+                marching.March(form, Excitation.from_scene(scene), {}), Excitation.from_scene(scene), recorder
+            )
         )
 
     found = _a_step(load_scene, run)

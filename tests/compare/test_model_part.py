@@ -20,7 +20,7 @@ from pmr.compare.model_part import (
 )
 from pmr.scene import load_any
 from pmr.simulation import Excitation
-from pmr.simulation.excitation import places
+from pmr.simulation.excitation import side_positions
 from pmr.system.assembly import Assembly
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -92,11 +92,11 @@ def test_frequencies_are_those_at_places_all_along(name: str) -> None:
     scene = load_any(WORKFLOWS / f"{name}.toml", ["compare.against=[]"])
     fewer = scene.time.model_copy(update={"step": scene.time.end / 100.0})
     scene = scene.model_copy(update={"time": fewer, "simulation": scene.simulation.model_copy(update={"repeats": 1})})
-    system, excitation = pmr.reduce(scene).system, Excitation.of(scene)
+    system, excitation = pmr.reduce(scene).system, Excitation.from_scene(scene)
     steps, s = evenly_spaced_steps(excitation), excitation.s.sum(axis=1)
     assert PLACES / 2 < len(steps) <= PLACES and np.diff(s[steps]).max() < 4.0 * np.ptp(s) / PLACES
     assert s[steps[0]] == s.min() and s[steps[-1]] == s.max()
-    x = places(system, excitation)[steps]
+    x = side_positions(system, excitation)[steps]
     found = Motion.compute(scene, system).lowest_frequencies(np.full(3, True))
     for k in (0, len(steps) // 2, len(steps) - 1):
         assert found[k] == pytest.approx(Assembly(system).frequencies(x[k : k + 1], 2)[0], rel=1e-9)
@@ -113,9 +113,9 @@ def test_with_second_order_frequencies_are_those_of_stressed_models() -> None:
         "sections.fly.masses.payload.mass=2000.0",
     ]
     scene = load_any(Path(__file__).parents[1] / "pipeline" / "luffing.toml", changes)
-    system, excitation = pmr.reduce(scene).system, Excitation.of(scene)
+    system, excitation = pmr.reduce(scene).system, Excitation.from_scene(scene)
     assembly, steps = Assembly(system), evenly_spaced_steps(excitation)
-    x, c = places(system, excitation)[steps], excitation.amplitudes(system.term_names)[steps]
+    x, c = side_positions(system, excitation)[steps], excitation.amplitudes(system.term_names)[steps]
     found = Motion.compute(scene, system).lowest_frequencies(np.full(3, True))
     assert found == pytest.approx(assembly.frequencies(x, 2, c), rel=1e-6)
     assert np.all(np.abs(found[:, 0] / assembly.frequencies(x, 2)[:, 0] - 1.0) > 5e-4)

@@ -26,7 +26,7 @@ def test_repeats_time_the_solver_and_evaluate_nothing(workflow: str, monkeypatch
     whole, once_more = evaluation.response_to_motion, March.again
     monkeypatch.setattr(evaluation, "response_to_motion", lambda *of: evaluated.extend(of[1]) or whole(*of))
     monkeypatch.setattr(March, "again", lambda march: taken.append(march) or once_more(march))
-    made = simulate(scene, system, Excitation.of(scene))
+    made = simulate(scene, system, Excitation.from_scene(scene))
     assert not taken
     found = made.with_least_seconds().first
     assert len(taken) == scene.simulation.repeats - 1
@@ -42,7 +42,7 @@ def test_repeats_time_the_solver_and_evaluate_nothing(workflow: str, monkeypatch
 @pytest.mark.parametrize(("simulator", "bound"), [("march", 1e-12), ("exudyn", 1e-6)])
 def test_states_are_those_of_the_simulation_that_made_the_response(simulator: str, bound: float) -> None:
     scene = scenes.load(WORKFLOWS / "boom_beam.toml", [*SMALL, f"simulation.simulators=['{simulator}']"])
-    reduction, steps, excitation = reduce(scene), np.array([0, 50, 200]), Excitation.of(scene)
+    reduction, steps, excitation = reduce(scene), np.array([0, 50, 200]), Excitation.from_scene(scene)
     found = simulate(scene, reduction.system, excitation, steps=steps.tolist()).first.states[ALONE]
     expected = one_body.simulate(reduction.reduced, excitation).at(steps)
     states = {"t": found.t, "s": found.s[:, 0], "q": found.p, "v": found.v, "multipliers": found.multipliers}

@@ -252,7 +252,7 @@ def test_the_drums_work_closes_the_balance_of_energy() -> None:
     """What is stored less all work stays the same; the drum's own is minus the half of lambda^2 dl / EA."""
     scene = winch()
     system = pmr.reduce(scene).system
-    ran = systems.simulate(system, Excitation.of(scene))
+    ran = systems.simulate(system, Excitation.from_scene(scene))
     left, force = ran.energy - ran.work, ran.forces[:, system.contact_names.index(cylinder_of("fly"))]
     shorter = np.diff(scene.paths["fly"].value(ran.t)) / 2e6
     drum = np.cumsum(((force[1:] + force[:-1]) / 2.0) ** 2 * shorter) / 2.0

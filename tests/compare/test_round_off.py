@@ -74,7 +74,7 @@ def test_of_several_bodies_all_loads_reach_every_output() -> None:
 
 def test_a_response_of_sections_knows_its_round_off() -> None:
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", ("time.end=0.1", "section.mesh.elements=8"))
-    system, excitation = reduce(boom).system, Excitation.of(boom)
+    system, excitation = reduce(boom).system, Excitation.from_scene(boom)
     run_ = run_from_start(system, excitation)
     found, loads = of_sections(system, run_), excitation.forces(system.input_names)
     assert found.round_off == pytest.approx(round_off(system.bodies, loads, boom.time.end), rel=1e-9)

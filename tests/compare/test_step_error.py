@@ -28,7 +28,7 @@ from pmr.report.blocks import Chapter
 from pmr.report.sections import chapter
 from pmr.scene.signals import Chirp, Constant, SignalBase, Sine, SmoothRamp, Sum
 from pmr.simulation import Excitation, TimeStepping
-from pmr.simulation.contact_step import contact_frequency, parts
+from pmr.simulation.contact_step import contact_frequency, count_parts
 from pmr.simulation.native import systems
 from pmr.system.system import System
 
@@ -284,9 +284,11 @@ TELESCOPE = (
 def test_of_sections_on_pads_that_push_the_tolerance_of_parts_is_in_it() -> None:
     """The run that chooses the parts of its steps, against steps a quarter as long in as many parts throughout."""
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", TELESCOPE)
-    system, excitation = reduce(boom).system, Excitation.of(boom)
+    system, excitation = reduce(boom).system, Excitation.from_scene(boom)
     said, given = step_errors.step_error(system, excitation), excitation.stepping
-    fine = TimeStepping(given.end, given.step / 4.0, given.rho_inf, parts(contact_frequency(system, excitation), given))
+    fine = TimeStepping(
+        given.end, given.step / 4.0, given.rho_inf, count_parts(contact_frequency(system, excitation), given)
+    )
     y, truth = (
         np.hstack(list(systems.displacements(system, run_from_start(system, excitation.on_grid(one))).values()))
         for one in (given, fine)

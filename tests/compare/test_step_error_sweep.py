@@ -33,7 +33,7 @@ def test_what_settles_is_the_error() -> None:
     for seed in SEEDS:
         given = random_scene(seed)
         scene, model = with_step(given, COARSE * given.time.step), reduce(given).reduced
-        found = step_error(model, Excitation.of(scene))
+        found = step_error(model, Excitation.from_scene(scene))
         halved = round(scene.time.step / found.finest) * FURTHER
         fine = simulate(with_step(scene, scene.time.step / halved), model).displacement[::halved]
         true = relative_error(simulate(scene, model).displacement, fine)

@@ -18,7 +18,7 @@ from state_spaces import frequency_response
 
 from pmr.compare.frequencies import reduced_frequencies
 from pmr.errors import InputError
-from pmr.export.state_space import places, state_space
+from pmr.export.state_space import path_positions, state_space
 from pmr.reduced.model import ReducedModel
 from pmr.system.system import System
 
@@ -129,7 +129,7 @@ def test_a_table_and_a_picture(saved: Path, model: ReducedModel, monkeypatch, ca
 @pytest.mark.parametrize("asked", ["1.7;2", "9", "nan", ""])
 def test_places_off_the_path_are_refused(model: ReducedModel, asked: str) -> None:
     with pytest.raises(InputError, match=r"--at = .*: places from 0 to "):
-        places(System.of(model), asked)
+        path_positions(System.of(model), asked)
 
 
 def test_what_leaves_no_state_space_is_refused(monkeypatch, capsys, tmp_path: Path) -> None:

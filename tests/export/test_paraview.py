@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from boom_results import MakeSpace, make_fields, make_space  # noqa: F401 fixtures
 
-from pmr.export.paraview import Travelling, write_series
+from pmr.export.paraview import MovingFields, write_series
 from pmr.fields.series import Boxes, Fields, Grid
 from pmr.results.pads import pads_over_time
 
@@ -33,7 +33,7 @@ def fields(cell: str, times: int = 3) -> Fields:
 @pytest.mark.parametrize("cell", CELLS)
 def test_a_series_is_read_back(tmp_path: Path, cell: str) -> None:
     written = fields(cell)
-    listing = write_series(tmp_path, "boom", {"": Travelling(written)})
+    listing = write_series(tmp_path, "boom", {"": MovingFields(written)})
     assert listing == tmp_path / "boom.pvd"
     sets = ElementTree.parse(listing).getroot().findall("Collection/DataSet")
     assert [float(s.attrib["timestep"]) for s in sets] == written.t.tolist()
@@ -55,7 +55,7 @@ def test_the_body_stands_where_it_is_beside_its_pads(tmp_path: Path) -> None:
     corners = np.random.default_rng(3).normal(size=(3, 2, 8, 3))
     pads = Boxes(("a", "b"), corners, {"force": np.array([[1.0, 2.0], [3.0, 4.0], [5.0, np.nan]])})
     sets = (
-        ElementTree.parse(write_series(tmp_path, "boom", {"": Travelling(written, -s)}, pads))
+        ElementTree.parse(write_series(tmp_path, "boom", {"": MovingFields(written, -s)}, pads))
         .getroot()
         .findall("Collection/DataSet")
     )
@@ -71,7 +71,7 @@ def test_the_body_stands_where_it_is_beside_its_pads(tmp_path: Path) -> None:
 
 def test_a_shorter_series_leaves_nothing_of_a_longer_one(tmp_path: Path) -> None:
     for times in (3, 2):
-        write_series(tmp_path, "boom", {"": Travelling(fields("triangle", times))})
+        write_series(tmp_path, "boom", {"": MovingFields(fields("triangle", times))})
     assert sorted(file.name for file in (tmp_path / "boom").iterdir()) == ["00000.vtu", "00001.vtu"]
 
 
@@ -87,7 +87,7 @@ def test_a_boom_in_a_frame_stands_where_that_is_in_space(
     frame = {"pivot": [0.5, 0.0, -0.3], "unit": "degrees", "luffing": 50.0, "slewing": -30.0}
     result = make_space(fields=make_fields(kind), frame=frame)
     ((fields, along),) = result.moving_fields.values()
-    bodies = {"": Travelling(fields, along, result.pose(fields.t))}
+    bodies = {"": MovingFields(fields, along, result.pose(fields.t))}
     sets = (
         ElementTree.parse(write_series(tmp_path, "boom", bodies, pads_over_time(result)))
         .getroot()
@@ -113,7 +113,7 @@ def test_a_boom_in_a_frame_stands_where_that_is_in_space(
 def test_vtk_opens_a_series(tmp_path: Path) -> None:
     pyvista = pytest.importorskip("pyvista")
     written = fields("triangle")
-    reader = pyvista.get_reader(str(write_series(tmp_path, "boom", {"": Travelling(written)})))
+    reader = pyvista.get_reader(str(write_series(tmp_path, "boom", {"": MovingFields(written)})))
     assert reader.time_values == pytest.approx(written.t.tolist())
     reader.set_active_time_value(reader.time_values[2])
     mesh = reader.read()[0]

@@ -17,7 +17,7 @@ from state_spaces import frequency_response
 import pmr
 from pmr.errors import InputError, SimulationError
 from pmr.export.formats import BODY_FORMATS, FORMATS
-from pmr.export.state_space import places, state_space
+from pmr.export.state_space import path_positions, state_space
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Contact, Place
 from pmr.system.system import System
@@ -105,13 +105,13 @@ def test_files_say_the_same(saved: Path, system: System, monkeypatch, capsys) ->
 @pytest.mark.parametrize("asked", ["1,2", "middle=1", "middle=1,fly=x", "middle=1,fly=99", "middle=1;fly=2", "a=1,b=2"])
 def test_places_off_the_paths_are_refused(system: System, asked: str) -> None:
     with pytest.raises(InputError, match="--at = .*: each path by its name.*'middle="):
-        places(system, asked)
+        path_positions(system, asked)
 
 
 def test_without_places_all_sections_come_out_together(system: System) -> None:
     """As far as in the scene that the system was made from, where they stay; else as far as rows are defined."""
-    assert {path: s.tolist() for path, s in places(system, None).items()} == {"middle": [0.6], "fly": [0.6]}
-    found = places(replace(system, provenance={}), None)
+    assert {path: s.tolist() for path, s in path_positions(system, None).items()} == {"middle": [0.6], "fly": [0.6]}
+    found = path_positions(replace(system, provenance={}), None)
     for path, (low, high) in system.ranges.items():
         np.testing.assert_allclose(found[path], np.linspace(low, high, 21))
 

@@ -145,7 +145,7 @@ def newton(boom: Scene) -> float:
     built = build_bodies(boom, MPI.COMM_SELF)
     sections = reduce_bodies(boom, built)
     system = system_of(boom, {name: one.model for name, one in sections.items()})
-    given = Excitation.of(boom)
+    given = Excitation.from_scene(boom)
     found = systems.simulate(system, given, systems.static_start(system, given))
     assert found.parts is not None
     ones, worst, size = np.ones(STEPS + 1, np.int64), 0.0, max(np.abs(found.peaks).max(), np.abs(found.forces).max())

@@ -62,7 +62,7 @@ def _simulated(model: Any) -> str:
     except (KeyError, TypeError, ValueError, AttributeError):
         return "no scene"
     stepping = TimeStepping(min(time.steps, MOST_STEPS) * time.step, time.step, time.rho_inf)
-    excitation = Excitation.of(scene).with_stepping(stepping)
+    excitation = Excitation.from_scene(scene).with_stepping(stepping)
     try:
         found = one_body.simulate(model, excitation)
     except SimulationError as error:  # what the library says to a program of one's own; no command simulates a model

@@ -42,7 +42,7 @@ def system() -> System:
 
 @pytest.fixture(scope="module")
 def frame(system: System) -> MovingFrame:
-    found = MovingFrame.of(system)
+    found = MovingFrame.from_system(system)
     assert found is not None
     return found
 
@@ -78,7 +78,9 @@ def test_loads_and_terms_follow_from_any_motion(frame: MovingFrame, kernel: Kern
 @pytest.mark.numerical
 def test_steps_are_those_of_a_run(system: System, frame: MovingFrame, kernel: Kernel) -> None:
     """Given one by one, and by the signals of the scene: outputs and forces to round-off."""
-    excitation = Excitation.of(frame.scene).with_stepping(TimeStepping(frame.scene.time.end, STEP, RHO, parts=1))
+    excitation = Excitation.from_scene(frame.scene).with_stepping(
+        TimeStepping(frame.scene.time.end, STEP, RHO, parts=1)
+    )
     expected = systems.simulate(system, excitation, systems.static_start(system, excitation))
     moved, force = np.hstack(list(systems.displacements(system, expected).values())), np.abs(expected.forces).max()
     state, steps = State(kernel, Settings(STEP, RHO)), excitation.stepping.steps
@@ -102,7 +104,9 @@ def test_motions_between_the_ends_of_a_step_are_followed_as_far_as_they_count(
     frame: MovingFrame, kernel: Kernel
 ) -> None:
     """In four parts, beside four steps to where lines or cubics stand between."""
-    excitation = Excitation.of(frame.scene).with_stepping(TimeStepping(frame.scene.time.end, STEP, RHO, parts=1))
+    excitation = Excitation.from_scene(frame.scene).with_stepping(
+        TimeStepping(frame.scene.time.end, STEP, RHO, parts=1)
+    )
     for count in (1, 2, 3):
         whole, fine = State(kernel, Settings(STEP, RHO, parts=(4,))), State(kernel, Settings(STEP / 4.0, RHO))
         rows = np.full(kernel.motions, count, np.int32)

@@ -35,7 +35,7 @@ class Moved:
 
     def __init__(self) -> None:
         self.system: System = pmr.reduce(pmr.load_scene("crane", [*CRANE])).system
-        frame = MovingFrame.of(self.system)
+        frame = MovingFrame.from_system(self.system)
         assert frame is not None
         self.frame: MovingFrame = frame
         self.forms = {name: modal_form(body) for name, body in self.system.reduced.items()}
@@ -148,7 +148,7 @@ def test_values_change_along_a_seed_as_differences_say(moved: Moved) -> None:
 def test_the_cylinder_carries_the_weight() -> None:
     """Beside the triangle of pivot, foot and lug: the arm is its height over the cylinder."""
     system = pmr.reduce(raised({"kind": "smooth_ramp", "times": [0.0, 2.0], "values": [0.3, 0.9]})).system
-    frame = MovingFrame.of(system)
+    frame = MovingFrame.from_system(system)
     assert frame is not None
     kernel = Kernel.of(system, {name: modal_form(body) for name, body in system.reduced.items()}, frame)
     state, motions = State(kernel, Settings(STEP)), frame.start

@@ -14,10 +14,10 @@ from pmr.errors import InputError, SimulationError
 from pmr.kernel.machine import MachineSimulation
 from pmr.kernel.state import Settings, State
 from pmr.scene.frame import DIRECTIONS
-from pmr.simulation.floating import Extended, Motion
-from pmr.simulation.floating import State as Moment
-from pmr.simulation.frame_motion import Turning
-from pmr.simulation.free_base import Answering, FreeBase
+from pmr.simulation.floating import BoomState as Moment
+from pmr.simulation.floating import Extensions, FrameMotion
+from pmr.simulation.frame_motion import FrameRotation
+from pmr.simulation.free_base import EliminatedContacts, FreeBase
 from pmr.simulation.machine import MachineRun, modes_in_bodies
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows
@@ -57,21 +57,21 @@ class Oracle:
         assembly = Assembly(system)
         equations, along = FreeBase(scene, system, assembly), ChangingRows(assembly, scene.names)
         orders = ("value", "rate", "second_rate")
-        out = Extended(*(np.array([0.0, value]) for value in extension))
+        out = Extensions(*(np.array([0.0, value]) for value in extension))
         gives = np.any(along.evaluate(out.value).rows.F != 0.0, axis=1)
-        moments = Answering(equations, assembly, along, gives).moments(out)
+        moments = EliminatedContacts(equations, assembly, along, gives).moments(out)
         luffing, slewing = (tuple(getattr(angle, order)(t) for order in orders) for angle in scene.frame.angles)
         rocking = [tuple(motion[:, 3 + j, None]) for j in range(3)]
-        boom, base = Turning.by(luffing, slewing, rocking), Turning.from_rocking(rocking)
+        boom, base = FrameRotation.from_angles(luffing, slewing, rocking), FrameRotation.from_rocking(rocking)
         R, Rb, omega, alpha = boom.rotation[0], base.rotation[0], base.velocity[0], base.acceleration[0]
         x, v, a = motion[:, :3]
-        turning = Motion(boom.velocity[0], np.zeros(3))
+        turning = FrameMotion(boom.velocity[0], np.zeros(3))
         p = momenta.momentum(equations, turning, R.T @ v, out, q, rate, moments)
         linear = MASS * (v + Rb @ np.cross(omega, CENTER))
         P = R @ p[:3] + linear
         L = R @ p[3:] + np.cross(Rb @ CENTER, linear) + Rb @ (INERTIA * omega)
         self.momenta = np.append(P, L + np.cross(x, P))
-        pressed = equations.at(turning, out, q, rate, moments)
+        pressed = equations.base_equations(turning, out, q, rate, moments)
         accelerations = np.concatenate([R.T @ a, boom.acceleration[0], second, out.second])
         own = (pressed.forces + pressed.mass @ accelerations)[:6]
         linear = MASS * (a + Rb @ (np.cross(alpha, CENTER) + np.cross(omega, np.cross(omega, CENTER))))

@@ -30,7 +30,7 @@ from pmr.models.shell import Shell, plates
 from pmr.scene.profile import BoxProfile
 from pmr.scene.structures import Material, ShellBody
 from pmr.simulation import Excitation
-from pmr.simulation.excitation import places
+from pmr.simulation.excitation import side_positions
 from pmr.system.assembly import Assembly
 
 pytestmark = [pytest.mark.peers, pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) not found")]
@@ -174,7 +174,7 @@ def test_the_platform_bends_twists_and_swings_as_in_calculix(tmp_path: Path) -> 
     _, y, z, turned, *_ = deck.resting(G * DOWN, weight | turns, tmp_path).values()
     assert measured["fly: tip y"] == pytest.approx(y, rel=0.01)
     assert measured["fly: tip z"] == pytest.approx(z - ASIDE * turned, rel=0.01)
-    found = Assembly(system).frequencies(places(system, Excitation.of(boom))[:1], 4)[0]
+    found = Assembly(system).frequencies(side_positions(system, Excitation.from_scene(boom))[:1], 4)[0]
     assert found == pytest.approx(deck.frequencies(4, tmp_path), rel=0.01)
 
 

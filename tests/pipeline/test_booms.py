@@ -18,7 +18,7 @@ from pmr.compare.forces import forces_part
 from pmr.compare.frequencies import frequency_map
 from pmr.compare.responses import evaluate_motion
 from pmr.errors import InputError
-from pmr.export.paraview import Travelling, write_series
+from pmr.export.paraview import MovingFields, write_series
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies
 from pmr.pipeline import Outcome, run
@@ -305,7 +305,7 @@ def test_fields_of_every_section_are_what_its_outputs_say_and_stand_where_it_is(
     assert "Largest von Mises stress of each section" in page and "fly, full" in page
     along = {name: one[1] for name, one in result.moving_fields.items()}
     assert along["fly"][[0, -1]] == pytest.approx([2.0, 3.2]) and not along["base"].any()
-    listing = write_series(tmp_path, "fields", {name: Travelling(*one) for name, one in result.moving_fields.items()})
+    listing = write_series(tmp_path, "fields", {name: MovingFields(*one) for name, one in result.moving_fields.items()})
     assert listing.read_text().count("DataSet") == 3 * 6
     first = meshio.read(tmp_path / "fields" / "fly-00005.vtu")
     assert first.points[:, 0].max() == pytest.approx(9.2)
@@ -366,7 +366,7 @@ def test_a_rigid_cylinder_pushes_with_mass_times_acceleration_weight_along_the_b
     masses = {name: 7850.0 * 6.0 * 2.0 * box.wall * (box.width + box.height) for name, box in boxes.items()}
     masses["fly"] += 250.0
     system = system_of(boom, {name: one.model for name, one in reduce_bodies(boom, build_bodies(boom)).items()})
-    given = Excitation.of(boom)
+    given = Excitation.from_scene(boom)
     found = evaluate_motion(system, systems.simulate(system, given, systems.static_start(system, given)))
     t = given.times
     x = t / 4.0

@@ -17,7 +17,7 @@ from pmr.fullmodel.build import build_bodies
 from pmr.pipeline.full_order import FullOrder
 from pmr.results import Response
 from pmr.simulation.native import systems
-from pmr.simulation.reactions import at_pivot
+from pmr.simulation.reactions import with_pivot_force
 
 pytestmark = pytest.mark.slow  # seconds each, the crane's full model half a minute
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -166,7 +166,7 @@ def test_what_the_pivot_bears_is_what_the_frame_s_momentum_says() -> None:
     reduced = pmr.reduce(scene)
     excitation = excitation_of_scene(scene, reduced.system)
     run = systems.simulate(reduced.system, excitation, systems.start_of(reduced.system, excitation))
-    found, h = at_pivot(scene, evaluate_motion(reduced.system, run)), scene.time.step
+    found, h = with_pivot_force(scene, evaluate_motion(reduced.system, run)), scene.time.step
     for j, given in (("x", 0.0), ("z", scene.sections[2].loads[0].signal.value(run.t))):
         momentum, force = np.zeros_like(run.t), np.zeros_like(run.t) + given
         for number, (name, body) in enumerate(reduced.system.bodies.items()):

@@ -24,7 +24,7 @@ from pmr.scene import Scene
 from pmr.scene.signals import SignalBase
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems
-from pmr.simulation.reactions import at_pivot
+from pmr.simulation.reactions import with_pivot_force
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
@@ -47,7 +47,7 @@ def load(*changes: str, file: Path = CANTILEVER) -> Scene:
 
 def natural(scene: Scene) -> Frequencies:
     """Of the reduced system, beside its full model."""
-    made, excitation = pmr.reduce(scene), Excitation.of(scene)
+    made, excitation = pmr.reduce(scene), Excitation.from_scene(scene)
     full = FullOrder.join(scene, {name: one.model for name, one in made.built.items()})
     at = way_points(scene, excitation, full.system.size)
     c = excitation.amplitudes(list(excitation.terms), at.t)
@@ -117,7 +117,7 @@ def test_lanczos_iterations_find_the_frequencies_of_a_stressed_crane() -> None:
     """Slewing, luffing and extending, the fast way that couples what is up and aside, beside all modes."""
     fast = ("frame.slewing.values=[0.0, 450.0]", "compare.against=['full']")
     scene = load(*SMALL, *fast, file=CRANE)
-    excitation = Excitation.of(scene)
+    excitation = Excitation.from_scene(scene)
     dense = FullOrder.join(scene, {name: one.model for name, one in build_bodies(scene).items()})
     at = way_points(scene, excitation, dense.system.size)
     c = excitation.amplitudes(list(excitation.terms), at.t)
@@ -132,7 +132,7 @@ def test_lanczos_iterations_find_the_frequencies_of_a_stressed_crane() -> None:
 def test_frequencies_over_two_joints_are_those_of_the_stressed_boom_at_rest() -> None:
     """Raised as far as it is on its way; beside the way itself where it rests there, at its end."""
     scene = load(*SMALL, "section.mesh.elements=10", "time.end=20.0", file=LUFFING)
-    system, excitation = pmr.reduce(scene).system, Excitation.of(scene)
+    system, excitation = pmr.reduce(scene).system, Excitation.from_scene(scene)
     over = frequency_map(scene, system)
     assert over is not None
     end = np.array([scene.time.end])
@@ -202,7 +202,7 @@ def test_a_saved_body_with_second_order_is_simulated_with_it(tmp_path: Path) -> 
     saved = outcome.save(tmp_path)
     assert saved.name == "system.npz"
     system = System.load(saved)
-    assert system.term_names == tuple(Excitation.of(scene).terms)
+    assert system.term_names == tuple(Excitation.from_scene(scene).terms)
     again = simulate_saved(system, scene)
     expected = outcome.result.responses["reduced"].displacement
     assert again.responses["reduced"].displacement == pytest.approx(expected, abs=1e-12 * np.abs(expected).max())
@@ -303,8 +303,8 @@ def test_a_base_bears_the_moment_of_the_weight_of_bent_sections() -> None:
     scene = load("frame.luffing=40.0", "frame.second_order=true", "section.mesh.elements=8", "time.end=0.02",
                  "section.reduction.estimate=false", "sections.fly.loads.0.signal=0.0", file=LUFFING)  # fmt: skip
     system = pmr.reduce(scene).system
-    run = systems.simulate(system, excitation := Excitation.of(scene), systems.start_of(system, excitation))
-    found = at_pivot(scene, evaluate_motion(system, run))
+    run = systems.simulate(system, excitation := Excitation.from_scene(scene), systems.start_of(system, excitation))
+    found = with_pivot_force(scene, evaluate_motion(system, run))
     aside = sum(
         np.asarray(body.B)[:, body.input_names.index("inertia z")] @ run.bodies[name].q[0]
         for name, body in system.bodies.items()

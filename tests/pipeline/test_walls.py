@@ -12,7 +12,7 @@ from pmr.compare.frequencies import reduced_frequencies
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies
 from pmr.simulation import Excitation
-from pmr.simulation.excitation import places
+from pmr.simulation.excitation import side_positions
 from pmr.system.assembly import Assembly
 
 pytest.importorskip("gmsh")
@@ -115,6 +115,6 @@ def test_walls_give_way_alike_on_all_ranks() -> None:
 
 def frequencies_of(scene, comm: MPI.Comm, share: np.ndarray) -> np.ndarray:
     """The lowest ones of the reduced system where its paths are so far along."""
-    system, excitation = pmr.reduce(scene, comm).system, Excitation.of(scene)
+    system, excitation = pmr.reduce(scene, comm).system, Excitation.from_scene(scene)
     steps = (share * (len(excitation.times) // 2)).astype(int)
-    return Assembly(system).frequencies(places(system, excitation)[steps], 2)
+    return Assembly(system).frequencies(side_positions(system, excitation)[steps], 2)

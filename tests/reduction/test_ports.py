@@ -121,7 +121,7 @@ def test_a_mass_that_hangs_on_a_port_in_exudyn_moves_as_on_the_full_boom(load_sc
         B=np.column_stack([full.B, -WEIGHT * z.toarray()[0]]),
         input_names=(*full.input_names, "weight"),
     )
-    excitation = Excitation.of(scene)
+    excitation = Excitation.from_scene(scene)
     loads: Mapping[str, Any] = {**excitation.loads, "weight": Constant(amount=1.0)}
     expected = (z @ one_body.simulate(replace(heavy, rayleigh=None), replace(excitation, loads=loads)).q.T)[0]
     tip = without.reduced.outputs[without.reduced.output_names.index("tip z")]

@@ -15,7 +15,7 @@ from pmr.scene.choice import inertia_fields, model_of
 from pmr.scene.frame import Frame
 from pmr.scene.members import member_at, members
 from pmr.scene.signals import Signal
-from pmr.simulation.frame_motion import Turning
+from pmr.simulation.frame_motion import FrameRotation
 
 THREE = Path(__file__).parents[2] / "workflows" / "boom_three.toml"
 LUFFING = "frame.luffing={kind='smooth_ramp', times=[1.0, 5.0], values=[0.2, 1.0]}"
@@ -126,7 +126,7 @@ def test_the_rotation_into_space_is_that_of_the_angular_velocity() -> None:
     angle = {"kind": "smooth_ramp", "times": [1.0, 5.0], "values": [10.0, 60.0]}
     frame = Frame.model_validate({"pivot": [0, 0, 0], "luffing": angle, "slewing": angle, "unit": "degrees"})
     R = frame.rotation(t)
-    turning = Turning.of(*frame.angles, t)
+    turning = FrameRotation.from_signals(*frame.angles, t)
     assert np.einsum("tji,tjk->tik", R, R) == pytest.approx(np.tile(np.eye(3), (7, 1, 1)), abs=1e-14)
     assert R[:, 2] == pytest.approx(turning.up, abs=1e-14)  # what Z is in the boom's axes
     spin = np.einsum("tji,tjk->tik", R, (frame.rotation(t + h) - frame.rotation(t - h)) / (2.0 * h))

@@ -116,11 +116,11 @@ def test_an_initial_deformation_has_its_energy(beam: FullBody) -> None:
     ],
 )
 def test_surplus(stored: list[float], work: list[float], expected: float) -> None:
-    assert balance.surplus(np.array(stored), np.array(work)) == expected
+    assert balance.energy_surplus(np.array(stored), np.array(work)) == expected
 
 
 def test_round_off_has_no_source(beam: FullBody) -> None:
-    assert balance.surplus(np.array([0.0, 1e-30]), np.zeros(2), least=1e-20) == 0.0
+    assert balance.energy_surplus(np.array([0.0, 1e-30]), np.zeros(2), least=1e-20) == 0.0
     at = full_body(elements=16)
     found = one_body.simulate(flexible(at, 8), driven(Constant(amount=5.0), LOAD, TimeStepping(0.5, 1e-3, 0.9)))
     assert np.abs(found.q).max() < 1e-12  # the slider stands under the load
@@ -129,4 +129,4 @@ def test_round_off_has_no_source(beam: FullBody) -> None:
 
 def test_rows_that_open_and_close_are_measured_from_the_start() -> None:
     stored, work = np.array([4.0, 2.0, 3.0]), np.zeros(3)
-    assert balance.surplus(stored, work, since_start=True) == 0.0
+    assert balance.energy_surplus(stored, work, since_start=True) == 0.0

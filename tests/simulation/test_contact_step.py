@@ -54,22 +54,23 @@ def fall(body: ReducedModel, stepping: TimeStepping) -> Trajectory:
 def test_the_frequency_of_a_contact_is_that_of_a_mass_on_its_pad(stiffness: float) -> None:
     body = on_a_spring(2.0, stiffness, 1e-3)
     x = np.array([[0.0], [0.0]])
-    omega = contact_step.frequency_at(System.of(body), x)
+    omega = contact_step.contact_frequency_at(System.of(body), x)
     assert omega == pytest.approx(np.sqrt(stiffness / 2.0), rel=1e-12)
-    assert contact_step.frequency_at(System.of(modal_form(body).body), x) == pytest.approx(omega, rel=1e-12)
+    assert contact_step.contact_frequency_at(System.of(modal_form(body).body), x) == pytest.approx(omega, rel=1e-12)
     assert Stepper(body, step=1e-3, s=0.5).contact == pytest.approx(1e-3 * omega, rel=1e-12)
     both_ways = replace(body, clearance=None)
-    assert not pushing_rows(both_ways) and contact_step.frequency_at(System.of(both_ways), x) == 0.0
+    assert not pushing_rows(both_ways) and contact_step.contact_frequency_at(System.of(both_ways), x) == 0.0
 
 
 def test_as_many_parts_as_the_contact_takes() -> None:
     stepping = TimeStepping(1.0, 1e-3)
-    assert [contact_step.parts(omega, stepping) for omega in (0.0, 50.0, 50.1, 1000.0)] == [1, 1, 2, 20]
-    assert contact_step.parts(1e9, stepping) == contact_step.MOST_PARTS
+    assert [contact_step.count_parts(omega, stepping) for omega in (0.0, 50.0, 50.1, 1000.0)] == [1, 1, 2, 20]
+    assert contact_step.count_parts(1e9, stepping) == contact_step.MOST_PARTS
     assert (
-        contact_step.parts(1e9, TimeStepping(1.0, 1e-6)) == 5 and contact_step.parts(1e9, TimeStepping(5.0, 1e-7)) == 1
+        contact_step.count_parts(1e9, TimeStepping(1.0, 1e-6)) == 5
+        and contact_step.count_parts(1e9, TimeStepping(5.0, 1e-7)) == 1
     )
-    assert contact_step.parts(1e9, TimeStepping(1.0, 1e-3, parts=3)) == 3
+    assert contact_step.count_parts(1e9, TimeStepping(1.0, 1e-3, parts=3)) == 3
     with pytest.raises(InputError, match=r"time\.parts = -1: 0 or more"):
         TimeStepping(1.0, 1e-3, parts=-1)
 
@@ -192,7 +193,7 @@ def test_first_impacts_of_random_falls_are_those_of_a_fine_step() -> None:
         body = list(BODIES.values())[number % 2](beam_on_pads(clearance, stiffness, 20), r)
         steps = int(np.ceil((1.6 * np.sqrt(2.0 * clearance / 9.81) + 0.01) / h))
         system = System.of(body)
-        omega = contact_step.frequency_at(system, system.side_coordinates({SLIDER: np.array([s])}))
+        omega = contact_step.contact_frequency_at(system, system.side_coordinates({SLIDER: np.array([s])}))
         found = []
         for parts in (0, 1, max(2, int(np.ceil(h * omega / 0.004)))):
             stepping = TimeStepping(steps * h, h, float(rho_inf), parts)

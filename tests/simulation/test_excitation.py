@@ -6,7 +6,7 @@ import pytest
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.signals import Constant, Ramp, Sine, SmoothRamp, Sum
 from pmr.simulation import Excitation, TimeStepping
-from pmr.simulation.excitation import on_path
+from pmr.simulation.excitation import clip_path
 
 STEPPING = TimeStepping(0.4, 1e-3)
 PATHS = {"boom": Sine(amplitude=0.5, frequency=1.5, offset=2.0), "jib": Ramp(times=(0.1, 0.3), values=(1.0, 2.0))}
@@ -38,7 +38,7 @@ def test_several_paths_are_no_single_one() -> None:
     with pytest.raises(InputError, match=r"slider\.path: 2 given \(boom, jib\), one path"):
         _ = Excitation(PATHS, LOADS, STEPPING).path
     found = Excitation({"jib": PATHS["jib"]}, LOADS, STEPPING)
-    np.testing.assert_array_equal(found.along((0.0, 3.0)), found.s[:, 0])
+    np.testing.assert_array_equal(found.path_within((0.0, 3.0)), found.s[:, 0])
     np.testing.assert_array_equal(found.path_rate, found.rates[:, 0])
 
 
@@ -57,28 +57,28 @@ def test_another_time_grid_is_sampled_anew() -> None:
 
 def test_a_scene_says_what_drives_it(load_scene) -> None:
     scene = load_scene("evolved_residual", ["time.end=0.5"])
-    found = Excitation.of(scene)
+    found = Excitation.from_scene(scene)
     assert list(found.loads) == [load.name for load in scene.loads] and found.path is scene.slider.path
     assert (found.stepping.end, found.stepping.rho_inf) == (0.5, scene.time.rho_inf)
 
 
 def test_path_outside_its_domain_is_refused_with_the_time() -> None:
     path, t = Ramp(times=(0.0, 1.0), values=(1.0, 3.0)), np.linspace(0.0, 1.0, 11)
-    np.testing.assert_allclose(on_path(path, path.value(t), (0.0, 5.0), t), 1.0 + 2.0 * t)
+    np.testing.assert_allclose(clip_path(path, path.value(t), (0.0, 5.0), t), 1.0 + 2.0 * t)
     with pytest.raises(InputError, match=r"slider\.path = 2\.6: 0 to 2\.5 m is allowed; left at t = 0\.8 s"):
-        on_path(path, path.value(t), (0.0, 2.5), t)
+        clip_path(path, path.value(t), (0.0, 2.5), t)
 
 
 def test_a_path_that_leaves_between_two_steps_is_refused() -> None:
     path = SmoothRamp(times=(0.0, 0.05, 0.1), values=(1.0, 2.6, 1.0))
     with pytest.raises(InputError, match="left between two steps"):
-        on_path(path, path.value(np.array([0.0, 0.1])), (0.0, 2.5), np.array([0.0, 0.1]))
+        clip_path(path, path.value(np.array([0.0, 0.1])), (0.0, 2.5), np.array([0.0, 0.1]))
 
 
 @pytest.mark.parametrize("beyond", [1e-12, 0.9 * BEYOND_ENDS * 5.0])
 def test_what_a_measured_path_lies_beyond_the_end_is_cut_off(beyond: float) -> None:
     path = Constant(amount=5.0 + beyond)
-    np.testing.assert_array_equal(on_path(path, path.value(np.zeros(1)), (0.0, 5.0), np.zeros(1)), [5.0])
+    np.testing.assert_array_equal(clip_path(path, path.value(np.zeros(1)), (0.0, 5.0), np.zeros(1)), [5.0])
 
 
 @pytest.mark.slow
@@ -87,4 +87,4 @@ def test_a_path_stays_within_its_own_bounds() -> None:
     tones = [Sine(amplitude=0.7 / k, frequency=0.0231 * k**1.5, phase=0.3 * k) for k in range(1, 6)]
     path, t = Sum(terms=(Constant(amount=3.0), *tones)), np.linspace(0.0, 60.0, 60_001)
     s, bounds = path.value(t), path.bounds(0.0, 60.0)
-    assert on_path(path, s, bounds, t) == pytest.approx(s, rel=0.0, abs=1e-12)
+    assert clip_path(path, s, bounds, t) == pytest.approx(s, rel=0.0, abs=1e-12)

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from pmr import scene as scenes
 from pmr.scene import Scene
 from pmr.simulation import Excitation
-from pmr.simulation.frame import motion_of
+from pmr.simulation.frame import section_acceleration
 
 Array = NDArray[np.float64]
 THREE = Path(__file__).parents[2] / "workflows" / "boom_three.toml"
@@ -66,22 +66,24 @@ def test_the_field_is_the_acceleration_in_space_with_gravity(changes: tuple[str,
         before, at, after = (in_space(scene, number, r, t + shift)[0] for shift in (-h, 0.0, h))
         axes = in_space(scene, number, r, t)[1]
         expected = axes.T @ ((before - 2.0 * at + after) / h**2 + [0.0, 0.0, scene.gravity.acceleration])
-        a = np.array([motion_of(scene, number, j).value(t) for j in "xyz"])
-        A = np.array([[motion_of(scene, number, j + k).value(t) for k in "xyz"] for j in "xyz"])
+        a = np.array([section_acceleration(scene, number, j).value(t) for j in "xyz"])
+        A = np.array([[section_acceleration(scene, number, j + k).value(t) for k in "xyz"] for j in "xyz"])
         # differences of positions of 10 m: 16 u |r| / h^2 = 4e-8 m/s^2, their error h^2 r'''' / 12 of about 1e-6
         assert a + A @ r == pytest.approx(expected, abs=2e-6)
 
 
 def test_a_body_in_a_frame_has_no_weight_beside_its_inertia() -> None:
     scene = scenes.load_any(THREE, TURNING)
-    loads = Excitation.of(scene).loads
+    loads = Excitation.from_scene(scene).loads
     assert not {"base.gravity", "middle.extension"} & set(loads)
     assert {f"fly.inertia {jk}" for jk in ("x", "y", "z", "xx", "yx", "zx", "yz", "zy")} <= set(loads)
 
 
 def test_gravity_of_a_frame_at_rest_is_gravity_along_that_direction() -> None:
-    at_rest = Excitation.of(scenes.load_any(THREE, ["frame.pivot=[0.0, 0.0, 0.0]", f"frame.luffing={np.pi / 2.0}"]))
-    given = Excitation.of(scenes.load_any(THREE, ["gravity.inclination=90.0"]))
+    at_rest = Excitation.from_scene(
+        scenes.load_any(THREE, ["frame.pivot=[0.0, 0.0, 0.0]", f"frame.luffing={np.pi / 2.0}"])
+    )
+    given = Excitation.from_scene(scenes.load_any(THREE, ["gravity.inclination=90.0"]))
     t = np.linspace(0.0, 8.0, 33)
     for name in ("base", "middle", "fly"):
         turned = {field: at_rest.loads[f"{name}.inertia {field}"].value(t) for field in ("x", "z", "xx", "zx")}
@@ -95,8 +97,8 @@ def test_gravity_of_a_frame_at_rest_is_gravity_along_that_direction() -> None:
 @pytest.mark.parametrize("changes", MOVED.values(), ids=MOVED)
 def test_terms_of_second_order_are_those_of_the_field_s_gradient(changes: tuple[str, ...]) -> None:
     scene = scenes.load_any(THREE, [*changes, "frame.second_order=true"])
-    terms, t = Excitation.of(scene).terms, np.array([0.7, 2.3, 3.9])
-    A = np.array([[motion_of(scene, 0, j + k).value(t) for k in "xyz"] for j in "xyz"])
+    terms, t = Excitation.from_scene(scene).terms, np.array([0.7, 2.3, 3.9])
+    A = np.array([[section_acceleration(scene, 0, j + k).value(t) for k in "xyz"] for j in "xyz"])
     found = np.zeros_like(A)
     for j, k in ("xx", "yy", "zz", "xy", "xz", "yz"):
         a, b = "xyz".index(j), "xyz".index(k)
@@ -112,11 +114,11 @@ def test_terms_of_second_order_are_those_of_the_field_s_gradient(changes: tuple[
 
 def test_a_cylinder_pushes_all_that_it_carries() -> None:
     scene = scenes.load_any(THREE, [*TURNING, "frame.second_order=true"])
-    terms, t = Excitation.of(scene).terms, np.array([0.7, 2.3, 3.9])
+    terms, t = Excitation.from_scene(scene).terms, np.array([0.7, 2.3, 3.9])
     for name, beyond in (("middle", ("middle", "fly")), ("fly", ("fly",))):
         for carried in beyond:
-            acceleration = motion_of(scene, scene.names.index(carried), "x").value(t)
+            acceleration = section_acceleration(scene, scene.names.index(carried), "x").value(t)
             length = scene.paths[name].value(t)
             term = terms[f"cylinder of {name} that carries {carried}, x"]
             assert term.value(t) == pytest.approx(-acceleration / length)
-    assert not Excitation.of(scenes.load_any(THREE, TURNING)).terms
+    assert not Excitation.from_scene(scenes.load_any(THREE, TURNING)).terms

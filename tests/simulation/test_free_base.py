@@ -15,8 +15,8 @@ from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
 from pmr.simulation import Excitation
-from pmr.simulation.floating import Extended, Moments, Motion
-from pmr.simulation.frame_motion import Acceleration, Turning
+from pmr.simulation.floating import Extensions, FrameMotion, Moments
+from pmr.simulation.frame_motion import Acceleration, FrameRotation
 from pmr.simulation.free_base import FreeBase
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
@@ -25,10 +25,10 @@ Array = NDArray[np.float64]
 pytestmark = pytest.mark.slow  # a boom is reduced
 
 
-def extended(scene: Scene, t: float) -> Extended:
+def extended(scene: Scene, t: float) -> Extensions:
     path = scene.extension(1)
     found = [float(one(t)) for one in (path.value, path.rate, path.second_rate)]
-    return Extended(*(np.array([0.0, one]) for one in found))
+    return Extensions(*(np.array([0.0, one]) for one in found))
 
 
 def test_sections_weigh_what_they_should() -> None:
@@ -46,13 +46,13 @@ def test_coordinates_feel_what_a_frame_makes_them_feel() -> None:
     turns = ("frame.luffing={kind='sine', amplitude=0.4, frequency=0.7}",)
     turns += ("frame.slewing={kind='sine', amplitude=0.9, frequency=0.5}",)
     scene, system = free_boom.scene(*turns), free_boom.system()
-    assembly, excitation, t = Assembly(system), Excitation.of(scene), np.array([0.07])
-    boom, turning = FreeBase(scene, system, assembly), Turning.of(*scene.frame.angles, t)
+    assembly, excitation, t = Assembly(system), Excitation.from_scene(scene), np.array([0.07])
+    boom, turning = FreeBase(scene, system, assembly), FrameRotation.from_signals(*scene.frame.angles, t)
     second = float(Acceleration(paths=(scene.extension(1),), step=scene.time.step).value(0.07))
     out = replace(extended(scene, 0.07), second=np.array([0.0, second]))
     q, rate = np.random.default_rng(0).normal(size=(2, assembly.size))
     weight = scene.gravity.signal.value(t)[0] * turning.up[0]
-    pressed = boom.at(Motion(turning.velocity[0], weight), out, q, rate)
+    pressed = boom.base_equations(FrameMotion(turning.velocity[0], weight), out, q, rate)
     known = np.concatenate([np.zeros(3), turning.acceleration[0], np.zeros(assembly.size), out.second])
     own = (pressed.forces + pressed.mass @ known)[6 : 6 + assembly.size]
     loads = [excitation.loads[one].value(t)[0] if INERTIA in one else 0.0 for one in system.input_names]
@@ -83,7 +83,7 @@ class Adrift:
     def rates(self, t: float, y: Array) -> Array:
         _, R, v, omega, q, rate, _ = self.parts(y)
         R, out, n = R.reshape(3, 3), extended(self.scene, t), self.n
-        pressed = self.boom.at(Motion(omega, np.zeros(3)), out, q, rate)
+        pressed = self.boom.base_equations(FrameMotion(omega, np.zeros(3)), out, q, rate)
         mass = pressed.mass.copy()
         mass[6 : 6 + n, 6 : 6 + n] += self.M
         mass[:3, :3] += self.mass * np.eye(3)
@@ -100,7 +100,7 @@ class Adrift:
     def conserved(self, t: float, y: Array) -> tuple[Array, Array, float]:
         """Linear and angular momentum in space, and energy less the work of the cylinder."""
         O, R, v, omega, q, rate, work = self.parts(y)
-        R, out, motion = R.reshape(3, 3), extended(self.scene, t), Motion(omega, np.zeros(3))
+        R, out, motion = R.reshape(3, 3), extended(self.scene, t), FrameMotion(omega, np.zeros(3))
         turret = np.append(self.mass * v, self.inertia @ omega)
         p = momenta.momentum(self.boom, motion, v, out, q, rate) + turret
         energy = (
@@ -144,8 +144,8 @@ class Drawn(Adrift):
 
     def rates(self, t: float, y: Array) -> Array:
         _, R, v, omega, q, rate, (s, s_t) = self.parts(y)
-        R, n, out = R.reshape(3, 3), self.n, Extended(*np.array([[0.0, s], [0.0, s_t], [0.0, 0.0]]))
-        pressed = self.boom.at(Motion(omega, np.zeros(3)), out, q, rate, self.moments(s, s_t))
+        R, n, out = R.reshape(3, 3), self.n, Extensions(*np.array([[0.0, s], [0.0, s_t], [0.0, 0.0]]))
+        pressed = self.boom.base_equations(FrameMotion(omega, np.zeros(3)), out, q, rate, self.moments(s, s_t))
         free = np.delete(np.arange(8 + n), 6 + n)
         mass, forces = pressed.mass[np.ix_(free, free)], pressed.forces[free]
         mass[6 : 6 + n, 6 : 6 + n] += self.M
@@ -161,8 +161,8 @@ class Drawn(Adrift):
 
     def conserved(self, t: float, y: Array) -> tuple[Array, Array, float]:
         O, R, v, omega, q, rate, (s, s_t) = self.parts(y)
-        R, motion, moments = R.reshape(3, 3), Motion(omega, np.zeros(3)), self.moments(s, s_t)
-        out, turret = Extended(*np.array([[0.0, s], [0.0, s_t], [0.0, 0.0]])), self.inertia @ omega
+        R, motion, moments = R.reshape(3, 3), FrameMotion(omega, np.zeros(3)), self.moments(s, s_t)
+        out, turret = Extensions(*np.array([[0.0, s], [0.0, s_t], [0.0, 0.0]])), self.inertia @ omega
         p = momenta.momentum(self.boom, motion, v, out, q, rate, moments) + np.append(self.mass * v, turret)
         energy = (
             momenta.kinetic(self.boom, motion, v, out, q, rate, moments) + (rate @ self.M @ rate + q @ self.K @ q) / 2.0

@@ -15,9 +15,9 @@ from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene
 from pmr.scene.frame import DIRECTIONS
 from pmr.simulation import Excitation
-from pmr.simulation.floating import Extended, Motion
-from pmr.simulation.frame_motion import MachineMotion, Turning, in_motion
-from pmr.simulation.free_base import Answering, FreeBase
+from pmr.simulation.floating import Extensions, FrameMotion
+from pmr.simulation.frame_motion import FrameRotation, MachineMotion, with_computed_motion
+from pmr.simulation.free_base import EliminatedContacts, FreeBase
 from pmr.simulation.machine import machine_motion
 from pmr.simulation.native import systems
 from pmr.system.assembly import Assembly
@@ -45,7 +45,7 @@ def in_space(*changes: str) -> Scene:
 def moved(scene: Scene, found: MachineMotion) -> SystemTrajectory:
     """The boom in a frame that moves so."""
     system = free_boom.system()
-    driven = Excitation.of(in_motion(scene, found))
+    driven = Excitation.from_scene(with_computed_motion(scene, found))
     return systems.simulate(system, driven, systems.start_of(system, driven))
 
 
@@ -64,20 +64,20 @@ class Whole:
         path = scene.extension(1)
         self.s = np.array([path.value(run.t), path.rate(run.t), path.second_rate(run.t)])
         self.gives = np.any(self.along.evaluate(np.array([0.0, self.s[0, 0]])).rows.F != 0.0, axis=1)
-        self.answering = Answering(self.boom, self.assembly, self.along, self.gives)
+        self.answering = EliminatedContacts(self.boom, self.assembly, self.along, self.gives)
         rocking = [tuple(found.values[:, :, 3 + j]) for j in range(3)]
         angles = [
             tuple(getattr(one, of)(run.t) for of in ("value", "rate", "second_rate")) for one in scene.frame.angles
         ]
-        self.base, self.turning = Turning.from_rocking(rocking), Turning.by(*angles, rocking)
+        self.base, self.turning = FrameRotation.from_rocking(rocking), FrameRotation.from_angles(*angles, rocking)
 
-    def extended(self, k: int) -> Extended:
-        return Extended(*(np.array([0.0, one]) for one in self.s[:, k]))
+    def extended(self, k: int) -> Extensions:
+        return Extensions(*(np.array([0.0, one]) for one in self.s[:, k]))
 
     def momenta(self, k: int) -> Array:
         x, v = self.found.values[:2, k, :3]
         R, Rb, omega = self.turning.rotation[k], self.base.rotation[k], self.base.velocity[k]
-        out, motion = self.extended(k), Motion(self.turning.velocity[k], np.zeros(3))
+        out, motion = self.extended(k), FrameMotion(self.turning.velocity[k], np.zeros(3))
         p = momenta.momentum(self.boom, motion, R.T @ v, out, self.q[k], self.rate[k], self.answering.moments(out))
         own = MASS * (v + Rb @ np.cross(omega, CENTER))
         P = R @ p[:3] + own
@@ -85,7 +85,7 @@ class Whole:
 
     def energy(self, k: int) -> float:
         v, Rb, omega, q, rate = self.found.values[1, k, :3], self.base.rotation[k], self.base.velocity[k], *self.at(k)
-        out, motion = self.extended(k), Motion(self.turning.velocity[k], np.zeros(3))
+        out, motion = self.extended(k), FrameMotion(self.turning.velocity[k], np.zeros(3))
         own = v + Rb @ np.cross(omega, CENTER)
         energy = momenta.kinetic(
             self.boom, motion, self.turning.rotation[k].T @ v, out, q, rate, self.answering.moments(out)
@@ -96,7 +96,7 @@ class Whole:
     def power(self, k: int) -> float:
         """Of what draws the boom out, at the accelerations that the equations have there."""
         (q, rate), out, n = self.at(k), self.extended(k), self.assembly.size
-        motion = Motion(self.turning.velocity[k], np.zeros(3))
+        motion = FrameMotion(self.turning.velocity[k], np.zeros(3))
         pressed = self.boom.at(motion, out, q, rate, self.answering.moments(out))
         mass, forces, (contacts, slope) = pressed.mass.copy(), pressed.forces.copy(), self.springs(k)
         near, R, rigid = self.along.evaluate(out.value), self.turning.rotation[k], ~self.gives
@@ -229,7 +229,7 @@ def test_a_motion_between_steps() -> None:
     rates = [power, power.deriv(), power.deriv(2)]
     values = np.repeat(np.array([one(t) for one in rates])[:, :, None], 6, axis=2)
     frame = free_boom.scene(*MACHINE, "frame.unit='degrees'")
-    base = in_motion(frame, MachineMotion(0.1, values, 0.0 * values[0], {}, 0.0 * values[0])).frame.base
+    base = with_computed_motion(frame, MachineMotion(0.1, values, 0.0 * values[0], {}, 0.0 * values[0])).frame.base
     assert base is not None
     at = np.array([0.0, 0.03, 0.1, 0.17, 0.3])
     for one, of in zip(rates, ("value", "rate", "second_rate"), strict=True):
@@ -269,7 +269,7 @@ def test_what_is_refused(changes: str) -> None:
 
 def test_others_who_simulate_refuse_it() -> None:
     with pytest.raises(InputError, match="frame.machine: none is allowed here"):
-        Excitation.of(free_boom.scene(*MACHINE))
+        Excitation.from_scene(free_boom.scene(*MACHINE))
 
 
 def test_a_run_says_where_it_goes_and_what_it_presses_with(tmp_path: Path) -> None:

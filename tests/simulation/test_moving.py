@@ -18,7 +18,7 @@ from pmr.simulation.moving import MovingFrame
 
 def system_of(scene: Any) -> Any:
     """Names of inputs and terms, which is all of a system that is asked for."""
-    excitation = Excitation.of(scene)
+    excitation = Excitation.from_scene(scene)
     return SimpleNamespace(
         bodies=dict.fromkeys(scene.names),
         paths=tuple(scene.paths),
@@ -34,7 +34,7 @@ def test_amplitudes_are_those_of_a_run(changes: tuple[str, ...], second_order: s
     """At instants where gravity rises, the base rocks and a force keeps its direction on the ground."""
     order = f"frame.second_order={second_order}"
     scene = scenes.load_any(THREE, [*changes, order, "sections.fly.loads.0.axes=ground", "gravity.rise=3.0"])
-    frame, excitation = MovingFrame.of(system_of(scene)), Excitation.of(scene)
+    frame, excitation = MovingFrame.from_system(system_of(scene)), Excitation.from_scene(scene)
     assert frame is not None and "fly.tip force" in frame.loads
     for t in (0.0, 0.7, 2.3, 3.9):
         f, c = driven_frame.find(frame, frame.motions(excitation, t))
@@ -44,15 +44,15 @@ def test_amplitudes_are_those_of_a_run(changes: tuple[str, ...], second_order: s
 
 
 def test_it_starts_with_all_of_the_weight() -> None:
-    frame = MovingFrame.of(system_of(scenes.load_any(THREE, [*TURNING, "gravity.rise=3.0"])))
+    frame = MovingFrame.from_system(system_of(scenes.load_any(THREE, [*TURNING, "gravity.rise=3.0"])))
     assert frame is not None
     assert frame.start[0, frame.drivers.index("gravity")] == pytest.approx(9.80665)
     assert frame.start[:, frame.drivers.index("slewing")] == pytest.approx([0.0, 0.8 * 0.2 * np.pi, 0.0])
 
 
 def test_without_a_frame_or_a_scene_there_is_none() -> None:
-    assert MovingFrame.of(system_of(scenes.load_any(THREE))) is None
-    assert MovingFrame.of(SimpleNamespace(provenance={})) is None  # type: ignore[arg-type]
+    assert MovingFrame.from_system(system_of(scenes.load_any(THREE))) is None
+    assert MovingFrame.from_system(SimpleNamespace(provenance={})) is None  # type: ignore[arg-type]
 
 
 def test_a_term_that_the_scene_does_not_drive_is_refused() -> None:
@@ -61,4 +61,4 @@ def test_a_term_that_the_scene_does_not_drive_is_refused() -> None:
     with pytest.raises(
         InputError, match="provenance.scene = 'wind': what the scene drives is allowed: base: rotating x"
     ):
-        MovingFrame.of(system)
+        MovingFrame.from_system(system)

@@ -42,7 +42,7 @@ def outcome() -> Outcome:
 
 def test_full_reactions_hold_the_supports_and_fulfil_newton() -> None:
     scene = scenes.load(WORKFLOWS / "paper_evolved.toml", CLAMPED)
-    body, excitation = full_model(scene).gather(), Excitation.of(scene)
+    body, excitation = full_model(scene).gather(), Excitation.from_scene(scene)
     assert isinstance(body, FullBody)
     f = excitation.forces(body.input_names)
     moved = simulate(body, excitation)
@@ -91,7 +91,7 @@ def test_reduced_reactions_are_as_good_as_the_forces_of_the_slider(outcome: Outc
 @pytest.mark.slow
 def test_a_saved_model_tells_them_too(outcome: Outcome, tmp_path: Path) -> None:
     scene, model = outcome.result.scene, ReducedModel.load(outcome.reduced.save(tmp_path / "reduced.npz"))
-    excitation = Excitation.of(scene)
+    excitation = Excitation.from_scene(scene)
     f = excitation.forces(model.input_names)
     again = respond(model, simulate(model, excitation), excitation.path_rate, f)
     found, first = (reaction_extremes(one, excitation.s[:, 0]) for one in (again, outcome.result.responses["reduced"]))

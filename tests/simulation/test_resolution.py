@@ -11,8 +11,8 @@ from oracle import flexible, full_body
 from pmr.errors import InputError
 from pmr.scene.signals import Chirp, Constant, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table
 from pmr.simulation import TimeStepping
-from pmr.simulation.excitation import on_path
-from pmr.simulation.stepping import STEPS_A_PERIOD, UNSEEN, is_aliased, overshoots, unseen
+from pmr.simulation.excitation import clip_path
+from pmr.simulation.stepping import STEPS_A_PERIOD, UNSEEN, describe_lost_features, describe_overshoots, is_aliased
 
 STEPPING = TimeStepping(1.0, 1e-3)
 SLOW = Ramp(times=(0.0, 1.0), values=(0.0, 100.0))
@@ -42,27 +42,27 @@ LOST = {
 
 @pytest.mark.parametrize("signal", FOLLOWED, ids=lambda signal: signal.kind)
 def test_what_the_steps_follow_is_not_warned_of(signal: Signal) -> None:
-    assert unseen([("F", signal)], STEPPING) == []
+    assert describe_lost_features([("F", signal)], STEPPING) == []
 
 
 @pytest.mark.parametrize(("said", "signal"), LOST.items())
 def test_what_is_lost_between_the_steps_is_said(said: str, signal: Signal) -> None:
-    (line,) = unseen([("still", Constant(amount=1.0)), ("load F", signal)], STEPPING)
+    (line,) = describe_lost_features([("still", Constant(amount=1.0)), ("load F", signal)], STEPPING)
     assert line.startswith("load F: ") and said in line
 
 
 def test_a_small_fast_part_of_a_large_slow_signal_is_seen() -> None:
     both = Sum(terms=(SLOW, Sine(amplitude=0.01, frequency=2000.0)))
-    (line,) = unseen([("F", both)], STEPPING)
+    (line,) = describe_lost_features([("F", both)], STEPPING)
     assert "2000 Hz stands still" in line and is_aliased(both, STEPPING) and not is_aliased(SLOW, STEPPING)
 
 
 @pytest.mark.parametrize("frequency", [499.0, 513.0, 870.0, 1300.0])
 def test_the_step_that_is_said_to_follow_does(frequency: float) -> None:
     tone = Sine(amplitude=1.0, frequency=frequency)
-    (line,) = unseen([("F", tone)], STEPPING)
+    (line,) = describe_lost_features([("F", tone)], STEPPING)
     step = float(line.split("steps of ")[-1].split(" s or less")[0])
-    assert unseen([("F", tone)], TimeStepping(1.0, 1.0 / np.ceil(1.0 / step))) == []
+    assert describe_lost_features([("F", tone)], TimeStepping(1.0, 1.0 / np.ceil(1.0 / step))) == []
 
 
 def test_the_fewest_steps_a_period_keep_to_the_share() -> None:
@@ -73,9 +73,9 @@ def test_the_fewest_steps_a_period_keep_to_the_share() -> None:
 def test_a_path_that_leaves_the_beam_between_the_steps_is_refused(frequency: float) -> None:
     path = Sine(amplitude=10.0, frequency=frequency, offset=2.5)
     domain, inside = (0.0, 5.0), path.model_copy(update={"amplitude": 2.0})
-    assert on_path(inside, inside.value(STEPPING.times), domain, STEPPING.times) == pytest.approx(2.5, abs=1e-3)
+    assert clip_path(inside, inside.value(STEPPING.times), domain, STEPPING.times) == pytest.approx(2.5, abs=1e-3)
     with pytest.raises(InputError, match="left between two steps"):
-        on_path(path, path.value(STEPPING.times), domain, STEPPING.times)
+        clip_path(path, path.value(STEPPING.times), domain, STEPPING.times)
     model = flexible(full_body(10), 4)
     with pytest.raises(InputError, match="left between two steps"):
         one_body.simulate(model, driven(path, Constant(amount=1.0), STEPPING))
@@ -89,15 +89,15 @@ def test_a_table_whose_curve_leaves_its_values_is_told_with_the_amount() -> None
     high = float(TURNING.value(np.linspace(0.0, 1.0, 10_001)).max())
     assert high - 1.0 > UNSEEN
     for signal in (TURNING, Sum(terms=(Constant(amount=3.0), TURNING))):
-        (line,) = overshoots([("load F", signal)], STEPPING)
+        (line,) = describe_overshoots([("load F", signal)], STEPPING)
         assert line.startswith(f"load F: the curve through its table (akima) goes from 0 to {high:.4g}")
         assert f" {100.0 * (high - 1.0):.2g} % of the table's range" in line
     straight = TURNING.model_copy(update={"interpolation": "linear"})
-    assert overshoots([("load F", straight), ("load G", Constant(amount=1.0))], STEPPING) == []
-    assert overshoots([("load F", TURNING)], TimeStepping(0.4, 1e-3)) == []  # nothing of that is reached
+    assert describe_overshoots([("load F", straight), ("load G", Constant(amount=1.0))], STEPPING) == []
+    assert describe_overshoots([("load F", TURNING)], TimeStepping(0.4, 1e-3)) == []  # nothing of that is reached
 
 
 def test_a_table_with_rows_where_it_turns_keeps_to_them() -> None:
     t = np.linspace(0.0, 1.0, 51)
     fine = Table(times=tuple(t), values=tuple(np.sin(2.0 * np.pi * t)))
-    assert overshoots([("load F", fine)], STEPPING) == []
+    assert describe_overshoots([("load F", fine)], STEPPING) == []

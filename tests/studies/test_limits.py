@@ -267,7 +267,7 @@ def test_a_stop_that_is_simulated_moves_the_tip_as_the_chart_has_it(of: str, dir
         }
     )
     system = join_bodies(moving, reduce_bodies(moving, shared.bodies_of(moving)))
-    run = run_from_start(system, Excitation.of(moving))
+    run = run_from_start(system, Excitation.from_scene(moving))
     ((name, body),) = system.bodies.items()
     tip = systems.displacements(system, run)[name][:, kinds_of(body).index(f"tip {direction}")]
     steady = found[2] - found[1] if of == "luffing" else np.sqrt(found[2] ** 2 - found[1] ** 2)

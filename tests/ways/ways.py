@@ -183,7 +183,9 @@ def stepper(subject: Subject) -> None:
     system, scene = subject.system, subject.scene
     rho = min(scene.time.rho_inf, 0.9)
     with refusals():
-        excitation = Excitation.of(scene).with_stepping(TimeStepping(scene.time.end, scene.time.step, rho, parts=1))
+        excitation = Excitation.from_scene(scene).with_stepping(
+            TimeStepping(scene.time.end, scene.time.step, rho, parts=1)
+        )
     (start, *given), y = stepper_inputs(system, excitation), simulated_outputs(system, excitation)
     with refusals():
         one = pmr.Stepper(system, scene.time.step, *start[:2], rho, frame=start[2] if len(start) > 2 else None)
@@ -195,7 +197,7 @@ def stepper(subject: Subject) -> None:
 
 def stepper_inputs(system: System, excitation: Excitation) -> list[tuple[Any, ...]]:
     """Paths and loads at all steps; in a frame values and rates of paths and angles."""
-    if (frame := MovingFrame.of(system)) is None:
+    if (frame := MovingFrame.from_system(system)) is None:
         s, f = excitation.s, excitation.forces(system.input_names)
         return [(at if len(at) > 1 else at[0], loads) for at, loads in zip(s, f, strict=True)]
     found = []

@@ -102,7 +102,7 @@ def row(scene: str, approach: str, repeats: int, share: float) -> Row:
     elif model in ("full", "dense"):
         body = pmr.full_model(loaded)
         body = pmr.project(body, np.eye(body.size)) if model == "dense" else body
-    whole, steps = Excitation.of(loaded), loaded.time.steps
+    whole, steps = Excitation.from_scene(loaded), loaded.time.steps
 
     def seconds(begin: float, count: int) -> float:
         """Return the solver's seconds for `count` steps from the time `begin` in s on."""

@@ -88,7 +88,7 @@ def prepare_scene(scene: Scene) -> Scene:
 def trials_of(scene: Scene, models: Mapping[str, ReducedModel]) -> Trials:
     """Trials of the models that reductions of a scene's bodies contain, of all sizes and with any step."""
     kinds = ("beam", "tip") if scene.goal is None else scene.goal.outputs
-    return Trials(models, partial(_join_models, scene), Excitation.of(scene), kinds)
+    return Trials(models, partial(_join_models, scene), Excitation.from_scene(scene), kinds)
 
 
 def _join_models(scene: Scene, models: Mapping[str, ReducedModel]) -> System:

@@ -36,7 +36,7 @@ from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.reactions import column_names
-from pmr.simulation.stepping import unseen
+from pmr.simulation.stepping import describe_lost_features
 from pmr.system.body import length_outputs, other_outputs
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
@@ -144,7 +144,9 @@ class Trials:
         return [
             (named(name, output), float(x))
             for name, body in self._wholes.items()
-            for output, x in zip(column_names(body).moved, body.output_positions[length_outputs(body)], strict=True)
+            for output, x in zip(
+                column_names(body).displacements, body.output_positions[length_outputs(body)], strict=True
+            )
         ]
 
     def fewest_steps(self, every: float | None = None) -> int:
@@ -159,7 +161,7 @@ class Trials:
                 break
             half = self.with_steps(steps // 2)
             share = 0.0 if every is None else every / half.stepping.step
-            if abs(share - round(share)) > 1e-9 * share or unseen(half.signals, half.stepping):
+            if abs(share - round(share)) > 1e-9 * share or describe_lost_features(half.signals, half.stepping):
                 break
             steps //= 2
         return steps

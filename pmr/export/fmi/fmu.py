@@ -30,7 +30,7 @@ from pmr.files.whole import replacement
 from pmr.kernel.block_file import LINE, lines, pack, seal
 from pmr.kernel.kernel import checksum
 from pmr.simulation import contact_step
-from pmr.simulation.moving import Recorded, read_scene
+from pmr.simulation.moving import StoredScene, read_scene
 from pmr.system.system import System
 
 VERSIONS = ("2", "3")
@@ -102,7 +102,7 @@ def write_fmu(
 
 def write(
     system: System,
-    scene: Recorded,
+    scene: StoredScene,
     target: str | Path,
     version: str = "3",
     platforms: Sequence[Platform] = PLATFORMS,
@@ -145,7 +145,7 @@ def write(
     return target
 
 
-def fmu_contents(system: System, scene: Recorded, name: str, version: str, sources: bool = False) -> Contents:
+def fmu_contents(system: System, scene: StoredScene, name: str, version: str, sources: bool = False) -> Contents:
     """Description, system and reference trajectory of an FMU whose binaries are called `name`; otherwise as `write`."""
     drivers = Drivers.of(system)
     run = reference(drivers, scene)

@@ -17,8 +17,8 @@ from pmr.scene.built import force_of
 from pmr.scene.signals import SignalBase
 from pmr.scene.signals.base import Strand
 from pmr.simulation.contact_step import contact_frequency
-from pmr.simulation.excitation import Excitation, in_order
-from pmr.simulation.moving import Recorded
+from pmr.simulation.excitation import Excitation, signals_in_order
+from pmr.simulation.moving import StoredScene
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.stepping import TimeStepping
@@ -52,7 +52,7 @@ class Reference:
         return np.concatenate([[0.0], self.first, np.zeros(3 * len(self.first)), [step, self.stepping.rho_inf, start]])
 
 
-def reference(drivers: Drivers, scene: Recorded) -> Reference:
+def reference(drivers: Drivers, scene: StoredScene) -> Reference:
     """Simulate a system under its own scene and return the reference trajectory.
 
     Without a frame, paths and loads follow the FMU's cubics between steps; in a frame that moves, its own signals.
@@ -87,7 +87,7 @@ def reference(drivers: Drivers, scene: Recorded) -> Reference:
     )
 
 
-def first_loads(drivers: Drivers, scene: Recorded) -> Array:
+def first_loads(drivers: Drivers, scene: StoredScene) -> Array:
     """Loads (i,) in N or N m at the start, with the full weight."""
     if drivers.frame is None:
         return scene.first_loads
@@ -155,7 +155,7 @@ def input_cubics(drivers: Drivers, excitation: Excitation) -> Array:
         return orders
     signals = [*(excitation.paths[path] for path in drivers.shown_paths)]
     numbers = [*range(len(drivers.shown_paths)), *(drivers.first_load_number + k for k in range(len(drivers.loads)))]
-    for number, signal in zip(numbers, [*signals, *in_order(excitation.loads, drivers.loads)], strict=True):
+    for number, signal in zip(numbers, [*signals, *signals_in_order(excitation.loads, drivers.loads)], strict=True):
         orders[0, :, number] = signal.value(t)
         ended = signal.rate(np.nextafter(t[1:], 0.0))  # at a kink that of what ends there
         x = orders[0, :, number].copy()

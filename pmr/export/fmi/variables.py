@@ -42,7 +42,7 @@ class Drivers:
         Raises InputError if the system has terms but no scene whose frame drives them, if its paths differ from those
         of the frame or have another order, or as `modal_form`.
         """
-        frame = MovingFrame.of(system)
+        frame = MovingFrame.from_system(system)
         if frame is None:
             system.ensure_without_terms("system")
         elif frame.paths != tuple(path for path in system.paths if path != LUFFING):

@@ -47,7 +47,14 @@ from pmr.errors import InputError
 from pmr.results import Energy
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.exudyn.items import add_pre_step_function
-from pmr.simulation.exudyn.solver import of_connector, of_nodes, read_sensor, slider_at, solve, solver_settings
+from pmr.simulation.exudyn.solver import (
+    add_force_sensor,
+    add_node_sensors,
+    describe_slider,
+    read_sensor,
+    solve,
+    solver_settings,
+)
 from pmr.simulation.stepping import Progress, TimeStepping
 
 #: Position and slope, each in the plane.
@@ -161,7 +168,7 @@ def simulate(
     x, at = np.asarray(x, dtype=float), np.array(list(places.values()))
     for key, points in (("x", x), ("loads.at", at)):
         _check_on_cable(cable, key, points)
-    s, forces = excitation.along((0.0, cable.length)), excitation.forces(list(places))
+    s, forces = excitation.path_within((0.0, cable.length)), excitation.forces(list(places))
     stepping = excitation.stepping
 
     container = exu.SystemContainer()  # owns the mbs: must stay alive
@@ -179,9 +186,9 @@ def simulate(
 
     add_pre_step_function(mbs, update)
     kind = exu.OutputVariableType
-    sensors = [of_nodes(mbs, items.nNodes, which) for which in (kind.Coordinates, kind.Coordinates_t)]
-    sensors.append([of_connector(mbs, items.oJoint)])
-    place = slider_at(lambda t: s[round(t / stepping.step)])
+    sensors = [add_node_sensors(mbs, items.nNodes, which) for which in (kind.Coordinates, kind.Coordinates_t)]
+    sensors.append([add_force_sensor(mbs, items.oJoint)])
+    place = describe_slider(lambda t: s[round(t / stepping.step)])
     seconds = solve(mbs, _settings(cable, stepping), place, progress)
     stored_values = [[read_sensor(mbs, sensor, stepping, place) for sensor in group] for group in sensors]
     q, v, joint = (np.stack(group, axis=1) for group in stored_values)

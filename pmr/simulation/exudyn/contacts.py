@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError, SimulationError
 from pmr.kernel.laws import ContactError, solve_contact
-from pmr.simulation.balance import dot, half_form, mean
+from pmr.simulation.balance import half_form, row_products, step_means
 from pmr.simulation.exudyn.equations import ENTRIES_AHEAD, Equations, Inputs
 from pmr.simulation.start import Grip, slide
 from pmr.system.contact_rows import ContactRows
@@ -38,7 +38,7 @@ class Contacts:
 
     def __init__(self, equations: Equations, inputs: Inputs) -> None:
         self._equations = equations
-        self.rigid = equations.rows(inputs.at(0.0)).rigid[0]
+        self.rigid = equations.rows(inputs.positions(0.0)).rigid[0]
         self.gives = ~self.rigid
         self._names = [name for name, gives in zip(equations.system.contact_names, self.gives, strict=True) if gives]
         clearance = equations.system.clearance[self.gives]
@@ -47,7 +47,7 @@ class Contacts:
         self.closed = ~self._pushes
 
     @property
-    def push(self) -> bool:
+    def any_pushes(self) -> bool:
         """Whether any contact only pushes."""
         return bool(self._pushes.any())
 
@@ -57,7 +57,7 @@ class Contacts:
         C, F and H are those of contacts that give way, all of which have to hold both ways.
         """
         rows, K, B = self.rows(x), self._equations.K, self._equations.B
-        answers = self._answers(rows, np.concatenate([rows.C, -rows.H], axis=2))
+        answers = self._solve_flexibility(rows, np.concatenate([rows.C, -rows.H], axis=2))
         return np.asarray(np.hstack([K, B]) + rows.C.transpose(0, 2, 1) @ answers)
 
     def rows(self, x: Array) -> ContactRows:
@@ -70,11 +70,13 @@ class Contacts:
         Raises SimulationError if contacts depend on each other, or which are closed is not settled.
         """
         motion = np.einsum("tmn,tn->tm", rows.C, q) + np.einsum("tmi,ti->tm", rows.H, f)
-        if not self.push:
-            return np.asarray(self._answers(rows, motion[:, :, None])[:, :, 0])
-        return np.array([self.pressed(rows.at_time(k), gaps) for k, gaps in enumerate(motion)]).reshape(motion.shape)
+        if not self.any_pushes:
+            return np.asarray(self._solve_flexibility(rows, motion[:, :, None])[:, :, 0])
+        return np.array([self.forces_by_motion(rows.at_time(k), gaps) for k, gaps in enumerate(motion)]).reshape(
+            motion.shape
+        )
 
-    def pressed(self, rows: ContactRows, motion: Array) -> Array:
+    def forces_by_motion(self, rows: ContactRows, motion: Array) -> Array:
         """Forces (m',) in N of contacts that give way at one time, by `motion` = C q + H f (m',) in m.
 
         The closed contacts are stored for the next call.  Raises SimulationError as `forces`.
@@ -85,7 +87,7 @@ class Contacts:
             raise SimulationError(f"the contacts {', '.join(self._names)}: {error}") from None
         return forces
 
-    def _answers(self, rows: ContactRows, right: Array) -> Array:
+    def _solve_flexibility(self, rows: ContactRows, right: Array) -> Array:
         """Matrix F^-1 `right`; a SimulationError is raised if F is singular."""
         try:
             return np.asarray(np.linalg.solve(rows.F, right))
@@ -149,17 +151,19 @@ def _energy_and_work(equations: Equations, rows: ContactRows, motion: Motion) ->
     """Stored energy (T,) and work of each step (T - 1,), both in J, with the contacts at T times."""
     q, f, forces = motion.q, motion.f, motion.forces
     load_gaps, bent = np.einsum("tmi,ti->tm", rows.H, f), np.einsum("tmn,tn->tm", rows.F, forces)
-    stored = half_form(equations.M, motion.v) + half_form(equations.K, q) + dot(forces, bent / 2.0 - load_gaps)
+    stored = half_form(equations.M, motion.v) + half_form(equations.K, q) + row_products(forces, bent / 2.0 - load_gaps)
     at_loads = np.asarray(q @ equations.B) + f @ equations.assembly.energy - np.einsum("tmi,tm->ti", rows.H, forces)
     C, H, F = (np.diff(part, axis=0) for part in (rows.C, rows.H, rows.F))
-    turned = np.einsum("tmn,tn->tm", C, mean(q)) + np.einsum("tmi,ti->tm", H, mean(f))
-    turned -= np.einsum("tmn,tn->tm", F, mean(forces)) / 2.0
-    work = dot(mean(f), np.diff(at_loads, axis=0)) + dot(mean(forces), turned)
+    turned = np.einsum("tmn,tn->tm", C, step_means(q)) + np.einsum("tmi,ti->tm", H, step_means(f))
+    turned -= np.einsum("tmn,tn->tm", F, step_means(forces)) / 2.0
+    work = row_products(step_means(f), np.diff(at_loads, axis=0)) + row_products(step_means(forces), turned)
     if equations.system.terms:
-        work += dot(mean(equations.assembly.term_forces(q, motion.v, motion.c)), np.diff(q, axis=0))
+        work += row_products(step_means(equations.assembly.term_forces(q, motion.v, motion.c)), np.diff(q, axis=0))
     if motion.friction.shape[1]:
-        work += dot(mean(motion.w), np.diff(q, axis=0)) - dot(mean(forces), np.diff(motion.gap, axis=0))
-    return stored + dot(f, f @ equations.assembly.energy) / 2.0, work
+        work += row_products(step_means(motion.w), np.diff(q, axis=0)) - row_products(
+            step_means(forces), np.diff(motion.gap, axis=0)
+        )
+    return stored + row_products(f, f @ equations.assembly.energy) / 2.0, work
 
 
 #: Most iterations for friction, and change of a gap that is round-off, over the gap of pads that slide.
@@ -305,5 +309,7 @@ class Pads:
         """Contact forces (m,) in N with gaps g (m,) in m; zero for rigid contacts."""
         multipliers = np.zeros(len(self.gives))
         gaps = np.broadcast_to(gap, multipliers.shape)[self.gives]
-        multipliers[self.gives] = self._contacts.pressed(rows.giving, rows.giving.C @ q + rows.giving.H @ f - gaps)
+        multipliers[self.gives] = self._contacts.forces_by_motion(
+            rows.giving, rows.giving.C @ q + rows.giving.H @ f - gaps
+        )
         return multipliers

@@ -38,7 +38,7 @@ class SystemSensors:
     contact_names: tuple[str, ...]
 
 
-class Watched:
+class SystemObserver:
     """Outputs and contact forces of a system, in one of Exudyn's configurations at its time."""
 
     def __init__(self, mbs: Any, items: SystemItems) -> None:
@@ -57,7 +57,7 @@ class Watched:
         multipliers, rows, grip = self._contact_state(t, q)
         y = equations.outputs @ q + equations.assembly.direct @ self._loads(t) - rows.X @ multipliers
         if grip is not None:
-            turned = equations.assembly.outputs_by_moments(self._items.inputs.at(t)[0])
+            turned = equations.assembly.outputs_by_moments(self._items.inputs.positions(t)[0])
             y = y + turned @ self._items.rubbing.law.moments(grip, multipliers)
         return np.asarray(y)
 
@@ -69,7 +69,7 @@ class Watched:
     def _contact_state(self, t: float, q: Array) -> tuple[Array, ContactRows, Array | None]:
         """Contact forces (m,) without friction, rows, and friction of the pads (None if no pad rubs), at t s."""
         equations, inputs, multipliers = self._items.equations, self._items.inputs, np.zeros(len(self._rest))
-        x, f, rubbing, grip = inputs.at(t), self._loads(t), self._items.rubbing, None
+        x, f, rubbing, grip = inputs.positions(t), self._loads(t), self._items.rubbing, None
         if self._held:
             multipliers[self._held] = self._mbs.GetObjectOutput(self._items.oContacts, exu.OutputVariableType.Force)
         if rubbing is not None:
@@ -82,7 +82,7 @@ class Watched:
 
 def add_sensors(mbs: Any, items: SystemItems) -> SystemSensors:
     """Add sensors of a system that `add_system` added: outputs y = O q + W f - X lambda, and contact forces lambda."""
-    watched, equations = Watched(mbs, items), items.equations
+    watched, equations = SystemObserver(mbs, items), items.equations
 
     def write_forces(mbs: Any, t: float, sensors: Any, factors: Any, configuration: Any) -> Any:
         """User function of the sensor of contact forces."""
@@ -124,18 +124,18 @@ def add_drawing(mbs: Any, items: SystemItems, scene: Scene, scale: float = 1.0) 
 
     Raises InputError if a section is observed at less than two points along it.
     """
-    drawn = Drawn(mbs, items, scene, scale)
+    drawn = BoomDrawing(mbs, items, scene, scale)
     looks = VObjectGround(graphicsDataUserFunction=lambda mbs, item: drawn.graphics())
-    name = items.called(mbs, "Drawing")
+    name = items.component_name(mbs, "Drawing")
     return mbs.AddObject(ObjectGround(name=name, visualization=looks))
 
 
-class Drawn:
+class BoomDrawing:
     """Drawing of a boom in the state that Exudyn shows."""
 
     def __init__(self, mbs: Any, items: SystemItems, scene: Scene, scale: float = 1.0) -> None:
         self._mbs, self._items, self._scene, self._scale = mbs, items, scene, scale
-        self._watched, self.tubes = Watched(mbs, items), tubes(scene, items.equations.system)
+        self._watched, self.tubes = SystemObserver(mbs, items), section_tubes(scene, items.equations.system)
         place = (0.0, 0.0, 0.0) if scene.frame is None else scene.frame.place
         self._place = np.array(place)
 
@@ -185,10 +185,10 @@ class Drawn:
             [value for n in base.paths.nodes for value in np.atleast_1d(self._mbs.GetNodeOutput(n, kind, shown))]
         )
         _, _, _, R = base.kinematics(x, 0.0 * x)
-        return base.origin(x), R, base.extended(t, z, 0.0 * z).value[: len(names)]
+        return base.origin(x), R, base.extensions(t, z, 0.0 * z).value[: len(names)]
 
 
-def tubes(scene: Scene, system: System) -> list[Tube]:
+def section_tubes(scene: Scene, system: System) -> list[Tube]:
     """One tube for each section, from the base section on.
 
     Raises InputError if a section is observed at less than two points along it.

@@ -26,9 +26,9 @@ from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.choice import Needs
 from pmr.scene.signals import SignalBase
-from pmr.simulation.contact_step import Lengths
-from pmr.simulation.excitation import Excitation, in_order, places
-from pmr.simulation.floating import Extended
+from pmr.simulation.contact_step import StepParts
+from pmr.simulation.excitation import Excitation, side_positions, signals_in_order
+from pmr.simulation.floating import Extensions
 from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState, consistent_start
 from pmr.system.assembly import Assembly
@@ -72,16 +72,16 @@ class Equations:
         container.SetWithSparseMatrix(sp.csr_matrix(A))
         return container
 
-    def visited(self, excitation: Excitation) -> Array:
+    def side_positions(self, excitation: Excitation) -> Array:
         """Side positions x (T, sides) in m at the steps of an excitation.
 
         Raises InputError if a path leaves a row.
         """
         if self.alone is not None:
-            excitation.along(self.alone.domain)  # which knows the scene's key
-        return places(self.system, excitation)
+            excitation.path_within(self.alone.domain)  # which knows the scene's key
+        return side_positions(self.system, excitation)
 
-    def at(self, s: Mapping[str, float]) -> Array:
+    def side_positions_on(self, s: Mapping[str, float]) -> Array:
         """Side positions x (1, sides) in m with the paths at s m; errors as `visited`."""
         return self.system.side_coordinates(s)[None]
 
@@ -96,7 +96,7 @@ class Equations:
             self._places, self._rows = key, self.assembly.contact_rows_over_time(x)
         return self._rows
 
-    def whole(self, name: str, values: Array) -> Array:
+    def body_coordinates(self, name: str, values: Array) -> Array:
         """Coordinates (T, n') of one body from those (T, n) of all; zero for coordinates that supports hold."""
         coordinates = np.zeros((len(values), self.system.bodies[name].size))
         coordinates[:, self.assembly.free_coordinates[name]] = values[:, self.assembly.coordinate_slices[name]]
@@ -110,7 +110,7 @@ class Equations:
         Errors as `consistent_start`.
         """
         free = self.assembly.free_coordinates
-        states = consistent_start(self.assembly, self.at(s)[0], self.system.side_rates(rates), initial)
+        states = consistent_start(self.assembly, self.side_positions_on(s)[0], self.system.side_rates(rates), initial)
         return {name: InitialState(start.q[free[name]], start.v[free[name]]) for name, start in states.items()}
 
     def needs(self, x: Array, rho_inf: float = 0.0) -> Needs:
@@ -175,7 +175,7 @@ class Paths:
             self.along[self.names.index(name), first[path.node] + path.number] = 1.0
         self._signals_now = np.zeros((3, len(self.names)))
 
-    def at(self, t: float, z: Array, z_t: Array) -> Extended:
+    def extensions(self, t: float, z: Array, z_t: Array) -> Extensions:
         """Extensions at t s, with coordinates and rates z, z_t (m,) of the nodes.
 
         Second rates are those of signals and functions; of coordinates of nodes they are zero.
@@ -184,9 +184,9 @@ class Paths:
             self._t, self._signals_now = t, np.zeros_like(self._signals_now)
             for number, name in enumerate(self.names):
                 if name in self._given:
-                    self._signals_now[:, number] = self._given[name].at(t)
+                    self._signals_now[:, number] = self._given[name].evaluate(t)
         s, v, a = self._signals_now
-        return Extended(s + self.along @ (z + self.reference), v + self.along @ z_t, a)
+        return Extensions(s + self.along @ (z + self.reference), v + self.along @ z_t, a)
 
 
 class _Path:
@@ -199,7 +199,7 @@ class _Path:
     def __init__(self, path: Any, h: float, mbs: Any) -> None:
         self._path, self._h, self._mbs = path, h, mbs
 
-    def at(self, t: float) -> tuple[float, float, float]:
+    def evaluate(self, t: float) -> tuple[float, float, float]:
         """Value in m, rate and second rate at t s."""
         half = self._h / 2.0
         if not hasattr(self._path, "rate"):
@@ -216,13 +216,13 @@ class _Path:
 ENTRIES_AHEAD = 1_000_000
 
 #: Function of side positions that a simulator needs at every step: ``evaluate(x (T, k)) -> (T, ...)``.
-OfPlaces = Callable[[Array], Array]
+PositionFunction = Callable[[Array], Array]
 #: A path in m or a load in N: a signal, whose `value` and `rate` are asked for, or a function of the mbs and the time
 #: in s, which may read ``mbs.variables``.
 Driving: TypeAlias = SignalBase | Callable[[Any, float], float]
 
 
-def value_of(driving: Driving, mbs: Any, t: float) -> float:
+def driving_value(driving: Driving, mbs: Any, t: float) -> float:
     """Value of a signal, or of a function of the mbs, at t s."""
     return float(driving.value(t) if hasattr(driving, "value") else driving(mbs, t))
 
@@ -246,7 +246,7 @@ class Inputs(ABC):
         """Begin the step that ends at t s."""
 
     @abstractmethod
-    def places(self, first: int, count: int) -> Array:
+    def positions_from(self, first: int, count: int) -> Array:
         """Side positions x (T, sides) in m from index `first` on: `count` of them, or as many as are known."""
 
     def number(self, t: float) -> int:
@@ -261,11 +261,11 @@ class Inputs(ABC):
         """Amplitudes at t s, one for each term."""
         return self.state(t)[2]
 
-    def at(self, t: float) -> Array:
+    def positions(self, t: float) -> Array:
         """Side positions x (1, sides) in m at t s."""
-        return self.places(self.number(t), 1)
+        return self.positions_from(self.number(t), 1)
 
-    def along(self, evaluate: OfPlaces, entries: int) -> Callable[[float], Array]:
+    def function_of_time(self, evaluate: PositionFunction, entries: int) -> Callable[[float], Array]:
         """Function of t in s that returns `evaluate` at the side positions of this time; computed for a block at once.
 
         `entries` is the number of values at each position.
@@ -279,7 +279,7 @@ class Inputs(ABC):
             k = self.number(t)
             if not first <= k < first + len(index):
                 first = k
-                visited, index = np.unique(self.places(k, block), axis=0, return_inverse=True)
+                visited, index = np.unique(self.positions_from(k, block), axis=0, return_inverse=True)
                 values, index = evaluate(visited), index.ravel()
             return np.asarray(values[index[k - first]])
 
@@ -306,32 +306,34 @@ class SignalInputs(Inputs):
         self._mbs, self._equations, self._paths, self._k = mbs, equations, dict(paths), 0
         # m/s at t = 0, where a function counts as at rest
         self.rates = {name: float(path.rate(0.0)) if hasattr(path, "rate") else 0.0 for name, path in paths.items()}
-        self._loads = in_order(loads, equations.system.input_names)
-        self._terms = in_order(terms, equations.system.term_names, "term")
+        self._loads = signals_in_order(loads, equations.system.input_names)
+        self._terms = signals_in_order(terms, equations.system.term_names, "term")
         # coordinates of nodes, which move within a step
         self._moving = [name for name, path in self._paths.items() if isinstance(path, NodeCoordinate)]
         self._x = np.empty(0)
         self.begin(0.0)
 
-    def at(self, t: float) -> Array:
+    def positions(self, t: float) -> Array:
         self.number(t)
         if not self._moving:
             return self._x
-        return self._equations.at(self.s | {name: value_of(self._paths[name], self._mbs, t) for name in self._moving})
+        return self._equations.side_positions_on(
+            self.s | {name: driving_value(self._paths[name], self._mbs, t) for name in self._moving}
+        )
 
     def begin(self, t: float) -> None:
-        self.s = {name: value_of(path, self._mbs, t) for name, path in self._paths.items()}  # m
-        before, self._t, self._x = self._x, t, self._equations.at(self.s)
+        self.s = {name: driving_value(path, self._mbs, t) for name, path in self._paths.items()}  # m
+        before, self._t, self._x = self._x, t, self._equations.side_positions_on(self.s)
         self._k += int(not np.array_equal(before, self._x))
-        self._f = tuple(value_of(load, self._mbs, t) for load in self._loads)
-        self._c = tuple(value_of(term, self._mbs, t) for term in self._terms)
+        self._f = tuple(driving_value(load, self._mbs, t) for load in self._loads)
+        self._c = tuple(driving_value(term, self._mbs, t) for term in self._terms)
 
     def state(self, t: float) -> State:
         if t != self._t:
             self.begin(t)
         return self._k, self._f, self._c
 
-    def places(self, first: int, count: int) -> Array:
+    def positions_from(self, first: int, count: int) -> Array:
         return self._x
 
     def paths(self, t: float) -> dict[str, float]:
@@ -346,10 +348,10 @@ class TabulatedInputs(Inputs):
     Errors as `Equations.visited`, `Excitation.forces` and `Excitation.amplitudes`.
     """
 
-    def __init__(self, equations: Equations, excitation: Excitation, lengths: Lengths) -> None:
+    def __init__(self, equations: Equations, excitation: Excitation, lengths: StepParts) -> None:
         stepping, numbers = excitation.stepping.divide(lengths.finest), lengths.numbers
         fine = excitation.with_stepping(stepping)
-        self.x, self.f = equations.visited(fine)[numbers], fine.forces(equations.system.input_names)[numbers]
+        self.x, self.f = equations.side_positions(fine)[numbers], fine.forces(equations.system.input_names)[numbers]
         self.c = fine.amplitudes(equations.system.term_names)[numbers]
         changes = np.append(True, np.any(self.x[1:] != self.x[:-1], axis=1))
         at = (np.cumsum(changes) - 1).tolist()
@@ -363,5 +365,5 @@ class TabulatedInputs(Inputs):
     def state(self, t: float) -> State:
         return self._states[round(t / self._step)]
 
-    def places(self, first: int, count: int) -> Array:
+    def positions_from(self, first: int, count: int) -> Array:
         return self._places[first : first + count]

@@ -48,12 +48,12 @@ def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Star
         Contacts(equations, inputs),
         Friction.from_contacts(equations.system.contacts),
     )
-    springs = bool(contacts.gives.any()) and not contacts.push and friction is None
+    springs = bool(contacts.gives.any()) and not contacts.any_pushes and friction is None
     if springs and equations.sparse:
         return add_with_multipliers(mbs, equations, inputs, start)
     rigid = np.flatnonzero(contacts.rigid)
-    rows = inputs.along(lambda x: equations.rows(x).C[:, rigid], n * len(rigid))
-    system = inputs.along(contacts.springs, n * (n + equations.B.shape[1]))
+    rows = inputs.function_of_time(lambda x: equations.rows(x).C[:, rigid], n * len(rigid))
+    system = inputs.function_of_time(contacts.springs, n * (n + equations.B.shape[1]))
 
     def force(t: float) -> Array:
         """Force vector (n,) at t s."""
@@ -62,12 +62,12 @@ def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Star
 
     steps, parameters = Steps(held=bool(len(rigid))), {"forceVector": force(0.0)}
     finish: Callable[[Any, SystemItems, float], None] = do_nothing
-    if friction is not None or contacts.push:
+    if friction is not None or contacts.any_pushes:
         pads = Pads(equations, contacts, friction)
         contact_parameters, finish = _contact_parameters(pads, equations, inputs, steps, start)
         parameters |= contact_parameters
     else:
-        parameters["jacobianUserFunction"] = nothing_beyond_matrices(equations, steps)
+        parameters["jacobianUserFunction"] = zero_jacobian(equations, steps)
     K = system(0.0)[:, :n] if springs else None
     items = with_contacts(mbs, add_bodies(mbs, equations, start, K, **parameters), rigid, scalingMarker1=rows(0.0))
     items = items if friction is None else replace(items, rubbing=pads)
@@ -105,7 +105,7 @@ def _contact_parameters(
         nonlocal stored_rows
         place = inputs.number(t)
         if stored_rows is None or stored_rows[0] != place:
-            stored_rows = place, pads.rows(inputs.at(t))
+            stored_rows = place, pads.rows(inputs.positions(t))
         return stored_rows[1]
 
     def begin(q: Array) -> None:
@@ -169,7 +169,7 @@ def add_with_multipliers(mbs: Any, equations: Equations, inputs: Inputs, start: 
         rows = equations.rows(x)
         return np.concatenate([rows.C, rows.F, rows.H], axis=2)
 
-    table = inputs.along(side_by_side, m * (n + m + i))
+    table = inputs.function_of_time(side_by_side, m * (n + m + i))
 
     def parts(t: float) -> tuple[Array, Array, Array]:
         """C (m, n), F (m, m) and -H f (m,) at t s."""
@@ -180,9 +180,9 @@ def add_with_multipliers(mbs: Any, equations: Equations, inputs: Inputs, start: 
     q, forces = np.concatenate([state.q for state in start.values()]), np.zeros(m)
     forces[gives] = np.linalg.solve(F[np.ix_(gives, gives)], (C @ q - offset)[gives])
     steps = Steps(held=bool(m))
-    jacobian, force = nothing_beyond_matrices(equations, steps), equations.B @ np.array(inputs.loads(0.0))
+    jacobian, force = zero_jacobian(equations, steps), equations.B @ np.array(inputs.loads(0.0))
     items = add_bodies(mbs, equations, start, forceVector=force, jacobianUserFunction=jacobian)
-    name = items.called(mbs, "Rows")
+    name = items.component_name(mbs, "Rows")
     nRows = add_coordinates(mbs, name, InitialState(forces, np.zeros(m)))
     nothing = exu.MatrixContainer(np.zeros((m, m)))
     oRows = mbs.AddObject(
@@ -214,7 +214,7 @@ def add_with_multipliers(mbs: Any, equations: Equations, inputs: Inputs, start: 
 def add_with_callbacks(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
     """Add the items of a system of rigid contacts, with Python callbacks in every iteration: the paper's way."""
     m, _ = _counts(equations)
-    rows = inputs.along(lambda x: equations.rows(x).C, equations.size * m)
+    rows = inputs.function_of_time(lambda x: equations.rows(x).C, equations.size * m)
 
     def force(mbs: Any, t: float, item: int, q: Any, q_t: Any) -> Any:
         """User function: loads (n,) on the coordinates at t s."""
@@ -243,7 +243,7 @@ def _counts(equations: Equations) -> tuple[int, int]:
     return len(equations.system.contacts), equations.B.shape[1]
 
 
-def nothing_beyond_matrices(equations: Equations, steps: Steps) -> Any:
+def zero_jacobian(equations: Equations, steps: Steps) -> Any:
     """User function for the Jacobian of forces other than K q and D q', which is zero: Exudyn adds K and D itself.
 
     Without it Exudyn would differentiate K q numerically.  The function also checks that the step has been updated.

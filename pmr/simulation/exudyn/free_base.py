@@ -52,12 +52,12 @@ from pmr.scene.keys import LUFFING, input_of
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.signals import Constant
 from pmr.simulation.exudyn.contacts import Contacts
-from pmr.simulation.exudyn.equations import Driving, Equations, Inputs, NodeCoordinate, Paths, check_path, value_of
-from pmr.simulation.exudyn.formulations import Start, nothing_beyond_matrices
+from pmr.simulation.exudyn.equations import Driving, Equations, Inputs, NodeCoordinate, Paths, check_path, driving_value
+from pmr.simulation.exudyn.formulations import Start, zero_jacobian
 from pmr.simulation.exudyn.items import Steps, SystemItems, add_bodies, with_contacts
-from pmr.simulation.floating import Extended, Moments, Motion
+from pmr.simulation.floating import Extensions, FrameMotion, Moments
 from pmr.simulation.frame_motion import skew
-from pmr.simulation.free_base import Answering, Answers, FreeBase
+from pmr.simulation.free_base import EliminatedContacts, FreeBase, InputResponse
 from pmr.system.changing_rows import ChangingRows
 from pmr.system.system import System
 
@@ -65,7 +65,7 @@ from pmr.system.system import System
 def add_extended(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
     """Add nodes and items of the bodies without their contacts, which the base adds."""
     steps, loads_set = Steps(held=bool(Contacts(equations, inputs).rigid.any())), inputs.loads(0.0)
-    jacobian = nothing_beyond_matrices(equations, steps)
+    jacobian = zero_jacobian(equations, steps)
     items = add_bodies(
         mbs, equations, start, forceVector=equations.B @ np.array(loads_set), jacobianUserFunction=jacobian
     )
@@ -82,7 +82,7 @@ def add_extended(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -
     return steps.attach_update(mbs, items, update)
 
 
-class Extending:
+class ExtendingBoom:
     """Forces, stiffness and rigid rows between coordinates q (n,) and extensions s (S,) in m."""
 
     def __init__(
@@ -93,11 +93,11 @@ class Extending:
         self._leaning = [
             (number, k, G)
             for number, name in enumerate(equations.system.input_names)
-            for k, G in boom.shortened_by(name)
+            for k, G in boom.load_shortenings(name)
             if k is not None and k in self._numbers
         ]
 
-    def at(self, s: Array, q: Array, f: Array) -> tuple[Array, Array]:
+    def forces_and_stiffness(self, s: Array, q: Array, f: Array) -> tuple[Array, Array]:
         """Forces and stiffness (n + S, n + S) on n coordinates and S extensions, at s (S,) in m and q (n,).
 
         The forces (n + S,) are those under loads f (i,).
@@ -106,7 +106,7 @@ class Extending:
         near = self._along.evaluate(s)
         now, slopes = near.rows.select(self._contacts.gives), near.slopes.select(self._contacts.gives)
         C, F, H = (A[numbers] for A in (slopes.C, slopes.F, slopes.H))
-        forces = self._contacts.pressed(now, now.C @ q + now.H @ f)
+        forces = self._contacts.forces_by_motion(now, now.C @ q + now.H @ f)
         gaps, bent = C @ q + H @ f, F @ forces  # (e, m)
         total, K = np.zeros(n + S), np.zeros((n + S, n + S))
         total[:n], total[n + numbers] = -now.C.T @ forces, -gaps @ forces + bent @ forces / 2.0
@@ -131,7 +131,7 @@ class Extending:
         """Gaps C(s) q (m,) in m of rigid contacts."""
         return np.asarray(self._along.evaluate(s).rows.C[self.rigid] @ q)
 
-    def moved(self, s: Array, q: Array) -> Array:
+    def gap_derivative(self, s: Array, q: Array) -> Array:
         """Derivative (m, n + S) by q and s of the gaps of rigid contacts."""
         near, numbers = self._along.evaluate(s), self._numbers
         derivative = np.hstack([near.rows.C[self.rigid], np.zeros((len(self.rigid), len(s)))])
@@ -198,10 +198,12 @@ class Base:
         contacts = Contacts(equations, inputs)
         self.paths = Paths(mbs, on.scene, paths, self.boom.aside)
         self.along = ChangingRows(equations.assembly, self.paths.names)
-        gives = contacts.gives & (not contacts.push)
+        gives = contacts.gives & (not contacts.any_pushes)
         self._gives, self._inputs = bool(gives.any()), equations.B.shape[1]
-        self._answering = Answering(self.boom, equations.assembly, self.along, gives)
-        self.extending = Extending(equations, contacts, self.boom, self.paths, self.along) if self.paths.free else None
+        self._answering = EliminatedContacts(self.boom, equations.assembly, self.along, gives)
+        self.extending = (
+            ExtendingBoom(equations, contacts, self.boom, self.paths, self.along) if self.paths.free else None
+        )
 
     @property
     def count(self) -> int:
@@ -217,22 +219,22 @@ class Base:
         angles = (x + self.reference)[3:]
         return (x + self.reference)[:3] + np.array(self._rotations.matrix(angles)) @ np.array(self._on.place)
 
-    def extended(self, t: float, z: Array = NOTHING, z_t: Array = NOTHING) -> Extended:
+    def extensions(self, t: float, z: Array = NOTHING, z_t: Array = NOTHING) -> Extensions:
         """Extensions of the sections at t s, with coordinates and rates z, z_t (m,) of the user's nodes."""
-        return self.paths.at(t, z, z_t)
+        return self.paths.extensions(t, z, z_t)
 
-    def moments(self, at: Extended) -> Moments:
+    def moments(self, at: Extensions) -> Moments:
         """Moments of the sections, with the response to inertia of contacts that give way."""
         return self._answering.moments(at)
 
-    def answers(self, s: Array) -> Answers:
+    def answers(self, s: Array) -> InputResponse:
         """Response to inputs with the paths at s (P,) in m, with contacts that give way.
 
         Rigid ones, and pads that only push, are left out.
         """
-        return self._answering.at(s)
+        return self._answering.response(s)
 
-    def kinematics(self, x: Array, rate: Array) -> tuple[Array, Array, Motion, Array]:
+    def kinematics(self, x: Array, rate: Array) -> tuple[Array, Array, FrameMotion, Array]:
         """Lambda (6, k), gamma (6,), motion of the boom's frame (with zero weight), and its rotation (3, 3).
 
         x, rate (k,) are the body's displacements and rates.
@@ -243,7 +245,7 @@ class Base:
         turned = np.zeros((6, len(x)))
         turned[:3, :3], turned[:3, 3:], turned[3:, 3:] = (R @ A).T, -A.T @ c @ G, A.T @ G
         gamma = np.append(-A.T @ (c @ remainder + skew(omega) @ c @ omega), A.T @ remainder)
-        return turned, gamma, Motion(A.T @ omega, np.zeros(3)), R @ A
+        return turned, gamma, FrameMotion(A.T @ omega, np.zeros(3)), R @ A
 
     def inertia(self, mbs: Any, t: float) -> Array:
         """Loads (i,) of the boom's inertia and weight by the body's current motion, at t s.
@@ -259,19 +261,19 @@ class Base:
         x, rate, second = (state[0] for state in states)
         z, z_t, z_tt = (np.concatenate([NOTHING, *state[1:]]) for state in states)
         turned, gamma, motion, R = self.kinematics(x, rate)
-        motion, extended = replace(motion, weight=self.weight(t) * R[2]), self.extended(t, z, z_t)
+        motion, extended = replace(motion, weight=self.weight(t) * R[2]), self.extensions(t, z, z_t)
         extended = replace(extended, second=extended.second + self.paths.along @ z_tt)
         return self.boom.inertia(motion, turned @ second + gamma, extended, loads)
 
-    def at(self, t: float, x: Array, rate: Array, loads: Array) -> tuple[Array, Array, Array]:
+    def added_equations(self, t: float, x: Array, rate: Array, loads: Array) -> tuple[Array, Array, Array]:
         """Mass (N, N), force (N,) and stiffness (N, N) to be added, for N coordinates of body, boom, user's nodes.
 
         x, rate (N,) are displacements and rates, `loads` (i,) those of the inputs.
         """
         k, n = self.count, self._size
         turned, gamma, motion, R = self.kinematics(x[:k], rate[:k])
-        q, extended = x[k : k + n], self.extended(t, x[k + n :], rate[k + n :])
-        pressed = self.boom.at(
+        q, extended = x[k : k + n], self.extensions(t, x[k + n :], rate[k + n :])
+        pressed = self.boom.base_equations(
             replace(motion, weight=self.weight(t) * R[2]), extended, q, rate[k : k + n], self.moments(extended)
         )
         L = scipy.linalg.block_diag(turned, np.eye(n), self.paths.along)
@@ -279,9 +281,9 @@ class Base:
         stiffness = np.zeros((k + n, k + n))
         force[:6] += self.boom.loads(loads, extended)
         if self.extending is not None:
-            pushes, K = self.extending.at(extended.value, q, loads)
+            pushes, K = self.extending.forces_and_stiffness(extended.value, q, loads)
             force[6:] += pushes
-            force[6 + n :] += self.boom.pulls(loads)
+            force[6 + n :] += self.boom.path_forces(loads)
             inner = L[6:, k:]
             stiffness = scipy.linalg.block_diag(np.zeros((k, k)), inner.T @ K @ inner)
         return L.T @ pressed.mass @ L, L.T @ force, stiffness
@@ -315,7 +317,7 @@ def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on
 
 def _cylinder_load(load: Any, extension: Any, mbs: Any, t: float) -> float:
     """Load along a cylinder over its length, in N/m, at t s."""
-    return value_of(load, mbs, t) / value_of(extension, mbs, t)
+    return driving_value(load, mbs, t) / driving_value(extension, mbs, t)
 
 
 def with_base(mbs: Any, items: SystemItems, base: Base, inputs: Inputs) -> SystemItems:
@@ -330,10 +332,10 @@ def with_base(mbs: Any, items: SystemItems, base: Base, inputs: Inputs) -> Syste
         x, rate = np.array(q), np.array(q_t)
         arguments = (t, x.tobytes(), rate.tobytes())
         if arguments != evaluated_at:  # mass and forces are asked for one after the other
-            evaluated_at, evaluated = arguments, base.at(t, x, rate, np.array(inputs.loads(t)))
+            evaluated_at, evaluated = arguments, base.added_equations(t, x, rate, np.array(inputs.loads(t)))
         return evaluated
 
-    name = items.called(mbs, "Base")
+    name = items.component_name(mbs, "Base")
     oBase = mbs.AddObject(
         ObjectGenericODE2(
             name=name,
@@ -353,21 +355,21 @@ def with_base(mbs: Any, items: SystemItems, base: Base, inputs: Inputs) -> Syste
     return items if base.extending is None else _with_rows(mbs, items, base, base.extending)
 
 
-def _with_rows(mbs: Any, items: SystemItems, base: Base, extending: Extending) -> SystemItems:
+def _with_rows(mbs: Any, items: SystemItems, base: Base, extending: ExtendingBoom) -> SystemItems:
     """Add a connector for rigid contacts along extensions that are coordinates; return the items."""
     k, n = base.count, base.boom.size
 
     def split(t: float, z: Any) -> tuple[Array, Array]:
         """Extensions (S,) and coordinates (n,) of the boom, from those of a marker, which include reference ones."""
         z_array = np.array(z)
-        return base.extended(t, z_array[k + n :] - base.paths.reference, z_array[k + n :]).value, z_array[k : k + n]
+        return base.extensions(t, z_array[k + n :] - base.paths.reference, z_array[k + n :]).value, z_array[k : k + n]
 
     def gap_derivative(t: float, z: Any) -> Array:
         """Derivative of the gaps by all coordinates."""
-        derivative = extending.moved(*split(t, z))
+        derivative = extending.gap_derivative(*split(t, z))
         return np.hstack([np.zeros((len(derivative), k)), derivative[:, :n], derivative[:, n:] @ base.paths.along])
 
-    name = items.called(mbs, "Extended")
+    name = items.component_name(mbs, "Extended")
     marker = mbs.AddMarker(MarkerObjectODE2Coordinates(name=name, objectNumber=items.oBase))
     connected = with_contacts(
         mbs,

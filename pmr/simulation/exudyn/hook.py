@@ -88,7 +88,7 @@ def add_hook(mbs: Any, items: SystemItems, loads: tuple[str, str, str], mass: fl
     rates = np.concatenate([node[next(key for key in RATES if key in node)] for node in node_data])
     joint = _Joint(base, items, loads, start)
     place, velocity = joint.start(start, rates)
-    name = items.called(mbs, f" {loads[2]}")
+    name = items.component_name(mbs, f" {loads[2]}")
     node = mbs.AddNode(NodePoint(name=name, referenceCoordinates=place, initialVelocities=velocity))
     nForce = add_coordinates(mbs, f"{name} force", InitialState.at_rest(3))
     oGiven = mbs.AddObject(
@@ -96,9 +96,9 @@ def add_hook(mbs: Any, items: SystemItems, loads: tuple[str, str, str], mass: fl
             name=f"{name} gives",
             nodeNumbers=[nForce, node, *nodes],
             massMatrix=joint.mass,
-            forceUserFunction=lambda mbs, t, item, q, q_t: joint.given(t, np.array(q))[0],
+            forceUserFunction=lambda mbs, t, item, q, q_t: joint.forces_and_stiffness(t, np.array(q))[0],
             jacobianUserFunction=lambda mbs, t, item, q, q_t, factor, factor_t: exu.MatrixContainer(
-                factor * joint.given(t, np.array(q))[1]
+                factor * joint.forces_and_stiffness(t, np.array(q))[1]
             ),
         )
     )
@@ -108,7 +108,7 @@ def add_hook(mbs: Any, items: SystemItems, loads: tuple[str, str, str], mass: fl
             markerNumbers=[items.mGround, mbs.AddMarker(MarkerObjectODE2Coordinates(objectNumber=oGiven))],
             scalingMarker0=np.zeros((3, 1)),  # its height is the number of rows
             constraintUserFunction=lambda mbs, t, item, q, q_t, velocity: joint.gap(t, np.array(q)),
-            jacobianUserFunction=lambda mbs, t, item, q, q_t, velocity: joint.moved(t, np.array(q)),
+            jacobianUserFunction=lambda mbs, t, item, q, q_t, velocity: joint.gap_derivative(t, np.array(q)),
         )
     )
     oHook = mbs.AddObject(ObjectMassPoint(name=f"{name} mass", mass=mass, nodeNumber=node))
@@ -145,14 +145,14 @@ class _Joint:
         stiff = vectors[:, values <= ROUND_OFF * max(answers.E.max(), TINY)]
         self._firm = stiff @ stiff.T  # onto the directions in which nothing gives way at once
         self._scale = float(values[-1]) if values[-1] > 0.0 else 1.0
-        self._shortened = list(base.boom.shortened_by(loads[0]))
+        self._shortened = list(base.boom.load_shortenings(loads[0]))
         self.mass = np.zeros((6 + len(start),) * 2)  # of w where nothing gives way, kg
         self.mass[:3, :3] = self._firm
 
     def _split(self, t: float, z: Array) -> tuple[Array, Array, Array]:
         """Coordinates of base and boom, and path coordinates s (P,) in m, from those of the nodes of all three."""
         k, n = self._base.count, self._base.boom.size
-        return z[:k], z[k : k + n], self._base.extended(t, z[k + n :], z[k + n :]).value
+        return z[:k], z[k : k + n], self._base.extensions(t, z[k + n :], z[k + n :]).value
 
     def _displacements(self, z: Array) -> Array:
         """Displacements of all nodes but w and hook, from coordinates z that include the reference coordinates."""
@@ -161,18 +161,18 @@ class _Joint:
         coordinates[len(coordinates) - len(paths.reference) :] -= paths.reference
         return coordinates
 
-    def _gives(self, s: Array) -> tuple[Array, Array]:
+    def _flexibility(self, s: Array) -> tuple[Array, Array]:
         """Flexibility E_h (3, 3) in m/N at the paths s, and its derivatives (P, 3, 3) by them."""
         answers, on = self._base.answers(s), np.ix_(self._on, self._on)
         return answers.E[on], answers.E_slope[:, *on]
 
-    def given(self, t: float, z: Array) -> tuple[Array, Array]:
+    def forces_and_stiffness(self, t: float, z: Array) -> tuple[Array, Array]:
         """Force (N,) and stiffness (N, N) of the energy that w stores, and of the stiffness that holds w.
 
         w is held in directions without flexibility.
         """
         w, (_, _, s), along, e = z[:3], self._split(t, z[6:]), self._base.paths.along, self._scale
-        (E, E_slope), K = self._gives(s), np.zeros((len(z),) * 2)
+        (E, E_slope), K = self._flexibility(s), np.zeros((len(z),) * 2)
         first = len(z) - along.shape[1]
         K[:3, :3] = (E / e + self._firm) / e
         K[:3, first:] = (E_slope @ w).T @ along / e**2
@@ -181,7 +181,7 @@ class _Joint:
         force[first:] /= 2.0
         return force, K
 
-    def _bent(self, s: Array, q: Array) -> tuple[Array, Array]:
+    def _shortening(self, s: Array, q: Array) -> tuple[Array, Array]:
         """G q (n,), and the derivative (P,) of q^T G q / 2 by the paths s."""
         bent, by = np.zeros_like(q), np.zeros_like(s)
         for k, G in self._shortened:
@@ -191,13 +191,13 @@ class _Joint:
                 by[k] -= q @ Gq / l**2 / 2.0
         return bent, by
 
-    def _unbent(self, t: float, q: Array, s: Array, R: Array) -> tuple[Array, Array, Array]:
+    def _unloaded_point(self, t: float, q: Array, s: Array, R: Array) -> tuple[Array, Array, Array]:
         """Position (3,) in m of the point from O in boom axes without the hook's force, and its derivatives.
 
         They are (3, n) by q and (3, P) by s.
         """
         answers, e = self._base.answers(s), np.array([1.0, 0.0, 0.0])
-        rows, (bent, by) = answers.B[:, self._on].T, self._bent(s, q)
+        rows, (bent, by) = answers.B[:, self._on].T, self._shortening(s, q)
         loads = self._base.boom.weight(self._base.weight(t) * R[2], len(answers.E)) + np.array(self._inputs.loads(t))
         carried = np.arange(len(s)) <= self._section
         at = self._base.boom.boom.place + e * (s @ carried - bent @ q / 2.0) + self._r + rows @ q
@@ -212,8 +212,8 @@ class _Joint:
         base, k, n = self._base, self._base.count, self._base.boom.size
         x, q, s = self._split(0.0, z)
         turned, _, motion, R = base.kinematics(x, z_t[:k])
-        at, by_q, by_s = self._unbent(0.0, q, s, R)
-        relative = by_q @ z_t[k : k + n] + by_s @ base.extended(0.0, z[k + n :], z_t[k + n :]).rate
+        at, by_q, by_s = self._unloaded_point(0.0, q, s, R)
+        relative = by_q @ z_t[k : k + n] + by_s @ base.extensions(0.0, z[k + n :], z_t[k + n :]).rate
         velocity = turned[:3] @ z_t[:k] + skew(motion.omega) @ at + relative
         return np.asarray(base.origin(x) + R @ at), np.asarray(R @ velocity)
 
@@ -222,14 +222,14 @@ class _Joint:
         x, q, s = self._split(t, self._displacements(z))
         _, _, _, R = self._base.kinematics(x, 0.0 * x)
         at = R.T @ (z[3:6] - self._base.origin(x))
-        return np.asarray(at - self._unbent(t, q, s, R)[0] - self._gives(s)[0] @ z[:3] / self._scale)
+        return np.asarray(at - self._unloaded_point(t, q, s, R)[0] - self._flexibility(s)[0] @ z[:3] / self._scale)
 
-    def moved(self, t: float, z: Array) -> Array:
+    def gap_derivative(self, t: float, z: Array) -> Array:
         """Derivative (3, N) of the gap by all N coordinates."""
         x, q, s = self._split(t, self._displacements(z))
         turned, _, _, R = self._base.kinematics(x, 0.0 * x)
         at = R.T @ (z[3:6] - self._base.origin(x))
         on_base = skew(at) @ turned[3:] - turned[:3]
-        (E, E_slope), (_, by_q, by_s) = self._gives(s), self._unbent(t, q, s, R)
+        (E, E_slope), (_, by_q, by_s) = self._flexibility(s), self._unloaded_point(t, q, s, R)
         along = -(by_s + (E_slope @ z[:3]).T / self._scale) @ self._base.paths.along
         return np.hstack([-E / self._scale, R.T, on_base, -by_q, along])

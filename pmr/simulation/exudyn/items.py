@@ -78,7 +78,7 @@ class SystemItems:
     base: Any = None  # what `add_hook` needs
     rubbing: Any = None  # `pmr.simulation.exudyn.contacts.Pads`; None where no pad rubs
 
-    def called(self, mbs: Any, part: str) -> str:
+    def component_name(self, mbs: Any, part: str) -> str:
         """Name in the mbs of a component of the system: the system's name followed by `part`, such as ``Contacts``."""
         return f"{mbs.GetMarker(self.mSystem)['name']}{part}"
 
@@ -97,7 +97,7 @@ class SystemItems:
         nothing = {"massMatrix": empty, "jacobianUserFunction": lambda *arguments: empty}
         nodes = list(self.nBodies.values())
         return mbs.AddObject(
-            ObjectGenericODE2(name=self.called(mbs, part), nodeNumbers=nodes, **(nothing | parameters))
+            ObjectGenericODE2(name=self.component_name(mbs, part), nodeNumbers=nodes, **(nothing | parameters))
         )
 
     def updated_by(self, mbs: Any, function: PreStep) -> SystemItems:
@@ -209,7 +209,7 @@ def with_contacts(
     """
     if not len(contacts):
         return items
-    name = items.called(mbs, "Contacts")
+    name = items.component_name(mbs, "Contacts")
     markers = [items.mGround if mOther is None else mOther, items.mSystem]
     connector = ObjectConnectorCoordinateVector(name=name, markerNumbers=markers, **parameters)
     return replace(items, oContacts=mbs.AddObject(connector), contacts=tuple(contacts.tolist()))

@@ -4,7 +4,7 @@ In an mbs of one's own::
 
     items = add_system(mbs, system, paths, loads)
 
-`Run` is one simulation of a system in Exudyn.
+`SystemRun` is one simulation of a system in Exudyn.
 """
 
 from __future__ import annotations
@@ -20,14 +20,21 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.scene.choice import refuse
 from pmr.simulation import balance
-from pmr.simulation.contact_step import Lengths, as_made, contact_frequency
+from pmr.simulation.contact_step import StepParts, contact_frequency, with_schedule
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.exudyn.contacts import Balance, Contacts, Motion, Pads, balance_energy
 from pmr.simulation.exudyn.equations import Driving, Equations, NodeCoordinate, SignalInputs, TabulatedInputs
 from pmr.simulation.exudyn.formulations import FORMULATIONS, Formulation
 from pmr.simulation.exudyn.free_base import Base, OnBody, add_extended, driven_by_base, terms_on_base, with_base
 from pmr.simulation.exudyn.items import SystemItems, rates, with_quasi_static, with_terms
-from pmr.simulation.exudyn.solver import change, of_connector, of_nodes, read_sensor, solve, solver_settings
+from pmr.simulation.exudyn.solver import (
+    add_force_sensor,
+    add_node_sensors,
+    override_newton,
+    read_sensor,
+    solve,
+    solver_settings,
+)
 from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.modal import LARGEST
 from pmr.simulation.native import systems
@@ -113,7 +120,7 @@ def add_system(
             raise InputError("system", f"paths.{free[0]}", "NodeCoordinate", allowed)
         system.ensure_frictionless("system, an extension that is a coordinate")
         add = add_extended
-    refuse(name, equations.needs(inputs.at(0.0)))
+    refuse(name, equations.needs(inputs.positions(0.0)))
     items = add(mbs, equations, inputs, equations.start(inputs.s, inputs.rates, initial or {}))
     items = with_terms(mbs, with_quasi_static(mbs, items, equations), equations, inputs)
     if on is not None:
@@ -150,28 +157,28 @@ def simulate_system(
     Exudyn's generalized-alpha: the effect of its force on the next step is not removed, so that the motion agrees with
     the compiled one in the limit of small steps.
     """
-    return Run(system, excitation, initial or {}, formulation).trajectory(progress)
+    return SystemRun(system, excitation, initial or {}, formulation).trajectory(progress)
 
 
 Array = NDArray[np.float64]
 
 
-def lengths(system: System, excitation: Excitation, initial: Mapping[str, InitialState]) -> Lengths:
+def step_lengths(system: System, excitation: Excitation, initial: Mapping[str, InitialState]) -> StepParts:
     """Numbers of parts of each step: one each, unless contacts only push.
 
     Then those that the excitation asks for, or those that `march` chooses; for bodies too large for `march`, as many as
     resolve the contacts.
     """
     if np.isnan(system.clearance).all():
-        return Lengths.of(excitation.stepping, 0.0)
+        return StepParts.for_contacts(excitation.stepping, 0.0)
     omega, stepping = contact_frequency(system, excitation), excitation.stepping
     chosen = stepping.parts or stepping.schedule
     if omega and not chosen and max(body.size for body in system.bodies.values()) <= LARGEST:
-        stepping = as_made(stepping, systems.simulate(system, excitation, initial).parts, omega)
-    return Lengths.of(stepping, omega)
+        stepping = with_schedule(stepping, systems.simulate(system, excitation, initial).parts, omega)
+    return StepParts.for_contacts(stepping, omega)
 
 
-class Run:
+class SystemRun:
     """Simulation of a system under an excitation, with each step divided as its schedule or the contacts need it."""
 
     def __init__(
@@ -180,9 +187,9 @@ class Run:
         self.system, self._excitation, self._formulation = system, excitation, formulation
         self._equations, self._friction = Equations(system), Friction.from_contacts(system.contacts)
         name, add = FORMULATIONS[formulation]
-        self._needs = self._equations.needs(self._equations.visited(excitation), excitation.stepping.rho_inf)
+        self._needs = self._equations.needs(self._equations.side_positions(excitation), excitation.stepping.rho_inf)
         refuse(name, self._needs)
-        self._lengths = lengths(system, excitation, initial)
+        self._lengths = step_lengths(system, excitation, initial)
         self._inputs = TabulatedInputs(self._equations, excitation, self._lengths)
         s, rates = (dict(zip(excitation.paths, at[0].tolist(), strict=True)) for at in (excitation.s, excitation.rates))
         start = self._equations.start(s, rates, initial)
@@ -192,9 +199,9 @@ class Run:
         items = with_quasi_static(self._mbs, items, self._equations)
         self._items = with_terms(self._mbs, items, self._equations, self._inputs)
         kind, nodes = exu.OutputVariableType, list(self._items.nBodies.values())
-        self._of_nodes = [of_nodes(self._mbs, nodes, which) for which in (kind.Coordinates, kind.Coordinates_t)]
+        self._of_nodes = [add_node_sensors(self._mbs, nodes, which) for which in (kind.Coordinates, kind.Coordinates_t)]
         connector = self._items.oContacts
-        self._of_contacts = None if connector is None else of_connector(self._mbs, connector)
+        self._of_contacts = None if connector is None else add_force_sensor(self._mbs, connector)
 
     def trajectory(self, progress: Progress | None) -> SystemTrajectory:
         """Take all steps and return the trajectory; errors as `pmr.simulation.SystemSimulator`."""
@@ -202,7 +209,7 @@ class Run:
         chosen = solver_settings(self._excitation.stepping.divide(self._lengths.finest), linear)
         chosen.timeIntegration.numberOfSteps = self._lengths.steps
         chosen.timeIntegration.newton.useModifiedNewton = self._formulation == "callbacks-modified-newton"
-        change(chosen.timeIntegration.newton, self._excitation.options.newton)
+        override_newton(chosen.timeIntegration.newton, self._excitation.options.newton)
         times = self._lengths.times if np.ptp(self._lengths.parts) else None
         seconds = solve(self._mbs, chosen, self._describe, progress, times)
         motion, contacts = self._motion(), Contacts(self._equations, self._inputs)
@@ -218,15 +225,15 @@ class Run:
 
     def _motion(self) -> Motion:
         """Motion that the sensors stored; forces of contacts without multipliers are zero, to be filled in."""
-        q, v = (np.hstack([self._stored(sensor) for sensor in sensors]) for sensors in self._of_nodes)
+        q, v = (np.hstack([self._sensor_values(sensor) for sensor in sensors]) for sensors in self._of_nodes)
         forces = np.zeros((len(q), len(self.system.contacts)))
         if self._of_contacts is not None:
-            forces[:, self._items.contacts] = self._stored(self._of_contacts)
+            forces[:, self._items.contacts] = self._sensor_values(self._of_contacts)
         v = rates(self._equations, self._lengths.times, q, v)
         none = np.zeros((len(q), 0))
         return Motion(self._inputs.x, q, v, self._inputs.f, forces, self._inputs.c, none, none, none)
 
-    def _stored(self, sensor: Any) -> Array:
+    def _sensor_values(self, sensor: Any) -> Array:
         """Values (N, c) that a sensor stored."""
         return read_sensor(self._mbs, sensor, self._lengths, self._describe)
 
@@ -236,7 +243,7 @@ class Run:
         pushes, t = ~np.isnan(system.clearance), self._excitation.times
         B, inertia = self._equations.B, self._equations.assembly.M.diagonal()
         least = balance.round_off(B.T @ (B / inertia[:, None]), motion.f, float(t[1]))
-        surplus = balance.surplus(balanced.stored, balanced.work, least, since_start=bool(pushes.any()))
+        surplus = balance.energy_surplus(balanced.stored, balanced.work, least, since_start=bool(pushes.any()))
         balance.refuse_growth(surplus, "Exudyn", list(self._needs.rigid_moving))
         reaching, rubbed = motion.forces[ends], {}
         forces, energy, work = reaching, balanced.stored[ends], balanced.work[ends]
@@ -250,8 +257,8 @@ class Run:
         bodies = {
             name: Trajectory(
                 t,
-                self._equations.whole(name, motion.q[ends]),
-                self._equations.whole(name, motion.v[ends]),
+                self._equations.body_coordinates(name, motion.q[ends]),
+                self._equations.body_coordinates(name, motion.v[ends]),
                 system.side_multipliers(name, reaching),
                 motion.x[ends][:, system.sides_of(name)],
                 seconds,

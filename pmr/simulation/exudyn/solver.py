@@ -16,7 +16,7 @@ from exudyn.itemInterface import SensorNode, SensorObject
 from numpy.typing import NDArray
 
 from pmr.errors import InputError, SimulationError
-from pmr.simulation.contact_step import Lengths
+from pmr.simulation.contact_step import StepParts
 from pmr.simulation.exudyn.items import add_pre_step_function
 from pmr.simulation.stepping import Progress, TimeStepping
 
@@ -48,7 +48,7 @@ def solver_settings(stepping: TimeStepping, linear_solver: Any) -> Any:
     return chosen
 
 
-def change(newton: Any, settings: Mapping[str, bool | float]) -> None:
+def override_newton(newton: Any, settings: Mapping[str, bool | float]) -> None:
     """Overwrite Exudyn's settings of Newton's method by name, in place.
 
     Raises InputError if Exudyn has no such setting, or refuses the value.
@@ -93,7 +93,7 @@ def solve(
     mbs.Assemble()
     solver = exu.MainSolverImplicitSecondOrder()  # mbs.SolveDynamic would print its failures
     if times is not None:
-        solver.SetUserFunctionUpdateCurrentTime(mbs, _to_the_next(times))
+        solver.SetUserFunctionUpdateCurrentTime(mbs, _step_function(times))
     begin = time.perf_counter()
     try:
         with _warnings_logged():
@@ -106,11 +106,11 @@ def solve(
             reason = "singular equations (constraint rows that depend on each other?)"
         t = solver.it.currentTime
         number = round(t * chosen.timeIntegration.numberOfSteps / chosen.timeIntegration.endTime)
-        raise SimulationError(f"{_where(number, t, place)}: {reason}")
+        raise SimulationError(f"{_describe_failed_step(number, t, place)}: {reason}")
     return seconds
 
 
-def _to_the_next(times: Array) -> Callable[[Any, Any, Any], None]:
+def _step_function(times: Array) -> Callable[[Any, Any, Any], None]:
     """User function of the solver that sets time and length of each step, for ends of steps at `times` (N,) in s."""
     ends = iter(zip(times[1:].tolist(), np.diff(times).tolist(), strict=True))
 
@@ -136,18 +136,18 @@ def _report(mbs: Any, integration: Any, progress: Progress) -> None:
     add_pre_step_function(mbs, count)
 
 
-def of_nodes(mbs: Any, nodes: Iterable[Any], kind: Any) -> list[Any]:
+def add_node_sensors(mbs: Any, nodes: Iterable[Any], kind: Any) -> list[Any]:
     """Add sensors that store an output variable `kind` of nodes at every step; return their numbers."""
     return [mbs.AddSensor(SensorNode(nodeNumber=node, outputVariableType=kind, storeInternal=True)) for node in nodes]
 
 
-def of_connector(mbs: Any, connector: Any) -> Any:
+def add_force_sensor(mbs: Any, connector: Any) -> Any:
     """Add a sensor that stores a connector's force at every step; return its number."""
     kind = exu.OutputVariableType.Force
     return mbs.AddSensor(SensorObject(objectNumber=connector, outputVariableType=kind, storeInternal=True))
 
 
-def read_sensor(mbs: Any, sensor: Any, stepping: TimeStepping | Lengths, place: Callable[[float], str]) -> Array:
+def read_sensor(mbs: Any, sensor: Any, stepping: TimeStepping | StepParts, place: Callable[[float], str]) -> Array:
     """Values (N, c) that a sensor stored, one row for each step or part of a step, t = 0 included.
 
     Raises SimulationError if steps are missing or a value is not finite.
@@ -158,7 +158,7 @@ def read_sensor(mbs: Any, sensor: Any, stepping: TimeStepping | Lengths, place: 
     finite = np.isfinite(values).all(axis=1)
     if not finite.all():
         number = int(np.argmin(finite))
-        raise SimulationError(f"{_where(number, float(stepping.times[number]), place)}: not finite")
+        raise SimulationError(f"{_describe_failed_step(number, float(stepping.times[number]), place)}: not finite")
     return np.asarray(values)
 
 
@@ -175,11 +175,11 @@ def _warnings_logged() -> Iterator[None]:
             _log.warning("Exudyn: %s", text.removeprefix("WARNING: "))
 
 
-def slider_at(position: Callable[[float], float]) -> Callable[[float], str]:
+def describe_slider(position: Callable[[float], float]) -> Callable[[float], str]:
     """Function of t in s that returns a text with a slider's position, from its path coordinate in m."""
     return lambda t: f"slider at {position(t):g} m"
 
 
-def _where(number: int, t: float, place: Callable[[float], str]) -> str:
+def _describe_failed_step(number: int, t: float, place: Callable[[float], str]) -> str:
     """Text with number, time and path coordinates of a failed step."""
     return f"Exudyn failed at step {number}, t = {t:g} s, {place(t)}"

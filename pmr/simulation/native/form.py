@@ -16,7 +16,7 @@ from pmr.kernel.kernel import Kernel
 from pmr.kernel.rows import round_up
 from pmr.kernel.state import Failure, StepError
 from pmr.scene.signals import Constant, SignalBase
-from pmr.simulation.excitation import Excitation, in_order, places
+from pmr.simulation.excitation import Excitation, side_positions, signals_in_order
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.moving import MovingFrame
 from pmr.simulation.refusals import describe_dependence, describe_divergence, describe_unsettled
@@ -69,7 +69,7 @@ class SystemForm:
     def frame(self) -> MovingFrame | None:
         """Frame of the system's scene; None if there is none, or if it drives other inputs and terms."""
         try:
-            return MovingFrame.of(self.system)
+            return MovingFrame.from_system(self.system)
         except InputError:
             return None
 
@@ -118,7 +118,10 @@ def driver_signals(form: SystemForm, excitation: Excitation) -> list[SignalBase]
         paths = [next(iter(excitation.paths.values()), standing)][: kernel.paths]
     else:
         paths = [excitation.paths[name] for name in kernel.names("drivers")[: kernel.paths]]
-    loads, terms = in_order(excitation.loads, system.input_names), in_order(excitation.terms, system.term_names, "term")
+    loads, terms = (
+        signals_in_order(excitation.loads, system.input_names),
+        signals_in_order(excitation.terms, system.term_names, "term"),
+    )
     return [*paths, *loads, *terms]
 
 
@@ -139,7 +142,7 @@ def start_modes(form: SystemForm, x: Array, x_rate: Array, initial: Mapping[str,
 def static_start(system: System, excitation: Excitation) -> dict[str, InitialState]:
     """States of all bodies at rest in equilibrium with the loads at t = 0; errors as `equilibrium`."""
     f, c = excitation.forces(system.input_names)[0], excitation.amplitudes(system.term_names)[0]
-    return rest_states(Assembly(system), places(system, excitation)[0], f, c)
+    return rest_states(Assembly(system), side_positions(system, excitation)[0], f, c)
 
 
 def rest_states(assembly: Assembly, x: Array, f: Array, c: Array) -> dict[str, InitialState]:

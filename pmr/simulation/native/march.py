@@ -14,11 +14,11 @@ from pmr.kernel.signals import Signals
 from pmr.kernel.state import Failure, Record, Settings, State, StepError
 from pmr.scene.choice import refuse
 from pmr.simulation import balance, contact_step
-from pmr.simulation.excitation import Excitation, places, rates_of_places
+from pmr.simulation.excitation import Excitation, side_positions, side_velocities
 from pmr.simulation.native.form import SystemForm, driver_signals, path_text, start_modes, static_start, step_failure
 from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState
-from pmr.simulation.stepping import Ended, Progress, in_blocks
+from pmr.simulation.stepping import Progress, SimulationEnd, advance_in_blocks
 from pmr.system.assembly import Assembly
 
 Array = NDArray[np.float64]
@@ -66,18 +66,18 @@ class March:
         self.form, self.t = form, excitation.times
         if system.on_one_path and excitation.paths:
             (body,) = system.bodies.values()
-            excitation.along(body.domain)  # refused in its own words
-        self.x, self._paths, self._s = places(system, excitation), tuple(excitation.paths), excitation.s
+            excitation.path_within(body.domain)  # refused in its own words
+        self.x, self._paths, self._s = side_positions(system, excitation), tuple(excitation.paths), excitation.s
         self.pushing = ~np.isnan(form.modal.clearance)
         parts: tuple[int, ...] = (1,)
         omega = 0.0
         if self.pushing.any():
             if not (stepping.parts or stepping.schedule):
                 omega = contact_step.contact_frequency(form.modal, excitation)
-            parts = contact_step.levels(omega, stepping)
+            parts = contact_step.part_counts(omega, stepping)
         self.finest = parts[-1]
         self._schedule = np.array(stepping.schedule, np.int32) if stepping.schedule else None
-        x = places(form.modal, excitation)
+        x = side_positions(form.modal, excitation)
         needs = needs_of(form.modal, Assembly(form.modal).contact_rows(x[0]).rigid, x, stepping.rho_inf)
         refuse("march", needs)
         self._growing = list(needs.rigid_moving)  # nothing damps their forces
@@ -99,7 +99,7 @@ class March:
                 return
             initial = static_start(system, excitation)  # which also says what nothing holds
         if initial:
-            modes = start_modes(form, self.x[0], rates_of_places(system, excitation), initial)
+            modes = start_modes(form, self.x[0], side_velocities(system, excitation), initial)
             self._start = ("given", zero, *modes)
         if error := self.start():
             raise self._failure(error, 0)
@@ -116,7 +116,7 @@ class March:
             return error
         return None
 
-    def run(self, take: Callable[[int, Steps], None], progress: Progress | None = None) -> Ended:
+    def run(self, take: Callable[[int, Steps], None], progress: Progress | None = None) -> SimulationEnd:
         """Take all steps; call `take` with the number of the first of some consecutive steps, and with these.
 
         Raises GrowthError if more than `balance.GROWN` of the largest energy comes from neither loads nor moving rows.
@@ -133,9 +133,9 @@ class March:
             take(first, steps)
 
         seconds = self.observe(1, record_block, progress)
-        surplus = balance.surplus(self._stored, self._work, least, since_start=bool(self.pushing.any()))
+        surplus = balance.energy_surplus(self._stored, self._work, least, since_start=bool(self.pushing.any()))
         balance.refuse_growth(surplus, "march", self._growing)
-        return Ended(seconds, surplus)
+        return SimulationEnd(seconds, surplus)
 
     def rerun(self) -> float:
         """Take all steps once more from the start, without output; return the solver's time in s."""
@@ -169,7 +169,7 @@ class March:
                 if array is not None:
                     array[0] = array[last - first]
 
-        return in_blocks(count + 1, most, self.finest, advance, hand_over, progress) - self._sampling
+        return advance_in_blocks(count + 1, most, self.finest, advance, hand_over, progress) - self._sampling
 
     @property
     def _record_names(self) -> tuple[str, ...]:

@@ -30,9 +30,9 @@ from pmr.scene.built import force_of
 from pmr.scene.choice import refuse
 from pmr.scene.keys import LUFFING, SLIDER
 from pmr.scene.signals import Constant, Ramp
-from pmr.simulation.contact_step import MOST_PARTS, contact_frequency, levels
+from pmr.simulation.contact_step import MOST_PARTS, contact_frequency, part_counts
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.moving import MovingFrame, Recorded, read_scene
+from pmr.simulation.moving import MovingFrame, StoredScene, read_scene
 from pmr.simulation.native.driving import JUMP, Drivers, Motion, Values, number_of
 from pmr.simulation.native.form import SystemForm, path_text, start_modes, static_start, step_failure
 from pmr.simulation.native.march import DENSE
@@ -124,7 +124,7 @@ class Stepper:
         self.output_names = (*system.output_names, *map(force_of, system.contact_names))
         every = range(len(system.output_names))
         chosen = [number_of(k, self.output_names, "outputs") for k in (every if outputs is None else outputs)]
-        moving = MovingFrame.of(system)
+        moving = MovingFrame.from_system(system)
         scene = read_scene(system, "stepper") if "scene" in system.provenance else None
         if moving is None:
             system.ensure_without_terms("stepper")
@@ -324,7 +324,7 @@ class Stepper:
         paths = kernel.names("drivers")[: kernel.paths]
         return dict(zip(paths, kernel.frame_drivers(self._bound.motions)[0][: kernel.paths].tolist(), strict=True))
 
-    def _levels(self, parts: int, scene: Recorded | None) -> tuple[tuple[int, ...], float]:
+    def _levels(self, parts: int, scene: StoredScene | None) -> tuple[tuple[int, ...], float]:
         """Numbers of parts among which a step chooses, and the contact frequency in rad/s.
 
         The frequency is 0 unless contacts only push and `parts` is 0.
@@ -334,7 +334,7 @@ class Stepper:
             return (1,), 0.0
         way = self._full_range if scene is None else scene.excitation
         omega = contact_frequency(modal, way) if parts == 0 else 0.0
-        return levels(omega, TimeStepping(self._step, self._step, parts=parts)), omega
+        return part_counts(omega, TimeStepping(self._step, self._step, parts=parts)), omega
 
     @property
     def _full_range(self) -> Excitation:

@@ -22,7 +22,7 @@ from pmr.simulation.native.form import start_of as start_of
 from pmr.simulation.native.form import static_start as static_start
 from pmr.simulation.native.march import March, Steps
 from pmr.simulation.start import InitialState
-from pmr.simulation.stepping import Block, Ended, Progress, Recorder, Take
+from pmr.simulation.stepping import Block, Progress, Recorder, SimulationEnd, Take
 from pmr.system.body import Trajectory
 from pmr.system.contacts import Friction
 from pmr.system.states import SystemTrajectory
@@ -73,7 +73,7 @@ def simulate_form(
     return recorder.trajectory(follow(march, excitation, recorder, progress))
 
 
-def follow(march: March, excitation: Excitation, take: Take, progress: Progress | None = None) -> Ended:
+def follow(march: March, excitation: Excitation, take: Take, progress: Progress | None = None) -> SimulationEnd:
     """Take all steps of `march`, and call `take` with a block of some thousand steps at a time; nothing is stored.
 
     If contacts only push, a step may be divided (`pmr.simulation.contact_step`); a block holds the state at its end.

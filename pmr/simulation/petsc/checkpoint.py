@@ -23,7 +23,7 @@ from pmr.files.whole import NotWrittenError
 from pmr.fullmodel.model import FullSystem
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.petsc.recorder import Recorder
-from pmr.simulation.petsc.start import Sampled, State, whole_start
+from pmr.simulation.petsc.start import SampledExcitation, State, stacked_start
 from pmr.simulation.start import Grip, InitialState
 from pmr.system.contacts import Friction
 
@@ -57,7 +57,7 @@ class Checkpoint:
 
 
 @dataclass(frozen=True)
-class Saved:
+class StoredSimulation:
     """A simulation after `step` steps, which took `seconds`: its arrays of all ranks by name, and its identity."""
 
     step: int
@@ -66,7 +66,7 @@ class Saved:
     arrays: Mapping[str, Array]
 
 
-def save(checkpoint: Checkpoint, saved: Saved) -> None:
+def save(checkpoint: Checkpoint, saved: StoredSimulation) -> None:
     """Write a checkpoint, which replaces the one before in one operation.
 
     If there is no room on the disk, a warning is logged, and the one before stays.
@@ -85,7 +85,7 @@ def save(checkpoint: Checkpoint, saved: Saved) -> None:
         _log.warning("no checkpoint: %s", error)
 
 
-def load(checkpoint: Checkpoint, identity: Mapping[str, Any]) -> Saved | None:
+def load(checkpoint: Checkpoint, identity: Mapping[str, Any]) -> StoredSimulation | None:
     """Checkpoint of the simulation with this identity; None if there is no file.
 
     Raises
@@ -101,7 +101,7 @@ def load(checkpoint: Checkpoint, identity: Mapping[str, Any]) -> Saved | None:
         header = npz.without_header(arrays)
         if header["format"] != FORMAT or header["version"] not in READ:
             raise ValueError("another format")
-        saved = Saved(int(header["step"]), float(header["seconds"]), dict(header["identity"]), arrays)
+        saved = StoredSimulation(int(header["step"]), float(header["seconds"]), dict(header["identity"]), arrays)
     except _DAMAGE as error:
         allowed = f"a checkpoint is allowed, this is none ({error}); delete it to start from t = 0"
         raise InputError(name, "", None, allowed) from None
@@ -113,11 +113,11 @@ def load(checkpoint: Checkpoint, identity: Mapping[str, Any]) -> Saved | None:
 
 def _differences(stored: Mapping[str, Any], expected: Mapping[str, Any]) -> str:
     """Names of the entries of an identity in which the stored one differs."""
-    names = [key for key, value in expected.items() if not _same(stored.get(key), value)]
+    names = [key for key, value in expected.items() if not _entries_agree(stored.get(key), value)]
     return ", ".join(names)
 
 
-def _same(a: Any, b: Any) -> bool:
+def _entries_agree(a: Any, b: Any) -> bool:
     """Whether a stored entry of an identity agrees with the expected one, numbers to `SAME`.
 
     A list of digests agrees with its first digest alone, too, which older files have.
@@ -133,7 +133,11 @@ _SPREAD = tuple(field.name for field in fields(State) if field.name not in ("mul
 
 
 def identity(
-    system: FullSystem, excitation: Excitation, at: Sampled, recorder: Recorder, initial: Mapping[str, InitialState]
+    system: FullSystem,
+    excitation: Excitation,
+    at: SampledExcitation,
+    recorder: Recorder,
+    initial: Mapping[str, InitialState],
 ) -> dict[str, Any]:
     """Digests that distinguish this simulation from others, with one product of each matrix; collective.
 
@@ -153,7 +157,7 @@ def identity(
         "outputs": recorder.chosen.tolist(),
         "states": recorder.state_steps.tolist(),
     }
-    start, compliance = whole_start(system, initial), system.compliance
+    start, compliance = stacked_start(system, initial), system.compliance
     varying = [term.value(between) for term in excitation.terms.values()]
     of_terms = {"terms": _digest(repr(system.term_names).encode(), at.c, *varying)} if at.c.size else {}
     return {
@@ -164,13 +168,13 @@ def identity(
         "recording": _digest(repr(sorted(recording.items())).encode()),
         "initial state": _digest(start.q, start.v),
         "rows": [float(value) for value in rows],
-        "contacts": _digest(compliance.constant, compliance.slopes, system.clearance, *_of_friction(system)),
+        "contacts": _digest(compliance.constant, compliance.slopes, system.clearance, *_friction_arrays(system)),
         "matrices": [float(value) for value in system.comm.allreduce(np.array(forms))],
     }
 
 
 @dataclass(frozen=True)
-class Reached:
+class ReachedState:
     """State of a simulation after `step` steps, which took `seconds` of wall time.
 
     `parts` (T,) are the numbers of parts of the steps with which the simulation began; it keeps them even if a reduced
@@ -183,7 +187,7 @@ class Reached:
     parts: NDArray[np.int64]
 
 
-class Keeper:
+class CheckpointFile:
     """Writes and reads the checkpoints of one simulation; all methods but `due` are collective."""
 
     def __init__(self, checkpoint: Checkpoint, system: FullSystem, identity: Mapping[str, Any]) -> None:
@@ -195,7 +199,7 @@ class Keeper:
         """Whether it is time for a checkpoint; always False on other ranks than 0."""
         return self._comm.rank == 0 and time.monotonic() - self._last >= self._checkpoint.seconds
 
-    def save(self, reached: Reached, recorder: Recorder) -> None:
+    def save(self, reached: ReachedState, recorder: Recorder) -> None:
         """Write a checkpoint after a step."""
         gathered, state = self._system.gather_vectors, reached.state
         arrays = {name: gathered(getattr(state, name)[None])[0] for name in _SPREAD}
@@ -206,10 +210,10 @@ class Keeper:
             arrays |= {"recorded.multipliers": recorder.multipliers, "recorded.peaks": recorder.peaks}
             arrays |= {"recorded.friction": recorder.friction}
             arrays |= {f"grip.{name}": array for name, array in vars(state.grip).items()}
-            save(self._checkpoint, Saved(reached.step, reached.seconds, self._identity, arrays))
+            save(self._checkpoint, StoredSimulation(reached.step, reached.seconds, self._identity, arrays))
         self._last = time.monotonic()
 
-    def load(self, recorder: Recorder, parts: NDArray[np.int64]) -> Reached | None:
+    def load(self, recorder: Recorder, parts: NDArray[np.int64]) -> ReachedState | None:
         """State of the last checkpoint, with the recorder filled in place; None if there is no checkpoint.
 
         `parts` (T,) are used if the file has none.
@@ -230,10 +234,10 @@ class Keeper:
         recorder.sums[:] = arrays["sums"] if self._comm.rank == 0 else 0.0
         spread = {name: mine(arrays[name]) for name in _SPREAD}
         state = State(**spread, multipliers=arrays["multipliers"], share=arrays["share"], grip=grip)
-        return Reached(checkpoint.step, checkpoint.seconds, state, arrays.get("parts", parts))
+        return ReachedState(checkpoint.step, checkpoint.seconds, state, arrays.get("parts", parts))
 
 
-def _of_friction(system: FullSystem) -> list[Any]:
+def _friction_arrays(system: FullSystem) -> list[Any]:
     """Arrays that define the friction of a system's pads; empty without friction."""
     friction = Friction.from_contacts(system.contacts)
     return [] if friction is None else [friction.pads, friction.laws, friction.stiffness, friction.arms]

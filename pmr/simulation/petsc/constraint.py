@@ -44,7 +44,7 @@ class Prediction:
     a: Array
 
     @classmethod
-    def of(cls, factors: SchemeFactors, share: Array, force: Array) -> Prediction:
+    def from_shares(cls, factors: SchemeFactors, share: Array, force: Array) -> Prediction:
         """Contributions to the next step by acceleration-like variables `share` and accelerations `force`."""
         return cls(
             q=factors.z_from_share * share + factors.z_from_force * force,
@@ -53,7 +53,7 @@ class Prediction:
         )
 
 
-class Pushing:
+class ContactState:
     """State of a system's contacts: closed or open, with their last forces.
 
     `mass` is a factor of M, needed if some contacts only push.
@@ -97,11 +97,11 @@ class Pushing:
         right = [rows.apply_transposed(np.where(opened, forces, 0.0)) for forces in (self._force, self.share)]
         self._force, self.share = (np.where(opened, 0.0, forces) for forces in (self._force, self.share))
         force, share = self.mass.solve_columns(np.stack(right, axis=1)).T
-        return Prediction.of(factors, share, force)
+        return Prediction.from_shares(factors, share, force)
 
     def end_step(self, multipliers: Array, factors: SchemeFactors) -> None:
         """Store what the contact forces (m,) of a step contribute to the next one."""
-        share = factors.gain * multipliers + Prediction.of(factors, self.share, self._force).a
+        share = factors.gain * multipliers + Prediction.from_shares(factors, self.share, self._force).a
         self.share = np.where(self.pushes, share, 0.0)
         self._force = np.where(self.pushes, multipliers, 0.0)
 
@@ -128,7 +128,7 @@ class Constraint:
         factor: BlockFactor,
         q_gain: float,
         rows: PathRows,
-        pushing: Pushing,
+        pushing: ContactState,
         shared: int = 1,
     ) -> None:
         self._q_gain, self._factor, self._system, self.pushing = q_gain, factor, system, pushing
@@ -137,7 +137,7 @@ class Constraint:
         for E in carriers:
             least += E.shape[0] * comm.allreduce(E.shape[1], op=MPI.MAX)
         stored = 8 * least * shared <= STORED_BYTES
-        pairs = [answers(S, E, comm, stored) for S, E in zip(factor.of_bodies, carriers, strict=True)]
+        pairs = [solve_for_carriers(S, E, comm, stored) for S, E in zip(factor.of_bodies, carriers, strict=True)]
         self._compliance = PathCompliance([P for P, _ in pairs], rows)
         self._stored = [StoredAnswers(local, body, rows) for body, (_, local) in enumerate(pairs)] if stored else None
         self._at = np.full(len(rows.course.rows), np.nan)
@@ -175,7 +175,7 @@ class Constraint:
         return self._factor.solve(self.rows.apply_transposed(multipliers))
 
 
-def answers(factor: AnyFactor, E: sp.csr_matrix, comm: MPI.Comm, stored: bool) -> tuple[Array, Array]:
+def solve_for_carriers(factor: AnyFactor, E: sp.csr_matrix, comm: MPI.Comm, stored: bool) -> tuple[Array, Array]:
     """Matrix P = E^T S^{-1} E (p, p), the same on every rank, and this rank's rows of S^{-1} E.
 
     `E` is this rank's columns (p, n_local) of E^T.  Rows of S^{-1} E are (n_local, p), or (n_local, 0) unless `stored`.
@@ -194,10 +194,10 @@ def answers(factor: AnyFactor, E: sp.csr_matrix, comm: MPI.Comm, stored: bool) -
 def compliances(system: FullSystem, factor: BlockFactor, visited: VisitedCarriers) -> Sequence[Array]:
     """Matrices P = E^T S^{-1} E (p, p) of all bodies, with the factors of their S."""
     parts = zip(factor.of_bodies, visited.of_bodies, strict=True)
-    return [answers(S, E, system.comm, False)[0] for S, E in parts]
+    return [solve_for_carriers(S, E, system.comm, False)[0] for S, E in parts]
 
 
-def paths(system: FullSystem, x: Array, step: int = 0) -> PathRows:
+def rows_on_paths(system: FullSystem, x: Array, step: int = 0) -> PathRows:
     """The system's rows with its q sides at x (T, q) in m, set to one of the T steps."""
     course = Course(system, x)
     return PathRows(course, VisitedCarriers(system, course), step)

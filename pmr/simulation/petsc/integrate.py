@@ -40,11 +40,11 @@ from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.kernel.laws import SchemeFactors
 from pmr.reduced.matrices import Rayleigh
 from pmr.simulation import contact_step
-from pmr.simulation.contact_step import Lengths
-from pmr.simulation.petsc.constraint import Constraint, Prediction, Pushing, compliances, paths
+from pmr.simulation.contact_step import StepParts
+from pmr.simulation.petsc.constraint import Constraint, ContactState, Prediction, compliances, rows_on_paths
 from pmr.simulation.petsc.recorder import Recorder
 from pmr.simulation.petsc.rows import BlockFactor, PathCompliance, PathRows, effective_matrix
-from pmr.simulation.petsc.start import Sampled, State, Terms
+from pmr.simulation.petsc.start import SampledExcitation, State, Terms
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ class Integrator:
         system: FullSystem,
         factors: SchemeFactors,
         rows: PathRows,
-        pushing: Pushing,
+        pushing: ContactState,
         terms: Terms,
         shared: int,
     ) -> None:
@@ -97,7 +97,7 @@ class Integrator:
         pushing, ahead = self.constraint.pushing, self._predict(state)
         w, times, free = None, 0, None
         grip = state.grip
-        rubbed = self._terms.rubbed(self.constraint.rows, state.multipliers, grip)
+        rubbed = self._terms.pad_friction(self.constraint.rows, state.multipliers, grip)
         if self._terms:
             self._terms.begin_step()
             w = self._terms.forces(ahead.q, ahead.v, c) + rubbed.force
@@ -115,9 +115,11 @@ class Integrator:
             if w is not None:
                 times += 1
                 grip = self._terms.slide(state.grip, rubbed, c, self._factors.h, multipliers, self.constraint.matrix)
-                new = self._terms.rubbed(self.constraint.rows, multipliers, grip)
+                new = self._terms.pad_friction(self.constraint.rows, multipliers, grip)
                 new_w = self._terms.forces(self._q_gain * b, ahead.v + self._v_gain * (b - scaled), c) + new.force
-                if not (self._terms.settled(w, new_w, times, new) and self._terms.at_rest(rubbed, new)):
+                if not (
+                    self._terms.has_converged(w, new_w, times, new) and self._terms.gaps_have_converged(rubbed, new)
+                ):
                     w, rubbed = self._terms.extrapolate(w, rubbed, new_w, new)
                     continue
                 w, rubbed = new_w, new
@@ -134,7 +136,7 @@ class Integrator:
 
     def _predict(self, state: State) -> Prediction:
         """Prediction of the next state without the new acceleration."""
-        added = Prediction.of(self._factors, state.a, state.acceleration)
+        added = Prediction.from_shares(self._factors, state.a, state.acceleration)
         return Prediction(state.q + self._factors.h * state.v + added.q, state.v + added.v, added.a)
 
     def _free(self, scaled: Array, v: Array, f: Array) -> Array:
@@ -158,7 +160,7 @@ class _Body:
     def __init__(self, model: FullModel, factor: AnyFactor, v_gain: float, q_gain: float) -> None:
         self._M, self._D, self._factor, self._v_gain = model.M, model.D, factor, v_gain
         self._is_rayleigh = model.rayleigh is not None
-        self._damped = _Damped.by(model.rayleigh or Rayleigh(0.0, 0.0), v_gain, q_gain)
+        self._damped = _RayleighCoefficients.from_damping(model.rayleigh or Rayleigh(0.0, 0.0), v_gain, q_gain)
         self._B = local_csr(model.inputs)
         self._x, self._right = model.M.createVecs()
         self._b = self._right.duplicate()
@@ -177,14 +179,14 @@ class _Body:
 
 
 @dataclass(frozen=True)
-class _Damped:
+class _RayleighCoefficients:
     """Coefficients of S^-1 D w = S^-1 M (of_mass w) + at_once w for Rayleigh damping."""
 
     of_mass: float
     at_once: float
 
     @classmethod
-    def by(cls, rayleigh: Rayleigh, v_gain: float, q_gain: float) -> _Damped:
+    def from_damping(cls, rayleigh: Rayleigh, v_gain: float, q_gain: float) -> _RayleighCoefficients:
         """Coefficients of a Rayleigh damping with the gains dv and dq."""
         at_once = rayleigh.beta / (q_gain + v_gain * rayleigh.beta)
         return cls(rayleigh.alpha - at_once * (1.0 + v_gain * rayleigh.alpha), at_once)
@@ -201,26 +203,30 @@ def contact_frequency(system: FullSystem, x: Array, mass: BlockFactor) -> float:
     """Largest omega in rad/s of the contacts that only push, with the sides at x (T, q) in m; collective."""
     pushing, largest = np.flatnonzero(~np.isnan(system.clearance)), 0.0
     steps = np.unique(np.linspace(0, len(x) - 1, contact_step.PLACES).astype(int))
-    rows = paths(system, x[steps])
+    rows = rows_on_paths(system, x[steps])
     mobility = PathCompliance(compliances(system, mass, rows.visited), rows)
     F = system.compliance.constant[np.ix_(pushing, pushing)]
     for k in range(len(steps)):
         rows.move(k)
-        largest = max(largest, contact_step.frequency(F[None], mobility.of_rows(rows)[np.ix_(pushing, pushing)][None]))
+        largest = max(
+            largest, contact_step.row_frequency(F[None], mobility.of_rows(rows)[np.ix_(pushing, pushing)][None])
+        )
     return float(system.comm.bcast(largest))
 
 
-class PartedSteps:
+class DividedSteps:
     """Takes steps, each divided into its number of parts, along a course from step `first` on; collective.
 
     The course is sampled at the largest number of parts.  A step with another number of parts than the one before
     starts anew from position, velocity and equilibrium of forces.
     """
 
-    def __init__(self, system: FullSystem, lengths: Lengths, fine: Sampled, pushing: Pushing, first: int) -> None:
+    def __init__(
+        self, system: FullSystem, lengths: StepParts, fine: SampledExcitation, pushing: ContactState, first: int
+    ) -> None:
         self._lengths, self._fine, self._pushing = lengths, fine, pushing
         terms = Terms(system)
-        self.rows, sizes = paths(system, fine.x, first * lengths.finest), np.unique(lengths.parts).tolist()
+        self.rows, sizes = rows_on_paths(system, fine.x, first * lengths.finest), np.unique(lengths.parts).tolist()
         self._integrators = {
             parts: Integrator(system, lengths.factors(parts), self.rows, pushing, terms, len(sizes)) for parts in sizes
         }

@@ -14,14 +14,14 @@ from pmr.fem.factor import factor_of
 from pmr.fullmodel.model import FullSystem
 from pmr.scene.choice import REFERENCE, refuse
 from pmr.simulation.balance import refuse_growth
-from pmr.simulation.contact_step import Lengths
-from pmr.simulation.excitation import Excitation, places
-from pmr.simulation.petsc.checkpoint import Checkpoint, Keeper, Reached, identity
-from pmr.simulation.petsc.constraint import Pushing
-from pmr.simulation.petsc.integrate import PartedSteps, contact_frequency
+from pmr.simulation.contact_step import StepParts
+from pmr.simulation.excitation import Excitation, side_positions
+from pmr.simulation.petsc.checkpoint import Checkpoint, CheckpointFile, ReachedState, identity
+from pmr.simulation.petsc.constraint import ContactState
+from pmr.simulation.petsc.integrate import DividedSteps, contact_frequency
 from pmr.simulation.petsc.recorder import History, Recorder, Recording
 from pmr.simulation.petsc.rows import BlockFactor
-from pmr.simulation.petsc.start import Sampled, State, moves_at_once, starting_state
+from pmr.simulation.petsc.start import SampledExcitation, State, starting_state, starts_moving
 from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
@@ -87,20 +87,20 @@ class _Run:
         refuse("petsc", self._needs, REFERENCE)
         self._recorder = Recorder(self._system, excitation.stepping, recording)
         self._mass, omega = None, 0.0
-        if self._needs.pushing or moves_at_once(self._system, self._at, initial):
+        if self._needs.pushing or starts_moving(self._system, self._at, initial):
             self._mass = BlockFactor(self._system, lambda model: factor_of(model.M, "M"))
         if self._needs.pushing and self._mass is not None:
             omega = contact_frequency(self._system, self._at.x, self._mass)
-        self._lengths = Lengths.of(excitation.stepping, omega)
+        self._lengths = StepParts.for_contacts(excitation.stepping, omega)
 
     def history(self, progress: Progress | None, checkpoint: Checkpoint | None) -> History:
         """Take all steps, or those after a checkpoint, and return what is recorded."""
         recorder, keeper, T = self._recorder, None, self._excitation.stepping.steps
         if checkpoint:
             run_identity = identity(self._system, self._excitation, self._at, recorder, self._initial)
-            keeper = Keeper(checkpoint, self._system, run_identity)
+            keeper = CheckpointFile(checkpoint, self._system, run_identity)
         checkpointed = keeper.load(recorder, self._lengths.parts) if keeper else None
-        reached = checkpointed or self._started()
+        reached = checkpointed or self._starting_state()
         steps = self._steps(reached, checkpointed is not None)
         preparation, begin = time.perf_counter() - self._begin, time.perf_counter()
         stride, state = max(1, T // REPORTS), reached.state
@@ -119,12 +119,12 @@ class _Run:
         m, forces, peaks = self._contacts, history.forces, history.peaks
         return replace(history, forces=forces[:, :m], peaks=peaks[:, :m], supports=forces[:, m:])
 
-    def _started(self) -> Reached:
+    def _starting_state(self) -> ReachedState:
         """State at t = 0."""
         state = starting_state(self._system, self._at, self._initial, self._mass)
-        return Reached(0, 0.0, state, self._lengths.parts)
+        return ReachedState(0, 0.0, state, self._lengths.parts)
 
-    def _steps(self, reached: Reached, resumed: bool) -> PartedSteps:
+    def _steps(self, reached: ReachedState, resumed: bool) -> DividedSteps:
         """Stepper from the reached state on, in the parts with which the simulation began."""
         system, recorder, state, mass = self._system, self._recorder, reached.state, self._mass
         lengths = replace(self._lengths, parts=reached.parts)
@@ -134,7 +134,7 @@ class _Run:
         if mass is not None and not self._needs.pushing:
             mass.destroy()
             mass = None
-        steps = PartedSteps(system, lengths, fine, Pushing(system, mass, state), reached.step)
+        steps = DividedSteps(system, lengths, fine, ContactState(system, mass, state), reached.step)
         recorder.follow(state, steps.rows, fine.x[begun], fine.f[begun], fine.c[begun])
         if resumed:
             recorder.forget()
@@ -142,7 +142,7 @@ class _Run:
             recorder.record(0, state, steps.rows, self._at)
         return steps
 
-    def _step(self, steps: PartedSteps, step: int, state: State, due: bool) -> tuple[State, bool]:
+    def _step(self, steps: DividedSteps, step: int, state: State, due: bool) -> tuple[State, bool]:
         """Take a step in all its parts; return the state, and whether any rank is due for a checkpoint.
 
         A SimulationError is raised with step, time and path coordinates.
@@ -156,7 +156,7 @@ class _Run:
             raise SimulationError(f"full-order simulation failed at {where}: {error}") from None
 
 
-def sample_excitation(system: FullSystem, excitation: Excitation) -> Sampled:
+def sample_excitation(system: FullSystem, excitation: Excitation) -> SampledExcitation:
     """Excitation sampled at the steps.
 
     Raises
@@ -164,8 +164,8 @@ def sample_excitation(system: FullSystem, excitation: Excitation) -> Sampled:
     InputError
         If a path, load or amplitude of a term is missing, or a path takes a side where its row is not defined.
     """
-    names, x = list(excitation.paths), places(system, excitation)
+    names, x = list(excitation.paths), side_positions(system, excitation)
     rates = np.broadcast_to(system.side_rates(dict(zip(names, excitation.rates.T, strict=True))), x.shape)
     f, c = excitation.forces(system.input_names), excitation.amplitudes(system.term_names)
     c = np.column_stack([c, *(excitation.s[:, names.index(joint)] for joint in friction_joints(system.contacts))])
-    return Sampled(excitation.times, excitation.s, x, rates, f, c)
+    return SampledExcitation(excitation.times, excitation.s, x, rates, f, c)

@@ -19,7 +19,7 @@ from pmr.fullmodel.model import FullSystem
 from pmr.results import Energy
 from pmr.simulation import balance
 from pmr.simulation.petsc.rows import PathRows
-from pmr.simulation.petsc.start import Sampled, State, Terms
+from pmr.simulation.petsc.start import SampledExcitation, State, Terms
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.contacts import Friction
 
@@ -150,7 +150,7 @@ class Recorder:
         self._ends = np.cumsum([len(self.chosen), m, m])
         self.sums = np.zeros((T, self._ends[-1] + 4))
         self._balanced = recording.energies and recording.every == 1
-        self._now: _Acting | None = None
+        self._now: _StepWork | None = None
         self._work, self._terms = 0.0, Terms(system)
         n = system.local_slices[-1].stop
         self.q, self.v = np.zeros((len(self.state_steps), n)), np.zeros((len(self.state_steps), n))
@@ -165,9 +165,9 @@ class Recorder:
         if not self._balanced:
             return
         pressed = state.multipliers[rows.course.contact]
-        now = _Acting(f, self._inputs @ state.q, pressed, rows.slopes(state.q), x)
+        now = _StepWork(f, self._inputs @ state.q, pressed, rows.slopes(state.q), x)
         if self._terms:
-            rubbed = self._terms.rubbed(rows, state.multipliers, state.grip)
+            rubbed = self._terms.pad_friction(rows, state.multipliers, state.grip)
             forces = self._terms.forces(state.q, state.v, c) + rubbed.force
             now = replace(now, of_terms=forces, q=state.q, multipliers=state.multipliers, gap=rubbed.gap)
         if self._now is not None:
@@ -178,7 +178,7 @@ class Recorder:
         """Discard peaks and work, as the simulation resumes from a state that was recorded before."""
         self._peak, self._work = np.full_like(self._peak, -np.inf), 0.0
 
-    def record(self, step: int, state: State, rows: PathRows, at: Sampled) -> None:
+    def record(self, step: int, state: State, rows: PathRows, at: SampledExcitation) -> None:
         """Record the state after a step, if its number is one of those selected."""
         peak, work, self._work = self._peak, self._work, 0.0
         if self._pushes:
@@ -210,7 +210,7 @@ class Recorder:
         motion = self._inputs @ state.q if self._now is None else self._now.motion
         return half_form(self._M, state.v), half_form(self._K, state.q), -float(f @ motion)
 
-    def history(self, at: Sampled, seconds: float, preparation: float) -> History:
+    def history(self, at: SampledExcitation, seconds: float, preparation: float) -> History:
         """Everything that is recorded; collective."""
         system, every = self._system, slice(None, None, self.recording.every)
         sums = system.comm.allreduce(self.sums)
@@ -228,13 +228,15 @@ class Recorder:
             drift = np.full_like(drift, np.nan)
         energies, surplus = None, np.nan
         if self.recording.energies:
-            strain = energies_of_steps[:, 1] + balance.dot(forces, deflections) / 2.0
+            strain = energies_of_steps[:, 1] + balance.row_products(forces, deflections) / 2.0
             energies = Energy(energies_of_steps[:, 0], strain, energies_of_steps[:, 2])
             if self._balanced:
                 least = balance.round_off(self._mobility(), at.f, float(at.t[1]))
                 work = np.cumsum(energies_of_steps[:, 3]) + of_cylinders
                 work[1:] += np.cumsum(system.compliance.drum_work(forces, ropes))
-                surplus = balance.surplus(energies_of_steps[:, 0] + strain, work, least, since_start=bool(pushes.any()))
+                surplus = balance.energy_surplus(
+                    energies_of_steps[:, 0] + strain, work, least, since_start=bool(pushes.any())
+                )
         return History(
             t=at.t[every],
             s=at.s[every],
@@ -268,7 +270,7 @@ class Recorder:
 
 
 @dataclass(frozen=True)
-class _Acting:
+class _StepWork:
     """Loads and contacts at a step, for the work: of i loads, and of the q sides of contacts.
 
     `f` and `motion` (i,) are loads and displacements of their points; `force` (q,) in N, `slope` (q,) and x (q,) in m
@@ -288,7 +290,7 @@ class _Acting:
     gap: Array = field(default_factory=lambda: np.zeros(0))
 
 
-def _work(a: _Acting, b: _Acting) -> float:
+def _work(a: _StepWork, b: _StepWork) -> float:
     """Work in J of loads, terms and travelling contacts from one step to the next; this rank's contribution."""
     of_loads = (a.f + b.f) @ (b.motion - a.motion) / 2.0
     of_terms = (a.of_terms + b.of_terms) @ (b.q - a.q) / 2.0 - (a.multipliers + b.multipliers) @ (b.gap - a.gap) / 2.0

@@ -108,7 +108,7 @@ class Course:
             self.interval[:, k] = np.clip(intervals, 0, len(row.breaks) - 2)
             self.distance[:, k] = x[:, k] - row.breaks[self.interval[:, k]]
 
-    def touched(self, body: int) -> Indices:
+    def carriers_of(self, body: int) -> Indices:
         """Numbers (p,) of a body's carriers that its rows touch at any step, ascending."""
         visited = [self.rows[k].touched[np.unique(self.interval[:, k])].ravel() for k in self.on[body]]
         return np.unique(np.concatenate([np.empty(0, np.int64), *visited]))
@@ -118,7 +118,7 @@ class VisitedCarriers:
     """Carriers that sides touch on their way: their numbers for each body, and this rank's columns of its E^T."""
 
     def __init__(self, system: FullSystem, course: Course) -> None:
-        self.numbers = [course.touched(body) for body in range(len(system.models))]
+        self.numbers = [course.carriers_of(body) for body in range(len(system.models))]
         self.of_bodies = [
             model.carriers.carriers[numbers][:, model.share]
             for model, numbers in zip(system.models, self.numbers, strict=True)

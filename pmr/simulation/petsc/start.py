@@ -37,7 +37,15 @@ from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import systems
 from pmr.simulation.petsc.rows import BlockFactor, PathRows, contact_rows
 from pmr.simulation.refusals import describe_divergence
-from pmr.simulation.start import Grip, InitialState, check_impulse, check_position, check_state, row_drift, slide
+from pmr.simulation.start import (
+    Grip,
+    InitialState,
+    check_impulse,
+    check_position,
+    check_state,
+    slide,
+    velocity_violation,
+)
 from pmr.system.contacts import Friction
 
 Array = NDArray[np.float64]
@@ -52,7 +60,7 @@ MOST_DIRECTIONS = 16
 
 
 @dataclass(frozen=True)
-class Rubbed:
+class PadFriction:
     """Friction of pads: forces (n_local,) in N on this rank's coordinates, sums (J,) in N of J joints, gaps (m,)."""
 
     force: Array | float
@@ -95,18 +103,18 @@ class Terms:
                     forces[at] -= c[number] * multiplied(state[at])
         return forces
 
-    def rubbed(self, rows: PathRows, multipliers: Array, grip: Grip) -> Rubbed:
+    def pad_friction(self, rows: PathRows, multipliers: Array, grip: Grip) -> PadFriction:
         """Friction at the rows' current positions, by contact forces `multipliers` (m,) and friction `grip`."""
         if self._friction is None:
-            return Rubbed(0.0, np.zeros(0), np.zeros(len(multipliers)))
+            return PadFriction(0.0, np.zeros(0), np.zeros(len(multipliers)))
         friction, limits = self._friction, grip.limits
         moments, most = friction.moments(grip.forces, multipliers), np.abs(friction.moments(limits, multipliers))
         self._widest = max(self._widest, float(friction.compressions(limits).max(initial=0.0)))
         at_limits = float(np.sum(rows.transposed_slopes(most) ** 2))
         force, sums = rows.transposed_slopes(moments), friction.joint_totals(grip.forces)
-        return Rubbed(force, sums, friction.compressions_by_totals(sums), at_limits)
+        return PadFriction(force, sums, friction.compressions_by_totals(sums), at_limits)
 
-    def slide(self, old: Grip, rubbed: Rubbed, c: Array, h: float, multipliers: Array, matrix: Array) -> Grip:
+    def slide(self, old: Grip, rubbed: PadFriction, c: Array, h: float, multipliers: Array, matrix: Array) -> Grip:
         """Friction of the pads after a step of h s, from `old` at its beginning.
 
         c are the amplitudes of the terms, followed by the joints' path coordinates at the step's end; `multipliers`
@@ -121,7 +129,7 @@ class Terms:
         if self._iteration is not None:
             self._iteration.restart()
 
-    def extrapolate(self, w: Array, old: Rubbed, new_w: Array, new: Rubbed) -> tuple[Array, Rubbed]:
+    def extrapolate(self, w: Array, old: PadFriction, new_w: Array, new: PadFriction) -> tuple[Array, PadFriction]:
         """Forces w and friction of the next iteration, from those of this one and from its results."""
         size, first = len(w), self._comm.rank == 0  # sums of joints count once
         if self._iteration is None:
@@ -133,12 +141,12 @@ class Terms:
         sums = self._comm.bcast(following[size:])
         return following[:size], replace(new, sums=sums, gap=self._friction.compressions_by_totals(sums))
 
-    def at_rest(self, old: Rubbed, new: Rubbed) -> bool:
+    def gaps_have_converged(self, old: PadFriction, new: PadFriction) -> bool:
         """Whether the gaps by friction no longer change."""
         self._widest = max(self._widest, float(np.abs(new.gap).max(initial=0.0)))
         return bool(np.abs(new.gap - old.gap).max(initial=0.0) <= CONVERGED * self._widest)
 
-    def settled(self, old: Array, new: Array, times: int, rubbed: Rubbed) -> bool:
+    def has_converged(self, old: Array, new: Array, times: int, rubbed: PadFriction) -> bool:
         """Whether the forces no longer change, after `times` iterations.
 
         Raises SimulationError if they diverge, or have not converged after `LIMIT` iterations.
@@ -197,7 +205,7 @@ class State:
 
 
 @dataclass(frozen=True)
-class Sampled:
+class SampledExcitation:
     """An excitation at T times: paths s (T, P) in m, side positions x (T, q) in m, their rates in m/s, loads f (T, i).
 
     c (T, K) are amplitudes of terms, followed by the path coordinates of joints with friction.
@@ -230,7 +238,7 @@ def static_start(system: FullSystem, excitation: Excitation) -> dict[str, Initia
 
 
 def starting_state(
-    system: FullSystem, at: Sampled, initial: Mapping[str, InitialState], mass: BlockFactor | None
+    system: FullSystem, at: SampledExcitation, initial: Mapping[str, InitialState], mass: BlockFactor | None
 ) -> State:
     """State at t = 0; collective.
 
@@ -241,7 +249,7 @@ def starting_state(
     InputError
         If the initial position violates a rigid contact, a size is wrong, or contacts depend on each other.
     """
-    start = whole_start(system, initial)
+    start = stacked_start(system, initial)
     q, v = system.local_part(start.q), system.local_part(start.v)
     multipliers = np.zeros(len(system.contacts))
     if mass is None:
@@ -253,7 +261,7 @@ def starting_state(
     excess = C @ start.q - np.nan_to_num(system.clearance)
     F = system.contact_compliance(at.x[0])[np.ix_(soft, soft)]
     multipliers[soft] = solve_contact(F, excess[soft], pushes[soft], excess[soft] > 0.0)[0]
-    held = _Held(system, at, mass)
+    held = _HeldMass(system, at, mass)
     v -= held.impulse(start)
     force = _forces(system, at.f[0], q, v) + Terms(system).forces(q, v, at.c[0])
     force -= system.local_part((C.T @ multipliers)[None])[0]
@@ -262,19 +270,19 @@ def starting_state(
     return State(q, v, acceleration.copy(), acceleration, multipliers, share, grip)
 
 
-def _initial_grip(system: FullSystem, at: Sampled, multipliers: Array) -> Grip:
+def _initial_grip(system: FullSystem, at: SampledExcitation, multipliers: Array) -> Grip:
     """Friction of pads at t = 0, which is zero."""
     return Grip.at_start(system.contacts, at.c[0][len(system.term_names) :], multipliers)
 
 
-def moves_at_once(system: FullSystem, at: Sampled, initial: Mapping[str, InitialState]) -> bool:
+def starts_moving(system: FullSystem, at: SampledExcitation, initial: Mapping[str, InitialState]) -> bool:
     """Whether a load acts, or a body is deformed or moves, at t = 0; the same on every rank."""
     load = any(np.any(local_csr(model.inputs) @ at.f[0][inputs]) for model, inputs in _inputs(system))
-    start = whole_start(system, initial)
+    start = stacked_start(system, initial)
     return bool(system.comm.allreduce(int(bool(load or np.any(start.q) or np.any(start.v)))))
 
 
-def whole_start(system: FullSystem, initial: Mapping[str, InitialState]) -> InitialState:
+def stacked_start(system: FullSystem, initial: Mapping[str, InitialState]) -> InitialState:
     """Coordinates and velocities (n,) of all bodies, stacked; zero for bodies that `initial` does not name.
 
     Raises
@@ -302,10 +310,10 @@ def _inputs(system: FullSystem) -> list[tuple[FullModel, slice]]:
     return list(zip(system.models, system.input_slices, strict=True))
 
 
-class _Held:
+class _HeldMass:
     """Mass matrix with the rigid contacts at t = 0."""
 
-    def __init__(self, system: FullSystem, at: Sampled, mass: BlockFactor) -> None:
+    def __init__(self, system: FullSystem, at: SampledExcitation, mass: BlockFactor) -> None:
         rigid = system.compliance.rigid
         self._comm, self._factor = system.comm, mass
         self._names = tuple(name for name, stiff in zip(system.contact_names, rigid, strict=True) if stiff)
@@ -321,7 +329,7 @@ class _Held:
         Raises InputError if the position violates a rigid contact, or these depend on each other.
         """
         check_position(self._C, start.q, self._names)
-        drift = row_drift(self._C, self._turning, start)
+        drift = velocity_violation(self._C, self._turning, start)
         if drift is None:
             return np.zeros(len(self._answers))
         impulse = np.linalg.lstsq(self._G, drift, rcond=None)[0]

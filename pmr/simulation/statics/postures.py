@@ -23,9 +23,9 @@ from pmr.scene.keys import LUFFING, named
 from pmr.scene.mechanism import drive_rows, rope_shares
 from pmr.scene.members import members
 from pmr.scene.signals import Constant
-from pmr.simulation.at_rest import accelerate_angle, level_or_inclined, rest_rows, rest_scene
+from pmr.simulation.at_rest import accelerate_angle, constant_inclination, rest_rows, scene_at_rest
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.frame_motion import Turning
+from pmr.simulation.frame_motion import FrameRotation
 from pmr.simulation.statics.loaded import Equations
 from pmr.system.assembly import Assembly
 from pmr.system.body import kinds_of, names_of, units_of
@@ -91,7 +91,7 @@ def with_hook(scene: Scene) -> Scene:
     if "y" in directions(members(scene)[-1]):
         loads.append(Load(name=SIDEWAYS, on="tip", direction="y", signal=Constant(amount=0.0)))
     parts = (*scene.sections[:-1], last.model_copy(update={"loads": (*last.loads, *loads)}))
-    frame = scene.frame.model_copy(update={"base": level_or_inclined(scene.frame.base)})
+    frame = scene.frame.model_copy(update={"base": constant_inclination(scene.frame.base)})
     return scene.model_copy(update={"sections": parts, "frame": frame, "recovery": None})
 
 
@@ -153,7 +153,7 @@ class PostureMatrices:
         parts, f, c = unit_loads(scene, system, at)
         assert scene.frame is not None and scene.gravity is not None  # as `with_hook` says
         shown, outputs = _select_outputs(system)
-        still = rest_scene(scene, at.extensions, at.luffing, at.slewing, dict.fromkeys(_load_names(scene), 0.0))
+        still = scene_at_rest(scene, at.extensions, at.luffing, at.slewing, dict.fromkeys(_load_names(scene), 0.0))
         machine = [rest_rows(still, assembly, k, x[k], rows.at_time(k), c[:, k]) for k in range(at.count)]
         outputs = [*outputs, *machine[0].outputs]
         columns = [output.name for output in outputs] + list(system.contact_names)
@@ -279,8 +279,8 @@ def unit_loads(scene: Scene, system: System, at: PostureSet) -> tuple[tuple[str,
     numbers, f, c = np.arange(at.count, dtype=float), list[Array](), list[Array]()
     for one_of in (None, *names):
         loads = {name: unit[name] if name == one_of else 0.0 for name in names}
-        still = rest_scene(scene, at.extensions, at.luffing, at.slewing, loads)
-        driven = Excitation.of(still)
+        still = scene_at_rest(scene, at.extensions, at.luffing, at.slewing, loads)
+        driven = Excitation.from_scene(still)
         f.append(driven.forces(system.input_names, numbers))
         c.append(driven.amplitudes(system.term_names, numbers))
     weight = [np.zeros_like(f[0]), *[f[0]] * len(names)], [np.zeros_like(c[0]), *[c[0]] * len(names)]
@@ -298,9 +298,12 @@ def acceleration_loads(scene: Scene, system: System, at: PostureSet, angle: str)
 
     The scene is one that `with_hook` made.
     """
-    still = rest_scene(scene, at.extensions, at.luffing, at.slewing, dict.fromkeys(_load_names(scene), 0.0))
+    still = scene_at_rest(scene, at.extensions, at.luffing, at.slewing, dict.fromkeys(_load_names(scene), 0.0))
     numbers = np.arange(at.count, dtype=float)
-    f = [Excitation.of(each).forces(system.input_names, numbers) for each in (still, accelerate_angle(still, angle))]
+    f = [
+        Excitation.from_scene(each).forces(system.input_names, numbers)
+        for each in (still, accelerate_angle(still, angle))
+    ]
     return np.asarray(f[1] - f[0])
 
 
@@ -315,7 +318,7 @@ def _vertical_directions(still: Scene, at: PostureSet) -> Array:
     """Vertical unit vectors (P, 3) in boom axes, of a scene made by `rest_scene`."""
     assert still.frame is not None
     numbers = np.arange(at.count, dtype=float)
-    return Turning.of(*still.frame.angles, numbers, still.frame.rocking).up
+    return FrameRotation.from_signals(*still.frame.angles, numbers, still.frame.rocking).up
 
 
 def _hook_inputs(system: System) -> NDArray[np.int64]:

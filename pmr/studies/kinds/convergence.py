@@ -116,7 +116,7 @@ def simulate_full_tip(arguments: Arguments, needs: Needs) -> TaskResult:
     """
     scene = shared.scene_of(arguments)
     system = shared.full_system(scene)
-    response = march_once(scene, system, Excitation.of(scene))
+    response = march_once(scene, system, Excitation.from_scene(scene))
     tip = response.of("tip", body=scene.names[-1])
     result = _compare_tip(
         tip if len(scene.sections) > 1 else tip[:, -1], sum(body.size for body in system.bodies.values()), needs
@@ -133,7 +133,7 @@ def simulate_cable_tip(arguments: Arguments, needs: Needs) -> TaskResult:
     elements = scene.mesh.elements
     compared = scene.compare.model_copy(update={"ancf_elements": elements})
     cable = scene.model_copy(update={"compare": compared})
-    motion = simulate_cable(cable, [scene.alone.length], Excitation.of(scene))
+    motion = simulate_cable(cable, [scene.alone.length], Excitation.from_scene(scene))
     result = _compare_tip(motion.displacement[:, -1], COORDINATES_PER_NODE * (elements + 1), needs)
     return replace(result, warnings=tuple(hints(scene)))
 

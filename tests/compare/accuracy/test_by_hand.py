@@ -31,7 +31,7 @@ def judged(seed: int) -> tuple[float | None, float]:
     """What the run allows along the body, None where it does not say, and what the full model with fine steps tells."""
     scene = sliding_scene(seed)
     reduction = reduce(scene)
-    excitation, reduced = Excitation.of(scene), reduction.reduced
+    excitation, reduced = Excitation.from_scene(scene), reduction.reduced
     found = reduction_error(scene, SimulatedSystem(reduction.system, excitation), Clock()).part
     step = step_error(reduced, excitation)
     estimated = found.figures["estimate"]["beam"]

@@ -88,7 +88,7 @@ def test_the_part_of_the_mesh_is_what_one_far_finer_says(load_scene) -> None:
     kinds, scene = ("tip", "pad_force"), load_scene("evolved_residual", SHORT)
     scenes = [load_scene("evolved_residual", [*SHORT, f"mesh.elements={count}"]) for count in (6, 12, 48)]
     model, finer, finest = (reduce(one).reduced for one in scenes)
-    own, other = (trials(one, Excitation.of(scene), kinds) for one in (model, finer))
+    own, other = (trials(one, Excitation.from_scene(scene), kinds) for one in (model, finer))
     said = mesh.mesh_errors(own, other, (model.size,), scene.time.steps, mesh.other_mesh(scenes[0]).share)
     moved, truth = (simulate(asked, one) for asked, one in ((scenes[0], model), (scenes[2], finest)))
     for kind, error in (

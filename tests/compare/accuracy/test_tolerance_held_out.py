@@ -162,7 +162,7 @@ def case(seed: int, scene: Scene) -> Case | None:
         return None
     assert isinstance(outcome, Outcome) and scene.accuracy is not None
     result, asked = outcome.result, scene.accuracy
-    chosen, excitation = result.scene.time.steps, Excitation.of(scene)
+    chosen, excitation = result.scene.time.steps, Excitation.from_scene(scene)
     times = trials(outcome.reduced, excitation).fewest_steps()
     while chosen % times:
         times //= 2
@@ -182,7 +182,7 @@ def case(seed: int, scene: Scene) -> Case | None:
 
 
 def _full_motion(form: ModalForm, scene: Scene, model: ReducedModel, steps: int, times: int) -> Outputs:
-    given = Excitation.of(scene)
+    given = Excitation.from_scene(scene)
     excitation = given.with_stepping(TimeStepping(scene.time.end, scene.time.end / steps, RHO))
     seen = one_body.observe(form, excitation, every=steps // times)
     found, rows = outputs_from_columns(System.of(form.body), seen.y, seen.multipliers), len(model.row_names)

@@ -29,7 +29,7 @@ BOTH_WAYS = [f"section.joint.{end}=[{{at=0.15,stiffness=1e8,unilateral=false}}]"
 
 def in_equal_parts(outcome: Outcome, parts: int) -> NDArray[np.float64]:
     """Displacements (T, o) m of the same in Exudyn, each step in so many parts."""
-    given = Excitation.of(outcome.result.scene)
+    given = Excitation.from_scene(outcome.result.scene)
     given = given.with_stepping(replace(given.stepping, parts=parts))
     found = simulate_system(outcome.system, given, systems.static_start(outcome.system, given))
     return np.hstack(list(systems.displacements(outcome.system, found).values()))
@@ -67,7 +67,7 @@ def test_extensions_by_their_overlaps_accelerate_sections_as_in_a_run(tmp_path: 
     scene = pmr.load_scene("boom_lift", quick)
     system = pmr.reduce(scene).system
     target = write_exudyn_script(system.save(tmp_path / "system.npz"), tmp_path / "sliding_body.py")
-    names, t, excitation = runpy.run_path(str(target)), np.array([0.7, 3.5, 6.2]), Excitation.of(scene)
+    names, t, excitation = runpy.run_path(str(target)), np.array([0.7, 3.5, 6.2]), Excitation.from_scene(scene)
     left = 10.0 * np.finfo(float).eps * excitation.s.max() / (scene.time.step**2 / 16.0)
     for name, load in names["LOADS"].items():
         np.testing.assert_allclose([load(one) for one in t], excitation.loads[name].value(t), rtol=1e-12, atol=left)

@@ -375,4 +375,4 @@ def test_what_goes_in_has_its_unit(made: Made) -> None:
     }
     assert {name: units[name] for name in expected} == expected
     assert path_names(made.drivers.paths) == ["s middle", "s fly"]
-    assert Excitation.of(made.scene).paths.keys() == set(made.frame.paths)
+    assert Excitation.from_scene(made.scene).paths.keys() == set(made.frame.paths)

@@ -22,9 +22,9 @@ from pmr.pipeline import reduce
 from pmr.reduction.bodies import Reduction
 from pmr.scene import Scene, load_any
 from pmr.scene.signals import Ramp
-from pmr.simulation.excitation import Excitation, places
+from pmr.simulation.excitation import Excitation, side_positions
 from pmr.simulation.modal import modal_form
-from pmr.simulation.moving import Recorded, of_boom, read_scene
+from pmr.simulation.moving import StoredScene, read_scene, store_boom_scene
 from pmr.simulation.native import systems
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.simulation.stepping import TimeStepping
@@ -64,7 +64,10 @@ class Made:
     @property
     def excitation(self) -> Excitation:
         """As its scene has it, in straight lines from step to step, as inputs with first rates alone go on."""
-        found, stepping = of_boom(self.boom, self.system).excitation, TimeStepping(self.boom.time.end, STEP, 0.8)
+        found, stepping = (
+            store_boom_scene(self.boom, self.system).excitation,
+            TimeStepping(self.boom.time.end, STEP, 0.8),
+        )
         t = stepping.times
         paths, loads = (
             {name: Ramp(times=t.tolist(), values=one.value(t).tolist()) for name, one in signals.items()}
@@ -162,8 +165,8 @@ def test_with_rates_of_its_signals_a_boom_on_pads_that_push_is_the_run(made: Mad
 
 def test_it_starts_in_equilibrium_unless_told_to_be_at_rest(made: Made) -> None:
     system, (moved, _, forces) = made.system, made.observed()
-    scene, assembly = of_boom(made.boom, system), Assembly(system)
-    x = places(system, made.excitation)[0]
+    scene, assembly = store_boom_scene(made.boom, system), Assembly(system)
+    x = side_positions(system, made.excitation)[0]
     expected = equilibrium(assembly, x, scene.first_loads)
     rows = assembly.contact_rows(x)
     y = assembly.outputs @ expected.q + assembly.direct @ scene.first_loads - rows.X @ expected.forces
@@ -334,9 +337,9 @@ def test_pads_with_a_clearance_find_where_they_lie(tmp_path: Path) -> None:
     """All of them closed would pull, and all of them open hold nothing."""
     wide = tuple(f"section.joint.{ring}.0.clearance=2e-3" for ring in ("tail", "mouth"))
     found = reduced("boom_two", *wide, "time.end=0.01")
-    scene, assembly = of_boom(found.scene, found.system), Assembly(found.system)
+    scene, assembly = store_boom_scene(found.scene, found.system), Assembly(found.system)
     made = Made(found.scene, found.system, loaded(fmu_contents(found.system, scene, "boom", "3"), tmp_path, "3"))
-    expected = equilibrium(assembly, places(found.system, made.excitation)[0], scene.first_loads)
+    expected = equilibrium(assembly, side_positions(found.system, made.excitation)[0], scene.first_loads)
     instance = Instance(made.library)
     instance.initialise()
     forces = instance.get(made.observed()[2])
@@ -364,7 +367,7 @@ def two() -> Reduction:
 HOSTILE = ("a\x1b[31m", "\0", "\ud800", "<&>'\"", "]]>", "\n", "-", "1", "start", "s", "rate of x", "internal_step")
 
 
-def renamed(system: System, scene: Recorded, bodies: tuple[str, ...], path: str) -> tuple[System, Recorded]:
+def renamed(system: System, scene: StoredScene, bodies: tuple[str, ...], path: str) -> tuple[System, StoredScene]:
     """With other names of its bodies, its path and its contacts."""
     names = dict(zip(system.bodies, bodies, strict=True))
 
@@ -385,7 +388,7 @@ def renamed(system: System, scene: Recorded, bodies: tuple[str, ...], path: str)
 @pytest.mark.parametrize("version", ["2", "3"])
 def test_any_name_leaves_a_description_that_can_be_read(two: Reduction, version: str) -> None:
     for one, other in zip(HOSTILE, reversed(HOSTILE), strict=True):
-        system, scene = renamed(two.system, of_boom(two.scene, two.system), (one, other), one)
+        system, scene = renamed(two.system, store_boom_scene(two.scene, two.system), (one, other), one)
         texts = fmu_contents(system, scene, "boom", version).texts
         root = ET.fromstring(texts["modelDescription.xml"].encode())
         names = [v.attrib["name"] for v in root.find("ModelVariables") or ()]
@@ -397,7 +400,7 @@ def test_any_name_leaves_a_description_that_can_be_read(two: Reduction, version:
 
 
 def test_inputs_of_sections_have_their_units(two: Reduction) -> None:
-    texts = fmu_contents(two.system, of_boom(two.scene, two.system), "boom", "3").texts
+    texts = fmu_contents(two.system, store_boom_scene(two.scene, two.system), "boom", "3").texts
     root = ET.fromstring(texts["modelDescription.xml"])
     given = {v.attrib["name"]: v.attrib for v in root.iter("Float64") if v.attrib["causality"] == "input"}
     units = {name: has["unit"] for name, has in given.items() if "_rate" not in name}
@@ -414,9 +417,9 @@ def test_a_body_without_contacts_or_paths_is_a_system_too(two: Reduction, tmp_pa
     """A clamped section by itself, under its weight."""
     base = two.reduced["base"].without_joints()
     system, stepping = System({"base": base}, ()), TimeStepping(0.02, STEP, 0.8)
-    weight = of_boom(two.scene, two.system).excitation.loads["base.gravity"]
+    weight = store_boom_scene(two.scene, two.system).excitation.loads["base.gravity"]
     driven = Excitation({}, {"base.gravity": weight}, stepping, start="equilibrium")
-    scene = Recorded("base", driven, np.array([9.81]))
+    scene = StoredScene("base", driven, np.array([9.81]))
     instance = Instance(loaded(fmu_contents(system, scene, "base", "3"), tmp_path, "3"))
     (moved,) = [[name for name in instance.library.named("output") if name.endswith("tip_z")]]
     instance.initialise()

@@ -51,7 +51,7 @@ class Case:
 
 def planar(load_scene: Callable) -> Case:
     scene = load_scene("evolved_residual", ["compare.against=[]", "mesh.elements=12"])
-    return Case(full_model(scene), Excitation.of(scene).with_stepping(TimeStepping(end=0.5, step=1e-3)))
+    return Case(full_model(scene), Excitation.from_scene(scene).with_stepping(TimeStepping(end=0.5, step=1e-3)))
 
 
 def boom(load_scene: Callable, **pads: Any) -> Case:

@@ -13,7 +13,7 @@ from free_turret import Turret
 from pmr.errors import InputError
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import add_drawing, add_sensors, add_system
-from pmr.simulation.exudyn.drawing import Drawn, tubes
+from pmr.simulation.exudyn.drawing import BoomDrawing, section_tubes
 
 pytestmark = pytest.mark.slow  # a boom is reduced
 
@@ -34,13 +34,13 @@ def test_what_is_drawn_is_where_the_outputs_are() -> None:
     turret.add()
     sensors = add_sensors(turret.mbs, turret.items)
     number = add_drawing(turret.mbs, turret.items, scene)
-    plain, bent = (Drawn(turret.mbs, turret.items, scene, scale) for scale in (1.0, 10.0))
+    plain, bent = (BoomDrawing(turret.mbs, turret.items, scene, scale) for scale in (1.0, 10.0))
     turret.solve()
     show(turret)
     y = turret.mbs.GetSensorStoredData(sensors.sOutputs)[-1, 1:]
     base = turret.base()
     _, _, _, R = base.kinematics(turret.x[-1], turret.x_t[-1])
-    out = base.extended(turret.t[-1], turret.z[-1], turret.z_t[-1]).value
+    out = base.extensions(turret.t[-1], turret.z[-1], turret.z_t[-1]).value
     for drawn, scale in ((plain, 1.0), (bent, 10.0)):
         for k, (name, points) in enumerate(zip(scene.names, drawn.axes(), strict=True)):
             own = (points - base.origin(turret.x[-1])) @ R - scene.frame.place
@@ -64,9 +64,9 @@ def test_what_is_drawn_is_where_the_outputs_are() -> None:
 
 def test_a_boom_on_the_ground_is_where_its_frame_has_it() -> None:
     scene, container = free_boom.scene(), exu.SystemContainer()
-    mbs, excitation = container.AddSystem(), Excitation.of(scene)
+    mbs, excitation = container.AddSystem(), Excitation.from_scene(scene)
     items = add_system(mbs, free_boom.system(), excitation.paths, excitation.loads, terms=excitation.terms)
-    drawn = Drawn(mbs, items, scene)
+    drawn = BoomDrawing(mbs, items, scene)
     mbs.Assemble()
     base, fly = drawn.axes()
     R, out = scene.frame.rotation(np.array([0.0]))[0], scene.extension(1).value(0.0)
@@ -77,7 +77,7 @@ def test_a_boom_on_the_ground_is_where_its_frame_has_it() -> None:
 
 def test_a_section_that_tapers_is_drawn_as_it_does() -> None:
     plain, taper = free_boom.scene(), "sections.fly.body.box.tip_taper={length=0.5,height=0.12}"
-    fly, height = tubes(free_boom.scene(taper), free_boom.system())[1], plain.sections[1].body.box.height
+    fly, height = section_tubes(free_boom.scene(taper), free_boom.system())[1], plain.sections[1].body.box.height
     drawn = np.ptp(fly.outline[:, :, 1], axis=1)
     expected = np.interp(fly.x, [0.0, 1.5, 2.0], [height, height, 0.12])
     assert drawn == pytest.approx(expected, rel=1e-12) and drawn[-1] < 0.8 * drawn[0]

@@ -17,7 +17,7 @@ from pmr.scene.mechanism import frame_terms
 from pmr.scene.signals import Table
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import NodeCoordinate, add_hook, add_sensors, simulate_system
-from pmr.simulation.frame_motion import Turning
+from pmr.simulation.frame_motion import FrameRotation
 from pmr.simulation.machine import machine_motion
 from pmr.simulation.native import systems
 
@@ -54,11 +54,11 @@ def test_moved_it_is_the_boom_in_a_frame() -> None:
     turret.add()
     turret.solve()
     base = turret.base()
-    out = [base.extended(t) for t in turret.t]
+    out = [base.extensions(t) for t in turret.t]
     moved = [base.kinematics(x, x_t) for x, x_t in zip(turret.x, turret.x_t, strict=True)]
     driven = np.array([one[0] @ x_tt + one[1] for one, x_tt in zip(moved, turret.x_tt, strict=True)])
     R, omega = np.array([one[3] for one in moved]), np.array([one[2].omega for one in moved])
-    turning = Turning(omega, driven[:, 3:], R)
+    turning = FrameRotation(omega, driven[:, 3:], R)
 
     def field(section: int, name: str) -> Array:
         if len(name) == 2:
@@ -176,7 +176,7 @@ def test_an_extension_is_a_function() -> None:
     found = []
     for step in (4e-3, 2e-3):
         scene, q = free_boom.scene("time.end=0.04", f"time.step={step}"), []
-        signal = Excitation.of(scene).paths["fly"]
+        signal = Excitation.from_scene(scene).paths["fly"]
         for path in (signal, lambda mbs, t, signal=signal: float(signal.value(t))):
             turret = Turret(scene, initialAngularVelocity=[0.8, -0.5, 1.1])
             turret.excitation = replace(turret.excitation, paths={"fly": path})
@@ -209,7 +209,7 @@ def test_on_pads_that_push() -> None:
     """Held and raised, some pads open: as on the ground, but for how weight bends what is between pads at once."""
     scene = free_boom.scene("time.end=0.04", *free_boom.PUSHING)
     steady, q = Table(times=[0.0, 1.0], values=[0.5, 1.0], interpolation="linear"), []
-    ramp = Excitation.of(scene).paths["fly"]
+    ramp = Excitation.from_scene(scene).paths["fly"]
     for path, rod in ((ramp, None), (steady, None), (None, 1e9)):
         turret = Turret(scene, changes=free_boom.PUSHING, referenceRotationMatrix=RotationMatrixY(-0.3))
         turret.hold()
@@ -221,7 +221,7 @@ def test_on_pads_that_push() -> None:
         turret.add(start)
         turret.solve()
         q.append(turret.q)
-    given = Excitation.of(scene)
+    given = Excitation.from_scene(scene)
     whole = given.with_stepping(replace(given.stepping, parts=1))
     expected = systems.simulate(turret.system, whole, start)
     on_ground = np.hstack([one.q for one in expected.bodies.values()])
@@ -242,7 +242,7 @@ def test_on_springs_it_is_march_s_with_a_machine_on_supports_that_give_way() -> 
     machine = f"sections.base.masses=[{{name='machine', on='tail', mass={mass}, inertia={inertia}}}]"
     changes = ("time.end=0.2", gust, slow, f"sections.base.supports=[{springs}]", machine)
     scene, system = free_boom.scene(*changes).model_copy(update={"gravity": None}), free_boom.system(*changes)
-    moved = systems.displacements(system, systems.simulate(system, Excitation.of(scene)))["fly"]
+    moved = systems.displacements(system, systems.simulate(system, Excitation.from_scene(scene)))["fly"]
     expected = moved[:, system.bodies["fly"].output_names.index("tip y")]
 
     own = free_boom.scene("time.end=0.2", gust, slow).model_copy(update={"gravity": None})
@@ -310,7 +310,7 @@ def test_free_in_space_a_machine_of_march_moves_as_it_but_for_the_step() -> None
             update={"gravity": None}
         )
         found = machine_motion(scene, turret.system).values
-        turned = Turning.from_rocking([tuple(found[:, :, 3 + j]) for j in range(3)]).rotation
+        turned = FrameRotation.from_rocking([tuple(found[:, :, 3 + j]) for j in range(3)]).rotation
         apart.append([np.abs(found[0, :, :3] - place + place[0]).max(), np.abs(turned - R).max()])
     coarse, fine = np.array(apart)
     assert np.all(coarse < 1e-5)

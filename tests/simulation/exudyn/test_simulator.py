@@ -22,7 +22,7 @@ from pmr.scene.run_settings import Simulation
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, Step
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.exudyn import Formulation, contacts, equations, items, simulator
-from pmr.simulation.exudyn.solver import read_sensor, slider_at
+from pmr.simulation.exudyn.solver import describe_slider, read_sensor
 from pmr.system.assembly import Assembly
 from pmr.system.body import FullBody, SlidingBody, Trajectory
 from pmr.system.contact_rows import ContactRows
@@ -174,12 +174,12 @@ class StoredData:
 
 def test_only_complete_and_finite_results_count() -> None:
     values = np.ones((STEPPING.steps + 1, 2))
-    np.testing.assert_array_equal(read_sensor(StoredData(values), 0, STEPPING, slider_at(PATH.value)), values)
+    np.testing.assert_array_equal(read_sensor(StoredData(values), 0, STEPPING, describe_slider(PATH.value)), values)
     with pytest.raises(SimulationError, match="200 of 201 steps"):
-        read_sensor(StoredData(values[1:]), 0, STEPPING, slider_at(PATH.value))
+        read_sensor(StoredData(values[1:]), 0, STEPPING, describe_slider(PATH.value))
     values[7, 1] = np.nan
     with pytest.raises(SimulationError, match=r"step 7, t = 0\.007 s, slider at 2\.02\d* m: not finite"):
-        read_sensor(StoredData(values), 0, STEPPING, slider_at(PATH.value))
+        read_sensor(StoredData(values), 0, STEPPING, describe_slider(PATH.value))
 
 
 def test_nothing_is_printed_or_written(

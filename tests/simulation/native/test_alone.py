@@ -77,7 +77,7 @@ def test_a_body_alone_moves_as_in_tables() -> None:
     scene = pmr.load_scene("evolved_residual", ["mesh.elements=20", "time.end=0.05"])
     body = FreeBody(full_model(scene), "auto")
     model = section_model(body, modal_basis(free_modes(body.model, 8, "auto", 0, body)), {}, 8)
-    excitation, system = Excitation.of(scene), System.of(model)
+    excitation, system = Excitation.from_scene(scene), System.of(model)
     assert (system.paths, system.input_names, system.contact_names) == ((SLIDER,), model.input_names, model.row_names)
     found, by_tables = systems.simulate(system, excitation), one_body.simulate(model, excitation)
     assert np.array_equal(found.bodies[ALONE].q, by_tables.q)

@@ -10,7 +10,7 @@ from nested import Nested, full, reduced
 
 from pmr.errors import InputError
 from pmr.scene.signals import Constant, Ramp, Sine
-from pmr.simulation.excitation import Excitation, places
+from pmr.simulation.excitation import Excitation, side_positions
 from pmr.simulation.native import systems
 from pmr.simulation.native.stepper import Stepper
 from pmr.simulation.stepping import TimeStepping
@@ -40,7 +40,7 @@ def test_a_pad_that_rubs_presses_as_one_nearer_to_the_tail(way: float) -> None:
     system = rubbing(full(Nested(2, elements=8)))
     given = sliding(system, TimeStepping(4000.0, 10.0, 0.0), way * 1e-6)
     found = systems.simulate(system, given, systems.static_start(system, given))
-    assembly, x, d = Assembly(system), places(system, given)[-2], 1e-6
+    assembly, x, d = Assembly(system), side_positions(system, given)[-2], 1e-6
     rows = assembly.contact_rows(x)
     low, high = (
         np.array(ends) for ends in zip(*map(system.range_of, (one.place for one in system.sides)), strict=True)

@@ -76,7 +76,7 @@ def test_random_impacts_are_those_of_400_parts_and_no_energy_comes_from_them() -
         created = found.energy - found.work - found.energy[0]
         # With rho_inf < 1 what never grows is the energy and a share of the squared accelerations' change.
         assert created.max() < (1e-12 if stepping.rho_inf == 1.0 else 1e-9) * found.energy.max()
-        finest = max(contact_step.levels(contact_frequency(system, given), stepping))
+        finest = max(contact_step.part_counts(contact_frequency(system, given), stepping))
         if off(simulated(system, given, parts=finest), reference) < 0.3 * WITHIN:
             judged += 1
             fewer.append(found.parts.mean() / finest)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from terms import axial, excitation
 
 from pmr.scene.signals import Sine
-from pmr.simulation.excitation import places
+from pmr.simulation.excitation import side_positions
 from pmr.simulation.native import systems
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
@@ -55,7 +55,7 @@ def test_they_are_in_balance_at_the_end_of_each_step(
     driven = excitation(system, TimeStepping(0.2, h, rho_inf, parts=1), c)
     found, assembly = systems.simulate(system, driven), Assembly(system)
     q, v = (np.hstack([getattr(one, part) for one in found.bodies.values()]) for part in "qv")
-    numbers, rows = assembly.quasi_static, assembly.contact_rows_over_time(places(system, driven))
+    numbers, rows = assembly.quasi_static, assembly.contact_rows_over_time(side_positions(system, driven))
     assert len(numbers) == len(system.bodies)
     np.testing.assert_allclose(v[1:, numbers], np.diff(q[:, numbers], axis=0) / h, atol=1e-9 * np.abs(v).max())
     pressed = found.loads @ assembly.B.toarray().T - np.einsum("tmn,tm->tn", rows.C, found.forces)

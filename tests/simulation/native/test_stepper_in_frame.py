@@ -41,7 +41,7 @@ def system() -> System:
 
 @pytest.fixture(scope="module")
 def frame(system: System) -> MovingFrame:
-    found = MovingFrame.of(system)
+    found = MovingFrame.from_system(system)
     assert found is not None
     return found
 
@@ -60,7 +60,9 @@ def given(frame: MovingFrame, excitation: Excitation, t: float) -> dict[str, Any
 @pytest.mark.numerical
 def test_steps_are_those_of_a_run(system: System, frame: MovingFrame) -> None:
     """Where gravity and inertia turn, and terms couple bodies: displacements and forces to round-off."""
-    excitation = Excitation.of(frame.scene).with_stepping(TimeStepping(frame.scene.time.end, STEP, RHO, parts=1))
+    excitation = Excitation.from_scene(frame.scene).with_stepping(
+        TimeStepping(frame.scene.time.end, STEP, RHO, parts=1)
+    )
     expected = systems.simulate(system, excitation, systems.static_start(system, excitation))
     moved, force = np.hstack(list(systems.displacements(system, expected).values())), np.abs(expected.forces).max()
     stepper = Stepper(system, STEP, **given(frame, excitation, 0.0), rho_inf=RHO)
@@ -113,7 +115,7 @@ def test_bad_motions_are_refused(system: System, change: dict[str, Any], says: s
 @pytest.mark.slow
 def test_a_motion_without_second_rates_is_told_once(system: System, frame: MovingFrame, caplog: Any) -> None:
     """As the run has it nothing is said; and a boom that slews goes on beyond a turn."""
-    excitation = Excitation.of(pmr.load_scene("crane", [*FAST]))
+    excitation = Excitation.from_scene(pmr.load_scene("crane", [*FAST]))
     for left_out in (False, True):
         stepper = Stepper(system, STEP, **given(frame, excitation, 0.0))
         for k in range(1, 20):

@@ -41,7 +41,7 @@ def system(boom: Scene) -> System:
 @pytest.mark.numerical
 def test_steps_are_those_of_the_simulation(boom: Scene, system: System) -> None:
     """Displacements of all sections and forces of all contacts, by names and in their order, from equilibrium on."""
-    excitation = Excitation.of(boom).with_stepping(TimeStepping(END, STEP, RHO, parts=1))
+    excitation = Excitation.from_scene(boom).with_stepping(TimeStepping(END, STEP, RHO, parts=1))
     expected = systems.simulate(system, excitation, systems.static_start(system, excitation))
     moved = np.hstack(list(systems.displacements(system, expected).values()))
     s, f = excitation.s, excitation.forces(system.input_names)
@@ -176,7 +176,7 @@ def test_a_body_alone_is_stepped_as_its_system() -> None:
 @pytest.mark.numerical
 def test_in_parts_by_their_errors_a_step_is_that_of_the_run(boom: Scene, system: System) -> None:
     """With values and rates of extensions and loads at its ends: the run's parts follow the signals between."""
-    excitation = Excitation.of(boom).with_stepping(TimeStepping(END, STEP, RHO))
+    excitation = Excitation.from_scene(boom).with_stepping(TimeStepping(END, STEP, RHO))
     lifting = {"fly.tip force": Sine(amplitude=2e4, frequency=6.0)}  # pads let go
     excitation = replace(excitation, loads={**excitation.loads, **lifting})
     expected = systems.simulate(system, excitation, systems.static_start(system, excitation))
@@ -213,7 +213,7 @@ def test_pads_that_push_and_rub_are_stepped_as_in_the_run(boom: Scene, system: S
         replace(one, friction=0.2, arm=0.1, shear_stiffness=1e6) if pad else replace(one, compliance=1e-7)
         for one, pad in zip(system.contacts, pads, strict=True)
     ]
-    rubbing, scenes = replace(system, contacts=tuple(rough)), Excitation.of(boom)
+    rubbing, scenes = replace(system, contacts=tuple(rough)), Excitation.from_scene(boom)
     scenes = scenes.with_stepping(TimeStepping(END, STEP, RHO))
     lifting = {"fly.tip force": Sine(amplitude=2e4, frequency=6.0)}
 

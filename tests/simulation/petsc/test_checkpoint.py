@@ -27,7 +27,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.scene.signals import Constant, Ramp, Sine
 from pmr.simulation import TimeStepping
 from pmr.simulation.petsc import Checkpoint, Recording
-from pmr.simulation.petsc.checkpoint import Saved, load, save
+from pmr.simulation.petsc.checkpoint import StoredSimulation, load, save
 
 SCRIPT = Path(__file__).with_name("interrupted.py")
 PATH = Sine(amplitude=0.7, frequency=4.0, offset=2.0)
@@ -151,7 +151,7 @@ def test_a_simulation_goes_on_from_a_file_of_version_1(model: FullModel, tmp_pat
 @pytest.mark.parametrize("damage", [lambda data: data[: len(data) // 2], lambda data: b"", lambda data: b"x" * 100])
 def test_a_damaged_file_is_refused(tmp_path: Path, damage) -> None:
     checkpoint = Checkpoint(tmp_path / "c.npz")
-    save(checkpoint, Saved(3, 1.5, {"path": "a", "matrices": [1.0, 2.0]}, {"q": np.arange(5.0)}))
+    save(checkpoint, StoredSimulation(3, 1.5, {"path": "a", "matrices": [1.0, 2.0]}, {"q": np.arange(5.0)}))
     found = load(checkpoint, {"path": "a", "matrices": [1.0 + 1e-12, 2.0]})
     assert found is not None and (found.step, found.seconds) == (3, 1.5)
     np.testing.assert_array_equal(found.arrays["q"], np.arange(5.0))
@@ -163,7 +163,7 @@ def test_a_damaged_file_is_refused(tmp_path: Path, damage) -> None:
 def test_another_format_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     checkpoint = Checkpoint(tmp_path / "c.npz")
     monkeypatch.setattr("pmr.simulation.petsc.checkpoint.FORMAT_VERSION", 0)
-    save(checkpoint, Saved(3, 1.5, {}, {}))
+    save(checkpoint, StoredSimulation(3, 1.5, {}, {}))
     monkeypatch.undo()
     with pytest.raises(InputError, match="another format"):
         load(checkpoint, {})

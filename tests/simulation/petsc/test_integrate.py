@@ -176,7 +176,7 @@ def test_rows_that_only_push_as_march_has_them(rich: FullBody, parts: int) -> No
         driven(PATH, LOADS, replace(STEPPING, end=0.15, parts=parts)),
     )
     omega = contact_frequency(System.of(body), excitation)
-    same = replace(excitation.stepping, parts=contact_step.parts(omega, excitation.stepping))
+    same = replace(excitation.stepping, parts=contact_step.count_parts(omega, excitation.stepping))
     found = observe(distributed(body), excitation, EVERYTHING)
     expected = one_body.simulate(body, excitation.with_stepping(same))
     assert_close(found.y, expected.q @ body.outputs.T, 1e-9)

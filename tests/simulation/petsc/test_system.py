@@ -71,7 +71,7 @@ def test_as_bodies_that_are_diagonalised(pads: str) -> None:
     system = full(BOOMS[pads])
     excitation = driven(system)
     found, omega = simulated(system, excitation), contact_frequency(system, excitation)
-    same = driven(system, parts=contact_step.parts(omega, excitation.stepping))
+    same = driven(system, parts=contact_step.count_parts(omega, excitation.stepping))
     expected = systems.simulate(system, same, systems.static_start(system, same))
     lines = systems.displacements(system, expected)
     for name, line in lines.items():

@@ -51,7 +51,7 @@ def test_methods_differ_as_they_should(small: StudyResults) -> None:
 
 def test_the_reference_is_the_full_model_with_a_far_shorter_step(small: StudyResults) -> None:
     scene = trade.without_axial(load(small.folder / "short.toml"))
-    body, driven = shared.model_of(scene).gather(), Excitation.of(scene)
+    body, driven = shared.model_of(scene).gather(), Excitation.from_scene(scene)
     end, step, rho = driven.stepping.end, driven.stepping.step, driven.stepping.rho_inf
     assert body is not None
     runs = [
