@@ -67,8 +67,8 @@ from pmr.system.system import System
 Array = NDArray[np.float64]
 Models = Mapping[str, ReducedModel]
 
-#: Factors on the difference to a richer model in estimates, and on errors that follow from all modes of a reduction.
-MARGIN, MARGIN_OF_ALL_MODES = 1.25, 1.1
+#: Factor on the difference to a richer model in estimates.
+MARGIN = 1.25
 #: Share of inertia that attachment modes leave out where the motion grows with `LEFT_OUT`: under rigid contacts the
 #: flexibility that remains is round-off, which may have the wrong sign.
 MORE_LEFT_OUT = 1e-5

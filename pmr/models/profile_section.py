@@ -221,19 +221,16 @@ def _strip(side: Side, before: Side, after: Side) -> Integrals:
     """
     x, w = np.polynomial.legendre.leggauss(3)
     out = x * side.thickness / 2.0
-    start = out * _mitre(side, before, 1.0)
-    length = side.length - out * _mitre(side, after, -1.0) - start
+    start = out * _mitre(side, before)
+    length = side.length - out * _mitre(side, after) - start
     middle = np.add(side.start, np.outer(out, side.normal) + np.outer(start + length / 2.0, side.direction))
     area = w * side.thickness / 2.0 * length
     along = np.outer(side.direction, side.direction) * (area @ length**2) / 12.0
     return area.sum(), area @ middle, np.einsum("q,qi,qj", area, middle, middle) + along
 
 
-def _mitre(side: Side, other: Side, sense: float) -> float:
-    """Shortening at a plate's end per metre outwards from the mid-line, to meet `other` in a mitre; zero beside an arc.
-
-    `sense` is not used.
-    """
+def _mitre(side: Side, other: Side) -> float:
+    """Shortening at a plate's end per metre outwards from the mid-line, to meet `other` in a mitre; 0 beside an arc."""
     if other.centre is not None:
         return 0.0
     cosine = float(side.direction @ other.direction)

@@ -278,7 +278,14 @@ def _scene(file: TomlFile) -> Scene:
 
     Raises InputError with the file that set the key, and the key as it is written there.
     """
-    scene = file.validate(Scene) if "sections" in file.data else Scene.of(file.validate(BodyFile))
+    of_boom = "sections" in file.data
+    if of_boom and "body" in file.data:
+        allowed = "one [body], or the [[sections]] of a boom, are allowed, not both"
+        raise InputError(file.origin("sections"), "sections", None, allowed)
+    if "section" in file.data and not of_boom:
+        allowed = "only a boom of several [[sections]] has this table: a scene of one [body] has its keys at the top"
+        raise InputError(file.origin("section"), "section", None, allowed)
+    scene = file.validate(Scene) if of_boom else Scene.of(file.validate(BodyFile))
     try:
         check(scene)
         check_unused(file, scene)

@@ -75,6 +75,7 @@ class Refusal:
                 value = None
             case "extra_forbidden":
                 allowed = _unknown(str(first["loc"][-1]), value, model.model_json_schema(), first["loc"][:-1])
+                value = None if isinstance(value, (Mapping, list)) else value
             case "union_tag_invalid":
                 tags = re.findall(r"'(\w+)'", about["expected_tags"])
                 location, value = [*location, "kind"], about["tag"]

@@ -156,6 +156,15 @@ BAD = [
     (["chart", "crane", "--up-to", "1e4", "--out", "/"], "a folder below the root of the file system is allowed"),
     (["run", SIMPLE, "--set", f"time.end={'9' * 400}"], "integers of 64 bits are allowed"),
     (["run", SIMPLE, "--set", f"time.end={'9' * 5000}"], "integers of 64 bits are allowed"),
+    (
+        ["run", SIMPLE, "--set", "section.mesh.elements=9"],
+        "--set: section: only a boom of several [[sections]] has this",
+    ),
+    (
+        ["run", SIMPLE, "--set", "sections.s1.mesh.elements=9"],
+        "sections: one [body], or the [[sections]] of a boom, are",
+    ),
+    (["run", SIMPLE, "--set", "reduction.no.such=9"], "reduction.no: unknown key; "),
     (["run", SIMPLE, SIMPLE], "names must differ"),
     (["export", "nowhere.npz"], "nowhere.npz: no such file"),
     (["export", SIMPLE], "not a system written by pmr"),
