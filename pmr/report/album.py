@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,9 +114,8 @@ class _Views:
     def _surrounding_pieces(self, moment: Moment, opacity: float = 0.22) -> Iterator[Piece]:
         """Yield the pads and the next outer section at a moment; only the section has this opacity."""
         back = np.array([moment.s, 0.0, 0.0])
-        pieces = [_piece(block, PAD) for block in self.stage.near]
-        pieces += [_piece(block, PAD, back) for block in self.stage.tail]
-        pieces += [replace(_piece(block, SECTION), opacity=opacity, edges=1.0) for block in self.stage.section]
+        pieces = [*_pieces(self.stage.near, PAD), *_pieces(self.stage.tail, PAD, back)]
+        pieces += [replace(piece, opacity=opacity, edges=1.0) for piece in _pieces(self.stage.section, SECTION)]
         yield from (replace(piece, points=self._turn_to_ground(moment.frame, piece.points)) for piece in pieces)
 
     def _turn_to_ground(self, frame: int, points: Array) -> Array:
@@ -168,8 +168,7 @@ class _Views:
             for name, surface in self.surfaces.items()
         ]
         at = float(self.result.abscissa[0])
-        tail = [_piece(block, PAD, np.array([at, 0.0, 0.0])) for block in self.stage.tail]
-        near = [_piece(block, MOVING) for block in self.stage.near]
+        tail, near = _pieces(self.stage.tail, PAD, np.array([at, 0.0, 0.0])), _pieces(self.stage.near, MOVING)
         (shot,) = frame_shots([Shot((*bodies, *tail, *near), SIDE)], WIDTH)
         cells, vertices = (
             sum(len(getattr(fields, of)) for fields in self.fields.values()) for of in ("cells", "points")
@@ -189,6 +188,9 @@ class _Views:
         return f"{out}, at {moment.t:.2f}{SPACE}s{stress}; {deformed}."
 
 
-def _piece(block: Block, colour: str, back: Array | None = None) -> Piece:
-    """Turn a block into a piece of one colour, moved by minus `back` (3,) in m."""
-    return Piece(block.corners - (0.0 if back is None else back), block.sides, None, colour)
+def _pieces(blocks: Sequence[Block], colour: str, back: Array | float = 0.0) -> list[Piece]:
+    """Join blocks to one piece of one colour, moved by minus `back` (3,) in m; without blocks there is none."""
+    first_corners = accumulate((len(block.corners) for block in blocks), initial=0)
+    faces = [block.sides + first for block, first in zip(blocks, first_corners, strict=False)]
+    points = [block.corners for block in blocks]
+    return [Piece(np.concatenate(points) - back, np.concatenate(faces), None, colour)] if faces else []

@@ -40,10 +40,11 @@ from pmr.report.columns import (
     spread_indices,
 )
 from pmr.report.figures import shapes
-from pmr.report.figures.canvas import PENS, RAMP, section_colours
+from pmr.report.figures.canvas import PENS, section_colours
 from pmr.report.figures.histories import responses_in_drawing_order
 from pmr.report.figures.space import slews
 from pmr.report.numbers import enlargement, format_input, format_percent, format_quantity
+from pmr.report.renderer import RAMP
 from pmr.report.subject import fixtures, input_loads, is_alone, reach, slider_offsets
 from pmr.results import RunResult
 from pmr.scene.signals import SignalBase

@@ -23,6 +23,7 @@ Vector = tuple[float, float, float]
 
 LONGEST = 600.0  # s that all pictures of a run may take
 EDGE = "#1c2733"
+RAMP = ("#e3ebf0", "#a9cbdf", "#edb84c", "#d55e00", "#7a1b0c")  # from no stress to the largest
 FINER = 2  # pictures are rendered this many times as large and scaled down: smooth edges with any driver
 COLOURS = 128  # colours of a picture: few keep files small
 #: Most of the light is ambient, as colours are compared with a scale; diffuse light tells walls apart.
@@ -146,14 +147,13 @@ def render_shot(shot: Shot) -> bytes:
 def _add_piece(plotter: Any, piece: Piece, limits: tuple[float, float]) -> None:
     """Add a piece to a plotter; `limits` is the range of its values that the colours span."""
     import pyvista
-
-    from pmr.report.figures.canvas import stress_colours
+    from matplotlib.colors import LinearSegmentedColormap
 
     mesh = pyvista.PolyData.from_regular_faces(piece.points, piece.faces)
     look: dict[str, Any] = {"color": piece.colour}
     if piece.values is not None:
         mesh.cell_data["values"] = piece.values
-        look = {"scalars": "values", "cmap": stress_colours(), "clim": limits}
+        look = {"scalars": "values", "cmap": LinearSegmentedColormap.from_list("stress", RAMP), "clim": limits}
     if piece.edges:
         look |= {"show_edges": True, "edge_color": EDGE, "line_width": FINER * piece.edges, "edge_opacity": 0.35}
     plotter.add_mesh(mesh, **look, opacity=piece.opacity, show_scalar_bar=False, ambient=AMBIENT, diffuse=DIFFUSE)

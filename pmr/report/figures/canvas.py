@@ -29,6 +29,7 @@ from matplotlib.ticker import MaxNLocator, NullLocator
 from pmr.errors.text import visible
 from pmr.report.blocks import Drawing
 from pmr.report.numbers import format_input, power_of_ten
+from pmr.report.renderer import RAMP
 
 WIDE = 6.7  # in, the text width of an A4 page
 HALF = 3.25  # in, width of each of two figures beside each other
@@ -41,7 +42,6 @@ INK, MUTED, SHADE, LIMIT = "#1c2733", "#5b6875", "#e8ecf0", "#b23b00"
 SECTIONS = (INK, "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 #: Colours of several curves of one kind (Okabe and Ito), and markers that tell them apart without colour.
 SERIES = (("#0072b2", "o"), ("#d55e00", "s"), ("#00664b", "^"), ("#cc79a7", "D"), ("#000000", "v"))
-RAMP = ("#e3ebf0", "#a9cbdf", "#edb84c", "#d55e00", "#7a1b0c")  # from no stress to the largest
 
 _STYLE: Mapping[str, Any] = {
     "font.family": ["DejaVu Sans"],
@@ -262,14 +262,9 @@ def bins_of(ax: Axes) -> int:
     return max(40, int(BINS_PER_INCH * inches))
 
 
-def stress_colours() -> LinearSegmentedColormap:
-    """Colour map of stresses, from 0 to the largest."""
-    return LinearSegmentedColormap.from_list("stress", RAMP)
-
-
 def colour_scale(largest: float) -> Figure:
     """Draw the colours of stresses from 0 to `largest` in MPa and above, with their scale."""
-    colours = stress_colours()
+    colours = LinearSegmentedColormap.from_list("stress", RAMP)
     figure, axes = make_sheet(HALF, 0.55, margins={"left": 0.1, "right": 0.3, "top": 0.08, "bottom": 0.36})
     ax = axes[0, 0]
     for k in range(SHADES):

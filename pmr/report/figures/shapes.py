@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from pmr.report.columns import axis_points, interpolate, spread_indices, tip_displacements
 from pmr.report.errors import error_name
-from pmr.report.figures.canvas import HALF, INK, MUTED, PENS, RAMP, WIDE, add_legend, log_axis, make_sheet, octave_axis
+from pmr.report.figures.canvas import HALF, INK, MUTED, PENS, WIDE, add_legend, log_axis, make_sheet, octave_axis
 from pmr.report.figures.histories import responses_in_drawing_order
 from pmr.report.numbers import enlargement, share_captured, unit_for
+from pmr.report.renderer import RAMP
 from pmr.report.subject import fixtures, moving_part, reach, slider_offsets
 from pmr.results import FrequencyResponse, RunResult, Shapes
 
