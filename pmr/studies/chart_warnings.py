@@ -64,7 +64,9 @@ def stable_equilibria(place: Place, load: float, reach: float) -> list[Equilibri
         where += f", slewed {np.rad2deg(at.slewing[k]):.4g} degrees"
     equilibria = [Equilibrium(place, 0.0, f"{where}, without a load")]
     if load > 0.0:
-        equilibria.append(Equilibrium(place, load * (1.0 - JUST_BELOW), f"{where}, under {load:.4g} kg"))
+        equilibria.append(
+            Equilibrium(place, load * (1.0 - JUST_BELOW), f"{where}, under {float(f'{load:.4g}'):.10g} kg")
+        )
     return [at_rest for at_rest in equilibria if at_rest.state.in_equilibrium]
 
 

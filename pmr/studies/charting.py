@@ -148,7 +148,7 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     Argument ``rows`` holds the number of the row's first point and of the first one behind the row.  Arrays of the p
     points, l limits (stability last) and c cases out of service:
 
-    - ``place`` (p, 2) m: radius and height of the undeformed tip.
+    - ``place`` (p, 2) m: radius and height of the undeformed tip; ``luffing`` (p,) rad.
     - ``load`` (p, l) kg: the smallest over all cases in service, NaN if no load up to ``up_to`` reaches the limit;
       ``case`` (p, l): the number of that case.
     - ``error`` (p, l) kg: ``error.reduction`` + ``error.mesh`` + ``error.model`` + ``error.rotation``, the mesh's and
@@ -188,7 +188,7 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     scene, contacts = shared.scene_of(arguments), CONTACTS.validate_json(str(needs["postures"].arrays["contacts"]))
     loads, cases_of_loads = np.nan_to_num(arrays["load"], nan=chart.up_to), arrays["case"]
     of_places = warnings_of_row(scene, contacts, chart.places, models, loads, cases_of_loads, first)
-    arrays["place"] = np.column_stack([radius, tip[:, 2]])
+    arrays |= {"place": np.column_stack([radius, tip[:, 2]]), "luffing": at.luffing[first:last]}
     left_out = unnamed_loads(scene, [*cases, *arguments["left"]])
     return TaskResult(record, arrays, warnings=(*of_places, *left_out, *needs["postures"].warnings))
 

@@ -37,6 +37,7 @@ BINS_PER_INCH = 80.0  # intervals that keep their peaks, about as wide as a line
 
 MOST_DECADES = 18  # decades of a logarithmic axis, at most
 STEPS = (1, 2, 5, 10)  # between ticks, times a power of ten
+TICK = 0.45  # in, room for a tick's label along the axis
 INK, MUTED, SHADE, LIMIT = "#1c2733", "#5b6875", "#e8ecf0", "#b23b00"
 #: Colours of sections from the base out (Okabe and Ito), used again after the last.
 SECTIONS = (INK, "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
@@ -163,6 +164,8 @@ def equal_axes(ax: Axes) -> None:
     ax.set_aspect("equal", adjustable="box", anchor="SW")
     ax.apply_aspect()
     _place_labels(ax)
+    inches = ax.get_window_extent().width / mpl.rcParams["figure.dpi"]
+    ax.xaxis.set_major_locator(MaxNLocator(int(np.clip(inches / TICK, 1, 8)), steps=STEPS))
 
 
 def legend_rows(names: Sequence[str], width: float) -> int:

@@ -93,7 +93,7 @@ def _draw_chart(chart: LoadChart) -> tuple[Figure, Array]:
     """Draw a load chart; return the figure and the corners (E + 1, A + 1, 2) in m of its cells."""
     corners = _corners(chart.place)
     low, high = np.minimum(corners.min(axis=(0, 1)), 0.0), np.maximum(corners.max(axis=(0, 1)), 0.0)
-    names = [chart.names[k] for k in chart.governing_limits]
+    names = [chart.names[k] for k in chart.governing_limits] + ["no limit reached"] * bool((chart.which < 0).any())
     rows = legend_rows(names, WIDE) if names else 0
     figure, ax = _side_view(low, high, TALLEST, rows)
     colours = {
@@ -113,7 +113,7 @@ def _draw_chart(chart: LoadChart) -> tuple[Figure, Array]:
         ax.clabel(drawn, fmt=lambda value: f"{value:g}", fontsize=7.0, inline_spacing=2)
     ax.plot(0.0, 0.0, marker="o", color=MUTED, markersize=4.0, clip_on=False, zorder=3.0)
     equal_axes(ax)
-    entries = zip(colours.values(), names, strict=True)
+    entries = zip([*colours.values(), SHADE], names, strict=False)
     add_legend(figure, [Line2D([], [], color=of, linewidth=6.0, label=name) for of, name in entries], max(rows, 1))
     return figure, corners
 

@@ -83,7 +83,7 @@ def _least_over_slewing(study: FinishedStudy, parts: Parts) -> Mapping[str, Arra
     """Arrays over E reaches in increasing order and A luffing angles: the least of all slewing angles.
 
     They are ``load`` and ``error`` (E, A, l) in kg for l limits, NaN where a limit is not reached; ``place`` (E, A, 2)
-    in m; ``runs``, the run of each reach; and ``luffing``, the angles.  `parts` are the arrays of the runs.
+    in m; ``runs``, the run of each reach; and ``luffing`` (A,) in degrees.  `parts` are the arrays of the runs.
     """
     turns = len(study.study_file["slewing"])
     table: dict[str, Any] = {}
@@ -95,10 +95,7 @@ def _least_over_slewing(study: FinishedStudy, parts: Parts) -> Mapping[str, Arra
     order = np.argsort(np.linalg.norm(table["place"][:, 0], axis=1), kind="stable")
     table = {name: array[order] for name, array in table.items()}
     table["runs"] = [study.results.runs[k] for k in order]
-    luffing = study.study_file["luffing"]
-    table["luffing"] = (
-        np.linspace(luffing["least"], luffing["most"], luffing["count"]) if isinstance(luffing, dict) else luffing
-    )
+    table["luffing"] = np.rad2deg(parts[0]["luffing"].reshape(-1, turns)[:, 0])
     return table
 
 
@@ -112,10 +109,10 @@ def _cell_text(study: FinishedStudy, table: Mapping[str, Any], chart: LoadChart,
     lines = [f"radius {radius:.2f} m, height {height:.2f} m"]
     for name, value in table["runs"][i].parameters.items():
         lines.append(f"{name.removeprefix('extension.')} out {float(value):.3g} m")
-    lines.append(f"raised by {float(table['luffing'][k]):.3g}")
+    lines.append(f"raised by {table['luffing'][k]:.3g}°")
     if chart.which[i, k] < 0:
         return "\n".join([*lines, f"no limit up to {study.study_file['up_to']:g} kg"])
-    bar = f" ± {error[i, k]:.0f}" if error[i, k] >= SHOWN else ""
+    bar = f"{SPACE}±{SPACE}{error[i, k]:.0f}" if error[i, k] >= SHOWN else ""
     lines.append(f"load {chart.load[i, k]:.5g}{bar} kg, by {chart.names[chart.which[i, k]]}")
     loads_of_limits = zip(chart.names, table["load"][i, k], strict=True)
     return "\n".join(
@@ -279,8 +276,8 @@ def _format_amount(limit: Mapping[str, Any], amount: float | None) -> str:
     return format_quantity(amount, unit) if unit else f"{amount:g}"
 
 
-def _load_grid(chart: LoadChart, error: Array, luffing: Any) -> Grid:
-    """Build the table of loads over at most `ROWS` reaches and `COLUMNS` luffing angles."""
+def _load_grid(chart: LoadChart, error: Array, luffing: Array) -> Grid:
+    """Build the table of loads over at most `ROWS` reaches and `COLUMNS` angles of `luffing` (A,) in degrees."""
     E, A = chart.load.shape
     rows, columns = spread_indices(E, ROWS), spread_indices(A, COLUMNS)
 
@@ -288,11 +285,11 @@ def _load_grid(chart: LoadChart, error: Array, luffing: Any) -> Grid:
         """Load of reach number `i` and angle number `k` in kg, with its error bar."""
         if chart.which[i, k] < 0:
             return NOT_REACHED
-        bar = f" ± {error[i, k]:.0f}" if error[i, k] >= SHOWN else ""
+        bar = f"{SPACE}±{SPACE}{error[i, k]:.0f}" if error[i, k] >= SHOWN else ""
         return f"{chart.load[i, k]:.0f}{bar}"
 
     reach = np.linalg.norm(chart.place[:, 0], axis=1)
-    head = ("reach in m", *(f"{float(luffing[k]):.3g}" for k in columns))
+    head = ("reach in m", *(f"{luffing[k]:.3g}°" for k in columns))
     body = tuple((f"{reach[i]:.2f}", *(cell(i, int(k)) for k in columns)) for i in rows)
     return Grid("Loads in kg over reach and luffing angle; all of them stand in chart.csv.", head, body)
 
@@ -338,7 +335,7 @@ def _governing_page(
         "large; thin where it is without any load."
     )
     stands = ", ".join(f"{name} out {value:.3g}{SPACE}m" for name, value in out.items())
-    bar = f" ± {format_input(float(f'{error:.2g}'))}" if np.isfinite(error) else ""
+    bar = f"{SPACE}±{SPACE}{format_input(float(f'{error:.2g}'))}" if np.isfinite(error) else ""
     text = (
         f"Raised by {np.rad2deg(angle):.3g}°{', ' if stands else ''}{stands}: radius {radius:.4g}{SPACE}m, height "
         f"{height:.4g}{SPACE}m. It carries {load:.5g}{bar}{SPACE}kg, by {names[n]}, the largest load that this limit "

@@ -21,7 +21,10 @@ def test_a_chart_on_which_no_limit_is_met_has_no_empty_picture_and_no_table_of_n
     unknown = dict.fromkeys(
         ("load", "error", "error.reduction", "error.mesh", "error.rotation"), np.full((3, 1), np.nan)
     )
-    arrays = unknown | {"place": np.array([(10.0, 4.0), (8.0, 7.0), (5.0, 9.0)])}
+    arrays = unknown | {
+        "place": np.array([(10.0, 4.0), (8.0, 7.0), (5.0, 9.0)]),
+        "luffing": np.deg2rad([20.0, 40.0, 60.0]),
+    }
     runs = [SimpleNamespace(key=key, parameters={}, figures={}) for key in "ab"]
     figures = {"governs.stability": 0, "never.stability": 6, "at_no_load.stability": 0}
     results = SimpleNamespace(runs=runs, arrays=lambda key: arrays)
@@ -52,12 +55,22 @@ def test_colours_end_where_the_machine_does(reaches: int, angles: int) -> None:
     assert len(np.unique(turned.round(9))) == (angles + 1 if angles > 1 else 2)  # on the arc, between the places too
 
 
-def test_the_height_of_a_steep_boom_is_labelled_beside_its_ticks() -> None:
-    """On axes that are narrow for a metre as long across as up the label stood on the ticks."""
+@pytest.mark.parametrize("luffing", [1.2, 1.45])
+def test_labels_of_a_steep_boom_do_not_overlap(luffing: float) -> None:
+    """On axes that are narrow, for a metre as long across as up, the height's label and the ticks of both axes."""
     along, nothing = np.linspace(0.0, 20.0, 5), np.zeros(5)
     with style():
-        figure = bent_boom(BentBoom(along, nothing, nothing.astype(int), ("base",), 1.2))
+        figure = bent_boom(BentBoom(along, nothing, nothing.astype(int), ("base",), luffing))
         FigureCanvasAgg(figure).draw()
         axis = figure.axes[0].yaxis
         ticks = [text.get_window_extent().x0 for text in axis.get_ticklabels() if text.get_text()]
         assert axis.label.get_window_extent().x1 < min(ticks)
+        across = [text.get_window_extent() for text in figure.axes[0].xaxis.get_ticklabels() if text.get_text()]
+        assert all(left.x1 < right.x0 for left, right in zip(across, across[1:], strict=False)) and across
+
+
+def test_the_legend_names_the_colour_of_places_where_no_limit_is_reached() -> None:
+    place = np.array([[[1.0, 0.0], [0.7, 0.7]], [[2.0, 0.0], [1.4, 1.4]]])
+    chart = LoadChart(place, np.array([[np.nan, 5.0], [4.0, 3.0]]), np.array([[-1, 0], [0, 0]]), ["tip"])
+    labels = [text.get_text() for text in load_chart(chart).legends[0].get_texts()]
+    assert labels == ["tip", "no limit reached"]
