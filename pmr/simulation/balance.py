@@ -19,7 +19,6 @@ in which a multiplier that changes its sign with every step, the way in which ri
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -114,7 +113,7 @@ def row_blocks(size: int) -> Iterator[slice]:
         yield slice(first, min(first + BLOCK + 1, size))
 
 
-def half_form(A: Any, x: Array) -> Array:
+def half_form(A: Array | sp.csr_matrix, x: Array) -> Array:
     """Values x^T A x / 2 (T,) of the rows of x (T, n)."""
     if not sp.issparse(A) and not np.any(A - np.diag(np.diagonal(A))):
         return np.asarray(x**2 @ np.diagonal(A)) / 2.0  # modal coordinates

@@ -74,7 +74,7 @@ def read_scene(system: System, source: str) -> StoredScene:
         raise InputError(source, "provenance.scene", None, f"a file that holds its scene is allowed: {why}") from None
 
 
-def _read_body_scene(scene: Any, system: System) -> StoredScene:
+def _read_body_scene(scene: Mapping[str, Any], system: System) -> StoredScene:
     """Stored scene of a single body, read by the keys that all versions of files have."""
     loads = [_SIGNAL.validate_python(load["signal"]) for load in scene["loads"]]
     weight = Gravity.model_validate(scene["gravity"]) if scene.get("gravity") else None
@@ -140,7 +140,7 @@ def _signals(scene: Any) -> list[Any]:
     return [part.get(key) for part in parts for key in ("joint", "slider", "loads")]
 
 
-def _names_a_file(data: Any) -> bool:
+def _names_a_file(data: object) -> bool:
     """Whether nested data contain a key ``file``."""
     if isinstance(data, dict):
         return "file" in data or any(map(_names_a_file, data.values()))

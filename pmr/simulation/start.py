@@ -21,12 +21,11 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pmr.errors import InputError
 from pmr.kernel.laws import JointCylinder, slide_pads
@@ -139,7 +138,7 @@ def check_position(C: Array, q: Array, names: tuple[str, ...], largest: float = 
             raise InputError("initial state", "q", None, allowed)
 
 
-def _impulse(M: Any, C: Array, drift: Array, names: tuple[str, ...]) -> Array:
+def _impulse(M: Array | sp.csr_matrix, C: Array, drift: Array, names: tuple[str, ...]) -> Array:
     """Change of velocity (n,) of least kinetic energy with C dv = `drift` (m,).
 
     Raises InputError if the rows depend on each other.
@@ -169,7 +168,7 @@ def _magnitude(C: Array, q: Array, largest: float = 0.0) -> Array:
     return np.asarray(np.abs(C).sum(axis=1) * np.abs(q).max(initial=largest))
 
 
-def _vector(name: str, values: Any, size: int) -> Array:
+def _vector(name: str, values: ArrayLike, size: int) -> Array:
     """Values as a float array (size,); an InputError is raised if they are none or not finite."""
     vector = np.asarray(values, dtype=float)
     if vector.shape != (size,) or not np.all(np.isfinite(vector)):
@@ -178,9 +177,9 @@ def _vector(name: str, values: Any, size: int) -> Array:
     return vector
 
 
-def dense(A: Any) -> Array:
+def dense(A: Array | sp.csr_matrix) -> Array:
     """Matrix as a dense array."""
-    return np.asarray(A.toarray() if sp.issparse(A) else A, dtype=float)
+    return np.asarray(A if isinstance(A, np.ndarray) else A.toarray(), dtype=float)
 
 
 @dataclass(frozen=True)

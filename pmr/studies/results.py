@@ -229,7 +229,7 @@ class StudyResults:
         """Return one column (runs,) of the table; NaN, or an empty text among texts, where a run has no such value."""
         return _column([run.row.get(name) for run in self.runs])
 
-    def save(self, summary: Mapping[str, Any], tables: Mapping[str, str] | None = None) -> None:
+    def save(self, summary: Mapping[str, object], tables: Mapping[str, str] | None = None) -> None:
         """Write runs.csv, runs.npz, seconds.csv, summary.json (`summary` and the runs) and further `tables`.
 
         `tables` are texts by file name; an empty text writes no file.  Old files of these names are replaced or
@@ -247,12 +247,12 @@ class StudyResults:
             _write(new / "seconds.csv", _csv_of_rows(times))
             _write(new / "summary.json", self._text(summary))
 
-    def save_summary(self, summary: Mapping[str, Any]) -> None:
+    def save_summary(self, summary: Mapping[str, object]) -> None:
         """Write summary.json alone, with `summary` and the runs, and delete an existing report."""
         with fresh(self.folder, ("summary.json", *REPORT)) as new:
             _write(new / "summary.json", self._text(summary))
 
-    def _text(self, summary: Mapping[str, Any]) -> str:
+    def _text(self, summary: Mapping[str, object]) -> str:
         """Return the text of summary.json: the keys of `summary`, and all runs under ``runs``."""
         runs = [
             vars(run) | {n: dict(getattr(run, n)) for n in ("parameters", "figures", "seconds")} for run in self.runs

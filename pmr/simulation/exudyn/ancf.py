@@ -22,7 +22,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import exudyn as exu
 import numpy as np
@@ -176,7 +175,7 @@ def simulate(
     items = add_sliding_cable(mbs, cable, s[0])
     numbers = [add_force(mbs, cable, items, point, force) for point, force in zip(at, forces[0], strict=True)]
 
-    def update(mbs: Any, t: float) -> bool:
+    def update(mbs: exu.MainSystem, t: float) -> bool:
         """Pre-step function: set slider and loads to those at t."""
         k = round(t / stepping.step)
         mbs.SetObjectParameter(items.oHold, "offset", s[k] - s[0])
@@ -227,7 +226,7 @@ def _trapezoid(y: Array, x: Array) -> Array:
     return np.asarray((y[:, 1:] + y[:, :-1]) @ np.diff(x) / 2.0)
 
 
-def _settings(cable: Cable, stepping: TimeStepping) -> Any:
+def _settings(cable: Cable, stepping: TimeStepping) -> exu.SimulationSettings:
     """Solver settings: modified Newton, which rarely needs a new Jacobian, and a tolerance above round-off.
 
     Axial forces come from differences of positions of the order of the length L, over elements of length h: their
@@ -251,13 +250,15 @@ def _check_on_cable(cable: Cable, key: str, points: Array) -> None:
 class CableItems:
     """Numbers of the items of a cable with a sliding joint in an mbs."""
 
-    nNodes: list[Any]  # of NodePoint2DSlope1, from x = 0 on
-    oElements: list[Any]  # of ObjectANCFCable2D
-    oHold: Any  # an ObjectConnectorCoordinate that holds the slider along x; its offset is s(t) - s(0) in m
-    oJoint: Any  # an ObjectJointSliding2D; the second component of its Force is the multiplier normal to the cable
+    nNodes: list[exu.NodeIndex]  # of NodePoint2DSlope1, from x = 0 on
+    oElements: list[exu.ObjectIndex]  # of ObjectANCFCable2D
+    oHold: exu.ObjectIndex  # an ObjectConnectorCoordinate that holds the slider along x; its offset is s(t) - s(0) in m
+    oJoint: (
+        exu.ObjectIndex
+    )  # an ObjectJointSliding2D; the second component of its Force is the multiplier normal to the cable
 
 
-def add_sliding_cable(mbs: Any, cable: Cable, s: float) -> CableItems:
+def add_sliding_cable(mbs: exu.MainSystem, cable: Cable, s: float) -> CableItems:
     """Add a straight cable at rest, pinned at x = 0, and a slider at s (m); return their numbers."""
     h = cable.element_length
     nodes = [
@@ -288,7 +289,7 @@ def add_sliding_cable(mbs: Any, cable: Cable, s: float) -> CableItems:
     return CableItems(nodes, elements, oHold, _add_joint(mbs, cable, elements, nSlider, s))
 
 
-def add_force(mbs: Any, cable: Cable, items: CableItems, at: float, force: float) -> Any:
+def add_force(mbs: exu.MainSystem, cable: Cable, items: CableItems, at: float, force: float) -> exu.LoadIndex:
     """Add a force along y (N) at the material point `at` (m), and return the number of the load."""
     e = int(cable.left_elements(np.array(at)))
     local = [at - e * cable.element_length, 0.0, 0.0]
@@ -296,13 +297,15 @@ def add_force(mbs: Any, cable: Cable, items: CableItems, at: float, force: float
     return mbs.AddLoad(LoadForceVector(markerNumber=marker, loadVector=[0.0, force, 0.0]))
 
 
-def _fix(mbs: Any, mGround: Any, node: Any, coordinate: int) -> Any:
+def _fix(mbs: exu.MainSystem, mGround: exu.MarkerIndex, node: exu.NodeIndex, coordinate: int) -> exu.ObjectIndex:
     """Add a constraint of one coordinate of a node to the ground, and return its number."""
     marker = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=node, coordinate=coordinate))
     return mbs.AddObject(ObjectConnectorCoordinate(markerNumbers=[mGround, marker]))
 
 
-def _add_joint(mbs: Any, cable: Cable, elements: list[Any], nSlider: Any, s: float) -> Any:
+def _add_joint(
+    mbs: exu.MainSystem, cable: Cable, elements: list[exu.ObjectIndex], nSlider: exu.NodeIndex, s: float
+) -> exu.ObjectIndex:
     """Add the sliding joint between the slider's node at s (m) and the elements, and return its number."""
     markers = [mbs.AddMarker(MarkerBodyCable2DCoordinates(bodyNumber=element)) for element in elements]
     first = int(cable.left_elements(np.array(s)))

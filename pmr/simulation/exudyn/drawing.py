@@ -10,7 +10,6 @@ observes the section; between two of these it changes linearly.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import exudyn as exu
 import numpy as np
@@ -32,26 +31,26 @@ from pmr.system.system import System
 class SystemSensors:
     """Numbers of the sensors of a system, and names of their values, in their order."""
 
-    sOutputs: Any
+    sOutputs: exu.SensorIndex
     output_names: tuple[str, ...]
-    sForces: Any  # N, positive where contacts push
+    sForces: exu.SensorIndex  # N, positive where contacts push
     contact_names: tuple[str, ...]
 
 
 class SystemObserver:
     """Outputs and contact forces of a system, in one of Exudyn's configurations at its time."""
 
-    def __init__(self, mbs: Any, items: SystemItems) -> None:
+    def __init__(self, mbs: exu.MainSystem, items: SystemItems) -> None:
         self._mbs, self._items, self._contacts = mbs, items, Contacts(items.equations, items.inputs)
         self._held = list(items.contacts)
         self._rest = np.array([k not in items.contacts for k in range(len(self._contacts.gives))])
 
-    def forces(self, t: float, configuration: Any) -> Array:
+    def forces(self, t: float, configuration: exu.ConfigurationType) -> Array:
         """Contact forces (m,) in N with friction at t s; of rigid contacts those of the current configuration."""
         multipliers, _, grip = self._contact_state(t, self._items.coordinates(self._mbs, configuration))
         return multipliers if grip is None else multipliers + self._items.rubbing.law.cylinder_forces(grip)
 
-    def outputs(self, t: float, configuration: Any) -> Array:
+    def outputs(self, t: float, configuration: exu.ConfigurationType) -> Array:
         """Outputs y = O q + W f - X lambda (o,) at t s, with the effect of the moments of friction."""
         equations, q = self._items.equations, self._items.coordinates(self._mbs, configuration)
         multipliers, rows, grip = self._contact_state(t, q)
@@ -80,15 +79,19 @@ class SystemObserver:
         return multipliers, equations.rows(x).at_time(0), grip
 
 
-def add_sensors(mbs: Any, items: SystemItems) -> SystemSensors:
+def add_sensors(mbs: exu.MainSystem, items: SystemItems) -> SystemSensors:
     """Add sensors of a system that `add_system` added: outputs y = O q + W f - X lambda, and contact forces lambda."""
     watched, equations = SystemObserver(mbs, items), items.equations
 
-    def write_forces(mbs: Any, t: float, sensors: Any, factors: Any, configuration: Any) -> Any:
+    def write_forces(
+        mbs: exu.MainSystem, t: float, sensors: Array, factors: Array, configuration: exu.ConfigurationType
+    ) -> Array:
         """User function of the sensor of contact forces."""
         return watched.forces(t, configuration)
 
-    def write_outputs(mbs: Any, t: float, sensors: Any, factors: Any, configuration: Any) -> Any:
+    def write_outputs(
+        mbs: exu.MainSystem, t: float, sensors: Array, factors: Array, configuration: exu.ConfigurationType
+    ) -> Array:
         """User function of the sensor of outputs."""
         return watched.outputs(t, configuration)
 
@@ -116,7 +119,7 @@ class Tube:
     outline: Array  # (k, c, 2) m: y and z of the profile's c corners at these points
 
 
-def add_drawing(mbs: Any, items: SystemItems, scene: Scene, scale: float = 1.0) -> Any:
+def add_drawing(mbs: exu.MainSystem, items: SystemItems, scene: Scene, scale: float = 1.0) -> exu.ObjectIndex:
     """Draw a boom that `add_system` added, with deflections `scale` times as large.
 
     Returns the number of the ObjectGround that draws it, in the mbs' axes: on the body that carries the boom, or where
@@ -133,7 +136,7 @@ def add_drawing(mbs: Any, items: SystemItems, scene: Scene, scale: float = 1.0) 
 class BoomDrawing:
     """Drawing of a boom in the state that Exudyn shows."""
 
-    def __init__(self, mbs: Any, items: SystemItems, scene: Scene, scale: float = 1.0) -> None:
+    def __init__(self, mbs: exu.MainSystem, items: SystemItems, scene: Scene, scale: float = 1.0) -> None:
         self._mbs, self._items, self._scene, self._scale = mbs, items, scene, scale
         self._watched, self.tubes = SystemObserver(mbs, items), section_tubes(scene, items.equations.system)
         place = (0.0, 0.0, 0.0) if scene.frame is None else scene.frame.place
@@ -143,7 +146,7 @@ class BoomDrawing:
         """Points (k, 3) in m of each section's axis, in the axes of the mbs."""
         return [rings[:, 0] for rings in self._rings([np.zeros((1, 1, 2))] * len(self.tubes))]
 
-    def graphics(self) -> list[dict[str, Any]]:
+    def graphics(self) -> list[dict[str, object]]:
         """Exudyn's graphics data of all sections."""
         triangulated = []
         for number, rings in enumerate(self._rings([tube.outline for tube in self.tubes])):
@@ -173,7 +176,7 @@ class BoomDrawing:
             rings_of_sections.append(origin + (rings + self._place) @ R.T)
         return rings_of_sections
 
-    def _posture(self, t: float, shown: Any) -> tuple[Array, Array, Array]:
+    def _posture(self, t: float, shown: exu.ConfigurationType) -> tuple[Array, Array, Array]:
         """Position (3,) in m and axes (3, 3) of the pivot, and extensions of the sections, first the base's 0."""
         base, kind, names = self._items.base, exu.OutputVariableType.Coordinates, self._scene.names
         if base is None:

@@ -30,7 +30,7 @@ from pmr.simulation.contact_step import StepParts
 from pmr.simulation.excitation import Excitation, side_positions, signals_in_order
 from pmr.simulation.floating import Extensions
 from pmr.simulation.refusals import needs_of
-from pmr.simulation.start import InitialState, consistent_start
+from pmr.simulation.start import InitialState, consistent_start, dense
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
 from pmr.system.contact_rows import CompliantRows, ContactRows
@@ -64,10 +64,10 @@ class Equations:
         self._places, self._rows = b"", ContactRows(*(np.empty(0),) * 4)  # asked for last
         self._travelling = [k for k, side in enumerate(system.sides) if side.place.path is not None]
 
-    def matrix(self, A: Any) -> Any:
+    def matrix(self, A: Array | sp.csr_matrix) -> exu.MatrixContainer:
         """Exudyn's matrix container of A (n, n); sparse triplets if the bodies are sparse."""
         if not self.sparse:
-            return exu.MatrixContainer(np.asarray(A.toarray() if sp.issparse(A) else A, dtype=float))
+            return exu.MatrixContainer(dense(A))
         container = exu.MatrixContainer()
         container.SetWithSparseMatrix(sp.csr_matrix(A))
         return container
@@ -125,10 +125,10 @@ class NodeCoordinate:
     What moves the node, a cylinder or a winch, drives the boom, whose inertia, weight and pads act back on it.
     """
 
-    node: Any  # number of a node with displacements, such as NodeGenericODE2, Node1D or NodePoint
+    node: exu.NodeIndex  # number of a node with displacements, such as NodeGenericODE2, Node1D or NodePoint
     number: int = 0  # of its coordinates
 
-    def __call__(self, mbs: Any, t: float) -> float:
+    def __call__(self, mbs: exu.MainSystem, t: float) -> float:
         """Current coordinate of the node, or the initial one before assembly.
 
         Raises InputError if the node has no such coordinate.
@@ -144,7 +144,7 @@ class NodeCoordinate:
         return float(node["referenceCoordinates"][self.number] + np.atleast_1d(displacements)[self.number])
 
 
-def check_path(name: str, path: Any) -> None:
+def check_path(name: str, path: object) -> None:
     """Raise InputError if `path` is neither a signal, nor a function, nor a `NodeCoordinate`."""
     if not (hasattr(path, "value") and hasattr(path, "rate")) and not callable(path):
         allowed = (
@@ -159,7 +159,9 @@ class Paths:
     The paths `aside`, which move no section, follow those of the sections.
     """
 
-    def __init__(self, mbs: Any, scene: Scene, paths: Mapping[str, Any], aside: Sequence[str] = ()) -> None:
+    def __init__(
+        self, mbs: exu.MainSystem, scene: Scene, paths: Mapping[str, Driving], aside: Sequence[str] = ()
+    ) -> None:
         #: of the P paths; the first is that of the base, which stays
         self.names = (*scene.names, *aside)
         self._t, h = np.nan, scene.time.step
@@ -196,8 +198,9 @@ class _Path:
     after.
     """
 
-    def __init__(self, path: Any, h: float, mbs: Any) -> None:
-        self._path, self._h, self._mbs = path, h, mbs
+    def __init__(self, path: Driving, h: float, mbs: exu.MainSystem) -> None:
+        self._path: Any = path  # of any of the three kinds
+        self._h, self._mbs = h, mbs
 
     def evaluate(self, t: float) -> tuple[float, float, float]:
         """Value in m, rate and second rate at t s."""
@@ -219,10 +222,10 @@ ENTRIES_AHEAD = 1_000_000
 PositionFunction = Callable[[Array], Array]
 #: A path in m or a load in N: a signal, whose `value` and `rate` are asked for, or a function of the mbs and the time
 #: in s, which may read ``mbs.variables``.
-Driving: TypeAlias = SignalBase | Callable[[Any, float], float]
+Driving: TypeAlias = SignalBase | Callable[[exu.MainSystem, float], float]
 
 
-def driving_value(driving: Driving, mbs: Any, t: float) -> float:
+def driving_value(driving: Driving, mbs: exu.MainSystem, t: float) -> float:
     """Value of a signal, or of a function of the mbs, at t s."""
     return float(driving.value(t) if hasattr(driving, "value") else driving(mbs, t))
 
@@ -294,7 +297,7 @@ class SignalInputs(Inputs):
 
     def __init__(
         self,
-        mbs: Any,
+        mbs: exu.MainSystem,
         equations: Equations,
         paths: Mapping[str, Driving],
         loads: Mapping[str, Driving],

@@ -34,10 +34,10 @@ Start = Mapping[str, InitialState]
 #: contact.  ``callbacks``: the paper's way, Python is called in every iteration.  ``callbacks-modified-newton``: the
 #: same, but a Jacobian is kept as long as Newton's method converges with it.
 Formulation = Literal["springs", "multipliers", "callbacks", "callbacks-modified-newton"]
-AddItems: TypeAlias = Callable[[Any, Equations, Inputs, Start], SystemItems]
+AddItems: TypeAlias = Callable[[exu.MainSystem, Equations, Inputs, Start], SystemItems]
 
 
-def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
+def add_with_springs(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
     """Add the items of a system whose rows, travelling springs and loads are set once a step.
 
     Sparse systems with contacts that give way, none of which only pushes, use `add_with_multipliers` instead: springs
@@ -60,8 +60,8 @@ def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Star
         B = system(t)[:, n:] if springs else equations.B
         return np.asarray(B @ np.array(inputs.loads(t)))
 
-    steps, parameters = Steps(held=bool(len(rigid))), {"forceVector": force(0.0)}
-    finish: Callable[[Any, SystemItems, float], None] = do_nothing
+    steps, parameters = Steps(held=bool(len(rigid))), dict[str, Any](forceVector=force(0.0))
+    finish: Callable[[exu.MainSystem, SystemItems, float], None] = do_nothing
     if friction is not None or contacts.any_pushes:
         pads = Pads(equations, contacts, friction)
         contact_parameters, finish = _contact_parameters(pads, equations, inputs, steps, start)
@@ -73,7 +73,7 @@ def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Star
     items = items if friction is None else replace(items, rubbing=pads)
     place_set, loads_set = inputs.number(0.0), inputs.loads(0.0)
 
-    def update(mbs: Any, t: float) -> bool:
+    def update(mbs: exu.MainSystem, t: float) -> bool:
         """Pre-step function: set rows, stiffness and forces to those at t."""
         nonlocal place_set, loads_set
         finish(mbs, items, t)
@@ -94,7 +94,7 @@ def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Star
 
 def _contact_parameters(
     pads: Pads, equations: Equations, inputs: Inputs, steps: Steps, start: Start
-) -> tuple[dict[str, Any], Callable[[Any, SystemItems, float], None]]:
+) -> tuple[dict[str, Any], Callable[[exu.MainSystem, SystemItems, float], None]]:
     """Parameters of ObjectGenericODE2 (user functions) for contacts that push or rub; function that ends a step."""
     stored_rows: tuple[int, Rows] | None = None
     begun = np.concatenate([state.q for state in start.values()])
@@ -112,7 +112,7 @@ def _contact_parameters(
         """Set the state at t = 0, with coordinates q (n,)."""
         pads.begin(rows(0.0), q, np.array(inputs.loads(0.0)) + pads.inertia(0.0))
 
-    def force(mbs: Any, t: float, item: int, q: Any, q_t: Any) -> Any:
+    def force(mbs: exu.MainSystem, t: float, item: int, q: Array, q_t: Array) -> Array:
         """User function: forces (n,) of the contacts on the coordinates."""
         at, inertia = rows(t), pads.inertia(t)
         if t <= 0.0:  # where Exudyn asks for the accelerations at the start
@@ -121,14 +121,16 @@ def _contact_parameters(
         # what contacts answer to inertia is in the mass of the base and the coordinates
         return state.w - at.giving.C.T @ (state.multipliers[pads.gives] - pads.answers(at, inertia))
 
-    def jacobian(mbs: Any, t: float, item: int, q: Any, q_t: Any, factor: float, factor_t: float) -> Any:
+    def jacobian(
+        mbs: exu.MainSystem, t: float, item: int, q: Array, q_t: Array, factor: float, factor_t: float
+    ) -> exu.MatrixContainer:
         """User function: stiffness of the contacts."""
         steps.check(t)
         at = rows(t)
         state = pads.state(at, np.asarray(q), np.array(inputs.loads(t)) + pads.inertia(t), t)
         return equations.matrix(factor * pads.stiffness(at, state))
 
-    def finish(mbs: Any, items: SystemItems, t: float) -> None:
+    def finish(mbs: exu.MainSystem, items: SystemItems, t: float) -> None:
         """End the step before the one that ends at t: the next one starts from its friction."""
         nonlocal reached, loads
         if pads.law is None:
@@ -148,11 +150,11 @@ def _contact_parameters(
     return {"forceUserFunction": force, "jacobianUserFunction": jacobian}, finish
 
 
-def do_nothing(mbs: Any, items: SystemItems, t: float) -> None:
+def do_nothing(mbs: exu.MainSystem, items: SystemItems, t: float) -> None:
     """End a step without friction, of which the next step needs nothing."""
 
 
-def add_with_multipliers(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
+def add_with_multipliers(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
     r"""Add the items of a system with constraints for all contacts, including those that give way.
 
     Each contact has a coordinate w without mass:
@@ -197,7 +199,7 @@ def add_with_multipliers(mbs: Any, equations: Equations, inputs: Inputs, start: 
     mRows = mbs.AddMarker(MarkerNodeCoordinates(name=name, nodeNumber=nRows))
     items = with_contacts(mbs, items, np.arange(m), mRows, scalingMarker0=F, scalingMarker1=C, offset=offset)
 
-    def update(mbs: Any, t: float) -> bool:
+    def update(mbs: exu.MainSystem, t: float) -> bool:
         """Pre-step function: set rows and forces to those at t."""
         inputs.begin(t)
         C, F, offset = parts(t)
@@ -211,20 +213,20 @@ def add_with_multipliers(mbs: Any, equations: Equations, inputs: Inputs, start: 
     return steps.attach_update(mbs, items, update)
 
 
-def add_with_callbacks(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
+def add_with_callbacks(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
     """Add the items of a system of rigid contacts, with Python callbacks in every iteration: the paper's way."""
     m, _ = _counts(equations)
     rows = inputs.function_of_time(lambda x: equations.rows(x).C, equations.size * m)
 
-    def force(mbs: Any, t: float, item: int, q: Any, q_t: Any) -> Any:
+    def force(mbs: exu.MainSystem, t: float, item: int, q: Array, q_t: Array) -> Array:
         """User function: loads (n,) on the coordinates at t s."""
         return equations.B @ np.array(inputs.loads(t))
 
-    def constraint(mbs: Any, t: float, item: int, q: Any, q_t: Any, velocity_level: bool) -> Any:
+    def constraint(mbs: exu.MainSystem, t: float, item: int, q: Array, q_t: Array, velocity_level: bool) -> Array:
         """User function: values C q (m,) of the contact rows at t s."""
         return rows(t) @ q
 
-    def jacobian(mbs: Any, t: float, item: int, q: Any, q_t: Any, velocity_level: bool) -> Any:
+    def jacobian(mbs: exu.MainSystem, t: float, item: int, q: Array, q_t: Array, velocity_level: bool) -> Array:
         """User function: contact rows C (m, n) at t s."""
         return rows(t)
 
@@ -243,14 +245,16 @@ def _counts(equations: Equations) -> tuple[int, int]:
     return len(equations.system.contacts), equations.B.shape[1]
 
 
-def zero_jacobian(equations: Equations, steps: Steps) -> Any:
+def zero_jacobian(equations: Equations, steps: Steps) -> Callable[..., exu.MatrixContainer]:
     """User function for the Jacobian of forces other than K q and D q', which is zero: Exudyn adds K and D itself.
 
     Without it Exudyn would differentiate K q numerically.  The function also checks that the step has been updated.
     """
     no_more = equations.matrix(sp.csr_matrix(equations.K.shape))
 
-    def jacobian(mbs: Any, t: float, item: int, q: Any, q_t: Any, factor: float, factor_t: float) -> Any:
+    def jacobian(
+        mbs: exu.MainSystem, t: float, item: int, q: Array, q_t: Array, factor: float, factor_t: float
+    ) -> exu.MatrixContainer:
         """User function: zero Jacobian (n, n), after the check of the step."""
         steps.check(t)
         return no_more

@@ -30,7 +30,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
 
 import exudyn as exu
 import numpy as np
@@ -62,7 +61,7 @@ from pmr.system.changing_rows import ChangingRows
 from pmr.system.system import System
 
 
-def add_extended(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
+def add_extended(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
     """Add nodes and items of the bodies without their contacts, which the base adds."""
     steps, loads_set = Steps(held=bool(Contacts(equations, inputs).rigid.any())), inputs.loads(0.0)
     jacobian = zero_jacobian(equations, steps)
@@ -70,7 +69,7 @@ def add_extended(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -
         mbs, equations, start, forceVector=equations.B @ np.array(loads_set), jacobianUserFunction=jacobian
     )
 
-    def update(mbs: Any, t: float) -> bool:
+    def update(mbs: exu.MainSystem, t: float) -> bool:
         """Pre-step function: set the force vector to the loads at t."""
         nonlocal loads_set
         inputs.begin(t)
@@ -148,7 +147,7 @@ NOTHING = np.zeros(0)
 class OnBody:
     """Pivot and axes of a boom on a rigid body of the mbs, which then carries the boom."""
 
-    body: Any  # number of an ObjectRigidBody, such as CreateRigidBody returns
+    body: exu.ObjectIndex  # number of an ObjectRigidBody, such as CreateRigidBody returns
     scene: Scene  # of the system: pivot, sections, weight
     place: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the pivot, m from the body's reference point
     axes: Array = field(default_factory=lambda: np.eye(3))  # (3, 3): columns are the boom's x, y, z in the body's axes
@@ -178,7 +177,7 @@ class Base:
     """Base of a boom on a rigid body: its motion, and what has to be added to Exudyn's equations, at a time."""
 
     def __init__(
-        self, mbs: Any, equations: Equations, inputs: Inputs, paths: Mapping[str, Driving], on: OnBody
+        self, mbs: exu.MainSystem, equations: Equations, inputs: Inputs, paths: Mapping[str, Driving], on: OnBody
     ) -> None:
         if LUFFING in equations.system.paths:
             allowed = "a support of the base in its place is allowed where a body of Exudyn carries the boom"
@@ -247,7 +246,7 @@ class Base:
         gamma = np.append(-A.T @ (c @ remainder + skew(omega) @ c @ omega), A.T @ remainder)
         return turned, gamma, FrameMotion(A.T @ omega, np.zeros(3)), R @ A
 
-    def inertia(self, mbs: Any, t: float) -> Array:
+    def inertia(self, mbs: exu.MainSystem, t: float) -> Array:
         """Loads (i,) of the boom's inertia and weight by the body's current motion, at t s.
 
         They deform contacts that give way immediately.  Zero if there are none, or if pads only push.
@@ -311,22 +310,24 @@ def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on
         if term.of == "cylinder load":
             path = paths.get(on.scene.names[term.number])
             free = isinstance(path, NodeCoordinate)
-            amplitudes[term.name] = nothing if free else partial(_cylinder_load, amplitudes[term.name], path)
+            amplitudes[term.name] = (
+                nothing if path is None or free else partial(_cylinder_load, amplitudes[term.name], path)
+            )
     return amplitudes
 
 
-def _cylinder_load(load: Any, extension: Any, mbs: Any, t: float) -> float:
+def _cylinder_load(load: Driving, extension: Driving, mbs: exu.MainSystem, t: float) -> float:
     """Load along a cylinder over its length, in N/m, at t s."""
     return driving_value(load, mbs, t) / driving_value(extension, mbs, t)
 
 
-def with_base(mbs: Any, items: SystemItems, base: Base, inputs: Inputs) -> SystemItems:
+def with_base(mbs: exu.MainSystem, items: SystemItems, base: Base, inputs: Inputs) -> SystemItems:
     """Add the object that couples the items of a boom with the body that carries it; return the items."""
     nodes = [base.node, *items.nBodies.values(), *base.paths.nodes]
     count = sum(len(mbs.GetNode(node)["referenceCoordinates"]) for node in nodes)
     evaluated_at, evaluated = None, (np.empty(0),) * 3
 
-    def evaluate(t: float, q: Any, q_t: Any) -> tuple[Array, Array, Array]:
+    def evaluate(t: float, q: Array, q_t: Array) -> tuple[Array, Array, Array]:
         """Mass, force and stiffness at t s, computed once for the same coordinates and rates."""
         nonlocal evaluated_at, evaluated
         x, rate = np.array(q), np.array(q_t)
@@ -355,16 +356,16 @@ def with_base(mbs: Any, items: SystemItems, base: Base, inputs: Inputs) -> Syste
     return items if base.extending is None else _with_rows(mbs, items, base, base.extending)
 
 
-def _with_rows(mbs: Any, items: SystemItems, base: Base, extending: ExtendingBoom) -> SystemItems:
+def _with_rows(mbs: exu.MainSystem, items: SystemItems, base: Base, extending: ExtendingBoom) -> SystemItems:
     """Add a connector for rigid contacts along extensions that are coordinates; return the items."""
     k, n = base.count, base.boom.size
 
-    def split(t: float, z: Any) -> tuple[Array, Array]:
+    def split(t: float, z: Array) -> tuple[Array, Array]:
         """Extensions (S,) and coordinates (n,) of the boom, from those of a marker, which include reference ones."""
         z_array = np.array(z)
         return base.extensions(t, z_array[k + n :] - base.paths.reference, z_array[k + n :]).value, z_array[k : k + n]
 
-    def gap_derivative(t: float, z: Any) -> Array:
+    def gap_derivative(t: float, z: Array) -> Array:
         """Derivative of the gaps by all coordinates."""
         derivative = extending.gap_derivative(*split(t, z))
         return np.hstack([np.zeros((len(derivative), k)), derivative[:, :n], derivative[:, n:] @ base.paths.along])

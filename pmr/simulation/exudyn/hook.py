@@ -18,7 +18,6 @@ a coordinate: together with this, the constraint's derivative by s leaves :math:
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import exudyn as exu
 import numpy as np
@@ -51,13 +50,15 @@ RATES = ("initialCoordinates_t", "initialVelocities")
 class Hook:
     """Numbers of the items of a hook in an mbs."""
 
-    nHook: Any  # NodePoint
-    oHook: Any  # ObjectMassPoint on it
-    mHook: Any  # MarkerNodePosition
-    oJoint: Any  # ObjectConnectorCoordinateVector that joins it to the boom; its Force is that on the boom, in its axes
+    nHook: exu.NodeIndex  # NodePoint
+    oHook: exu.ObjectIndex  # ObjectMassPoint on it
+    mHook: exu.MarkerIndex  # MarkerNodePosition
+    oJoint: (
+        exu.ObjectIndex
+    )  # ObjectConnectorCoordinateVector that joins it to the boom; its Force is that on the boom, in its axes
 
 
-def add_hook(mbs: Any, items: SystemItems, loads: tuple[str, str, str], mass: float) -> Hook:
+def add_hook(mbs: exu.MainSystem, items: SystemItems, loads: tuple[str, str, str], mass: float) -> Hook:
     """Add a point of mass `mass` in kg at the point where three of the boom's loads act.
 
     It starts where the boom without the hook's force has this point, and with the point's velocity.

@@ -46,10 +46,10 @@ from pmr.simulation.start import InitialState
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-PreStep = Callable[[Any, float], bool]
+PreStep = Callable[[exu.MainSystem, float], bool]
 
 
-def _do_nothing(mbs: Any, t: float) -> bool:
+def _do_nothing(mbs: exu.MainSystem, t: float) -> bool:
     """Pre-step function that changes nothing and lets the simulation go on."""
     return True
 
@@ -59,17 +59,19 @@ class SystemItems:
     """Numbers of the items that make up a system in an mbs (Exudyn's multibody system)."""
 
     # NodeGenericODE2 of each body with its coordinates, those that supports of a full one hold left out
-    nBodies: Mapping[str, Any]
+    nBodies: Mapping[str, exu.NodeIndex]
     # all coordinates of each body; connectors attached here feel the full flexibility at the model's ports alone
-    mBodies: Mapping[str, Any]
-    oSystem: Any  # ObjectGenericODE2 with M, D and K of all bodies
-    mSystem: Any  # all coordinates
-    mGround: Any
+    mBodies: Mapping[str, exu.MarkerIndex]
+    oSystem: exu.ObjectIndex  # ObjectGenericODE2 with M, D and K of all bodies
+    mSystem: exu.MarkerIndex  # all coordinates
+    mGround: exu.MarkerIndex
     # ObjectConnectorCoordinateVector of the `contacts`; its output variable Force is their lambda in N; None where
     # there are no such contacts
-    oContacts: Any = None
-    oTerms: Any = None  # ObjectGenericODE2 of the terms that vary in time; None where there are none
-    oBase: Any = None  # ObjectGenericODE2 that couples it with a rigid body; None where it stands on the ground
+    oContacts: exu.ObjectIndex | None = None
+    oTerms: exu.ObjectIndex | None = None  # ObjectGenericODE2 of the terms that vary in time; None where there are none
+    oBase: exu.ObjectIndex | None = (
+        None  # ObjectGenericODE2 that couples it with a rigid body; None where it stands on the ground
+    )
     contacts: tuple[int, ...] = ()  # numbers of the system's contacts that oContacts holds, in its order
     # sets rows and loads to the time t in s; the mbs' pre-step function calls it
     update: PreStep = _do_nothing
@@ -78,16 +80,18 @@ class SystemItems:
     base: Any = None  # what `add_hook` needs
     rubbing: Any = None  # `pmr.simulation.exudyn.contacts.Pads`; None where no pad rubs
 
-    def component_name(self, mbs: Any, part: str) -> str:
+    def component_name(self, mbs: exu.MainSystem, part: str) -> str:
         """Name in the mbs of a component of the system: the system's name followed by `part`, such as ``Contacts``."""
         return f"{mbs.GetMarker(self.mSystem)['name']}{part}"
 
-    def coordinates(self, mbs: Any, configuration: Any = exu.ConfigurationType.Current) -> Array:
+    def coordinates(
+        self, mbs: exu.MainSystem, configuration: exu.ConfigurationType = exu.ConfigurationType.Current
+    ) -> Array:
         """Coordinates (n,) of all bodies, by default in the current configuration."""
         kind, nodes = exu.OutputVariableType.Coordinates, self.nBodies.values()
         return np.concatenate([mbs.GetNodeOutput(node, kind, configuration) for node in nodes])
 
-    def add_object(self, mbs: Any, part: str, equations: Equations, **parameters: Any) -> Any:
+    def add_object(self, mbs: exu.MainSystem, part: str, equations: Equations, **parameters: Any) -> exu.ObjectIndex:
         """Add an ObjectGenericODE2 on the nodes of all bodies and return its number.
 
         `part` is the end of its name.  Its mass matrix and Jacobian are zero unless `parameters`, which are passed to
@@ -100,36 +104,36 @@ class SystemItems:
             ObjectGenericODE2(name=self.component_name(mbs, part), nodeNumbers=nodes, **(nothing | parameters))
         )
 
-    def updated_by(self, mbs: Any, function: PreStep) -> SystemItems:
+    def updated_by(self, mbs: exu.MainSystem, function: PreStep) -> SystemItems:
         """Have ``function(mbs, t)`` called before each step, after all functions set so far; return updated items."""
         before = self.update
         add_pre_step_function(mbs, function)
         return replace(self, update=lambda mbs, t: before(mbs, t) and function(mbs, t))
 
     @property
-    def nBody(self) -> Any:  # noqa: N802
+    def nBody(self) -> exu.NodeIndex:  # noqa: N802
         """Node of the body of a system of one body."""
         (node,) = self.nBodies.values()
         return node
 
     @property
-    def mBody(self) -> Any:  # noqa: N802
+    def mBody(self) -> exu.MarkerIndex:  # noqa: N802
         """Marker of the body of a system of one body."""
         (marker,) = self.mBodies.values()
         return marker
 
     @property
-    def oBody(self) -> Any:  # noqa: N802
+    def oBody(self) -> exu.ObjectIndex:  # noqa: N802
         """Object of the body of a system of one body."""
         return self.oSystem
 
     @property
-    def oSlider(self) -> Any:  # noqa: N802
+    def oSlider(self) -> exu.ObjectIndex | None:  # noqa: N802
         """Connector of the rigid contacts of a system of one body; None without rigid contacts."""
         return self.oContacts
 
 
-def add_pre_step_function(mbs: Any, function: PreStep) -> None:
+def add_pre_step_function(mbs: exu.MainSystem, function: PreStep) -> None:
     """Have ``function(mbs, t)`` called before each step, after the pre-step functions that are already set.
 
     As in Exudyn, the simulation stops if one of them returns False.
@@ -140,7 +144,7 @@ def add_pre_step_function(mbs: Any, function: PreStep) -> None:
         return
     earlier = present["function"]
 
-    def both(mbs: Any, t: float) -> bool:
+    def both(mbs: exu.MainSystem, t: float) -> bool:
         """Call both functions; return whether both let the simulation go on."""
         goes_on = earlier(mbs, t)
         return bool(function(mbs, t) and goes_on)
@@ -149,7 +153,11 @@ def add_pre_step_function(mbs: Any, function: PreStep) -> None:
 
 
 def add_bodies(
-    mbs: Any, equations: Equations, start: Mapping[str, InitialState], K: Any = None, **parameters: Any
+    mbs: exu.MainSystem,
+    equations: Equations,
+    start: Mapping[str, InitialState],
+    K: Array | None = None,
+    **parameters: Any,
 ) -> SystemItems:
     """Add nodes, markers, the common object and a ground node of all bodies to an mbs, and return their numbers.
 
@@ -185,7 +193,7 @@ def add_bodies(
     )
 
 
-def add_coordinates(mbs: Any, name: str, start: InitialState) -> Any:
+def add_coordinates(mbs: exu.MainSystem, name: str, start: InitialState) -> exu.NodeIndex:
     """Add a NodeGenericODE2 with the initial coordinates and rates of `start`, and return its number."""
     size = len(start.q)
     return mbs.AddNode(
@@ -200,7 +208,7 @@ def add_coordinates(mbs: Any, name: str, start: InitialState) -> Any:
 
 
 def with_contacts(
-    mbs: Any, items: SystemItems, contacts: Indices, mOther: Any = None, **parameters: Any
+    mbs: exu.MainSystem, items: SystemItems, contacts: Indices, mOther: exu.MarkerIndex | None = None, **parameters: Any
 ) -> SystemItems:
     """Add a connector for `contacts`, numbers among the system's, to the mbs, and return the items with it.
 
@@ -226,7 +234,7 @@ class Steps:
         self._held, self._reached = held, 0.0
         self._update: PreStep = _do_nothing
 
-    def attach_update(self, mbs: Any, items: SystemItems, update: PreStep) -> SystemItems:
+    def attach_update(self, mbs: exu.MainSystem, items: SystemItems, update: PreStep) -> SystemItems:
         """Have ``update(mbs, t)`` called before each step that ends at t; return items with the checked `update`."""
         self._update = update
         add_pre_step_function(mbs, self._begin)
@@ -244,7 +252,7 @@ class Steps:
             )
             raise InputError("Exudyn", "SetPreStepUserFunction", None, allowed)
 
-    def _begin(self, mbs: Any, t: float) -> bool:
+    def _begin(self, mbs: exu.MainSystem, t: float) -> bool:
         """Pre-step function: raise InputError for an unsuitable solver or setting, or else update the system to t."""
         if "staticSolver" in mbs.sys and "dynamicSolver" not in mbs.sys:
             allowed = "SolveDynamic is allowed: a static solution takes its load factor for the time in s"
@@ -260,7 +268,7 @@ class Steps:
         return self._update(mbs, t)
 
 
-def with_terms(mbs: Any, items: SystemItems, equations: Equations, inputs: Inputs) -> SystemItems:
+def with_terms(mbs: exu.MainSystem, items: SystemItems, equations: Equations, inputs: Inputs) -> SystemItems:
     """Add the object of the system's terms and return the items with it; unchanged items if there are no terms."""
     if not equations.system.terms:
         return items
@@ -276,7 +284,7 @@ def with_terms(mbs: Any, items: SystemItems, equations: Equations, inputs: Input
 
     oTerms = items.add_object(mbs, "Terms", equations, **matrices(amplitudes_set))
 
-    def vary(mbs: Any, t: float) -> bool:
+    def vary(mbs: exu.MainSystem, t: float) -> bool:
         """Pre-step function: set the matrices to the amplitudes at the time t, if these have changed."""
         nonlocal amplitudes_set
         amplitudes = inputs.amplitudes(t)
@@ -289,13 +297,13 @@ def with_terms(mbs: Any, items: SystemItems, equations: Equations, inputs: Input
     return replace(items.updated_by(mbs, vary), oTerms=oTerms)
 
 
-def with_quasi_static(mbs: Any, items: SystemItems, equations: Equations) -> SystemItems:
+def with_quasi_static(mbs: exu.MainSystem, items: SystemItems, equations: Equations) -> SystemItems:
     """Add the object of coordinates without inertia and return the items; unchanged if all coordinates have inertia."""
     still, reached, begun = equations.quasi_static, 0.0, False
     if not len(still):
         return items
 
-    def diagonal(values: Any) -> Any:
+    def diagonal(values: Array | float) -> exu.MatrixContainer:
         """Diagonal matrix (n, n) with `values` at the coordinates without inertia and zero elsewhere."""
         entries = np.zeros(equations.size)
         entries[still] = values
@@ -312,7 +320,7 @@ def with_quasi_static(mbs: Any, items: SystemItems, equations: Equations) -> Sys
         forceVector=np.zeros(equations.size),
     )
 
-    def follow(mbs: Any, t: float) -> bool:
+    def follow(mbs: exu.MainSystem, t: float) -> bool:
         """Pre-step function: set the stiffness D / h and the force D eta_n / h of the step of h that ends at t."""
         nonlocal reached, begun
         if t <= 0.0:  # before a simulation is repeated

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import exudyn as exu
 import numpy as np
@@ -47,7 +46,7 @@ from pmr.system.system import System
 
 
 def add_system(
-    mbs: Any,
+    mbs: exu.MainSystem,
     system: System,
     paths: Mapping[str, Driving],
     loads: Mapping[str, Driving],
@@ -129,7 +128,7 @@ def add_system(
 
 
 def add_sliding_body(
-    mbs: Any,
+    mbs: exu.MainSystem,
     body: SlidingBody,
     path: Driving,
     loads: Mapping[str, Driving],
@@ -233,7 +232,7 @@ class SystemRun:
         none = np.zeros((len(q), 0))
         return Motion(self._inputs.x, q, v, self._inputs.f, forces, self._inputs.c, none, none, none)
 
-    def _sensor_values(self, sensor: Any) -> Array:
+    def _sensor_values(self, sensor: exu.SensorIndex) -> Array:
         """Values (N, c) that a sensor stored."""
         return read_sensor(self._mbs, sensor, self._lengths, self._describe)
 

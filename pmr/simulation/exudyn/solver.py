@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout
 from io import StringIO
-from typing import Any
 
 import exudyn as exu
 import numpy as np
@@ -28,7 +27,7 @@ _NO_CONVERGENCE = (
 )
 
 
-def solver_settings(stepping: TimeStepping, linear_solver: Any) -> Any:
+def solver_settings(stepping: TimeStepping, linear_solver: exu.LinearSolverType) -> exu.SimulationSettings:
     """Exudyn's settings for generalized-alpha with a constant step and index-3 constraints.
 
     Sensors store every step; no file is written.
@@ -48,7 +47,7 @@ def solver_settings(stepping: TimeStepping, linear_solver: Any) -> Any:
     return chosen
 
 
-def override_newton(newton: Any, settings: Mapping[str, bool | float]) -> None:
+def override_newton(newton: exu.NewtonSettings, settings: Mapping[str, bool | float]) -> None:
     """Overwrite Exudyn's settings of Newton's method by name, in place.
 
     Raises InputError if Exudyn has no such setting, or refuses the value.
@@ -64,8 +63,8 @@ def override_newton(newton: Any, settings: Mapping[str, bool | float]) -> None:
 
 
 def solve(
-    mbs: Any,
-    chosen: Any,
+    mbs: exu.MainSystem,
+    chosen: exu.SimulationSettings,
     place: Callable[[float], str],
     progress: Progress | None = None,
     times: Array | None = None,
@@ -110,22 +109,24 @@ def solve(
     return seconds
 
 
-def _step_function(times: Array) -> Callable[[Any, Any, Any], None]:
+def _step_function(times: Array) -> Callable[..., None]:
     """User function of the solver that sets time and length of each step, for ends of steps at `times` (N,) in s."""
     ends = iter(zip(times[1:].tolist(), np.diff(times).tolist(), strict=True))
 
-    def update(solver: Any, system: Any, settings: Any) -> None:
+    def update(
+        solver: exu.MainSolverImplicitSecondOrder, system: exu.MainSystem, settings: exu.SimulationSettings
+    ) -> None:
         """Set the solver's time and step length to those of the next step."""
         solver.it.currentTime, solver.it.currentStepSize = next(ends)
 
     return update
 
 
-def _report(mbs: Any, integration: Any, progress: Progress) -> None:
+def _report(mbs: exu.MainSystem, integration: exu.TimeIntegrationSettings, progress: Progress) -> None:
     """Have `progress` called about a hundred times."""
     every, steps_done = max(1, integration.numberOfSteps // 100), 0
 
-    def count(mbs: Any, t: float) -> bool:
+    def count(mbs: exu.MainSystem, t: float) -> bool:
         """Pre-step function: count the steps, and report progress."""
         nonlocal steps_done
         steps_done += 1
@@ -136,18 +137,22 @@ def _report(mbs: Any, integration: Any, progress: Progress) -> None:
     add_pre_step_function(mbs, count)
 
 
-def add_node_sensors(mbs: Any, nodes: Iterable[Any], kind: Any) -> list[Any]:
+def add_node_sensors(
+    mbs: exu.MainSystem, nodes: Iterable[exu.NodeIndex], kind: exu.OutputVariableType
+) -> list[exu.SensorIndex]:
     """Add sensors that store an output variable `kind` of nodes at every step; return their numbers."""
     return [mbs.AddSensor(SensorNode(nodeNumber=node, outputVariableType=kind, storeInternal=True)) for node in nodes]
 
 
-def add_force_sensor(mbs: Any, connector: Any) -> Any:
+def add_force_sensor(mbs: exu.MainSystem, connector: exu.ObjectIndex) -> exu.SensorIndex:
     """Add a sensor that stores a connector's force at every step; return its number."""
     kind = exu.OutputVariableType.Force
     return mbs.AddSensor(SensorObject(objectNumber=connector, outputVariableType=kind, storeInternal=True))
 
 
-def read_sensor(mbs: Any, sensor: Any, stepping: TimeStepping | StepParts, place: Callable[[float], str]) -> Array:
+def read_sensor(
+    mbs: exu.MainSystem, sensor: exu.SensorIndex, stepping: TimeStepping | StepParts, place: Callable[[float], str]
+) -> Array:
     """Values (N, c) that a sensor stored, one row for each step or part of a step, t = 0 included.
 
     Raises SimulationError if steps are missing or a value is not finite.

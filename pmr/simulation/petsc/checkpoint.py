@@ -111,13 +111,13 @@ def load(checkpoint: Checkpoint, identity: Mapping[str, Any]) -> StoredSimulatio
     return saved
 
 
-def _differences(stored: Mapping[str, Any], expected: Mapping[str, Any]) -> str:
+def _differences(stored: Mapping[str, object], expected: Mapping[str, object]) -> str:
     """Names of the entries of an identity in which the stored one differs."""
     names = [key for key, value in expected.items() if not _entries_agree(stored.get(key), value)]
     return ", ".join(names)
 
 
-def _entries_agree(a: Any, b: Any) -> bool:
+def _entries_agree(a: object, b: object) -> bool:
     """Whether a stored entry of an identity agrees with the expected one, numbers to `SAME`.
 
     A list of digests agrees with its first digest alone, too, which older files have.

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from pmr import scene as scenes
@@ -268,7 +269,7 @@ class Study(StudyBase):
         return {"chart.csv": csv_text([head for head, _ in rows[0]], cells)}
 
     def _cells(
-        self, table: Mapping[str, Any], k: int, row: Mapping[str, float], luffing: float, slewing: float
+        self, table: Mapping[str, NDArray[Any]], k: int, row: Mapping[str, float], luffing: float, slewing: float
     ) -> list[tuple[str, float | str]]:
         """Return column heads and values of the k-th row of ``chart.csv``.
 

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
 from pmr import scene as scenes
@@ -138,7 +140,7 @@ def simulate_cable_tip(arguments: Arguments, needs: Needs) -> TaskResult:
     return replace(result, warnings=tuple(hints(scene)))
 
 
-def _compare_tip(tip: Any, coordinates: int, needs: Needs) -> TaskResult:
+def _compare_tip(tip: NDArray[np.float64], coordinates: int, needs: Needs) -> TaskResult:
     """Return a task's result: the tip's displacement in m and, if ``finest`` is needed, its errors against that."""
     record: dict[str, Scalar] = {"coordinates": coordinates, "e_abs": None, "e_nrms": None}
     if "finest" in needs:

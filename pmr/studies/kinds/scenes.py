@@ -49,7 +49,7 @@ class ScenePoint:
     parameters: Mapping[str, Scalar]
 
 
-def grid_points(grid: Mapping[str, Any]) -> Iterator[ScenePoint]:
+def grid_points(grid: Mapping[str, object]) -> Iterator[ScenePoint]:
     """Yield a point for each combination of a grid's lists, the last list varying fastest.
 
     An empty grid has one point, without changes.  ``{"reduction": {"modes": [4, 6], "coordinates": [10, 20]}}`` has
@@ -69,7 +69,7 @@ def grid_points(grid: Mapping[str, Any]) -> Iterator[ScenePoint]:
         )
 
 
-def _lists(tables: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Sequence[Any]]]:
+def _lists(tables: Mapping[str, object], prefix: str) -> Iterator[tuple[str, Sequence[Any]]]:
     """Yield dotted key and list of each list in nested tables; InputError for an empty list or another value."""
     for key, value in tables.items():
         if isinstance(value, Mapping):
@@ -80,19 +80,18 @@ def _lists(tables: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Sequen
             raise InputError("study", f"grid.{prefix}{key}", value, "a list of values is allowed, one for each run")
 
 
-def _nest(key: str, value: Any) -> dict[str, Any]:
+def _nest(key: str, value: object) -> dict[str, Any]:
     """Return nested tables with a value at a dotted key."""
-    for part in reversed(key.split(".")):
-        value = {part: value}
-    return dict(value)
+    first, _, following = key.partition(".")
+    return {first: _nest(following, value) if following else value}
 
 
-def _is_plain(value: Any) -> bool:
+def _is_plain(value: object) -> bool:
     """Return whether a value fits into one cell of a table."""
     return isinstance(value, (float, int, str))
 
 
-def _word(value: Any, number: int) -> str:
+def _word(value: object, number: int) -> str:
     """Return a value as text for a key; ``no<i>``, the i-th of its list, if keys can't hold its characters."""
     text = str(value).lower() if isinstance(value, bool) else str(value)
     return text if _is_plain(value) and KEY.fullmatch(f"0{text}") else f"no{number + 1}"
