@@ -14,6 +14,7 @@ from pmr.constraints.rows import Row
 from pmr.kernel.block_file import lines
 from pmr.kernel.further import (
     NEGLIGIBLE,
+    Arrays,
     Frame,
     Modal,
     Supports,
@@ -35,7 +36,7 @@ Array = NDArray[np.float64]
 class SystemData:
     """Arrays of a system by name, and the meaning of the numbers in them."""
 
-    arrays: dict[str, NDArray[Any] | str]
+    arrays: Arrays
     used_modes: NDArray[np.int64]  # (r,): numbers of the bodies' modes among all modes, of which others are padding
     modes: dict[str, slice]  # modes of each body among all, padding included
     rows: Arrangement
@@ -47,7 +48,7 @@ def system_data(
 ) -> SystemData:
     """Write a system as the kernel's arrays, from the modal forms of its bodies by name and its moving frame, if any.
 
-    `reduced` is the result of `in_modes` if the caller has it; the arrays are then without reactions of supports.
+    `reduced` is the result of `system_in_modes` if the caller has it; there are then no reactions of supports.
     """
     supports = [supports_of(system, name, form, reduced is None) for name, form in forms.items()]
     reduced = reduced or system_in_modes(system, forms, supports)
@@ -90,16 +91,13 @@ class Outputs:
     @classmethod
     def of(cls, rows: Arrangement, supports: Sequence[Supports]) -> Outputs:
         """Split the outputs of bodies, of which the last ones are the reactions of these supports."""
-        counts = [
-            part.outputs.stop - part.outputs.start - len(of.names)
-            for part, of in zip(rows.parts, supports, strict=True)
-        ]
         outputs, reactions = list[NDArray[np.int64]](), list[NDArray[np.int64]]()
-        for part, count in zip(rows.parts, counts, strict=True):
-            first, second = np.split(np.arange(part.outputs.start, part.outputs.stop), [count])
+        for part, of in zip(rows.parts, supports, strict=True):
+            numbers = np.arange(part.outputs.start, part.outputs.stop)
+            first, second = np.split(numbers, [len(numbers) - len(of.names)])
             outputs.append(first)
             reactions.append(second)
-        return cls(np.concatenate(outputs), np.concatenate(reactions), tuple(counts))
+        return cls(np.concatenate(outputs), np.concatenate(reactions), tuple(map(len, outputs)))
 
     def split(self, array: Array) -> tuple[Array, Array]:
         """Columns (any, outputs) and (any, reactions) of an array (any, both), padded with zeros.
@@ -131,9 +129,7 @@ def system_in_modes(system: System, forms: Mapping[str, Modal], supports: Sequen
     return combine_rings(System(bodies, system.contacts, terms=terms))
 
 
-def _sizes(
-    system: System, modal: System, rows: Arrangement, motions: int, outputs: int
-) -> dict[str, NDArray[Any] | str]:
+def _sizes(system: System, modal: System, rows: Arrangement, motions: int, outputs: int) -> Arrays:
     """Sizes of the system in the order in which `read_arrays` of src/system.c reads them."""
     m, pads = len(modal.contacts), len(rows.F) - len(modal.contacts)
     inputs, order = rows.parts[-1].inputs.stop, np.arange(len(rows.F))
@@ -169,7 +165,7 @@ def _fill_rows(array: Array, width: int) -> Array:
     return np.pad(np.asarray(array, float), [(0, 0)] * (array.ndim - 1) + [(0, missing)])
 
 
-def _bodies(rows: Arrangement, split: Outputs) -> dict[str, NDArray[Any] | str]:
+def _bodies(rows: Arrangement, split: Outputs) -> Arrays:
     """Arrays of the modes, inputs and outputs of all bodies."""
     last = rows.parts[-1]
     r, i, o = last.modes.stop, last.inputs.stop, last.outputs.stop
@@ -199,7 +195,7 @@ def _bodies(rows: Arrangement, split: Outputs) -> dict[str, NDArray[Any] | str]:
     }
 
 
-def _contacts(system: System, rows: Arrangement, split: Outputs) -> dict[str, NDArray[Any] | str]:
+def _contacts(system: System, rows: Arrangement, split: Outputs) -> Arrays:
     """Constant arrays of the contacts: rows, clearances, which of them push, and ropes that lengthen."""
     m, moments = len(system.contacts), len(rows.F) - len(system.contacts)
     clearance = np.pad(system.clearance, (0, moments), constant_values=np.nan)
@@ -223,7 +219,7 @@ def _contacts(system: System, rows: Arrangement, split: Outputs) -> dict[str, ND
     }
 
 
-def _blocks(rows: Arrangement, split: Outputs) -> dict[str, NDArray[Any] | str]:
+def _blocks(rows: Arrangement, split: Outputs) -> Arrays:
     """Arrays of the blocks of rows and of pairs of blocks; the tables of all blocks follow each other."""
     parts: dict[str, list[NDArray[Any]]] = {
         name: [np.zeros(0, np.int64 if name in ("block_rows", "touched") else np.float64)]
@@ -291,7 +287,7 @@ def _carrier_weights(row: Row, width: int, carriers: NDArray[np.int64]) -> tuple
     return touched, np.pad(row.coefficients, ((0, 0), (0, 0), (0, missing))).swapaxes(0, 1)
 
 
-def _terms(system: System, rows: Arrangement) -> dict[str, NDArray[Any] | str]:
+def _terms(system: System, rows: Arrangement) -> Arrays:
     """Matrices of terms as registers of `LANES` rows by one column; registers that no term touches are left out."""
     r = rows.parts[-1].modes.stop
     where = {
@@ -323,7 +319,7 @@ def _terms(system: System, rows: Arrangement) -> dict[str, NDArray[Any] | str]:
     }
 
 
-def _friction(rows: Arrangement) -> dict[str, NDArray[Any] | str]:
+def _friction(rows: Arrangement) -> Arrays:
     """Arrays of the pads with friction, joint by joint."""
     friction, nothing = rows.friction, np.zeros(0, np.int64)
     if friction is None:

@@ -172,25 +172,17 @@ def support_arrays(
     }
 
 
-@dataclass(frozen=True)
-class Cylinder:
-    """Forces from which the force of the luffing cylinder follows, by their moments about the pivot."""
+def cylinder_arrays(scene: Scene, paths: Sequence[str], numbers: Mapping[str, int], outputs: int) -> Arrays:
+    """Arrays of the luffing cylinder; empty if there are no hinges, it holds the base, or a force has no number.
 
-    hinges: tuple[float, ...]  # m: x and z of the foot, x and z of the lug
-    sources: tuple[int, ...]  # (K,): numbers of the forces among all outputs, reactions and contact forces
-    moments: Array  # (K, 1 + P): moment of each unit force about the pivot in m, and its change by 1 m of each path
-    pin: tuple[int, int, int]  # numbers of a pin's reactions along x and z (-1: none), and of the force at the lug
-
-
-def luffing_cylinder(scene: Scene, paths: Sequence[str], numbers: Mapping[str, int], outputs: int) -> Cylinder | None:
-    """Luffing cylinder of a scene; None if there are no hinges, it holds the base, or a force has no number.
-
-    `numbers` has the numbers of outputs, reactions and contact forces by name; `outputs` is how many outputs there
-    are.  All forces on the ground with a moment about the pivot are needed.  The force of a cylinder that holds the
-    base is that of a contact.
+    The cylinder's force follows from K forces on the ground, ``cylinder_sources`` (K,), by their moments about the
+    pivot: ``cylinder_moments`` (K, 1 + P) are those of unit forces in m, and their changes by 1 m of each path.  All
+    forces with a moment are needed.  ``cylinder_pin`` has the numbers of a pin's reactions along x and z, -1 without,
+    and of the force at the lug.  `numbers` has the numbers of outputs, reactions and contact forces by name; `outputs`
+    is how many outputs there are.  The force of a cylinder that holds the base is that of a contact.
     """
     if scene.frame is None or scene.frame.cylinder is None or scene.holding_cylinder is not None:
-        return None
+        return {}
     # without extensions, then with 1 m of each path by itself
     unit = {name: np.eye(len(paths) + 1)[1 + k] for k, name in enumerate(paths)}
     still = np.zeros(len(paths) + 1)
@@ -198,18 +190,23 @@ def luffing_cylinder(scene: Scene, paths: Sequence[str], numbers: Mapping[str, i
     for pressed in pressed_on_ground(scene, {name: unit.get(name, still) for name in scene.paths}):
         name = next((name for name in pressed.names if name in numbers), None)
         if name is None:
-            return None
+            return {}
         about = pressed.wrench[:, 4]
         if np.any(about):
             sources.append(numbers[name])
             moments.append(np.concatenate([about[:1], about[1:] - about[0]]))
     if not sources:
-        return None
+        return {}
     pin, held = (-1, -1, 0), pin_and_cylinder(scene)
     if held is not None and set(held.pin) <= set(numbers):
         across = next(numbers[name] for name in held.across if name in numbers)
         pin = (numbers[held.pin[0]] - outputs, numbers[held.pin[1]] - outputs, across)
-    return Cylinder((*scene.frame.cylinder.foot, *scene.frame.cylinder.lug), tuple(sources), np.array(moments), pin)
+    return {
+        "cylinder_hinges": np.array([*scene.frame.cylinder.foot, *scene.frame.cylinder.lug], float),
+        "cylinder_sources": np.array(sources),
+        "cylinder_moments": np.array(moments),
+        "cylinder_pin": np.array(pin),
+    }
 
 
 def frame_output_arrays(
@@ -232,15 +229,8 @@ def frame_output_arrays(
         names += [f"tip in space {axis}" for axis in "XYZ"]
         numbers = {force_of(name): outputs + len(reactions) + k for k, name in enumerate(system.contact_names)}
         numbers |= {name: k for k, name in enumerate([*system.output_names, *reactions])}
-        cylinder = luffing_cylinder(scene, paths, numbers, outputs)
-        if cylinder is not None:
-            sources = len(cylinder.sources)
-            arrays |= {
-                "cylinder_hinges": np.array(cylinder.hinges, float),
-                "cylinder_sources": np.array(cylinder.sources),
-                "cylinder_moments": cylinder.moments,
-                "cylinder_pin": np.array(cylinder.pin),
-            }
+        if cylinder := cylinder_arrays(scene, paths, numbers, outputs):
+            arrays, sources = arrays | cylinder, len(cylinder["cylinder_sources"])
             names.append(CYLINDER)
     arrays["further"] = np.array([len(reactions), int(bool(names)), sources])
     return arrays, [*reactions, *names]
@@ -280,7 +270,7 @@ class Frame(Protocol):
         """Number of the first product of each of i inputs, then of each of K terms, (i + K + 1,); p at the end."""
 
 
-def frame_arrays(frame: Frame | None, paths: Sequence[str]) -> dict[str, NDArray[Any] | str]:
+def frame_arrays(frame: Frame | None, paths: Sequence[str]) -> Arrays:
     """Arrays of a frame for a system with these paths; empty without one.
 
     An InputError is raised if the frame has no motion for one of the paths.

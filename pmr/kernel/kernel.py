@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,6 +29,13 @@ def code_variant() -> str:
 def checksum(content: bytes | bytearray) -> int:
     """Checksum of `content`: of the bytes of a block behind the first `LINE`."""
     return int(lib.pmr_checksum(ffi.from_buffer(content), len(content)))
+
+
+class FrameDrivers(NamedTuple):
+    """Drivers that follow from n motions of a frame."""
+
+    u: Array  # (N,)
+    derivatives: Array  # (N, 3, n): by the motions' values, rates and second rates
 
 
 class Kernel:
@@ -97,7 +104,7 @@ class Kernel:
         """Bytes of the block that the system was opened from."""
         return self._block.tobytes()
 
-    def frame_drivers(self, motions: ArrayLike) -> tuple[Array, Array]:
+    def frame_drivers(self, motions: ArrayLike) -> FrameDrivers:
         """Drivers u (N,) for motions (3, n) of the frame, and derivatives (N, 3, n) of the drivers by the motions.
 
         The rows of `motions` are values, rates and second rates.  An InputError is raised for a system without a frame.
@@ -108,7 +115,7 @@ class Kernel:
         u, work = np.zeros(self.drivers), np.zeros(lib.pmr_frame_work(self._system))
         derivatives = np.zeros((self.drivers, 3, self.motions))
         lib.pmr_frame(self._system, *map(pointer, (at, u, derivatives, work)))
-        return u, derivatives
+        return FrameDrivers(u, derivatives)
 
     def names(self, kind: Literal["drivers", "motions", "outputs", "further", "contacts", "forces"]) -> tuple[str, ...]:
         """Names of that kind in the order of their numbers; empty if there are none."""

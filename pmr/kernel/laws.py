@@ -26,7 +26,14 @@ class ContactError(SimulationError):
     row: int | None = None
 
 
-def solve_contact(A: Array, b: Array, pushes: Mask, closed: Mask) -> tuple[Array, Mask]:
+class ContactForces(NamedTuple):
+    """Solution of a complementarity problem of m contacts."""
+
+    forces: Array  # (m,) N
+    closed: Mask  # (m,): contacts without a gap
+
+
+def solve_contact(A: Array, b: Array, pushes: Mask, closed: Mask) -> ContactForces:
     """Solve A lambda = b + w with lambda >= 0, w >= 0, lambda w = 0 at contacts that only push and w = 0 at others.
 
     Parameters
@@ -40,10 +47,8 @@ def solve_contact(A: Array, b: Array, pushes: Mask, closed: Mask) -> tuple[Array
 
     Returns
     -------
-    forces : (m,) array, N
-        lambda.
-    closed : (m,) array
-        Contacts that are closed, with w = 0.
+    ContactForces
+        lambda, and the contacts with w = 0.
 
     Raises
     ------
@@ -70,7 +75,7 @@ def solve_contact(A: Array, b: Array, pushes: Mask, closed: Mask) -> tuple[Array
         raise error
     if failed:
         raise ContactError("which contacts are closed was not settled in 1000 solves")
-    return forces, state.astype(bool)
+    return ContactForces(forces, state.astype(bool))
 
 
 class ContactSearch:
@@ -171,6 +176,13 @@ class JointCylinder(NamedTuple):
     drive: float = 0.0  # N: force plus friction at the end of the last step
 
 
+class PadFriction(NamedTuple):
+    """Friction of the n pads of a joint, along the boom."""
+
+    friction: Array  # (n,) N
+    limits: Array  # (n,) N: friction at which they slide
+
+
 def slide_pads(
     stiffness: Array,
     laws: Array,
@@ -179,8 +191,8 @@ def slide_pads(
     displacement: float,
     speed: float,
     cylinder: JointCylinder,
-) -> tuple[Array, Array]:
-    """Friction (n,) in N of a joint's pads at the end of a step, and the friction (n,) in N at which they slide.
+) -> PadFriction:
+    """Friction of a joint's n pads at the end of a step.
 
     Parameters
     ----------
@@ -199,4 +211,4 @@ def slide_pads(
     limits, new = np.zeros((2, len(old)))
     joint = ffi.new("pmr_cylinder *", cylinder._asdict())
     lib.pmr_friction(len(old), *map(pointer, arrays), displacement, speed, joint, *map(pointer, (limits, new)))
-    return new, limits
+    return PadFriction(new, limits)

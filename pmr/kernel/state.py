@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import partial
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -83,6 +83,13 @@ class Record:
         if self.parts.size:
             record.parts = integer_pointer(self.parts[first:])
         return record
+
+
+class StateOutputs(NamedTuple):
+    """Outputs of a system and forces of its contacts."""
+
+    values: Array  # (o,)
+    forces: Array  # (forces,) N
 
 
 class State:
@@ -254,11 +261,11 @@ class State:
         self.raise_unless_done(failed, f"step {self.step_number + 1}")
         return int(taken[0]), int(needed[0])
 
-    def outputs(self) -> tuple[Array, Array]:
-        """Outputs (o,) and forces (forces,) in N of all contacts at the end of the last step."""
+    def outputs(self) -> StateOutputs:
+        """Outputs, and forces of all contacts, at the end of the last step."""
         y, forces = np.zeros(self.kernel.outputs), np.zeros(self.kernel.forces)
         lib.pmr_outputs(self._state, pointer(y), pointer(forces))
-        return y, forces
+        return StateOutputs(y, forces)
 
     def further(self) -> Array:
         """Further outputs (further,) at the end of the last step.
