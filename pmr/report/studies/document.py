@@ -59,7 +59,7 @@ def _provenance_chapter(summary: Mapping[str, Any], studies: Sequence[FinishedSt
 
 def study_chapter(study: FinishedStudy, anchor: str) -> Chapter:
     """Build the chapter about a study; if a run has no result yet, about the runs that have one."""
-    content = (runs if study.unfinished else CHAPTERS.get(study.kind, runs)).content(study, anchor)
+    content = (runs if study.unfinished else CHAPTERS.get(study.kind, runs)).build_chapter(study, anchor)
     hints = [f"{text[:1].upper()}{text[1:]}" for text in study.summary.get("hints", ())]
     content = replace(content, warnings=[*hints, *content.warnings])
     published = comparison(study)
