@@ -196,12 +196,12 @@ def test_few_coordinates_with_residual_flexibility_do_what_twenty_did_not(load_s
     assert full is not None
     stepping, path, load = TimeStepping(15.0, 1e-3, 0.9), scene.slider.path, scene.loads[0].signal
     loads = load.value(stepping.times)[:, None]
-    reference = respond(full, one_body.in_exudyn(full, driven(path, load, stepping)), path.rate(stepping.times), loads)
+    reference = respond(full, one_body.simulate(full, driven(path, load, stepping)), path.rate(stepping.times), loads)
     found, forces = {}, {}
     for r in BEAM[name]:
         reduced = reduce(load_scene(name, [f"reduction.coordinates={r}"])).reduced
         response = respond(
-            reduced, one_body.in_exudyn(reduced, driven(path, load, stepping)), path.rate(stepping.times), loads
+            reduced, one_body.simulate(reduced, driven(path, load, stepping)), path.rate(stepping.times), loads
         )
         assert len(reduced.K) == r
         found[r] = 100.0 * nrms(response.displacement, reference.displacement)

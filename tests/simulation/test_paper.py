@@ -25,7 +25,7 @@ STEPPING = TimeStepping(end=15.0, step=1e-3, rho_inf=0.9)
 SLIDING_ENDS = 11.25  # s
 
 
-def run(body: FullBody | ReducedModel, case: Case, simulate: Any = one_body.in_exudyn) -> Trajectory:
+def run(body: FullBody | ReducedModel, case: Case, simulate: Any = one_body.simulate) -> Trajectory:
     return simulate(body, driven(case.path, [case.load], STEPPING))
 
 
