@@ -165,16 +165,18 @@ LAST_KERNEL := $(lastword $(KERNELS))
 BETWEEN := $(filter-out $(KERNEL) $(LAST_KERNEL),$(KERNELS))
 LONGEST =
 LAST =
-IN_CI = $(call both,test-suite-rest test-wheel-part $(LONGEST) test-suite-rooms $(or $(BETWEEN:%=test-mpi-%),test-mpi) \
-    $(BETWEEN:%=test-numerical-%) lint $(LAST),test-wheel-part-mpi)
+IN_CI = $(call both,test-suite-rest test-wheel-part test-suite-compare $(LONGEST) test-suite-rooms \
+    $(or $(BETWEEN:%=test-mpi-%),test-mpi) $(BETWEEN:%=test-numerical-%) lint $(LAST),test-wheel-part-mpi)
 ALONE = $(call both,lint $(SUITE) test-mpi $(OTHERS:%=test-numerical-%) $(LONGEST) $(LAST),$(OTHERS:%=test-ranks-%))
 BOTH_STACKS = $(and $(filter true,$(CI)),$(PYTHON312))
-# The suite in two pieces of some length, one after the other or side by side.
-SUITE := test-suite-rest test-suite-rooms
+# The suite in pieces of some length, one after the other or side by side.
+SUITE := test-suite-rest test-suite-compare test-suite-rooms
+COMPARE := compare fullmodel reduction
 ROOMS := simulation export
 
 .PHONY: test
 test: setup ## lint, the whole suite, two ranks, BLAS kernels; in CI the wheel stack too
+	@echo "lint, the suite under $(or $(KERNEL),the system's BLAS), two ranks; numerical part under $(or $(OTHERS),no other kernel)$(if $(BOTH_STACKS),; a part on the wheel stack)"
 	$(if $(BOTH_STACKS),$(IN_CI),$(ALONE))
 	@$(if $(BOTH_STACKS),,echo "wheel stack not tested: make test-wheel does it, with Python 3.12 or newer")
 
@@ -182,8 +184,11 @@ test: setup ## lint, the whole suite, two ranks, BLAS kernels; in CI the wheel s
 test-suite-rooms: setup .venv-fmi/.ready
 	$(call pytest,.venv,$(KERNEL),$(ROOMS:%=tests/%))
 
+test-suite-compare: setup
+	$(call pytest,.venv,$(KERNEL),$(COMPARE:%=tests/%))
+
 test-suite-rest: setup .venv-snakemake/.ready
-	$(call pytest,.venv,$(KERNEL),$(ROOMS:%=--ignore=tests/%))
+	$(call pytest,.venv,$(KERNEL),$(patsubst %,--ignore=tests/%,$(ROOMS) $(COMPARE)))
 
 .PHONY: test-kernels
 test-kernels: $(OTHERS:%=test-kernel-%) ## the numerical part under the other BLAS kernels: on two ranks what is for two, else on one

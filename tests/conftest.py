@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import shlex
 import sys
 import tempfile
 import time
@@ -50,9 +51,14 @@ FOR_RANKS, FOR_KERNELS = "pytest.mark.mpi", "pytest.mark.numerical"
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Print which kernels of BLAS computed, as these decide the round-off."""
-    found = sorted(f"{library.name} {library.kernel}" for library in blas.loaded())
-    terminalreporter.write_line(f"BLAS: {', '.join(found) or 'no OpenBLAS was loaded'}")
+    """Print the command that repeats each failed test, and the kernels of BLAS, as these decide the round-off."""
+    settings = [f"{name}={os.environ[name]}" for name in ("OMP_NUM_THREADS", "OPENBLAS_CORETYPE") if name in os.environ]
+    launcher = ["mpirun", "-n", str(RANKS)] if RANKS > 1 else []
+    for report in (report for kind in ("failed", "error") for report in terminalreporter.stats.get(kind, ())):
+        command = shlex.join([*settings, *launcher, sys.executable, "-m", "pytest", report.nodeid])
+        terminalreporter.write_line(f"alone: {command}")
+    libraries = sorted(f"{library.name} {library.kernel}" for library in blas.loaded())
+    terminalreporter.write_line(f"BLAS: {', '.join(libraries) or 'no OpenBLAS was loaded'}")
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
