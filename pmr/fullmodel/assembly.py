@@ -65,7 +65,7 @@ def pad_pattern(A: sp.csr_matrix, other: sp.csr_matrix) -> sp.csr_matrix:
     return sp.csr_matrix((entries, places), shape=A.shape)
 
 
-def assemble_model(model: FiniteElementModel, domain: Any) -> Operators:
+def assemble_model(model: FiniteElementModel, domain: object) -> Operators:
     """Assemble mass and stiffness of a model on its distributed mesh, without boundary conditions; collective.
 
     It also frees PETSc objects of earlier models that Python has dropped, as PETSc does so only on request.
@@ -79,15 +79,15 @@ def assemble_model(model: FiniteElementModel, domain: Any) -> Operators:
 class Assembler:
     """Assembles forms on a model's function space to matrices in the model's order of coordinates."""
 
-    def __init__(self, model: FiniteElementModel, domain: Any) -> None:
+    def __init__(self, model: FiniteElementModel, domain: object) -> None:
         self.model, self.comm, self.space = model, comm_of(domain), model.space(domain)
         self._order = model_order(model, self.space)
 
-    def matrix(self, form: Any, zeros: bool = True) -> PETSc.Mat:
+    def matrix(self, form: object, zeros: bool = True) -> PETSc.Mat:
         """Assemble a UFL form to a matrix (n, n); explicit zeros of its pattern are kept if `zeros`.  Collective."""
         return self.assemble_form(compiled_form(form), zeros)
 
-    def assemble_form(self, form: Any, zeros: bool = True) -> PETSc.Mat:
+    def assemble_form(self, form: object, zeros: bool = True) -> PETSc.Mat:
         """Assemble a compiled form to a matrix (n, n); explicit zeros of its pattern are kept if `zeros`.
 
         Collective.
@@ -199,6 +199,6 @@ def project_matrix(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
     return result
 
 
-def share(size: int, comm: Any) -> Indices:
+def share(size: int, comm: MPI.Comm) -> Indices:
     """First coordinate of this rank's share of `size`, and the one after its last."""
     return np.array([comm.rank, comm.rank + 1]) * size // comm.size

@@ -15,14 +15,13 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
 from pmr.errors import ConvergenceError, TooManyModesError
-from pmr.fem.compat import PETSc, SLEPc
+from pmr.fem.compat import MPI, PETSc, SLEPc
 from pmr.fem.distributed import fix_signs, inner, subtract, times
 from pmr.fullmodel.model import FullModel
 
@@ -118,7 +117,7 @@ class _Block:
     lengths: Array
 
 
-def _orthonormalise(W: Array, MW: Array, comm: Any, most: int) -> _Block:
+def _orthonormalise(W: Array, MW: Array, comm: MPI.Comm, most: int) -> _Block:
     """M-orthonormalise the columns of W, given M W: at most `most` directions, the longest ones; collective."""
     values, turned = np.linalg.eigh(inner(W, MW, comm))
     is_spanned = values > SPANNED**2 * np.max(values, initial=0.0)

@@ -59,7 +59,7 @@ def describe_misshapen(field: str, matrices: Mapping[str, NDArray[np.float64]], 
     return None
 
 
-def describe_names(field: str, names: Any) -> str | None:
+def describe_names(field: str, names: object) -> str | None:
     """Description of the first entry that is no name (`pmr.errors.text.is_name`); None if there is none.
 
     None is also returned if `names` is no tuple.

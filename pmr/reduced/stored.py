@@ -101,14 +101,14 @@ def _path_tables(carriers: CarrierRows, arrays: Mapping[str, NDArray[Any]]) -> d
     return {name: tables[name] for name in on_breaks}
 
 
-def _triangle_kind(A: NDArray[Any]) -> str | None:
+def _triangle_kind(A: Array) -> str | None:
     """``triangle`` for a symmetric matrix, ``antitriangle`` for an antisymmetric one; None for others or small ones."""
     if A.ndim != 2 or A.shape[0] != A.shape[1] or len(A) < LEAST:
         return None
     return next((kind for kind, sign in _SIGNS.items() if np.array_equal(A, sign * A.T)), None)
 
 
-def _unpack_triangle(triangle: NDArray[Any], sign: float) -> Array:
+def _unpack_triangle(triangle: Array, sign: float) -> Array:
     """Matrix (n, n) with that lower triangle, row by row; symmetric for the sign 1, antisymmetric for -1."""
     n = int((np.sqrt(8.0 * triangle.size + 1.0) - 1.0) / 2.0 + 0.5)
     if triangle.shape != (n * (n + 1) // 2,):

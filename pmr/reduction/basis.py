@@ -26,7 +26,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -224,7 +223,7 @@ RANK_CHECKS = 64
 INDEPENDENT, NEARLY_DEPENDENT = 1e-9, 1e-4
 
 
-def reduced_model(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
+def reduced_model(model: FullModel, basis: Basis, provenance: dict[str, object]) -> ReducedModel:
     """Galerkin projection of a model: V^T A V of M, D, K and its `matrices`, V^T B, O V and C(s) V; same on every rank.
 
     Fixed rows that every basis vector satisfies (supports, for eigenmodes) are left out and named in the result.  An
@@ -237,7 +236,7 @@ def reduced_model(model: FullModel, basis: Basis, provenance: dict[str, Any]) ->
     return reduced
 
 
-def galerkin(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
+def galerkin(model: FullModel, basis: Basis, provenance: dict[str, object]) -> ReducedModel:
     """Galerkin projection of a model with all of its rows, even those that the basis satisfies up to round-off."""
     comm = model.comm
     V = np.array(basis.V.getDenseArray())

@@ -16,9 +16,11 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.errors import InputError, NotHeldError, environment
+from pmr.fem.compat import PETSc
 from pmr.fem.distributed import tall
 from pmr.files import npz
 from pmr.files.whole import NotWrittenError
@@ -102,7 +104,7 @@ def structure_text(scene: Scene) -> str:
     return scene.model_dump_json(exclude=exclude)
 
 
-def _csr(A: Any) -> tuple[NDArray[Any], ...]:
+def _csr(A: sp.csr_matrix) -> tuple[NDArray[Any], ...]:
     """Row pointers, column numbers and entries of a sparse matrix, with 64-bit integers."""
     return A.indptr.astype(np.int64), A.indices.astype(np.int64), A.data
 
@@ -128,7 +130,7 @@ class Cache:
     model: FullModel
     content: str  # digest of the model, see `model_digest`
 
-    def reduced_body(self, request: Mapping[str, Any], make: Callable[[], ReducedBody]) -> ReducedBody:
+    def reduced_body(self, request: Mapping[str, object], make: Callable[[], ReducedBody]) -> ReducedBody:
         """Return the body that is stored for this request, or that of `make`, which is then stored; collective."""
         file = self._file("reduction", request)
         arrays = self._read(file)
@@ -164,7 +166,7 @@ class Cache:
             self._write(file, {}, model)
         return model
 
-    def arrays(self, kind: str, request: Mapping[str, Any], make: Callable[[], Array]) -> Array:
+    def arrays(self, kind: str, request: Mapping[str, object], make: Callable[[], Array]) -> Array:
         """Return the array of that kind for this request, stored or from `make`, which is then stored.
 
         It is the same on every rank; collective.
@@ -202,7 +204,7 @@ class Cache:
         path = scene.travel if ALONE in scene.bodies else None  # joints are part of the structure
         return {"scene": structure_text(scene), "path": path}
 
-    def _file(self, kind: str, request: Mapping[str, Any]) -> Path:
+    def _file(self, kind: str, request: Mapping[str, object]) -> Path:
         """File of that kind for this request."""
         text = repr((self.content, sorted(request.items())))
         return self.folder / f"{kind}-{hashlib.blake2b(text.encode(), digest_size=12).hexdigest()}.npz"
@@ -249,7 +251,7 @@ class Cache:
         return result
 
     def _write(
-        self, file: Path, arrays: Mapping[str, NDArray[Any]], model: ReducedModel | System | None = None
+        self, file: Path, arrays: Mapping[str, NDArray[np.generic]], model: ReducedModel | System | None = None
     ) -> None:
         """Write arrays to `file`, and a model or system to its own file; on rank 0 only.
 
@@ -264,7 +266,7 @@ class Cache:
         except NotWrittenError as error:
             _log.warning("not kept: %s", error)
 
-    def _gather_rows(self, tall_matrix: Any) -> Array:
+    def _gather_rows(self, tall_matrix: PETSc.Mat) -> Array:
         """All rows of a distributed matrix on rank 0; an empty array on other ranks."""
         shares = self.model.comm.gather(np.array(tall_matrix.getDenseArray()))
         return np.concatenate(shares) if shares is not None else np.empty((0, 0))

@@ -236,7 +236,7 @@ def summary(scene: Scene, models: Mapping[str, FullModel], bodies: Mapping[str, 
     }
 
 
-def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
+def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, object]) -> ReducedModel:
     """Reduced model of the body on that basis, as the scene asks for it.
 
     It has enrichment modes and inertia on carriers if an error is estimated (`pmr.compare.estimate`) or terms may act,

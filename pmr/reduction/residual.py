@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -54,7 +53,7 @@ MOST_ENTRIES = 20_000_000
 SPANNED = 1e-13
 
 
-def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
+def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, object]) -> ReducedModel:
     """Galerkin projection on `basis` with tables of the flexibility that it leaves out; the same on every rank.
 
     Parameters
@@ -87,7 +86,7 @@ def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, Any]) -> 
 
 
 def section_model(
-    body: FreeBody, basis: Basis, provenance: dict[str, Any], coordinates: int, motions: Array | None = None
+    body: FreeBody, basis: Basis, provenance: dict[str, object], coordinates: int, motions: Array | None = None
 ) -> ReducedModel:
     """Model of a section on free modes, with its rows on carriers; collective.
 
@@ -128,13 +127,6 @@ def section_model(
         spanned=spanned,
     )
     return _with_coordinates(replace(flexible, carriers=of_carriers), coordinates)
-
-
-def stiff_model(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
-    """Galerkin projection on any basis, with `carriers` but without fixed rows and without residual flexibility."""
-    fixed = [i for i, row in enumerate(model.rows.rows) if row.is_fixed]
-    reduced, shared = without_rows(galerkin(model, basis, provenance), fixed), released_rows(model).shared_carriers
-    return replace(reduced, carriers=CarrierRows.from_rows(shared.rows, _carrier_measures(model, shared, basis)))
 
 
 def _carrier_measures(model: FullModel, shared: SharedCarriers, basis: Basis) -> Array:
@@ -238,7 +230,7 @@ def _with_coordinates(model: ReducedModel, coordinates: int) -> ReducedModel:
     return with_tables(model) if coordinates == model.size else truncate(model, coordinates)
 
 
-def _project(residual: ResidualFlexibility, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
+def _project(residual: ResidualFlexibility, basis: Basis, provenance: dict[str, object]) -> ReducedModel:
     """Galerkin projection on a basis that satisfies the fixed rows, which are left out.
 
     An InputError is raised if the basis violates one of them.

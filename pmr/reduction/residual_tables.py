@@ -28,7 +28,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import scipy.linalg
@@ -187,7 +187,7 @@ class PatternPairs:
         block = self._pattern[rows][:, columns].tocoo()
         self._blocks.append((rows[block.row], columns[block.col], values[block.row, block.col]))
 
-    def total(self, comm: Any) -> sp.csr_matrix:
+    def total(self, comm: MPI.Comm) -> sp.csr_matrix:
         """All values (L, L), summed over the ranks and made symmetric; collective."""
         rows, columns, values = (np.concatenate(parts) for parts in zip(*self._blocks, strict=True))
         summed = sp.csr_matrix((comm.allreduce(values), (rows, columns)), self._pattern.shape)
@@ -208,7 +208,7 @@ class AllPairs:
         """Store this rank's part of `values` (L, columns) for the loads numbered `columns`; `rows` are all loads."""
         self._values[:, columns] = values
 
-    def total(self, comm: Any) -> Array:
+    def total(self, comm: MPI.Comm) -> Array:
         """All values (L, L), summed over the ranks and made symmetric, in place; collective."""
         comm.Allreduce(MPI.IN_PLACE, self._values)
         self._values += self._values.T.copy()

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +33,7 @@ from pmr.reduction.free_body import FreeBody, fixed_rows
 from pmr.scene import Scene
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -252,7 +252,9 @@ def _remove_rigid_modes(held: FullModel, Z: Array, modes: Modes) -> Modes:
     return finish_modes(held, _any_position(held), omega2, modes.phi @ combined - Z @ (share @ combined), cut=False)
 
 
-def _bent_modes(model: FullModel, stress: Sequence[Any], modes: Modes, which: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _bent_modes(
+    model: FullModel, stress: Sequence[PETSc.Mat], modes: Modes, which: NDArray[np.int64]
+) -> NDArray[np.bool_]:
     """Which of the modes with numbers `which` are bent by axial forces, of the geometric stiffnesses `stress`.
 
     Mode k is measured by the sum of (phi_k^T G phi_j)^2 / omega_k^2 over these matrices G and all modes j before

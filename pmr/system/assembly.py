@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import evaluate
+from pmr.system.body import SlidingBody
 from pmr.system.contact_rows import ContactRows, add_springs, clear_rows, free_motions, is_round_off
 from pmr.system.contacts import Place
 from pmr.system.definite import natural_frequencies
@@ -75,7 +76,7 @@ class Assembly:
         """Outputs (o, n) of unit coordinates, O."""
         return self._blocks(lambda body, free: body.outputs[:, free])
 
-    def _blocks(self, of: Callable[[Any, NDArray[np.int64]], Any]) -> sp.csr_matrix:
+    def _blocks(self, of: Callable[[SlidingBody, NDArray[np.int64]], sp.csr_matrix | Array]) -> sp.csr_matrix:
         """Sparse block-diagonal matrix whose block for each body is ``of(body, numbers of its free coordinates)``."""
         bodies = zip(self.system.bodies.values(), self.free_coordinates.values(), strict=True)
         blocks = [of(body, free) for body, free in bodies]
@@ -326,7 +327,7 @@ def _count(slices: Mapping[str, slice]) -> int:
     return max((entries.stop for entries in slices.values()), default=0)
 
 
-def _slices(system: System, sizes: Any) -> dict[str, slice]:
+def _slices(system: System, sizes: Iterable[int]) -> dict[str, slice]:
     """Consecutive slices of the given sizes, by the names of the system's bodies."""
     ends = np.cumsum([0, *sizes])
     return {name: slice(int(a), int(b)) for name, a, b in zip(system.bodies, ends[:-1], ends[1:], strict=True)}

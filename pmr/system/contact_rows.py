@@ -14,10 +14,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.linalg
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import evaluate, power_contributions
@@ -63,7 +63,7 @@ class ContactRows:
         F = self.F[..., which, :][..., which]
         return ContactRows(self.C[..., which, :], F, self.H[..., which, :], self.X[..., which])
 
-    def force_scale(self, K: Any) -> float:
+    def force_scale(self, K: sp.csr_matrix | Array) -> float:
         """Unit of forces by which contact equations are scaled: the largest entry of the stiffness K (n, n).
 
         If K is zero, as for rigid motions, it is the largest entry of C squared over that of F, or 1 if F is zero.

@@ -149,7 +149,7 @@ def read(path: Path) -> StoredSystem | ReducedModel:
     return StoredSystem(bodies, file_header.contacts, terms, file_header.provenance, modal)
 
 
-def _term(header: _TermHeader, data: Mapping[str, NDArray[Any]], prefix: str) -> Term:
+def _term(header: _TermHeader, data: Mapping[str, NDArray[np.generic]], prefix: str) -> Term:
     """Term of a header, with its matrices from `data` under names that begin with `prefix`."""
     matrices = {key: np.asarray(data[prefix + key], float) for key in ("stiffness", "damping") if prefix + key in data}
     on = {name: f"{prefix}supports.{body}" for body, name in enumerate(header.bodies)}

@@ -50,7 +50,7 @@ class SystemTrajectory:
         of_bodies = [array for body in self.bodies.values() for array in _arrays(body).values()]
         return [*of_bodies, *_arrays(self).values()]
 
-    def map_arrays(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> SystemTrajectory:
+    def map_arrays(self, change: Callable[[NDArray[np.generic]], NDArray[np.generic]]) -> SystemTrajectory:
         """Return the trajectory with each array replaced by ``change(array)``, those of the bodies too."""
 
         def change_arrays(trajectory: Trajectory | SystemTrajectory) -> dict[str, Any]:

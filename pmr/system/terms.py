@@ -154,11 +154,11 @@ def _term(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> T
     return Term(term.name, term.bodies, stiffness=matrix, supports=supports)
 
 
-def _clear_without_inertia(body: SlidingBody, matrix: Any) -> Any:
+def _clear_without_inertia(body: SlidingBody, matrix: sp.csr_matrix | Array) -> sp.csr_matrix | Array:
     """Matrix (n, n) with zero rows and columns for the coordinates of the body that have no inertia."""
     if not len(body.quasi_static):
         return matrix
-    on_inertia = np.array(matrix.toarray() if sp.issparse(matrix) else matrix)
+    on_inertia = np.array(matrix if isinstance(matrix, np.ndarray) else matrix.toarray())
     on_inertia[body.quasi_static] = on_inertia[:, body.quasi_static] = 0.0
     return on_inertia
 
