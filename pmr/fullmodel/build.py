@@ -292,14 +292,9 @@ def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> AssembledBody:
 
 def full_model(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
     """Assemble the full model of a scene with one body on `comm`, and log its warnings."""
-    return build_and_warn(scene, comm).model
-
-
-def build_and_warn(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> AssembledBody:
-    """Assemble a scene's full model as `build` does, and log its warnings."""
     built = build(scene, comm)
     log_warnings([built], comm)
-    return built
+    return built.model
 
 
 def log_warnings(built: Iterable[AssembledBody], comm: MPI.Comm) -> None:

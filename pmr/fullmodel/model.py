@@ -30,7 +30,7 @@ from pmr.scene.keys import ALONE, input_of
 from pmr.scene.structures import PointMass
 from pmr.system.body import FullBody, RowProperties
 from pmr.system.contacts import Contact, Place
-from pmr.system.system import BodySystem, System, ground_contacts
+from pmr.system.system import BodySystem, System, consecutive, ground_contacts
 from pmr.system.terms import Term
 
 Array = NDArray[np.float64]
@@ -287,9 +287,3 @@ class FullSystem(BodySystem[FullModel]):
     def side_rows(self) -> tuple[Row, ...]:
         """Constraint row of each of the `sides`, on its body's carriers."""
         return tuple(self.row(side.place) for side in self.sides)
-
-
-def consecutive(sizes: Sequence[int]) -> tuple[slice, ...]:
-    """Consecutive slices of the given sizes, from 0 on."""
-    ends = np.cumsum([0, *sizes]).tolist()
-    return tuple(slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True))

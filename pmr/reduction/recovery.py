@@ -91,11 +91,6 @@ class Recovery:
                 self.V = np.hstack([self.V, self._cylinder_vectors(self._residual)])
                 self._residual = ResidualFlexibility(body, self.V)
 
-    @property
-    def comm(self) -> Any:
-        """Communicator of the model."""
-        return self._model.comm
-
     def _cylinder_vectors(self, modal: ResidualFlexibility) -> Array:
         """This rank's rows (n_local, a) of the vectors of the a cylinder modes.
 
@@ -114,10 +109,6 @@ class Recovery:
         """
         parts = [np.empty((0, len(self.V))), *self.blocks(states)]
         return np.concatenate(parts)
-
-    def velocities(self, states: BodyStates) -> Array:
-        """This rank's rows (S, n_local) of the velocities V p', without those of the residual part."""
-        return np.asarray(states.v @ self.V.T)
 
     def blocks(self, states: BodyStates) -> Iterator[Array]:
         """Yield this rank's rows (at most `BLOCK`, n_local) of q for successive blocks of states."""

@@ -256,11 +256,6 @@ class LoadValues:
         return LoadFlexibility(self._pairs.total(self._comm), outputs, self._carriers)
 
 
-def load_flexibility(residual: ResidualFlexibility, carriers: sp.csr_matrix, pattern: Pattern) -> LoadFlexibility:
-    """R between unit loads on carriers (K, n), inputs and outputs; with the arguments of `load_powers`, collective."""
-    return load_powers(residual, carriers, pattern, 1)[0]
-
-
 def check_memory(model: FullModel, carriers: int, powers: int) -> None:
     """Raise an InputError if matrices between so many carriers don't fit in memory; collective.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -16,7 +16,7 @@ from pmr.system.body import SlidingBody
 from pmr.system.contact_rows import ContactRows, add_springs, clear_rows, free_motions, is_round_off
 from pmr.system.contacts import Place
 from pmr.system.definite import natural_frequencies
-from pmr.system.system import System
+from pmr.system.system import System, consecutive
 from pmr.system.terms import Term, add_terms
 
 Array = NDArray[np.float64]
@@ -39,9 +39,14 @@ class Assembly:
             name: np.setdiff1d(np.arange(body.size), list(body.held.values())) for name, body in bodies.items()
         }
         # slices of each body's free coordinates, inputs and outputs among those of all bodies
-        self.coordinate_slices = _slices(system, [len(free) for free in self.free_coordinates.values()])
-        self.input_slices = _slices(system, [len(body.input_names) for body in bodies.values()])
-        self.output_slices = _slices(system, [body.outputs.shape[0] for body in bodies.values()])
+        sizes = (
+            [len(free) for free in self.free_coordinates.values()],
+            [len(body.input_names) for body in bodies.values()],
+            [body.outputs.shape[0] for body in bodies.values()],
+        )
+        self.coordinate_slices, self.input_slices, self.output_slices = (
+            dict(zip(bodies, consecutive(of_bodies), strict=True)) for of_bodies in sizes
+        )
         # numbers of coordinates without inertia in simulators (M has their inertia)
         still = [np.isin(self.free_coordinates[name], body.quasi_static) for name, body in bodies.items()]
         self.quasi_static = np.flatnonzero(np.concatenate(still))
@@ -325,9 +330,3 @@ class Assembly:
 def _count(slices: Mapping[str, slice]) -> int:
     """Number of entries that the slices of all bodies cover."""
     return max((entries.stop for entries in slices.values()), default=0)
-
-
-def _slices(system: System, sizes: Iterable[int]) -> dict[str, slice]:
-    """Consecutive slices of the given sizes, by the names of the system's bodies."""
-    ends = np.cumsum([0, *sizes])
-    return {name: slice(int(a), int(b)) for name, a, b in zip(system.bodies, ends[:-1], ends[1:], strict=True)}

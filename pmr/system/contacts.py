@@ -49,7 +49,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pmr.errors import BEYOND_ENDS, InputError
+from pmr.errors import InputError
 from pmr.scene.joints import SHEAR_STIFFNESS, STRIBECK_SPEED
 from pmr.scene.keys import ALONE as ALONE
 from pmr.scene.keys import SLIDER as SLIDER
@@ -210,35 +210,6 @@ class Joint:
             Contact(pad.name, inner, outer, **{key: getattr(pad, key) for key in OF_PAD})
             for pad, inner, outer in (*at_tail, *at_mouth)
         )
-
-    def check(self, s: Array) -> None:
-        """Raise an InputError unless the pads allow all positions s (T,) in m of the inner tail on the outer section.
-
-        Raises
-        ------
-        InputError
-            If the inner section leaves the outer one through its tail, its pads pass those at the mouth, or the inner
-            section ends before the pads at the mouth do.
-        """
-        key, beyond = f"joints.{self.inner}", BEYOND_ENDS * self.outer_length
-        first, last = float(np.min(s)), float(np.max(s))
-        if first < -beyond:
-            allowed = f"0 m or more is allowed: there the tail of {self.inner} is at that of {self.outer}"
-            raise InputError("system", key, first, allowed)
-        needed = max(pad.from_end for pad in self.tail) + max(pad.from_end for pad in self.mouth)
-        overlap = self.outer_length - last
-        if not overlap > needed + 1e-9 * self.outer_length:
-            allowed = (
-                f"less than {self.outer_length - needed:g} m is allowed: the overlap is {overlap:g} m, and pads reach "
-                f"{needed:g} m from the tail of {self.inner} and the mouth of {self.outer}"
-            )
-            raise InputError("system", key, last, allowed)
-        least = self.outer_length - min(pad.from_end for pad in self.mouth) - self.inner_length
-        if first < least - beyond:
-            allowed = (
-                f"{least:g} m or more is allowed: else {self.inner} ends before a pad at the mouth of {self.outer}"
-            )
-            raise InputError("system", key, first, allowed)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ which all contacts are with the ground.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -400,3 +400,9 @@ def ground_contacts(body: Body) -> tuple[Contact, ...]:
         for number, name in enumerate(body.row_names)
         if number not in body.held
     )
+
+
+def consecutive(sizes: Iterable[int]) -> tuple[slice, ...]:
+    """Consecutive slices of the given sizes, from 0 on."""
+    ends = np.cumsum([0, *sizes]).tolist()
+    return tuple(slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True))

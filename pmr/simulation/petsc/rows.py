@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import without_zeros
 from pmr.fem.factor import AnyFactor
-from pmr.fullmodel.model import FullModel, FullSystem, consecutive
+from pmr.fullmodel.model import FullModel, FullSystem
+from pmr.system.system import consecutive
 
 
 class BlockFactor:
