@@ -21,27 +21,27 @@ Indices = NDArray[np.int64]
 AT_ONCE = 2**18
 
 
-def clip_to_domain(s: ArrayLike, low: float, high: float, what: str) -> Array:
+def clip_to_domain(s: ArrayLike, low: float, high: float, label: str) -> Array:
     """Return `s` (any shape) in m as an array clipped to [low, high].
 
-    Values beyond an end by round-off are clipped.  A ValueError that names `what` and the worst value is raised for
+    Values beyond an end by round-off are clipped.  A ValueError that names `label` and the worst value is raised for
     others, and for values that are not finite.
     """
     s = np.asarray(s, dtype=float)
     slack = BEYOND_ENDS * (high - low)
     if s.size and not (s.min() >= low - slack and s.max() <= high + slack):
         worst = s.flat[np.argmax(np.maximum(low - s, s - high))] if np.all(np.isfinite(s)) else np.nan
-        raise ValueError(f"{what}: s = {worst:g} m lies outside the path, allowed are {low:g} to {high:g} m")
+        raise ValueError(f"{label}: s = {worst:g} m lies outside the path, allowed are {low:g} to {high:g} m")
     return np.minimum(np.maximum(s, low), high)  # `np.clip` takes several times as long for a few
 
 
-def evaluate(table: PPoly, s: ArrayLike, derivative: int = 0, what: str = "slider") -> Array:
+def evaluate(table: PPoly, s: ArrayLike, derivative: int = 0, label: str = "slider") -> Array:
     """Values ``(*s.shape, *shape)`` of a table, or of its derivative of that order, at s in m.
 
-    `shape` is that of the table's values.  A ValueError that names `what` is raised where s lies outside the table's
+    `shape` is that of the table's values.  A ValueError that names `label` is raised where s lies outside the table's
     breaks.
     """
-    return np.asarray(table(clip_to_domain(s, table.x[0], table.x[-1], what), nu=derivative))
+    return np.asarray(table(clip_to_domain(s, table.x[0], table.x[-1], label), nu=derivative))
 
 
 def apply_table(table: PPoly, s: Array, x: Array, derivative: int = 0) -> Array:
@@ -137,23 +137,23 @@ def add_tables(A: PPoly, B: PPoly, factor: float = 1.0) -> PPoly:
     return PPoly(A.c + factor * B.c, A.x)
 
 
-def select_columns(table: PPoly, which: slice | Sequence[int]) -> PPoly:
-    """Table of the columns `which` of a table with values (m, n); the table itself if these are all in their order."""
-    if _selects_all(which, table.c.shape[3]):
+def select_columns(table: PPoly, numbers: slice | Sequence[int]) -> PPoly:
+    """Table of the columns `numbers` of a table with values (m, n); the table itself if they are all in order."""
+    if _selects_all(numbers, table.c.shape[3]):
         return table
-    return PPoly(np.ascontiguousarray(table.c[..., which]), table.x)
+    return PPoly(np.ascontiguousarray(table.c[..., numbers]), table.x)
 
 
-def select_rows(table: PPoly, which: slice | Sequence[int] | Indices) -> PPoly:
-    """Table of the rows `which` of a table with values (m, n); the table itself if these are all in their order."""
-    if _selects_all(which, table.c.shape[2]):
+def select_rows(table: PPoly, numbers: slice | Sequence[int] | Indices) -> PPoly:
+    """Table of the rows `numbers` of a table with values (m, n); the table itself if these are all in their order."""
+    if _selects_all(numbers, table.c.shape[2]):
         return table
-    return PPoly(np.ascontiguousarray(table.c[:, :, which]), table.x)
+    return PPoly(np.ascontiguousarray(table.c[:, :, numbers]), table.x)
 
 
-def _selects_all(which: slice | Sequence[int] | Indices, count: int) -> bool:
-    """Whether `which` selects all of `count` indices in their order."""
-    return np.array_equal(np.arange(count)[which], np.arange(count))
+def _selects_all(numbers: slice | Sequence[int] | Indices, count: int) -> bool:
+    """Whether `numbers` selects all of `count` indices in their order."""
+    return np.array_equal(np.arange(count)[numbers], np.arange(count))
 
 
 def stack_tables(tables: Sequence[PPoly], domain: tuple[float, float]) -> PPoly:

@@ -142,9 +142,9 @@ class MatrixRows:
     numbers: Indices
     matrix: sp.csr_matrix
 
-    def select(self, which: Indices) -> MatrixRows:
-        """The rows at the positions `which`, in that order."""
-        return MatrixRows(self.numbers[which], self.matrix[which])
+    def select(self, positions: Indices) -> MatrixRows:
+        """The rows at these positions, in their order."""
+        return MatrixRows(self.numbers[positions], self.matrix[positions])
 
 
 def _local_rows(A: PETSc.Mat) -> MatrixRows:

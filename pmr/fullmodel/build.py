@@ -110,17 +110,17 @@ def _span_rows(rows: Array, reach: float) -> Array:
 
 
 def free_motions(
-    system: FullSystem, structural: Mapping[str, StructuralModel], way: CheckedPositions
+    system: FullSystem, structural: Mapping[str, StructuralModel], positions: CheckedPositions
 ) -> list[dict[str, Array]]:
-    """Free motions at each position of `way`: of each body (6, f), relative to the body that carries it.  Collective.
+    """Free motions at each position: of each body (6, f), relative to the body that carries it.  Collective.
 
     Bodies without a free motion are left out.
     """
     bodies = {name: RigidBody.from_model(model, structural[name]) for name, model in system.bodies.items()}
-    shifts = {name: _shifts(ahead) for name, ahead in way.tails.items()}
+    shifts = {name: _shifts(ahead) for name, ahead in positions.tails.items()}
     scale = np.ones(6)
-    scale[3:] = max(float(np.max(way.tails[name])) + body.reach for name, body in bodies.items())
-    rows = np.concatenate([_contacts(system, bodies, way, shifts), *_supports(bodies, shifts)], axis=1) / np.tile(
+    scale[3:] = max(float(np.max(positions.tails[name])) + body.reach for name, body in bodies.items())
+    rows = np.concatenate([_contacts(system, bodies, positions, shifts), *_supports(bodies, shifts)], axis=1) / np.tile(
         scale, len(bodies)
     )
     size = np.linalg.norm(rows, axis=2, keepdims=True)
@@ -130,12 +130,12 @@ def free_motions(
 
 
 def describe_free_motions(
-    system: FullSystem, structural: Mapping[str, StructuralModel], way: CheckedPositions
+    system: FullSystem, structural: Mapping[str, StructuralModel], positions: CheckedPositions
 ) -> FreeMotions:
-    """Describe in words the free motions at the position of `way` with most of them; collective."""
+    """Describe in words the free motions at the position with most of them; collective."""
     by_position = [
         {name: describe_motions(motions) for name, motions in at.items()}
-        for at in free_motions(system, structural, way)
+        for at in free_motions(system, structural, positions)
     ]
     counts = [sum(map(len, at.values())) for at in by_position]
     most, last = int(np.argmax(counts)), list(system.bodies)[-1]
@@ -152,15 +152,15 @@ def describe_free_motions(
     who = "it" if names == [ALONE] else " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
     further = counts[most] - len(names)
     more = f", and in {further} more way{'s' if further > 1 else ''}" if further else ""
-    return FreeMotions(sentence if always else f"{sentence} {way.labels[most]}", f"{who} can {first}{more}")
+    return FreeMotions(sentence if always else f"{sentence} {positions.labels[most]}", f"{who} can {first}{more}")
 
 
 def _contacts(
-    system: FullSystem, bodies: Mapping[str, RigidBody], way: CheckedPositions, shifts: Mapping[str, Array]
+    system: FullSystem, bodies: Mapping[str, RigidBody], positions: CheckedPositions, shifts: Mapping[str, Array]
 ) -> Array:
     """Measures (T, m, 6 b) of the m contacts for the rigid motions of b bodies; rows that are round-off are zero."""
-    names, x = list(bodies), system.side_coordinates(way.s)
-    rows, terms = np.zeros((2, len(way.labels), len(system.contacts), 6 * len(names)))
+    names, x = list(bodies), system.side_coordinates(positions.s)
+    rows, terms = np.zeros((2, len(positions.labels), len(system.contacts), 6 * len(names)))
     for side, row, at in zip(system.sides, system.side_rows, x.T, strict=True):
         name = side.place.body
         motions_of_body, weights = slice(6 * names.index(name), 6 * names.index(name) + 6), row.weights(at)
@@ -186,10 +186,10 @@ def _multiply_each(rows: Array, shifts: Array) -> Array:
     return np.asarray(np.einsum("tk,tkl->tl", rows, shifts))
 
 
-def _shifts(ahead: Array) -> Array:
-    """Matrices (T, 6, 6) from a rigid motion about the base's origin to that about a point `ahead` (T,) m along x."""
-    A = np.tile(np.eye(6), (len(ahead), 1, 1))
-    A[:, 2, 4], A[:, 1, 5] = -ahead, ahead
+def _shifts(distances: Array) -> Array:
+    """Matrices (T, 6, 6) from a rigid motion about the base's origin to that about a point at `distances` (T,) m."""
+    A = np.tile(np.eye(6), (len(distances), 1, 1))
+    A[:, 2, 4], A[:, 1, 5] = -distances, distances
     return A
 
 
@@ -256,9 +256,9 @@ def _direction(vector: Array) -> str:
     return "({})".format(", ".join(f"{c + 0.0:.3g}" for c in np.round(unit, 3)))
 
 
-def _place(at: Array) -> str:
+def _place(point: Array) -> str:
     """Point (3,) m as text."""
-    return "({}) m".format(", ".join(f"{c + 0.0:.4g}" for c in np.round(at, 6)))
+    return "({}) m".format(", ".join(f"{c + 0.0:.4g}" for c in np.round(point, 6)))
 
 
 def needed_matrices(scene: Scene) -> tuple[str, ...]:

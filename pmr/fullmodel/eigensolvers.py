@@ -119,11 +119,11 @@ class Elimination:
         RF = R.T @ F
         return sp.csr_matrix(F.T @ R[:, pivots] @ F - RF - RF.T)
 
-    def to_petsc(self, like: PETSc.Mat) -> PETSc.Mat:
-        """T as a PETSc matrix; its rows are spread as those of `like`, its columns follow their rows."""
-        first, last = like.getOwnershipRange()
+    def to_petsc(self, template: PETSc.Mat) -> PETSc.Mat:
+        """T as a PETSc matrix; its rows are spread as those of `template`, its columns follow their rows."""
+        first, last = template.getOwnershipRange()
         pivots = np.count_nonzero((self.pivots >= first) & (self.pivots < last))
-        return sparse(self.to_scipy()[first:last], like, columns=last - first - pivots)
+        return sparse(self.to_scipy()[first:last], template, columns=last - first - pivots)
 
 
 class EliminationOperator:

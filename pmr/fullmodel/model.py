@@ -54,7 +54,7 @@ class Masses:
         return {"mass": self.body, "attached": self.attached, "centre": self.centre.tolist()}
 
 
-def masses_of(model: StructuralModel, attached: Sequence[PointMass], M: PETSc.Mat) -> Masses | None:
+def masses_of(model: StructuralModel, point_masses: Sequence[PointMass], M: PETSc.Mat) -> Masses | None:
     """Masses of a body without supports: of its model with mass matrix M, and of attached masses; collective.
 
     Returns None for given matrices, which may contain supports.
@@ -69,9 +69,9 @@ def masses_of(model: StructuralModel, attached: Sequence[PointMass], M: PETSc.Ma
             if along in directions and about in directions:
                 moments[axis] = sign * G[directions.index(along), directions.index(about)]
                 break
-    for mass in attached:
+    for mass in point_masses:
         moments += mass.mass * np.array(model.centroid(mass.on) if mass.at is None else mass.at)
-    carried = float(sum(mass.mass for mass in attached))
+    carried = float(sum(mass.mass for mass in point_masses))
     centre = moments / (mass_of_model + carried)
     centre[np.abs(centre) <= ROUND_OFF * np.abs(centre).max()] = 0.0
     return Masses(mass_of_model, carried, centre)

@@ -59,8 +59,8 @@ class StaticSolver(Protocol):
         """Free the factor's memory; collective."""
 
 
-def static_solver(model: FullModel, held: Sequence[Row], choice: str = "auto") -> StaticSolver:
-    """Static solver of a model with the `held` rows held, which must leave no rigid motion free.
+def static_solver(model: FullModel, held_rows: Sequence[Row], choice: str = "auto") -> StaticSolver:
+    """Static solver of a model with the rows `held_rows` held, which must leave no rigid motion free.
 
     `choice` is ``"dense"``, ``"slepc"`` (MUMPS) or ``"auto"``, as for the eigenmodes.
 
@@ -73,8 +73,8 @@ def static_solver(model: FullModel, held: Sequence[Row], choice: str = "auto") -
     InputError
         If the factor takes more memory than there is.
     """
-    rows = Rows(tuple(held), model.size)
-    elimination = eliminate(rows.at(rows.domain[0]) if held else rows.at(0.0), rows.names)
+    rows = Rows(tuple(held_rows), model.size)
+    elimination = eliminate(rows.at(rows.domain[0]) if held_rows else rows.at(0.0), rows.names)
     return solver_of(model.K, elimination, is_dense(model, choice))
 
 

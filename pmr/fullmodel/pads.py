@@ -336,15 +336,15 @@ def _station_means(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_ma
     return sp.csr_matrix(means @ strip.normal)
 
 
-def _nearby_points(along: Array, places: Array, step: float) -> sp.csc_matrix:
-    """Sparse (q, K) ones where a point of `along` (q,) is less than `step` away from a lattice point `places` (K,).
+def _nearby_points(points: Array, places: Array, step: float) -> sp.csc_matrix:
+    """Sparse (q, K) ones where a point of `points` (q,) is less than `step` away from a lattice point `places` (K,).
 
     Row numbers ascend in each column.
     """
-    first, last = (np.searchsorted(places + reach, along, side="right") for reach in (step, -step))
+    first, last = (np.searchsorted(places + reach, points, side="right") for reach in (step, -step))
     ends = np.concatenate([[0], np.cumsum(last - first)])
     station = np.arange(ends[-1]) + np.repeat(first - ends[:-1], last - first)
-    return sp.csr_matrix((np.ones(len(station)), station, ends), (len(along), len(places))).tocsc()
+    return sp.csr_matrix((np.ones(len(station)), station, ends), (len(points), len(places))).tocsc()
 
 
 def _check_extent(pad: Pad, places: tuple[float, float], extent: Extent) -> None:
@@ -359,9 +359,9 @@ def _check_extent(pad: Pad, places: tuple[float, float], extent: Extent) -> None
             raise _off_face_error(pad, f"{way}, where it reaches from {start - rim:.4g} to {end + rim:.4g} m", extent)
 
 
-def _off_face_error(pad: Pad, where: str, extent: Extent) -> InputError:
-    """The error of a pad that leaves its face; `where` describes the position."""
-    allowed = f"the pad leaves the face {pad.on} {where}; places where all of it is on it are allowed: {extent}"
+def _off_face_error(pad: Pad, position: str, extent: Extent) -> InputError:
+    """The error of a pad that leaves its face at a `position`, which is described in words."""
+    allowed = f"the pad leaves the face {pad.on} {position}; places where all of it is on it are allowed: {extent}"
     return InputError("scene", f"pads.{pad.name}", None, allowed)
 
 

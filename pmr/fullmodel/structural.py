@@ -271,8 +271,8 @@ def _inner_supports(model: StructuralModel) -> Array:
     return model.given.held if isinstance(model, Matrices) else np.empty((0, len(model.directions)))
 
 
-def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat, resisted: Array) -> RigidMotions:
-    """Rigid motions of a structure, and what clamps, springs and `resisted` (h, k) measure of them; collective.
+def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat, inner_supports: Array) -> RigidMotions:
+    """Rigid motions of a structure, and what clamps, springs and `inner_supports` (h, k) measure of them; collective.
 
     A spring weaker than the round-off in K is left out.
     """
@@ -284,15 +284,15 @@ def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat, res
         if np.any(c.toarray()[0] ** 2 > spring.compliance * lost)
     ]
     of_rank = coupling.rigid[slice(*K.getOwnershipRange())].copy()
-    held = np.vstack([coupling.clamped, resisted, *springs])
-    return RigidMotions(of_rank, held, whole=not len(coupling.clamped) and not len(resisted))
+    held = np.vstack([coupling.clamped, inner_supports, *springs])
+    return RigidMotions(of_rank, held, whole=not len(coupling.clamped) and not len(inner_supports))
 
 
-def _constrain_matrix(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:
-    """T^T A T + added, distributed in consecutive shares; frees A, unless it is the result.  Collective.
+def _constrain_matrix(A: PETSc.Mat, T: sp.csr_matrix, addition: sp.csr_matrix) -> PETSc.Mat:
+    """T^T A T + `addition`, distributed in consecutive shares; frees A, unless it is the result.  Collective.
 
-    Zeros of `added` keep their place in the pattern.  If T only leaves coordinates out, rows and columns are selected
-    without a product.
+    Zeros of `addition` keep their place in the pattern.  If T only leaves coordinates out, rows and columns are
+    selected without a product.
     """
     first, last = A.getOwnershipRange()
     low, high = share(T.shape[1], A.comm.tompi4py())
@@ -304,8 +304,8 @@ def _constrain_matrix(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> P
         result = _submatrix(A, np.flatnonzero(np.diff(T.indptr))[low:high])
     else:
         result = A
-    if added.nnz:
-        more = sparse(added[low:high], result, columns=int(high - low))
+    if addition.nnz:
+        more = sparse(addition[low:high], result, columns=int(high - low))
         result.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         free_objects(more)
     return result

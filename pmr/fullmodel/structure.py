@@ -207,15 +207,15 @@ class Coupling:
             row_of[action.on, action.direction] = at
         return row_of
 
-    def _model_entries(self, action: Action | Gauge, measured: Measured) -> tuple[Indices, Array]:
+    def _model_entries(self, action: Action | Gauge, measuring_rows: Measured) -> tuple[Indices, Array]:
         """Coordinates (c,) of the model that an action or gauge measures, and their weights (c,).
 
-        `measured` is the result of `_measured` for all actions.
+        `measuring_rows` is the result of `_measuring_rows` for all actions.
         """
         if isinstance(action, Gauge):
             rows, number = sp.csr_matrix(action.row), 0
         else:
-            rows, number = measured[action.on, action.direction]
+            rows, number = measuring_rows[action.on, action.direction]
         entries = slice(*rows.indptr[number : number + 2])
         return rows.indices[entries], rows.data[entries]
 
@@ -240,12 +240,12 @@ class Coupling:
             column += G.T @ (_inertia(mass, self.model.directions, np.eye(3)) @ acceleration)
         return sp.csr_matrix(column)
 
-    def _acceleration_row(self, name: str, of_model: Array) -> sp.csr_matrix:
+    def _acceleration_row(self, name: str, model_load: Array) -> sp.csr_matrix:
         """Load vector (1, n') of an input in `CONSTANT` or `LINEAR`, with attached masses.
 
-        `of_model` (n,) is the load on the model alone.
+        `model_load` (n,) is the load on the model alone.
         """
-        row, (S, motion) = self.T.T @ of_model, acceleration_field(name, self.model)
+        row, (S, motion) = self.T.T @ model_load, acceleration_field(name, self.model)
         for mass, G in zip(self.masses, self.motions, strict=True):
             row += G.T @ (
                 _inertia(mass, self.model.directions, S) @ (self.model.motion(mass.on, _centre(mass)) @ motion)

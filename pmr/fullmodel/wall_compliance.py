@@ -149,24 +149,24 @@ class _HeldModel:
         rows = [self._model.motion(end)[[DIRECTIONS.index(d)]] @ self._T for end, d in ends]
         return sp.csr_matrix(sp.vstack([sp.csr_matrix((0, self._T.shape[1])), *rows]))
 
-    def displacements(self, pressed: sp.csr_matrix) -> Array:
-        """Static displacements (n, f) under a unit force on each of the rows `pressed` (f, n)."""
-        f = pressed.T.toarray()
+    def displacements(self, loaded_rows: sp.csr_matrix) -> Array:
+        """Static displacements (n, f) under a unit force on each of the rows `loaded_rows` (f, n)."""
+        f = loaded_rows.T.toarray()
         x = self._factor.solve_columns(np.asfortranarray(f - self._MR @ self._solve_rigid(self._R.T @ f)))
         x -= self._R @ self._solve_rigid(self._MR.T @ x)
         return x
 
-    def compliance_along(self, pads: Sequence[Pad], u: Array, fixed: sp.csr_matrix) -> Array:
+    def compliance_along(self, pads: Sequence[Pad], u: Array, fixed_rows: sp.csr_matrix) -> Array:
         """Measures (p, k + m, k) under unit forces on k pads after they slid by each of p distances `u` m.
 
-        The first k are those under the pads themselves, the others of the rows `fixed` (m, n).
+        The first k are those under the pads themselves, the others of the rows `fixed_rows` (m, n).
         """
         k = len(pads)
-        rows, compliance = self.pads(pads, u), np.empty((len(u), k + fixed.shape[0], k))
+        rows, compliance = self.pads(pads, u), np.empty((len(u), k + fixed_rows.shape[0], k))
         block = max(1, BLOCK // k)  # distances whose displacements are solved for at once
         for start in range(0, len(u), block):
             x = self.displacements(rows[start * k : (start + block) * k])
-            at_fixed = np.asarray(fixed @ x)
+            at_fixed = np.asarray(fixed_rows @ x)
             for i in range(x.shape[1] // k):
                 columns, place = slice(i * k, (i + 1) * k), start + i
                 compliance[place, :k] = rows[place * k : (place + 1) * k] @ x[:, columns]

@@ -111,10 +111,10 @@ class Walls:
         masses = np.concatenate([self.standing.masses, *(sliding.masses for sliding in self.sliding)])
         return self._last_diagonal(masses * np.concatenate(sizes) * (self.stiffness_scale if self.count else 0.0), size)
 
-    def pad_row(self, row: Row, at: float) -> Row:
+    def pad_row(self, row: Row, centre: float) -> Row:
         """The row of a pad with the dents of its wall added; unchanged if its wall does not give way.
 
-        The pad is centred at `at` (m), a moving one at s + `at`.
+        The pad is centred at `centre` (m), a moving one at s + `centre`.
         """
         behind, m = row.carriers.shape[1] - self.count, len(self.standing.masses)
         if row.name in self.standing.pads:
@@ -126,7 +126,7 @@ class Walls:
             k = len(sliding.pads)
             if row.name in sliding.pads:
                 i = sliding.pads.index(row.name)
-                u = np.clip(row.breaks + at - sliding.first[i], sliding.u[0], sliding.u[-1])
+                u = np.clip(row.breaks + centre - sliding.first[i], sliding.u[0], sliding.u[-1])
                 parts = [PchipInterpolator(sliding.u, part[:, i])(u) for part in (A, S)]
                 carriers = np.zeros((len(shared) + k, self.count))
                 carriers[: len(shared), :m], carriers[len(shared) :, first : first + k] = shared, np.eye(k)
@@ -134,11 +134,11 @@ class Walls:
             first += k
         return row
 
-    def add_end_motion(self, motion: sp.csr_matrix, on: str | float, directions: tuple[str, ...]) -> sp.csr_matrix:
-        """Rows `motion` (k, n) of a place `on` along k directions, with the additional motion of an end's walls."""
+    def add_end_motion(self, motion: sp.csr_matrix, place: str | float, directions: tuple[str, ...]) -> sp.csr_matrix:
+        """Rows `motion` (k, n) of a place along k directions, with the additional motion of an end's walls."""
         behind, pads = motion.shape[1] - self.count, len(self.standing.pads)
         ends = enumerate(self.standing.ends)
-        pairs = [(directions.index(d), pads + j) for j, (end, d) in ends if end == on and d in directions]
+        pairs = [(directions.index(d), pads + j) for j, (end, d) in ends if end == place and d in directions]
         if not pairs:
             return motion
         rows, which = np.array(pairs).T

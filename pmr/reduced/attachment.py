@@ -92,15 +92,15 @@ def has_frame_matrices(model: ReducedModel) -> bool:
 
 
 def _extend_frame_matrices(
-    extended_model: ReducedModel, model: ReducedModel, loads: Array, turned: Array
+    extended_model: ReducedModel, model: ReducedModel, loads: Array, combinations: Array
 ) -> ReducedModel:
     """Return `extended_model` with matrices and ports on its last a coordinates, which `model` does not have.
 
     These coordinates are responses to combinations `loads` (K + i, a) of loads on K carriers and i inputs, plus
-    combinations `turned` (k, a) of the first k responses to the cylinder's force.  Without `matrices` on the carriers
-    nothing changes.
+    `combinations` (k, a) of the first k responses to the cylinder's force.  Without `matrices` on the carriers nothing
+    changes.
     """
-    carriers, modes, r, (count, a) = model.carriers, model.enrichment, model.size, turned.shape
+    carriers, modes, r, (count, a) = model.carriers, model.enrichment, model.size, combinations.shape
     assert carriers is not None
     if not carriers.matrices:
         return extended_model
@@ -108,10 +108,10 @@ def _extend_frame_matrices(
     n, c = 0 if answers is None else answers.rows.shape[1], 0 if modes is None else modes.count
     size, p = len(next(iter(carriers.matrices.values()))), len(carriers.spanned)
     row_loads, X = loads if p else np.zeros_like(loads), np.zeros((size, r + a))
-    X[:r, :r], X[size - n : size - n + count, r:] = np.eye(r), turned
+    X[:r, :r], X[size - n : size - n + count, r:] = np.eye(r), combinations
     if modes is not None:  # enrichment modes, which the responses of `answers` contain
         on_modes = (carriers.enrichment.T @ row_loads[:K] + modes.B @ row_loads[K:]) / modes.stiffness[:, None]
-        shares = 0.0 if answers is None else answers.mode_shares(carriers.enrichment, modes)[:, :count] @ turned
+        shares = 0.0 if answers is None else answers.mode_shares(carriers.enrichment, modes)[:, :count] @ combinations
         X[r : r + c, r:] = on_modes + shares
     if p:
         X[r + c : r + c + p, r:] = carriers.spanned @ loads
@@ -130,15 +130,15 @@ def _extend_frame_matrices(
 
 
 def _extend_reactions(
-    model: ReducedModel, reactions: Reactions, answers: CylinderResponses, turned: Array
+    model: ReducedModel, reactions: Reactions, answers: CylinderResponses, combinations: Array
 ) -> Reactions:
-    """Reactions of the model with combinations `turned` (k, a) of the first k responses as its last coordinates."""
+    """Reactions of the model with `combinations` (k, a) of the first k responses as its last coordinates."""
     assert model.carriers is not None
-    r, count, of_all = model.size, len(turned), answers.supports
+    r, count, of_all = model.size, len(combinations), answers.supports
     if model.enrichment is not None:  # modes of the largest basis that are no coordinates of the model
         joined = reactions.inertia[:, r : r + model.enrichment.count]
         of_all = of_all + joined @ answers.mode_shares(model.carriers.enrichment, model.enrichment)
-    inertia = of_all[:, :count] @ turned
+    inertia = of_all[:, :count] @ combinations
     damping = (0.0 if model.rayleigh is None else model.rayleigh.alpha) * inertia
     return replace(
         reactions,
@@ -209,24 +209,24 @@ def _diagonalise(K: Array, M: Array) -> tuple[Array, Array]:
     return X, stiffness[stiff]
 
 
-def _append_vectors(model: ReducedModel, stiffness: Array, measured: Array, outputs: Array) -> ReducedModel:
+def _append_vectors(model: ReducedModel, stiffness: Array, measures: Array, outputs: Array) -> ReducedModel:
     """Return the model with a M-orthonormal vectors of that `stiffness` (a,) as its last coordinates.
 
-    They measure `measured` (K + i, a) on K carriers and i inputs, and `outputs` (o, a).
+    They measure `measures` (K + i, a) on K carriers and i inputs, and `outputs` (o, a).
     """
     carriers = model.carriers
     assert carriers is not None
     K = len(carriers.values)
-    on_rows = replace(carriers, values=measured[:K])
+    on_rows = replace(carriers, values=measures[:K])
     rows = [on_rows.row(k, name).project(np.eye(len(stiffness))) for k, name in enumerate(model.row_names)]
     modes = EnrichmentModes(
         stiffness=stiffness,
         damping=np.zeros_like(stiffness) if model.rayleigh is None else model.rayleigh.modal_damping(stiffness),
-        B=measured[K:].T,
+        B=measures[K:].T,
         outputs=outputs,
         rows=stack_tables(rows, model.domain),
     )
-    on_modes = replace(carriers, enrichment=measured[:K], inertia=None, answers=None)
+    on_modes = replace(carriers, enrichment=measures[:K], inertia=None, answers=None)
     with_modes = extend(
         replace(model, enrichment=modes, carriers=on_modes, reactions=None)
     )  # which know nothing of them

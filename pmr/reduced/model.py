@@ -178,7 +178,7 @@ class ReducedModel:
         ValueError
             If s lies outside `domain`.
         """
-        return evaluate(self.rows, s, derivative, what=", ".join(self.row_names))
+        return evaluate(self.rows, s, derivative, label=", ".join(self.row_names))
 
     @property
     def input_units(self) -> tuple[str, ...]:

@@ -152,10 +152,10 @@ def _join_tables(model: ReducedModel, modes: EnrichmentModes, sign: float) -> Fl
     )
 
 
-def _extend_matrix(A: Array, of_all: Array | None, count: int) -> Array:
-    """Matrix A (r, r) extended to `count` more modes, by its values `of_all` on all modes; None stands for zeros."""
+def _extend_matrix(A: Array, on_all_modes: Array | None, count: int) -> Array:
+    """Matrix A (r, r) extended to `count` more modes by its values `on_all_modes`; None stands for zeros."""
     r = len(A) + count
-    return np.pad(A, (0, count)) if of_all is None else np.ascontiguousarray(of_all[:r, :r])
+    return np.pad(A, (0, count)) if on_all_modes is None else np.ascontiguousarray(on_all_modes[:r, :r])
 
 
 def _extend_port(model: ReducedModel, name: str, count: int) -> Array:
@@ -184,13 +184,13 @@ def _chain_modes(first: EnrichmentModes, second: EnrichmentModes) -> EnrichmentM
     )
 
 
-def _select_modes(modes: EnrichmentModes, which: slice) -> EnrichmentModes:
+def _select_modes(modes: EnrichmentModes, numbers: slice) -> EnrichmentModes:
     """Enrichment modes with these numbers; their matrices are those of all modes."""
     return replace(
         modes,
-        stiffness=modes.stiffness[which],
-        damping=modes.damping[which],
-        B=modes.B[which],
-        outputs=modes.outputs[:, which],
-        rows=select_columns(modes.rows, which),
+        stiffness=modes.stiffness[numbers],
+        damping=modes.damping[numbers],
+        B=modes.B[numbers],
+        outputs=modes.outputs[:, numbers],
+        rows=select_columns(modes.rows, numbers),
     )

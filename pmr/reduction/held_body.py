@@ -226,10 +226,10 @@ def _hold_body(built: AssembledBody, s: float) -> _HeldModel:
     return _HeldModel(replace(full, K=K), rows)
 
 
-def _static_response(held: _HeldModel, G: sp.csr_matrix, solver: str) -> Array:
+def _static_response(model: _HeldModel, G: sp.csr_matrix, solver: str) -> Array:
     """Static response Psi (n, 6 F) to unit motions G (6 F, n) of F frames."""
     try:
-        static = static_solver(held.full, held.rows, solver)
+        static = static_solver(model.full, model.rows, solver)
     except SingularError:
         raise _not_held_error() from None
     X = static.solve(G.T.toarray(order="F"))

@@ -382,7 +382,9 @@ def recover_reduced(
     return looked
 
 
-def recover_full(looked: Mapping[str, ReducedFields], full: Mapping[str, BodyStates]) -> dict[str, RecoveredBody]:
+def recover_full(
+    reduced_fields: Mapping[str, ReducedFields], full: Mapping[str, BodyStates]
+) -> dict[str, RecoveredBody]:
     """Fields and stresses of reduced and full models, by name; collective.
 
     `full` has this rank's rows of the full models' states, as far as they are known.
@@ -394,5 +396,5 @@ def recover_full(looked: Mapping[str, ReducedFields], full: Mapping[str, BodySta
             if name in full
             else None,
         )
-        for name, of_body in looked.items()
+        for name, of_body in reduced_fields.items()
     }

@@ -132,29 +132,29 @@ def section_model(
     return _with_coordinates(replace(flexible, carriers=of_carriers), coordinates)
 
 
-def _carrier_measures(model: FullModel, shared: SharedCarriers, basis: Basis) -> Array:
+def _carrier_measures(model: FullModel, shared_carriers: SharedCarriers, basis: Basis) -> Array:
     """Values U V (K, r) of a basis on the K carriers."""
-    measured = shared.carriers[:, model.share] @ np.array(basis.V.getDenseArray())
+    measured = shared_carriers.carriers[:, model.share] @ np.array(basis.V.getDenseArray())
     return np.asarray(model.comm.allreduce(measured))
 
 
-def _tail_weights(shared: SharedCarriers) -> Array | None:
+def _tail_weights(shared_carriers: SharedCarriers) -> Array | None:
     """Weights (K,) on the carriers of the row that a section's cylinder holds; None without a cylinder."""
-    tail = next((row for row in shared.rows if row.name == TAIL), None)
+    tail = next((row for row in shared_carriers.rows if row.name == TAIL), None)
     return None if tail is None else np.asarray(tail.weights(tail.breaks[0]).toarray()[0])
 
 
 def _cylinder_responses(
-    residual: ResidualFlexibility, shared: SharedCarriers, flexibility: LoadFlexibility
+    residual: ResidualFlexibility, shared_carriers: SharedCarriers, flexibility: LoadFlexibility
 ) -> Array | None:
     """Responses (n_local, n) to a cylinder's force, this rank's rows; None without a cylinder.
 
     They are zero if supports hold the body where the cylinder acts.
     """
-    load = _tail_weights(shared)
+    load = _tail_weights(shared_carriers)
     if load is None:
         return None
-    x = residual.powers(load @ shared.carriers[:, residual.model.share], RICHER + 1)
+    x = residual.powers(load @ shared_carriers.carriers[:, residual.model.share], RICHER + 1)
     R = flexibility.carrier_flexibility().rows
     return x * 0.0 if load @ R @ load <= HELD * np.diagonal(R).max() else x
 
@@ -201,12 +201,12 @@ def _matrices(
 
 
 def _cylinder_values(
-    residual: ResidualFlexibility, shared: SharedCarriers, x: Array, motions: Array | None
+    residual: ResidualFlexibility, shared_carriers: SharedCarriers, x: Array, motions: Array | None
 ) -> CylinderResponses:
     """Values of the responses x (n_local, n) to the cylinder's force on carriers, inputs, outputs and supports."""
-    model, load = residual.model, _tail_weights(shared)
+    model, load = residual.model, _tail_weights(shared_carriers)
     assert load is not None  # as there is x
-    U, comm = shared.carriers[:, model.share], model.comm
+    U, comm = shared_carriers.carriers[:, model.share], model.comm
     return CylinderResponses(
         load=load,
         rows=comm.allreduce(U @ x),

@@ -221,16 +221,18 @@ def _dense(A: sp.csr_matrix | Array) -> Array:
     return A if isinstance(A, np.ndarray) else np.asarray(A.toarray())
 
 
-def load_pairs(shared: SharedCarriers, inputs: int) -> sp.csr_matrix:
+def load_pairs(shared_carriers: SharedCarriers, inputs: int) -> sp.csr_matrix:
     """Pattern (L, L) of pairs of loads: on carriers that rows touch on the same interval, and of inputs with all loads.
 
     Tables at one path coordinate need no other pairs: on the path of a beam each load pairs with a few others, however
     fine the mesh.
     """
-    k = len(shared.rows[0].breaks) - 1
-    at = np.concatenate([np.broadcast_to(np.arange(k)[:, None], row.touched.shape).ravel() for row in shared.rows])
-    touched = np.concatenate([row.touched.ravel() for row in shared.rows])
-    of_carriers = sp.csr_matrix((np.ones(len(at)), (at, touched)), (k, shared.carriers.shape[0]))
+    k = len(shared_carriers.rows[0].breaks) - 1
+    at = np.concatenate(
+        [np.broadcast_to(np.arange(k)[:, None], row.touched.shape).ravel() for row in shared_carriers.rows]
+    )
+    touched = np.concatenate([row.touched.ravel() for row in shared_carriers.rows])
+    of_carriers = sp.csr_matrix((np.ones(len(at)), (at, touched)), (k, shared_carriers.carriers.shape[0]))
     of_all = sp.hstack([of_carriers, np.ones((k, inputs))], format="csr")
     return sp.csr_matrix(of_all.T @ of_all)
 
@@ -305,12 +307,12 @@ def load_powers(
     return [table.result() for table in tables]
 
 
-def tables(flexibility: LoadFlexibility, shared: SharedCarriers) -> Flexibility:
+def tables(flexibility: LoadFlexibility, shared_carriers: SharedCarriers) -> Flexibility:
     """Residual flexibility of rows on common carriers as tables in s: G = C R C^T, H = C R B and X = O R C^T.
 
     All rows have the same path coordinate.  The constants W = O R B and B^T R B come with the tables.
     """
-    C, K, inputs = RowPolynomials.from_rows(shared.rows), flexibility.carriers, flexibility.inputs
+    C, K, inputs = RowPolynomials.from_rows(shared_carriers.rows), flexibility.carriers, flexibility.inputs
     return Flexibility(
         rows=C.quadratic_form(flexibility.pairs[:K, :K]),
         inputs=C.times(inputs[:K]),

@@ -215,20 +215,22 @@ def _lowest_modes(body: FreeBody, count: int) -> _LowestModes:
     )
 
 
-def _elastic_modes(held: FullModel, body: FreeBody, pairs: int) -> Modes:
+def _elastic_modes(fixed_model: FullModel, body: FreeBody, pairs: int) -> Modes:
     """The `pairs` lowest modes without the rigid-body modes among them."""
-    if is_dense(held, body.choice):
-        return _remove_rigid_modes(held, body.Z, DenseEigenSolver(held).lowest(_any_position(held), pairs))
+    if is_dense(fixed_model, body.choice):
+        return _remove_rigid_modes(
+            fixed_model, body.Z, DenseEigenSolver(fixed_model).lowest(_any_position(fixed_model), pairs)
+        )
     lowest = body.elastic_modes(pairs - body.Z.shape[1])
-    return finish_modes(held, _any_position(held), 1.0 / lowest.theta, lowest.vectors, cut=False)
+    return finish_modes(fixed_model, _any_position(fixed_model), 1.0 / lowest.theta, lowest.vectors, cut=False)
 
 
-def _any_position(held: FullModel) -> float:
+def _any_position(fixed_model: FullModel) -> float:
     """Path coordinate in m for rows of which none depends on s."""
-    return float(held.rows.domain[0]) if held.rows.rows else 0.0
+    return float(fixed_model.rows.domain[0]) if fixed_model.rows.rows else 0.0
 
 
-def _remove_rigid_modes(held: FullModel, Z: Array, modes: Modes) -> Modes:
+def _remove_rigid_modes(fixed_model: FullModel, Z: Array, modes: Modes) -> Modes:
     """Modes without the rigid-body modes Z (n_local, c) that the lowest ones contain, M-orthogonal to Z.
 
     Computed rigid-body modes are rigid to a few digits only, and mix with low elastic ones.  Therefore the M-orthogonal
@@ -239,7 +241,7 @@ def _remove_rigid_modes(held: FullModel, Z: Array, modes: Modes) -> Modes:
     count = Z.shape[1]
     if count == 0:
         return modes
-    share = inner(times(held.M, Z), modes.phi, held.comm)
+    share = inner(times(fixed_model.M, Z), modes.phi, fixed_model.comm)
     _, values, Vt = np.linalg.svd(share)
     if values[-1] < HELD_BY_MODES:
         raise ConvergenceError(
@@ -249,22 +251,24 @@ def _remove_rigid_modes(held: FullModel, Z: Array, modes: Modes) -> Modes:
     complement = Vt[count:].T
     omega2, turned = np.linalg.eigh(complement.T @ (modes.omega[:, None] ** 2 * complement))
     combined = complement @ turned
-    return finish_modes(held, _any_position(held), omega2, modes.phi @ combined - Z @ (share @ combined), cut=False)
+    return finish_modes(
+        fixed_model, _any_position(fixed_model), omega2, modes.phi @ combined - Z @ (share @ combined), cut=False
+    )
 
 
 def _bent_modes(
-    model: FullModel, stress: Sequence[PETSc.Mat], modes: Modes, which: NDArray[np.int64]
+    model: FullModel, stress: Sequence[PETSc.Mat], modes: Modes, numbers: NDArray[np.int64]
 ) -> NDArray[np.bool_]:
-    """Which of the modes with numbers `which` are bent by axial forces, of the geometric stiffnesses `stress`.
+    """Which of the modes with these numbers are bent by axial forces, of the geometric stiffnesses `stress`.
 
     Mode k is measured by the sum of (phi_k^T G phi_j)^2 / omega_k^2 over these matrices G and all modes j before
-    `which`.
+    `numbers`.
     """
-    bending = np.zeros(len(which))
+    bending = np.zeros(len(numbers))
     for G in stress:
         work = inner(times(G, modes.phi), modes.phi, model.comm)
-        for k, number in enumerate(which):
-            bending[k] += np.sum(work[number, : which[0]] ** 2) / modes.omega[number] ** 2
+        for k, number in enumerate(numbers):
+            bending[k] += np.sum(work[number, : numbers[0]] ** 2) / modes.omega[number] ** 2
     return np.asarray(bending > UNBENT**2 * bending.max(initial=0.0))
 
 

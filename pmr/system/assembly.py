@@ -81,10 +81,10 @@ class Assembly:
         """Outputs (o, n) of unit coordinates, O."""
         return self._blocks(lambda body, free: body.outputs[:, free])
 
-    def _blocks(self, of: Callable[[SlidingBody, NDArray[np.int64]], sp.csr_matrix | Array]) -> sp.csr_matrix:
-        """Sparse block-diagonal matrix whose block for each body is ``of(body, numbers of its free coordinates)``."""
+    def _blocks(self, block_of: Callable[[SlidingBody, NDArray[np.int64]], sp.csr_matrix | Array]) -> sp.csr_matrix:
+        """Sparse block-diagonal matrix whose block for each body is ``block_of(body, numbers of free coordinates)``."""
         bodies = zip(self.system.bodies.values(), self.free_coordinates.values(), strict=True)
-        blocks = [of(body, free) for body, free in bodies]
+        blocks = [block_of(body, free) for body, free in bodies]
         if any(map(sp.issparse, blocks)):
             return sp.block_diag([sp.csr_matrix(block) for block in blocks], format="csr")
         return sp.csr_matrix(scipy.linalg.block_diag(*blocks))  # in a third of the time
@@ -181,12 +181,12 @@ class Assembly:
                     moved_by_moments[other.contact, side.contact] += other.sign * (weights @ slope[at])
         return moved_by_moments
 
-    def _weights(self, place: Place, at: float, derivative: int) -> tuple[Array, Array]:
-        """Numbers (d,) of the carriers that the row of a place touches at `at` in m, and their weights (d,).
+    def _weights(self, place: Place, position: float, derivative: int) -> tuple[Array, Array]:
+        """Numbers (d,) of the carriers that the row of a place touches at `position` in m, and their weights (d,).
 
         With a `derivative` of 1 or more, the weights are that derivative with respect to the coordinate.
         """
-        touched, b = self.system.row(place).touched_weights(at, derivative)
+        touched, b = self.system.row(place).touched_weights(position, derivative)
         return touched[0], b[0]
 
     def outputs_by_moments(self, x: Array) -> Array:
@@ -204,12 +204,12 @@ class Assembly:
                 )
         return moved_outputs
 
-    def _add_carrier_rows(self, name: str, on: Sequence[int], x: Array, rows: ContactRows) -> None:
-        """Add to `rows` the contributions of a body on carriers, by its sides with the numbers `on`.
+    def _add_carrier_rows(self, name: str, side_numbers: Sequence[int], x: Array, rows: ContactRows) -> None:
+        """Add to `rows` the contributions of a body on carriers, by its sides with these numbers.
 
         Their places are at x (sides, T) in m.
         """
-        sides, carriers = [self.system.sides[a] for a in on], self.system.bodies[name].carriers
+        sides, carriers = [self.system.sides[a] for a in side_numbers], self.system.bodies[name].carriers
         assert carriers is not None
         contacts, flexibility = [side.contact for side in sides], carriers.flexibility
         # of some thousand carriers the sides touch a few: a product with all would copy tables of 100 MB each time
@@ -226,13 +226,13 @@ class Assembly:
                 between = (b @ flexibility.rows[at[:, :, None], touched[:, None]])[:, 0] * weights
                 rows.F[:, k, contacts] += np.add.reduceat(between, ends[:-1], axis=1)
 
-    def _add_table_rows(self, name: str, on: Sequence[int], x: Array, contact_rows: ContactRows) -> None:
+    def _add_table_rows(self, name: str, side_numbers: Sequence[int], x: Array, contact_rows: ContactRows) -> None:
         """Add to `contact_rows` the contributions of a single body that has tables over its path.
 
-        All its sides, with the numbers `on`, have the same path coordinate: that of the first side that travels, in x
+        All its sides, with these numbers, have the same path coordinate: that of the first side that travels, in x
         (sides, T) in m.
         """
-        body, sides = self.system.bodies[name], [self.system.sides[a] for a in on]
+        body, sides = self.system.bodies[name], [self.system.sides[a] for a in side_numbers]
         s = next((at for side, at in zip(sides, x, strict=True) if side.place.path is not None), x[0])
         rows, contacts = [body.row_names.index(side.place.row) for side in sides], [side.contact for side in sides]
         contact_rows.C[:, contacts] = body.dense_rows(s)[:, rows][:, :, self.free_coordinates[name]]

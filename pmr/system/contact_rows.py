@@ -40,9 +40,9 @@ def is_round_off(F: Array, largest: float = 0.0) -> NDArray[np.bool_]:
     return np.asarray(diagonal <= ROUND_OFF * most)
 
 
-def clear_rows(F: Array, which: NDArray[np.bool_]) -> None:
-    """Set the rows and columns of F (..., m, m) of the contacts `which` (..., m) to zero, in place."""
-    F[np.broadcast_to(which[..., :, None] | which[..., None, :], F.shape)] = 0.0
+def clear_rows(F: Array, mask: NDArray[np.bool_]) -> None:
+    """Set the rows and columns of F (..., m, m) of the contacts in a `mask` (..., m) to zero, in place."""
+    F[np.broadcast_to(mask[..., :, None] | mask[..., None, :], F.shape)] = 0.0
 
 
 @dataclass(frozen=True)
@@ -58,10 +58,10 @@ class ContactRows:
         """Rows of the contacts at time number k."""
         return ContactRows(self.C[k], self.F[k], self.H[k], self.X[k])
 
-    def select(self, which: NDArray[np.bool_]) -> ContactRows:
-        """Rows of the contacts `which` (m,) alone."""
-        F = self.F[..., which, :][..., which]
-        return ContactRows(self.C[..., which, :], F, self.H[..., which, :], self.X[..., which])
+    def select(self, mask: NDArray[np.bool_]) -> ContactRows:
+        """Rows of the contacts in a `mask` (m,) alone."""
+        F = self.F[..., mask, :][..., mask]
+        return ContactRows(self.C[..., mask, :], F, self.H[..., mask, :], self.X[..., mask])
 
     def force_scale(self, K: sp.csr_matrix | Array) -> float:
         """Unit of forces by which contact equations are scaled: the largest entry of the stiffness K (n, n).

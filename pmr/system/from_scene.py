@@ -140,22 +140,22 @@ def _contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator
         )
 
 
-def _pads(scene: Scene, number: int, ring: JointPads, called: str, rows: set[str]) -> Iterator[JointPad]:
+def _pads(scene: Scene, number: int, ring: JointPads, prefix: str, rows: set[str]) -> Iterator[JointPad]:
     """Pads of one ring of a joint on the `rows` that both sections have; a planar beam has none for sideways motion.
 
-    `called` is how their names begin.
+    `prefix` is how their names begin.
     """
-    called = " ".join(filter(None, (called, ring.name)))
+    prefix = " ".join(filter(None, (prefix, ring.name)))
     compliance = 0.0 if ring.stiffness == "rigid" else 1.0 / ring.stiffness
     law = {key: getattr(ring, key) for key in FRICTION}
     if ring.faces is None:
         clearance = ring.clearance_on("") if ring.unilateral else None
         for way, direction in {" above": 1.0, " below": -1.0}.items() if ring.unilateral else {"": 1.0}.items():
             arm = _arm(scene.sections[number], "top") if ring.friction else 0.0
-            yield JointPad(called + way, POINT, ring.at, direction, compliance, clearance, arm=arm, **law)
+            yield JointPad(prefix + way, POINT, ring.at, direction, compliance, clearance, arm=arm, **law)
         return
     pads = as_pads(ring, footprint(scene, ring))
-    named = pads.model_copy(update={"name": called})  # so are their contacts
+    named = pads.model_copy(update={"name": prefix})  # so are their contacts
     for (row, *_), (name, face, _) in zip(pads.places, named.places, strict=True):
         if row in rows:
             clearance = ring.clearance_on(face) if ring.unilateral else None
@@ -169,14 +169,14 @@ def _arm(part: Part, face: str) -> float:
     return 0.0 if side is None else float(side.normal @ side.start)
 
 
-def _ground_contacts(name: str, body: Body, joined: set[tuple[str, str]], part: Part) -> Iterator[Contact]:
+def _ground_contacts(name: str, body: Body, joined_rows: set[tuple[str, str]], part: Part) -> Iterator[Contact]:
     """Contacts of a body with the ground: its pads, and its supports except those that hold a single coordinate.
 
-    Rows (body, row) that are `joined`, and rows of tails and points, are left out.
+    `joined_rows` (body, row), and rows of tails and points, are left out.
     """
     pads = {pad for ring in part.pads for pad, _, _ in ring.places}
     for number, row in enumerate(body.row_names):
-        if (name, row) not in joined and number not in body.held and row not in (TAIL, POINT):
+        if (name, row) not in joined_rows and number not in body.held and row not in (TAIL, POINT):
             compliance, clearance = float(body.row_compliance[number]), float(body.row_clearance[number])
             place, kind = Place(name, row, _first_break(body, row)), "pad" if row in pads else "support"
             gap, direction = None if np.isnan(clearance) else clearance, 1.0

@@ -107,12 +107,10 @@ class LoadedStates:
         count = len(outputs)
         return cls(np.full(count, state.load), outputs, forces, np.ones(count, dtype=bool), (state.form,) * count)
 
-    def select(self, which: Mask) -> LoadedStates:
+    def select(self, mask: Mask) -> LoadedStates:
         """Equilibria selected by a mask (p,)."""
-        forms = tuple(form for form, chosen in zip(self.forms, which.tolist(), strict=True) if chosen)
-        return LoadedStates(
-            self.load[which], self.outputs[which], self.forces[which], self.in_equilibrium[which], forms
-        )
+        forms = tuple(form for form, chosen in zip(self.forms, mask.tolist(), strict=True) if chosen)
+        return LoadedStates(self.load[mask], self.outputs[mask], self.forces[mask], self.in_equilibrium[mask], forms)
 
     def split(self, lengths: Iterable[int]) -> Iterator[LoadedStates]:
         """Yield consecutive groups of these lengths, in order."""

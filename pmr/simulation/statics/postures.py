@@ -58,23 +58,23 @@ class PostureSet:
         """Number P of postures."""
         return len(self.luffing)
 
-    def select(self, which: NDArray[np.int64]) -> PostureSet:
+    def select(self, numbers: NDArray[np.int64]) -> PostureSet:
         """Postures selected by their numbers."""
-        extensions = {name: values[which] for name, values in self.extensions.items()}
-        return PostureSet(extensions, self.luffing[which], self.slewing[which])
+        extensions = {name: values[numbers] for name, values in self.extensions.items()}
+        return PostureSet(extensions, self.luffing[numbers], self.slewing[numbers])
 
     def boom_length(self, scene: Scene) -> Array:
         """Distance (P,) in m along the boom from the tail of the base section to the tip of the last section."""
         tails = np.sum([np.zeros(self.count), *(self.extensions[name] for name in scene.names[1:])], axis=0)
         return np.asarray(tails + scene.sections[-1].length)
 
-    def ground_positions(self, scene: Scene, along: Array) -> Array:
+    def ground_positions(self, scene: Scene, distances: Array) -> Array:
         """Positions (P, 3) in m from the pivot, in ground axes X, Y, Z, of undeformed points of the boom.
 
-        `along` (P,) in m is the distance of each posture's point from the tail of the base section.
+        `distances` (P,) in m is the distance of each posture's point from the tail of the base section.
         """
         assert scene.frame is not None
-        place = np.array(scene.frame.place) + along[:, None] * np.eye(3)[0]
+        place = np.array(scene.frame.place) + distances[:, None] * np.eye(3)[0]
         return np.einsum("pij,pj->pi", rotation(self.luffing, self.slewing), place)
 
 
@@ -145,16 +145,18 @@ class PostureMatrices:
     force_kinds: tuple[str, ...]
 
     @classmethod
-    def from_scene(cls, scene: Scene, system: System, at: PostureSet) -> PostureMatrices:
-        """Matrices of a scene made by `with_hook`, of its system of reduced or full bodies and of the postures `at`."""
+    def from_scene(cls, scene: Scene, system: System, postures: PostureSet) -> PostureMatrices:
+        """Matrices of a scene made by `with_hook`, of its system of reduced or full bodies, in these postures."""
         assembly = Assembly(system)
-        x = side_positions(system, at)
+        x = side_positions(system, postures)
         rows, size = assembly.contact_rows_over_time(x), assembly.size
-        parts, f, c = unit_loads(scene, system, at)
+        parts, f, c = unit_loads(scene, system, postures)
         assert scene.frame is not None and scene.gravity is not None  # as `with_hook` says
         shown, outputs = _select_outputs(system)
-        still = scene_at_rest(scene, at.extensions, at.luffing, at.slewing, dict.fromkeys(_load_names(scene), 0.0))
-        machine = [rest_rows(still, assembly, k, x[k], rows.at_time(k), c[:, k]) for k in range(at.count)]
+        still = scene_at_rest(
+            scene, postures.extensions, postures.luffing, postures.slewing, dict.fromkeys(_load_names(scene), 0.0)
+        )
+        machine = [rest_rows(still, assembly, k, x[k], rows.at_time(k), c[:, k]) for k in range(postures.count)]
         outputs = [*outputs, *machine[0].outputs]
         columns = [output.name for output in outputs] + list(system.contact_names)
         drives = drive_rows(scene, columns)
@@ -183,11 +185,11 @@ class PostureMatrices:
             machine_forces=np.array([rows_of_place.contacts for rows_of_place in machine]),
             machine_loads=np.array([rows_of_place.loads for rows_of_place in machine]),
             machine_parts=np.stack([rows_of_place.parts for rows_of_place in machine], axis=1),
-            slewing=at.slewing,
-            luffing=at.luffing,
-            up=_vertical_directions(still, at),
-            tip=np.array(scene.frame.place) + at.boom_length(scene)[:, None] * np.eye(3)[0],
-            arm=_lever_arms(scene, at),
+            slewing=postures.slewing,
+            luffing=postures.luffing,
+            up=_vertical_directions(still, postures),
+            tip=np.array(scene.frame.place) + postures.boom_length(scene)[:, None] * np.eye(3)[0],
+            arm=_lever_arms(scene, postures),
             drives=np.array([*drives.values()]).reshape(len(drives), len(columns)),
             drive_names=tuple(drives),
             rope_names=tuple(rope_shares(scene)),
@@ -259,15 +261,15 @@ class PostureMatrices:
         return force
 
 
-def side_positions(system: System, at: PostureSet) -> Array:
+def side_positions(system: System, postures: PostureSet) -> Array:
     """Positions x (P, sides) in m of the sides of all contacts in each posture."""
-    paths = {name: at.extensions.get(name, np.zeros(at.count)) for name in system.paths}
-    paths |= {LUFFING: at.luffing} if LUFFING in system.paths else {}
+    paths = {name: postures.extensions.get(name, np.zeros(postures.count)) for name in system.paths}
+    paths |= {LUFFING: postures.luffing} if LUFFING in system.paths else {}
     x = system.side_coordinates(paths) if paths else system.side_coordinates({})
-    return np.ascontiguousarray(np.broadcast_to(x, (at.count, len(system.sides))))
+    return np.ascontiguousarray(np.broadcast_to(x, (postures.count, len(system.sides))))
 
 
-def unit_loads(scene: Scene, system: System, at: PostureSet) -> tuple[tuple[str, ...], Array, Array]:
+def unit_loads(scene: Scene, system: System, postures: PostureSet) -> tuple[tuple[str, ...], Array, Array]:
     """Names of the w components, their loads (w, P, i) and amplitudes (w, P, k), at P postures on i inputs and k terms.
 
     The first component is the weight, by itself; each other one is a unit of a load without the weight: 1 N or 1 N m,
@@ -276,10 +278,10 @@ def unit_loads(scene: Scene, system: System, at: PostureSet) -> tuple[tuple[str,
     assert scene.gravity is not None
     names = _load_names(scene)
     unit = dict.fromkeys(names, 1.0) | {HOOK: -scene.gravity.acceleration}
-    numbers, f, c = np.arange(at.count, dtype=float), list[Array](), list[Array]()
+    numbers, f, c = np.arange(postures.count, dtype=float), list[Array](), list[Array]()
     for one_of in (None, *names):
         loads = {name: unit[name] if name == one_of else 0.0 for name in names}
-        still = scene_at_rest(scene, at.extensions, at.luffing, at.slewing, loads)
+        still = scene_at_rest(scene, postures.extensions, postures.luffing, postures.slewing, loads)
         driven = Excitation.from_scene(still)
         f.append(driven.forces(system.input_names, numbers))
         c.append(driven.amplitudes(system.term_names, numbers))
@@ -293,13 +295,15 @@ def _load_names(scene: Scene) -> list[str]:
     return list(dict.fromkeys(load.name for part in scene.sections for load in part.loads))
 
 
-def acceleration_loads(scene: Scene, system: System, at: PostureSet, angle: str) -> Array:
+def acceleration_loads(scene: Scene, system: System, postures: PostureSet, angle: str) -> Array:
     """Loads (P, i) for an acceleration of 1 rad/s^2 of an `angle`, ``luffing`` or ``slewing``, in N s^2.
 
     The scene is one that `with_hook` made.
     """
-    still = scene_at_rest(scene, at.extensions, at.luffing, at.slewing, dict.fromkeys(_load_names(scene), 0.0))
-    numbers = np.arange(at.count, dtype=float)
+    still = scene_at_rest(
+        scene, postures.extensions, postures.luffing, postures.slewing, dict.fromkeys(_load_names(scene), 0.0)
+    )
+    numbers = np.arange(postures.count, dtype=float)
     f = [
         Excitation.from_scene(each).forces(system.input_names, numbers)
         for each in (still, accelerate_angle(still, angle))
@@ -307,17 +311,17 @@ def acceleration_loads(scene: Scene, system: System, at: PostureSet, angle: str)
     return np.asarray(f[1] - f[0])
 
 
-def _lever_arms(scene: Scene, at: PostureSet) -> Array:
+def _lever_arms(scene: Scene, postures: PostureSet) -> Array:
     """Lever arms (P,) in m of the luffing cylinder about the pivot; NaN for a scene without one."""
     assert scene.frame is not None
     cylinder = scene.frame.cylinder
-    return np.full(at.count, np.nan) if cylinder is None else cylinder.length(at.luffing)[1]
+    return np.full(postures.count, np.nan) if cylinder is None else cylinder.length(postures.luffing)[1]
 
 
-def _vertical_directions(still: Scene, at: PostureSet) -> Array:
+def _vertical_directions(still: Scene, postures: PostureSet) -> Array:
     """Vertical unit vectors (P, 3) in boom axes, of a scene made by `rest_scene`."""
     assert still.frame is not None
-    numbers = np.arange(at.count, dtype=float)
+    numbers = np.arange(postures.count, dtype=float)
     return FrameRotation.from_signals(*still.frame.angles, numbers, still.frame.rocking).up
 
 
@@ -362,8 +366,8 @@ class DeflectionOutputs:
     names: tuple[str, ...]  # of the sections
 
     @classmethod
-    def from_system(cls, system: System, at: PostureSet) -> DeflectionOutputs:
-        """Choose outputs across the boom of a system in the postures `at`."""
+    def from_system(cls, system: System, postures: PostureSet) -> DeflectionOutputs:
+        """Choose outputs across the boom of a system in these postures."""
         assembly = Assembly(system)
         number, x, section, direction, first = list[int](), list[float](), list[int](), list[str](), 0
         for k, body in enumerate(system.bodies.values()):
@@ -377,20 +381,20 @@ class DeflectionOutputs:
                     section.append(k)
                     direction.append(axis)
             first += len(kinds)
-        rows = assembly.contact_rows_over_time(side_positions(system, at))
+        rows = assembly.contact_rows_over_time(side_positions(system, postures))
         outputs, direct = assembly.outputs.toarray()[number], assembly.direct[number]
         return cls(
             outputs, direct, rows.X[:, number], np.array(x), np.array(section), tuple(direction), tuple(system.bodies)
         )
 
-    def replace_outputs(self, at: PostureMatrices) -> PostureMatrices:
-        """Postures `at` whose only outputs are displacements across the boom; forces on the machine are left out."""
-        none = {name: getattr(at, name)[..., :0, :] for name in ("machine_q", "machine_forces", "machine_loads")}
+    def replace_outputs(self, postures: PostureMatrices) -> PostureMatrices:
+        """The postures with displacements across the boom as their only outputs; forces on the machine are left out."""
+        none = {name: getattr(postures, name)[..., :0, :] for name in ("machine_q", "machine_forces", "machine_loads")}
         return replace(
-            at,
+            postures,
             outputs=self.outputs,
             direct=self.direct,
             X=self.X,
-            machine_parts=at.machine_parts[..., :0, :],
+            machine_parts=postures.machine_parts[..., :0, :],
             **none,
         )
