@@ -97,7 +97,7 @@ class Whole:
         """Of what draws the boom out, at the accelerations that the equations have there."""
         (q, rate), out, n = self.at(k), self.extended(k), self.assembly.size
         motion = FrameMotion(self.turning.velocity[k], np.zeros(3))
-        pressed = self.boom.at(motion, out, q, rate, self.answering.moments(out))
+        pressed = self.boom.base_equations(motion, out, q, rate, self.answering.moments(out))
         mass, forces, (contacts, slope) = pressed.mass.copy(), pressed.forces.copy(), self.springs(k)
         near, R, rigid = self.along.evaluate(out.value), self.turning.rotation[k], ~self.gives
         forces[6 : 6 + n] += (self.assembly.K.toarray() + contacts) @ q

@@ -1,4 +1,4 @@
-/* What the parts of the kernel share: the layout of a system and of a state.  parts.h puts them together. */
+/* What the parts of the kernel share: the layout of a system and of a state.  variant.c puts them together. */
 #ifndef PMR_INTERNAL_H
 #define PMR_INTERNAL_H
 
