@@ -258,7 +258,9 @@ def probe_round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float)
     return ROUND_OFF * _largest_motions(bodies, loads, end, other_outputs)
 
 
-def _largest_motions(bodies: Mapping[str, SlidingBody], loads: Array, end: float, which: Callable[[Any], Any]) -> Array:
+def _largest_motions(
+    bodies: Mapping[str, SlidingBody], loads: Array, end: float, which: Callable[[SlidingBody], NDArray[np.bool_]]
+) -> Array:
     """Bound (o,) on each of the outputs that `which` selects, in its unit, under loads (T, i) in N for `end` seconds.
 
     `which` returns a mask of a body's outputs.  All bounds are 0 if a body has more than `LARGEST_COMPLIANCE`

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -254,7 +253,7 @@ def decide_second_order(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Scen
     return _with_second_order(scene, effect.matters)
 
 
-def with_choice_of_terms(scene: Scene, terms: Any) -> Scene:
+def with_choice_of_terms(scene: Scene, terms: Sequence[Term]) -> Scene:
     """The scene with the choice of second order of a system with these `terms`, if its own is ``auto``."""
     open_ = scene.frame is not None and scene.frame.second_order == "auto"
     return _with_second_order(scene, bool(terms)) if open_ else scene

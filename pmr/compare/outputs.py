@@ -40,7 +40,7 @@ from pmr.simulation.reactions import column_names, is_reaction
 from pmr.simulation.start import dense
 from pmr.system.body import SlidingBody, Trajectory, force_outputs, length_outputs, other_outputs
 from pmr.system.states import SystemTrajectory
-from pmr.system.system import BodySystem, System
+from pmr.system.system import AnyBody, BodySystem, System
 
 Array = NDArray[np.float64]
 
@@ -242,7 +242,7 @@ def force_kinds(response: Response) -> list[str]:
     return [f"{output.kind}_force" for output in response.outputs if output.is_force]
 
 
-def output_contacts(system: BodySystem[Any]) -> list[int]:
+def output_contacts(system: BodySystem[AnyBody]) -> list[int]:
     """Numbers of the contacts whose forces are outputs.
 
     Left out are rigid supports, whose forces are reactions, and contacts of the kind `STRAIGHT`; of a body alone also
@@ -261,7 +261,7 @@ def output_contacts(system: BodySystem[Any]) -> list[int]:
     ]
 
 
-def force_kinds_of_system(system: BodySystem[Any]) -> tuple[str, ...]:
+def force_kinds_of_system(system: System) -> tuple[str, ...]:
     """Kind of each force output of a system: of the springs of all bodies, then of `output_contacts`.
 
     Of a body alone all kinds are ``pad_force``.
@@ -271,7 +271,7 @@ def force_kinds_of_system(system: BodySystem[Any]) -> tuple[str, ...]:
     return tuple("pad_force" if ALONE in system.bodies else f"{kind}_force" for kind in kinds)
 
 
-def tip_columns(system: BodySystem[Any]) -> list[int]:
+def tip_columns(system: System) -> list[int]:
     """Numbers of the displacements, among those of all bodies, that belong to the tip of the last body."""
     last = list(system.bodies)[-1]
     kinds = [(name, kind) for name, body in system.bodies.items() for kind in column_names(body).kinds[0]]

@@ -36,7 +36,7 @@ from pmr.simulation.stepping import Block, Recorder, SimulationEnd
 from pmr.system.body import SlidingBody, Trajectory, clear_rates_without_inertia, force_outputs, length_outputs
 from pmr.system.contacts import Friction
 from pmr.system.states import BodyStates, SystemTrajectory, states_of
-from pmr.system.system import BodySystem, System
+from pmr.system.system import AnyBody, BodySystem, System
 
 if TYPE_CHECKING:
     from pmr.simulation.exudyn import ancf
@@ -381,7 +381,7 @@ class MotionOutputs:
     energy: Energy
 
 
-def append_friction(response: Response, system: BodySystem[Any], friction: Array | None) -> Response:
+def append_friction(response: Response, system: BodySystem[AnyBody], friction: Array | None) -> Response:
     """Append each joint's total friction force in N to the other outputs, from that of each of n pads (T, n) in N.
 
     The response is returned unchanged without friction.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from pmr.compare.estimated import ReductionError, SimulatedSystem, reduction_error, step_part
@@ -38,7 +36,7 @@ from pmr.system.system import System
 EARLIER = "the file is of an earlier version, without the modes that the estimate needs"
 
 
-def simulate_saved(system: System, scene: Any) -> RunResult:
+def simulate_saved(system: System, scene: Scene) -> RunResult:
     """Simulate a system under another scene's paths, loads and time stepping, by the simulators that it names.
 
     The result has those errors that are estimated without the full model, and no singular values.

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from pmr.system.from_scene import system_of
 from pmr.system.system import System
 
 
-def simulate(scene: Any, reduced: System | ReducedModel | Mapping[str, ReducedModel]) -> Response:
+def simulate(scene: Scene, reduced: System | ReducedModel | Mapping[str, ReducedModel]) -> Response:
     """Response of a reduced model or system to the paths and loads of a `pmr.scene.Scene`.
 
     The first simulator of the scene computes it.  `reduced` is a system, the model of a single body, or the models of
@@ -47,7 +47,7 @@ def simulate(scene: Any, reduced: System | ReducedModel | Mapping[str, ReducedMo
 
 
 def simulate_with_states(
-    scene: Any, reduced: System | ReducedModel | Mapping[str, ReducedModel], steps: Sequence[int] | None = None
+    scene: Scene, reduced: System | ReducedModel | Mapping[str, ReducedModel], steps: Sequence[int] | None = None
 ) -> Simulation:
     """Response of a reduced model or system, and the states of each body at some steps of the scene's time grid.
 
@@ -60,7 +60,7 @@ def simulate_with_states(
 
     Returns
     -------
-    Simulated
+    Simulation
         `response`, and `states` by body, ``""`` for a single one: coordinates ``p`` (S, r), their rates ``v``, path
         coordinates ``s`` (S, m) in m and ``multipliers`` (S, m) in N of its `rows`, ``loads`` (S, i).
     """
@@ -78,7 +78,7 @@ def simulate_with_states(
         return replace(simulated, response=append_machine(scene, simulated.response))
 
 
-def excitation_of_scene(scene: Any, system: System) -> Excitation:
+def excitation_of_scene(scene: Scene, system: System) -> Excitation:
     """Paths, loads and time grid of a `pmr.scene.Scene` for a system.
 
     An InputError is raised as by `check_scene_fits`, or where a path leaves the rows of the system.
@@ -97,7 +97,7 @@ def excitation_of_scene(scene: Any, system: System) -> Excitation:
     return excitation
 
 
-def check_scene_fits(scene: Any, system: System) -> None:
+def check_scene_fits(scene: Scene, system: System) -> None:
     """Raise an InputError if a scene has other bodies, joints or loads than those that a system was made from."""
     parts = scene.bodies
     if tuple(parts) != tuple(system.bodies):
@@ -130,7 +130,7 @@ def check_scene_fits(scene: Any, system: System) -> None:
     check_same_scene(system, scene)
 
 
-def join_models(scene: Any, reduced: ReducedModel | Mapping[str, ReducedModel]) -> System:
+def join_models(scene: Scene, reduced: ReducedModel | Mapping[str, ReducedModel]) -> System:
     """System of models that were reduced one by one, joined as the scene says.
 
     Raises InputError if they are not the models of the scene's bodies.
@@ -215,14 +215,22 @@ def check_same_scene(model: HasProvenance, scene: Scene, number: int | None = No
         raise InputError("scene", where, shown, f"that of the model is allowed: {of_model!r}")
 
 
-def _gravity_differences(recorded_scene: Mapping[str, Any], scene: Scene) -> Iterator[tuple[str, Any, Any]]:
-    """Differences in gravity: key, value in the scene, value in the model."""
+class Difference(NamedTuple):
+    """Difference of a scene to the one that a model was made from: key, value in the scene, value in the model."""
+
+    key: str
+    present: object
+    recorded: object
+
+
+def _gravity_differences(recorded_scene: Mapping[str, Any], scene: Scene) -> Iterator[Difference]:
+    """Differences in gravity."""
     if recorded_scene.get("gravity") and scene.gravity:
         yield from _part_differences(recorded_scene["gravity"], scene.gravity, "gravity")
 
 
-def _body_differences(recorded_scene: Mapping[str, Any], member: Member) -> Iterator[tuple[str, Any, Any]]:
-    """Differences in one body: key, value in the scene, value in the model."""
+def _body_differences(recorded_scene: Mapping[str, Any], member: Member) -> Iterator[Difference]:
+    """Differences in one body."""
     recorded_loads = {load.get("name"): load for load in recorded_scene.get("loads") or ()}
     for i, load in enumerate(member.part.loads):
         yield from _part_differences(recorded_loads.get(load.name, {}), load, f"loads[{i}]")
@@ -232,26 +240,23 @@ def _body_differences(recorded_scene: Mapping[str, Any], member: Member) -> Iter
             yield from _part_differences(recorded_scene[name], value, name)
 
 
-def _scene_differences(recorded_scene: Mapping[str, Any], scene: Scene) -> Iterator[tuple[str, Any, Any]]:
-    """Differences in damping and sections of a whole scene: key, value in the scene, value in the model."""
+def _scene_differences(recorded_scene: Mapping[str, Any], scene: Scene) -> Iterator[Difference]:
+    """Differences in damping and sections of a whole scene."""
     for name in ("damping", "sections"):
         if name in recorded_scene:
             yield from _part_differences(recorded_scene[name], getattr(scene, name), name)
 
 
-def _file_differences(recorded_digests: Mapping[str, str], read: Mapping[str, Path]) -> Iterator[tuple[str, Any, Any]]:
-    """Differences in the content of files that the scene reads: key, name of the file, digest in the model."""
+def _file_differences(recorded_digests: Mapping[str, str], read: Mapping[str, Path]) -> Iterator[Difference]:
+    """Differences in the content of files that the scene reads, shown as a file's name and as a digest."""
     for name, file in read.items():
         digest = hashlib.sha256(file.read_bytes()).hexdigest()
         if recorded_digests.get(name, digest) != digest:
-            yield f"{name}.file", file.name, f"content of SHA-256 {recorded_digests[name][:12]}"
+            yield Difference(f"{name}.file", file.name, f"content of SHA-256 {recorded_digests[name][:12]}")
 
 
-def _part_differences(recorded: Any, present: Any, key: str) -> Iterator[tuple[str, Any, Any]]:
-    """Differences between a `recorded` and a `present` value of the scene at `key`, and in all their fields.
-
-    Each is key, present value, recorded value.
-    """
+def _part_differences(recorded: object, present: object, key: str) -> Iterator[Difference]:
+    """Differences between a `recorded` and a `present` value of the scene at `key`, and in all their fields."""
     if isinstance(present, Section) and isinstance(recorded, Mapping):
         for name in [name for name in type(present).model_fields if name in recorded and name not in FREE]:
             yield from _part_differences(recorded[name], getattr(present, name), f"{key}.{name}")
@@ -262,15 +267,16 @@ def _part_differences(recorded: Any, present: Any, key: str) -> Iterator[tuple[s
         isinstance(present, tuple)
         and present
         and isinstance(present[0], Section)
-        and len(present) == len(recorded or ())
+        and isinstance(recorded, list | tuple)
+        and len(present) == len(recorded)
     ):
         for i, (recorded_entry, value) in enumerate(zip(recorded, present, strict=True)):
             yield from _part_differences(recorded_entry, value, f"{key}[{i}]")
     elif not _is_equal(recorded, present):
-        yield key, present.name if isinstance(present, Path) else present, recorded
+        yield Difference(key, present.name if isinstance(present, Path) else present, recorded)
 
 
-def _is_equal(recorded: Any, present: Any) -> bool:
+def _is_equal(recorded: object, present: object) -> bool:
     """Whether a present value equals the recorded one, except for round-off and changes by JSON."""
     if isinstance(present, tuple) and isinstance(recorded, list | tuple):
         return len(present) == len(recorded) and all(map(_is_equal, recorded, present))

@@ -25,7 +25,7 @@ from pmr.scene.members import members
 from pmr.scene.signals import SignalBase
 from pmr.simulation import TimeStepping
 from pmr.simulation.balance import NOTABLE, describe_surplus
-from pmr.system.system import BodySystem
+from pmr.system.system import AnyBody, BodySystem
 
 Array = NDArray[np.float64]
 
@@ -111,7 +111,7 @@ def alternation_remedy(rigid: Sequence[str]) -> str:
     return f"time.rho_inf = 0.8 or less, a smooth path or {'a stiffness in N/m' if rigid else 'a smaller step'} damp it"
 
 
-def rigid_contacts(system: BodySystem[Any]) -> list[str]:
+def rigid_contacts(system: BodySystem[AnyBody]) -> list[str]:
     """Names of contacts without compliance of their own, except rigid supports.
 
     If all bodies are reduced ones with residual flexibility, only cylinders are counted: that gives way at all others.

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import accumulate
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +60,7 @@ def start_album(result: RunResult, prefix: str) -> Callable[[], Album]:
         return Album
     planned = list(_Views(result).shots())
     thread = ThreadPoolExecutor(1)  # it waits for the process that renders
-    developed = thread.submit(render_shots, [shot for _, shot, _ in planned])
+    developed = thread.submit(render_shots, [view.shot for view in planned])
     thread.shutdown(wait=False)
 
     def make_album() -> Album:
@@ -70,12 +71,20 @@ def start_album(result: RunResult, prefix: str) -> Callable[[], Album]:
             return Album(absent=str(error))
         return Album(
             tuple(
-                Picture(f"{prefix}-{name}", *shot.size, base64.b64encode(data).decode(), caption)
-                for (name, shot, caption), data in zip(planned, pictures, strict=True)
+                Picture(f"{prefix}-{view.name}", *view.shot.size, base64.b64encode(data).decode(), view.caption)
+                for view, data in zip(planned, pictures, strict=True)
             )
         )
 
     return make_album
+
+
+class View(NamedTuple):
+    """Picture that is planned: its name, what is rendered, and the caption."""
+
+    name: str
+    shot: Shot
+    caption: str
 
 
 class _Views:
@@ -89,12 +98,12 @@ class _Views:
         self.pose = result.pose(times(result))
         self.limits = (0.0, largest_colour_stress(result) / 1e6 if self.stressed else 1.0)
 
-    def shots(self) -> Iterator[tuple[str, Shot, str]]:
-        """Yield (name, shot, caption) of each picture, in the order of the page."""
+    def shots(self) -> Iterator[View]:
+        """Yield each picture, in the order of the page."""
         chosen = drawn_moments(self.result)
         views = [Shot((*self._body_pieces(m), *self._surrounding_pieces(m)), SIDE, self.limits) for m in chosen]
         for number, (moment, shot) in enumerate(zip(chosen, frame_shots(views, WIDTH), strict=True), start=1):
-            yield f"view-{number}", shot, self._caption(moment)
+            yield View(f"view-{number}", shot, self._caption(moment))
         if self.stressed:
             yield self._peak_view(moment_of_peak(self.result))
         yield self._mesh_view()
@@ -125,8 +134,8 @@ class _Views:
         """
         return points if self.pose is None else self.pose.at(frame, points)
 
-    def _peak_view(self, moment: Moment) -> tuple[str, Shot, str]:
-        """Build (name, shot, caption) of the largest stress, seen from the side it is on, the body's axis level."""
+    def _peak_view(self, moment: Moment) -> View:
+        """Build the view of the largest stress, seen from the side it is on, the body's axis level."""
         name, place = place_of_peak(self.result, moment)
         points = self.surfaces[name].points
         low, high = points.min(axis=0), points.max(axis=0)
@@ -144,7 +153,7 @@ class _Views:
         shot = Shot(pieces, direction, self.limits, (x, y, z), NEAR, (WIDTH, WIDTH * 3 // 8), up)
         side = f"the {'left' if from_left else 'right'} and {'above' if above else 'below'}"
         tip = f"the tip is to the {'left' if from_left else 'right'}"
-        return (
+        return View(
             "close",
             shot,
             f"The neighbourhood of the largest stress, seen from {side}; {tip}. {self._time_clause(moment)}.",
@@ -161,8 +170,8 @@ class _Views:
             return f"At {at}; {displacements}"
         return f"At {at}, of the times whose fields are kept the nearest to {peak:.2f}{SPACE}s; {displacements}"
 
-    def _mesh_view(self) -> tuple[str, Shot, str]:
-        """Build (name, shot, caption) of the meshes, with bodies and pads where they are at the first stored time."""
+    def _mesh_view(self) -> View:
+        """Build the view of the meshes, with bodies and pads where they are at the first stored time."""
         bodies = [
             Piece(surface.points + (self.places[name][0], 0.0, 0.0), surface.faces, None, "#eef2f5", edges=0.9)
             for name, surface in self.surfaces.items()
@@ -177,7 +186,7 @@ class _Views:
             f"grey the pads that stay on the body, orange those that move along it, at s = {format_input(round(at, 3))}"
         )
         pads = f"; {where}{SPACE}m" if self.stage.near or self.stage.tail else ""
-        return "mesh", shot, f"The mesh: {format_input(cells)} cells, {format_input(vertices)} vertices{pads}."
+        return View("mesh", shot, f"The mesh: {format_input(cells)} cells, {format_input(vertices)} vertices{pads}.")
 
     def _caption(self, moment: Moment) -> str:
         """Caption of a view: extension beyond the mouth or reach, time, largest stress, scale of displacements."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -247,14 +247,21 @@ def moment_of_peak(result: RunResult) -> Moment:
     return Moment(k, float(t[k]), float(s[k]), reach(result) - float(s[k]), float(largest[k]))
 
 
-def place_of_peak(result: RunResult, moment: Moment) -> tuple[str, Array]:
-    """Body with the largest stress, and the point (3,) in m in this body's axes, from the summary if it has them.
+class PointOfBody(NamedTuple):
+    """Name of a body, and a point (3,) in m in its axes."""
+
+    body: str
+    point: Array
+
+
+def place_of_peak(result: RunResult, moment: Moment) -> PointOfBody:
+    """Body and point with the largest stress, from the summary if it has them.
 
     Else the point is the middle of the cell that has the largest stress of all bodies at `moment`.
     """
     fields, peak = fields_by_body(result), _summary_peak(result)
     if "position" in peak and (body := peak.get("section", next(iter(fields)))) in fields:
-        return body, np.array(peak["position"])
+        return PointOfBody(body, np.array(peak["position"]))
     stresses = {
         name: cell_stresses(fields_of_body)[moment.frame]
         for name, fields_of_body in fields.items()
@@ -262,7 +269,8 @@ def place_of_peak(result: RunResult, moment: Moment) -> tuple[str, Array]:
     }
     body = max(stresses, key=lambda name: float(stresses[name].max()))
     stressed_fields = fields[body]
-    return body, stressed_fields.points[stressed_fields.cells[int(np.argmax(stresses[body]))]].mean(axis=0)
+    cell = stressed_fields.cells[int(np.argmax(stresses[body]))]
+    return PointOfBody(body, stressed_fields.points[cell].mean(axis=0))
 
 
 def _largest(values: Array, among: NDArray[np.int64], preferred: int | None) -> int:

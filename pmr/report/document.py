@@ -120,7 +120,7 @@ def templates() -> jinja2.Environment:
     )
 
 
-def escape_controls(value: Any) -> Any:
+def escape_controls(value: object) -> object:
     """Spell out characters that would steer the page, in plain text; markup and other values are returned unchanged."""
     return visible(value) if type(value) is str else value
 

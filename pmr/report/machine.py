@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
@@ -39,6 +39,8 @@ PLACES = 400  # times at which the position of the tip is looked at
 _SIGNAL_UNITS = {"time": "s", "times": "s", "frequency": "Hz", "frequencies": "Hz", "phase": "rad", "degree": ""}
 _MOST_KNOTS = 6  # values of a sequence that are listed one by one
 Rows = Iterator[tuple[str, str]]
+#: A length in m, or lengths by face or direction.
+Lengths = float | tuple[float, ...] | Mapping[Any, float | tuple[float, float]]
 
 
 def system_rows(result: RunResult) -> Rows:
@@ -360,9 +362,9 @@ def _section_rows(body: Body) -> Rows:
     yield "density", f"{format_input(material.density)}{SPACE}kg/m³"
 
 
-def format_lengths(lengths: Any) -> str:
+def format_lengths(lengths: Lengths) -> str:
     """Format a length given in m as mm; of a dictionary (by face or direction) or a tuple each of its lengths."""
-    if isinstance(lengths, dict):
+    if isinstance(lengths, Mapping):
         return ", ".join(f"{name} {format_lengths(length)}" for name, length in lengths.items())
     return (
         " × ".join(format_input(1e3 * length) for length in lengths)
@@ -458,9 +460,9 @@ def _reduction_rows(reduction: Reduction, released: str) -> Rows:
         yield "residual flexibility", "added, quasi-static"
 
 
-def _format_with_unit(value: Any, unit: str) -> str:
+def _format_with_unit(value: float | Sequence[float], unit: str) -> str:
     """Format a number or a sequence with its unit; a sequence of more than `_MOST_KNOTS` by its count and its range."""
-    if isinstance(value, (tuple, list)):
+    if isinstance(value, Sequence):
         if len(value) > _MOST_KNOTS:
             return f"({len(value)} values, {format_input(min(value))} to {format_input(max(value))}){SPACE}{unit}"
         return f"({', '.join(format_input(v) for v in value)}){SPACE}{unit}"

@@ -12,7 +12,8 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,10 +159,6 @@ class Quantity:
     def value(self, extremes: Extremes) -> Extreme:
         """Return the extreme that is reported."""
         return {"size": extremes.largest, "most": extremes.highest, "least": extremes.lowest}[self.extreme]
-
-    def format_value(self, value: float) -> str:
-        """Return a value with the quantity's unit for a sentence, such as ``"12.5 kN"``."""
-        return with_unit(value, self.unit)
 
 
 def with_unit(value: float, unit: str) -> str:
@@ -372,18 +369,25 @@ def matches_pattern(patterns: Sequence[str], name: str) -> bool:
 KINDS = ("beam", "tip", "pad_force", "cylinder_force", "support_force", "frequency")
 
 
-def reduction_error(summary: Mapping[str, Any]) -> tuple[str, dict[str, float]]:
-    """Return how the errors of a reduction are known, in words, and the errors by kind as fractions.
+class ReductionErrors(NamedTuple):
+    """Errors of a reduction by kind as fractions, and in words how they are known; both empty if nothing is known."""
+
+    source: str = ""
+    by_kind: Mapping[str, float] = MappingProxyType({})
+
+
+def reduction_error(summary: Mapping[str, Any]) -> ReductionErrors:
+    """Return the errors of the reduction of a run with this summary.
 
     They are those against the full model, if it was simulated, else estimates; those of frequencies are always
     estimates.  Forces that jump at kinks of extensions are compared between kinks; pad forces with impacts are left
-    out.  An empty text and no errors if nothing is known.
+    out.
     """
     errors, estimate = summary.get("errors", {}).get("reduced_vs_full", {}), summary.get("estimate") or {}
     source, how = (errors, "beside the full model") if "beam" in errors else (estimate, "estimated")
     if source.get("beam") is None:
-        return "", {}
+        return ReductionErrors()
     kinds = [kind for kind in KINDS if kind != "pad_force" or "impacts" not in summary]
     by_kind = {kind: source.get(f"{kind}_between_kinks", source.get(kind)) for kind in kinds}
     by_kind["frequency"] = estimate.get("frequency")
-    return how, {kind: float(error) for kind, error in by_kind.items() if error is not None}
+    return ReductionErrors(how, {kind: float(error) for kind, error in by_kind.items() if error is not None})

@@ -20,6 +20,7 @@ import matplotlib as mpl
 import numpy as np
 from fontTools import subset
 from fontTools.ttLib import TTFont
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.figure import Figure
@@ -177,7 +178,7 @@ def legend_rows(names: Sequence[str], width: float) -> int:
     return max(1, min(ceil(entries / (width - 0.6)), len(names)))
 
 
-def add_legend(figure: Figure, handles: list[Any], rows: int = 1) -> None:
+def add_legend(figure: Figure, handles: Sequence[Artist], rows: int = 1) -> None:
     """Add a legend of `handles` above the axes, where no curve is, in so many rows."""
     if handles:
         left_edge, roomy = figure.axes[0].get_position().x0, figure.get_figwidth() > HALF

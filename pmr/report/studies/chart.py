@@ -120,7 +120,7 @@ def _cell_text(study: FinishedStudy, table: Mapping[str, Any], chart: LoadChart,
     )
 
 
-def _format_load(load: Any) -> str:
+def _format_load(load: float | np.floating) -> str:
     """Format a load in kg with four digits, without a power of ten."""
     return f"{format_input(float(f'{load:.4g}'))}{SPACE}kg"
 
@@ -230,7 +230,7 @@ def _largest_share_cells(shares: Array) -> tuple[str, ...]:
     return (_format_share(shares.max()),) if len(shares) else (NOT_REACHED, *["–"] * len(PARTS))
 
 
-def _format_share(share: Any) -> str:
+def _format_share(share: float) -> str:
     """Format a share in per cent; NaN is ``not known``."""
     return "not known" if np.isnan(share) else f"{rounded(100.0 * share)}{SPACE}%" if share >= 1e-5 else "0"
 
@@ -295,7 +295,7 @@ def _load_grid(chart: LoadChart, error: Array, luffing: Array) -> Grid:
 
 
 #: Arrays of a study's runs, one after the other.
-Parts = Sequence[Mapping[str, NDArray[Any]]]
+Parts = Sequence[Mapping[str, Array]]
 #: Share of the largest value below which a force or displacement is round-off.
 ROUND_OFF = 1e-9
 
@@ -313,7 +313,7 @@ def governing_pages(study: FinishedStudy, names: list[str], arrays: Parts, prefi
 
 
 def _governing_page(
-    study: FinishedStudy, names: list[str], n: int, row: int, arrays: Mapping[str, NDArray[Any]], anchor: str
+    study: FinishedStudy, names: list[str], n: int, row: int, arrays: Mapping[str, Array], anchor: str
 ) -> Block:
     """Build the block about the largest load that limit number `n` governs, in run number `row` with these arrays."""
     k = int(arrays["at.place"][n])
@@ -371,7 +371,7 @@ def _stop_sentences(study: FinishedStudy, limit: str, stops: Array) -> Iterator[
         yield f"{sentence}."
 
 
-def _use_tables(names: list[str], n: int, arrays: Mapping[str, NDArray[Any]], sections: tuple[str, ...]) -> list[Table]:
+def _use_tables(names: list[str], n: int, arrays: Mapping[str, Array], sections: tuple[str, ...]) -> list[Table]:
     """Build tables of the use of each limit, stresses of probes, displacements of the sections' tips, and forces."""
     used = zip(names, arrays["at.used"][n], strict=True)
     tables = [Table("Used of each limit", tuple((name, f"{100.0 * share:.3g}{SPACE}%") for name, share in used))]

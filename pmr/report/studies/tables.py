@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import get_args
 
 from pydantic import BaseModel
 
@@ -87,7 +87,7 @@ def unit_of(key: str) -> str:
     return "" if quantity is None or quantity.unit == "1" else quantity.unit.replace("^2", "²").replace("^3", "³")
 
 
-def _sections(annotation: Any) -> Iterator[type[BaseModel]]:
+def _sections(annotation: object) -> Iterator[type[BaseModel]]:
     """Yield the classes of sections that the annotation of a field allows."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
