@@ -204,7 +204,7 @@ def _agreement(found: Sequence[Mapping[str, Any]]) -> Grid:
 def _unfinished(records: Sequence[Mapping[str, Any]]) -> list[str]:
     """Sentences on the runs that did not finish or have notes."""
     return [
-        f"Cells of {format_input(1e3 * record['cells'])}{SPACE}mm, {_ranks(record)}: {'; '.join(record['notes'])}."
+        f"Cells of {format_input(1e3 * record['cells'], 'mm')}, {_ranks(record)}: {'; '.join(record['notes'])}."
         for record in records
         if record.get("notes")
     ]

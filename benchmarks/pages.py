@@ -42,7 +42,7 @@ def approaches(found: Mapping[str, Any], prefix: str) -> Chapter:
         for name, t in small["seconds"].items()
     )
     caption = (
-        f"Six coordinates, evolved case: {format_input(small['span'])}{SPACE}s in {format_input(small['steps'])} "
+        f"Six coordinates, evolved case: {format_input(small['span'], 's')} in {format_input(small['steps'])} "
         "steps, every step's outputs kept."
     )
     grids.append(Grid(caption, ("basis and outputs", "least", "median", "a step"), rows))

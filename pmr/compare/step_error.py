@@ -52,7 +52,7 @@ from pmr.compare.outputs import (
 from pmr.compare.responses import evaluate_motion
 from pmr.compare.trust import FAR
 from pmr.errors import SimulationError
-from pmr.errors.text import rounded
+from pmr.errors.text import percent, rounded
 from pmr.results import Response
 from pmr.results.quantities import QUANTITIES
 from pmr.scene.signals import SignalBase
@@ -549,14 +549,15 @@ def step_warnings(
     h = stepping.step
     if step_error_of_run.beam <= STEP_LIMIT and step_error_of_run.settled:
         far = [
-            f"{_percent(error)} in {QUANTITIES[kind].label}"
+            f"{percent(error, 'the motion')} in {QUANTITIES[kind].label}"
             for kind, error in step_error_of_run.further_errors.items()
             if error > FAR
         ]
         return [
             f"the time step of {h:.4g} s is off by {', '.join(far)}, as steps of {step_error_of_run.finest:.2g} s show"
         ] * any(far)
-    size = f"{_percent(step_error_of_run.beam)} along the beam, {_percent(step_error_of_run.tip)} at the tip"
+    beam, tip = (percent(error, "the motion") for error in (step_error_of_run.beam, step_error_of_run.tip))
+    size = f"{beam} along the beam, {tip} at the tip"
     if step_error_of_run.by == "mean":
         size += " in the mean (motions part after an impact, so they can't be compared instant by instant)"
     judged = (
@@ -605,8 +606,3 @@ def _motion_clause(band: float, h: float, natural: Array) -> str:
 def _steps_per_period(frequency: float, h: float) -> str:
     """How many steps of h in s a period takes, in words."""
     return f"{rounded(1.0 / (frequency * h))} steps a period" if frequency > 0.0 else "no period"
-
-
-def _percent(fraction: float) -> str:
-    """The error, a fraction, in per cent in words; from 10 on as a multiple of the motion."""
-    return f"{rounded(100.0 * fraction)} %" if fraction < 10.0 else f"{rounded(fraction)} times the motion"

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pmr.compare.errors import Pair, band_of_response, error_below_frequency, force_histories, relative_error
 from pmr.compare.model_part import largest_model_error
-from pmr.errors.text import rounded
+from pmr.errors.text import percent, rounded
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.results.quantities import QUANTITIES, error_label, reduction_error
@@ -388,13 +388,8 @@ def reduction_warnings(summary: Mapping[str, Any]) -> list[str]:
     far = {kind: error for kind, error in errors.items() if error > FAR}
     if not far:
         return []
-    errors_text = ", ".join(f"{_percent(error)} in {QUANTITIES[kind].label}" for kind, error in far.items())
+    errors_text = ", ".join(f"{percent(error)} in {QUANTITIES[kind].label}" for kind, error in far.items())
     return [f"the reduced model is off by {errors_text} ({source}): it has too few coordinates, or its motion grows"]
-
-
-def _percent(error: float) -> str:
-    """The error, a fraction, in per cent in words."""
-    return f"{rounded(100.0 * error)} %"
 
 
 def budget_warnings(scene: Scene, budget: Mapping[str, Any]) -> Iterator[str]:

@@ -59,6 +59,13 @@ def rounded(value: float) -> str:
     return f"{float(f'{value:.2g}'):g}"
 
 
+def percent(fraction: float, whole: str = "") -> str:
+    """Return an error, a fraction, in per cent in words; from 10 on as a multiple of the `whole`, if that is named."""
+    if not isfinite(fraction):
+        return "an unknown amount"
+    return f"{rounded(fraction)} times {whole}" if whole and fraction >= 10.0 else f"{rounded(100.0 * fraction)} %"
+
+
 def rounded_down(value: float) -> str:
     """Return a positive `value` rounded down to two significant digits, as a limit that is still small enough."""
     place = floor(log10(value)) - 1

@@ -270,7 +270,7 @@ def trust_table(result: RunResult) -> Table:
     walls = [WALLS] if stressed and any(model_of(of).startswith("beam") for of in members(result.scene)) else []
     times = []
     if stressed and (recovery := result.scene.recovery) is not None:
-        times = [f"stresses of the body between times {format_input(recovery.every)}{SPACE}s apart (recovery.every)"]
+        times = [f"stresses of the body between times {format_input(recovery.every, 's')} apart (recovery.every)"]
     missing = {
         "not in the model's bar": model.get("not_covered") or walls,
         "not in the mesh's bar": budget.get("mesh_not_covered") or (),
@@ -281,8 +281,8 @@ def trust_table(result: RunResult) -> Table:
     largest = {name: most for name, errors in parts.items() if (most := max(errors.values(), default=0.0))}
     decades = max(ceil(log10(max(largest.values(), default=1.0) / LEAST) - 1e-9), 5)
     bars = {name: min(max(log10(error / LEAST) / decades, 0.01), 1.0) for name, error in largest.items()}
-    top = f"{format_input(round(100.0 * LEAST * 10**decades, 6))}{SPACE}%"
-    note = f"How far off figures are, from small on the left to large: {format_input(100.0 * LEAST)}{SPACE}% to {top}, "
+    top = format_input(round(100.0 * LEAST * 10**decades, 6), "%")
+    note = f"How far off figures are, from small on the left to large: {format_input(100.0 * LEAST, '%')} to {top}, "
     note += f"ten times as much from mark to mark. Displacements are those {scope_words(result)}; "
     note += "stresses may be further off."
     gaps = ((name, "; ".join(dict.fromkeys(clauses))) for name, clauses in missing.items() if clauses)

@@ -11,7 +11,7 @@ from pmr.report.blocks import Block, Drawing, Grid
 from pmr.report.columns import Force, forces_by_group
 from pmr.report.figures import loads as figures
 from pmr.report.figures.canvas import drawing
-from pmr.report.numbers import NOTHING, SPACE, Unit, format_input, format_quantity, significant, unit_for
+from pmr.report.numbers import NOTHING, Unit, format_input, format_quantity, significant, unit_for
 from pmr.report.subject import drive_of, force_words, has_pushing_pads, is_alone
 from pmr.results import RunResult
 from pmr.results.response import Extremes
@@ -236,5 +236,5 @@ def extreme_cells(extreme: Extremes, unit: Unit, nothing: float = 0.0) -> Iterat
         (extreme.least, extreme.t_least, extreme.s_least),
         (extreme.most, extreme.t_most, extreme.s_most),
     ):
-        when = f" at {format_input(round(t, 3))}{SPACE}s, {format_input(round(s, 3))}{SPACE}m"
+        when = f" at {format_input(round(t, 3), 's')}, {format_input(round(s, 3), 'm')}"
         yield f"{significant(value / unit.size)}{when}" if abs(value) > nothing else "0"

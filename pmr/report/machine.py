@@ -69,7 +69,7 @@ def system_rows(result: RunResult) -> Rows:
         low, high = scene.path_bounds
         yield "out of its mouth", format_range(reach(result) - high, reach(result) - low, f"{SPACE}m")
     yield from _tip_rows(result)
-    yield "time", f"{format_input(scene.time.end)}{SPACE}s"
+    yield "time", format_input(scene.time.end, "s")
 
 
 def _tip_rows(result: RunResult) -> Rows:
@@ -113,7 +113,7 @@ def _machine_rows(frame: Frame, end: float) -> Rows:
     if (machine := frame.machine) is not None:
         place = ", ".join(map(format_input, machine.center))
         free = f"free along {', '.join(machine.free)}" if machine.free else "held"
-        yield "machine", f"{format_input(machine.mass)}{SPACE}kg with its centre at ({place}){SPACE}m, {free}"
+        yield "machine", f"{format_input(machine.mass, 'kg')} with its centre at ({place}){SPACE}m, {free}"
         if springs := [
             f"{key} {format_stiffness(value, key.startswith('r'))}" for key, value in machine.stiffness.given.items()
         ]:
@@ -178,7 +178,7 @@ def _describe_box(box: Box) -> str:
     """Describe a box: length in m, width and height in mm, then its walls and all that is on them."""
     parts = ", ".join(f"{name} {text}" for name, text in _box_parts(box))
     width, height = format_input(1e3 * box.width), format_input(1e3 * box.height)
-    return f"box of {format_input(box.length)}{SPACE}m, {width} × {height}{SPACE}mm, {parts}"
+    return f"box of {format_input(box.length, 'm')}, {width} × {height}{SPACE}mm, {parts}"
 
 
 def _box_parts(box: Box) -> Rows:
@@ -189,20 +189,20 @@ def _box_parts(box: Box) -> Rows:
             yield cut, f"{format_lengths(cut_length)}{SPACE}mm"
     for doubler in box.doublers:
         faces = "all around" if doubler.faces is None else f"on {', '.join(doubler.faces)}"
-        place = f"from {format_input(doubler.start)} to {format_input(doubler.end)}{SPACE}m"
-        yield "doubler", f"{format_input(1e3 * doubler.thickness)}{SPACE}mm {place}, {faces}"
+        place = f"from {format_input(doubler.start)} to {format_input(doubler.end, 'm')}"
+        yield "doubler", f"{format_input(1e3 * doubler.thickness, 'mm')} {place}, {faces}"
     if box.frames:
         deep = "closed" if box.frame_depth == "full" else f"{format_lengths(box.frame_depth)}{SPACE}mm deep"
         places = ", ".join(map(format_input, box.frames))
         yield (
             "frames",
-            f"{len(box.frames)}, {format_input(1e3 * box.plate)}{SPACE}mm thick, {deep}, at {places}{SPACE}m",
+            f"{len(box.frames)}, {format_input(1e3 * box.plate, 'mm')} thick, {deep}, at {places}{SPACE}m",
         )
     for name, taper in (("tail taper", box.tail_taper), ("tip taper", box.tip_taper)):
         if taper is not None:
             dimensions = taper.model_dump(exclude={"length"}, exclude_none=True)
             ends = ", ".join(f"{of} {format_lengths(size)}{SPACE}mm" for of, size in dimensions.items())
-            yield name, f"over {format_input(taper.length)}{SPACE}m to {ends}"
+            yield name, f"over {format_input(taper.length, 'm')} to {ends}"
 
 
 def _mass_rows(result: RunResult) -> Rows:
@@ -238,7 +238,7 @@ def _pad_rows(result: RunResult) -> Rows:
 
 def _describe_support(support: Support) -> str:
     """Describe a support: its kind or the directions it holds, its position and its stiffness."""
-    where = f"on its {support.on}" if isinstance(support.on, str) else f"at {format_input(support.on)}{SPACE}m"
+    where = f"on its {support.on}" if isinstance(support.on, str) else f"at {format_input(support.on, 'm')}"
     along = support.kind if support.directions is None else f"along {', '.join(support.directions)}"
     turns = all(direction.startswith("r") for direction in support.held)
     return f"{along} {where}, {format_stiffness(support.stiffness, turns)}"
@@ -252,12 +252,12 @@ def _describe_weight(result: RunResult) -> str:
 
 def _describe_mass(mass: PointMass) -> str:
     """Describe a point mass by its mass in kg and the part of the body it is on."""
-    return f"{format_input(mass.mass)}{SPACE}kg on {mass.on}"
+    return f"{format_input(mass.mass, 'kg')} on {mass.on}"
 
 
 def _format_mass(mass: float) -> str:
     """Format a mass in kg, rounded to 0.1 kg."""
-    return f"{format_input(round(mass, 1))}{SPACE}kg"
+    return format_input(round(mass, 1), "kg")
 
 
 def body_tables(result: RunResult) -> list[Table]:
@@ -287,8 +287,8 @@ def method_table(result: RunResult) -> Table:
     """Build the table of simulated time, time stepping and reduction."""
     time = result.scene.time
     rows = [
-        ("simulated time", f"{format_input(time.end)}{SPACE}s"),
-        ("step", f"{format_input(1e3 * time.step)}{SPACE}ms, {format_input(time.steps)} steps"),
+        ("simulated time", format_input(time.end, "s")),
+        ("step", f"{format_input(1e3 * time.step, 'ms')}, {format_input(time.steps)} steps"),
         ("integrator", f"generalised-α, ρ∞ = {format_input(time.rho_inf)}"),
     ]
     released = "sliders released" if is_alone(result) else "joints released"
@@ -331,7 +331,7 @@ def _structure_rows(of: OneBody, chosen: str) -> Rows:
     else:
         yield (
             "edges",
-            f"{format_input(mesh.size)}{SPACE}m, along the axis {format_input(mesh.along or mesh.size)}{SPACE}m",
+            f"{format_input(mesh.size, 'm')}, along the axis {format_input(mesh.along or mesh.size, 'm')}",
         )
     for mass in of.masses:
         yield f"mass {mass.name}", _describe_mass(mass)
@@ -341,10 +341,10 @@ def _structure_rows(of: OneBody, chosen: str) -> Rows:
 
 def _profile_rows(profile: Profile) -> Rows:
     """Yield rows with length, stiffness and mass of a beam that is described by a profile."""
-    yield "length", f"{format_input(profile.length)}{SPACE}m"
+    yield "length", format_input(profile.length, "m")
     yield "stiffness EI", f"{format_input(profile.bending_stiffness)}{SPACE}N{SPACE}m²"
     if profile.axial_stiffness is not None:
-        yield "stiffness EA", f"{format_input(profile.axial_stiffness)}{SPACE}N"
+        yield "stiffness EA", format_input(profile.axial_stiffness, "N")
     yield "mass per length", f"{format_input(profile.mass_per_length)}{SPACE}kg/m"
     yield "axial coordinates", "yes" if profile.axial else "no"
 
@@ -353,13 +353,13 @@ def _section_rows(body: Body) -> Rows:
     """Yield rows with the box or the thickness of a body, and its material."""
     box, material = body.box, body.material
     if box is not None:
-        yield "box", f"{format_input(box.length)} × {format_input(box.width)} × {format_input(box.height)}{SPACE}m"
+        yield "box", f"{format_input(box.length)} × {format_input(box.width)} × {format_input(box.height, 'm')}"
         yield from _box_parts(box)
     elif body.thickness is not None:
-        yield "thickness", f"{format_input(1e3 * body.thickness)}{SPACE}mm"
-    yield "Young's modulus", f"{format_input(1e-9 * material.young)}{SPACE}GPa"
+        yield "thickness", format_input(1e3 * body.thickness, "mm")
+    yield "Young's modulus", format_input(1e-9 * material.young, "GPa")
     yield "Poisson's ratio", format_input(material.poisson)
-    yield "density", f"{format_input(material.density)}{SPACE}kg/m³"
+    yield "density", format_input(material.density, "kg/m³")
 
 
 def format_lengths(lengths: Lengths) -> str:
@@ -377,7 +377,7 @@ def _damping_rows(scene: Scene) -> Rows:
     """Yield a row with Rayleigh's factors of mass (1/s) and stiffness (s), unless both are 0."""
     mass, stiffness = (float(f"{share:.4g}") for share in (scene.damping.mass, scene.damping.stiffness))
     if mass or stiffness:  # computed from a damping ratio
-        yield "Rayleigh damping", f"{format_input(mass)}{SPACE}1/s · M + {format_input(stiffness)}{SPACE}s · K"
+        yield "Rayleigh damping", f"{format_input(mass, '1/s')} · M + {format_input(stiffness, 's')} · K"
 
 
 def _slider_rows(result: RunResult) -> Rows:
@@ -407,9 +407,7 @@ def _joint_rows(result: RunResult) -> Rows:
                 gap = f", play {format_lengths(ring.clearance)}{SPACE}mm" if ring.clearance else ""
                 rubs = f", friction {format_input(ring.friction)}" if ring.friction else ""
                 called = " ".join(filter(None, (f"pads of {name} at the {end}", ring.name)))
-                what = (
-                    f"at {format_input(ring.at)}{SPACE}m, {faces}; {format_stiffness(ring.stiffness)}, {way}{gap}{rubs}"
-                )
+                what = f"at {format_input(ring.at, 'm')}, {faces}; {format_stiffness(ring.stiffness)}, {way}{gap}{rubs}"
                 yield called, what
 
 
@@ -425,7 +423,7 @@ def _ring_rows(result: RunResult) -> Rows:
         for ring in of.pads:
             where = (f"s {with_sign(ring.at)}" if ring.at else "s") if ring.moving else format_input(ring.at)
             faces = ", ".join(f"{len(places)} {face}" for face, places in ring.faces.items())
-            size = f"{format_input(ring.length)} × {format_input(ring.width)}{SPACE}m"
+            size = f"{format_input(ring.length)} × {format_input(ring.width, 'm')}"
             called = named(body, f"pads at the {ring.name}")
             yield called, f"at {where}{SPACE}m, {faces}; {size}, {format_stiffness(ring.stiffness)}"
 

@@ -60,16 +60,19 @@ def significant(value: float, digits: int = 3) -> str:
     return f"{sign}{mantissa}{SPACE}·{SPACE}{power_of_ten(power)}"
 
 
-def format_input(value: float) -> str:
-    """Format a value with as many digits as it was written with, at most ten; whole ones from 10 000 on in groups."""
-    text = f"{value:.10g}"
+def format_input(value: float, unit: str = "") -> str:
+    """Format a value with as many digits as it was written with, at most ten, and with its unit if that is not empty.
+
+    Whole numbers from 10 000 on are written in groups of three digits.
+    """
+    text, end = f"{value:.10g}", f"{SPACE}{unit}" if unit else ""
     if 1e4 <= abs(value) < 1e9 and "." not in text and "e" not in text:
-        return f"{int(value):,}".replace(",", "\u202f").replace("-", MINUS)
+        text = f"{int(value):,}".replace(",", "\u202f")
     if "e" in text:
         mantissa, exponent = text.split("e")
         scale = power_of_ten(int(exponent))
-        return scale if mantissa == "1" else f"{mantissa}{SPACE}·{SPACE}{scale}".replace("-", MINUS)
-    return text.replace("-", MINUS)
+        text = scale if mantissa == "1" else f"{mantissa}{SPACE}·{SPACE}{scale}"
+    return text.replace("-", MINUS) + end
 
 
 def with_sign(value: float) -> str:

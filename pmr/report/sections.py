@@ -231,7 +231,7 @@ def response_block(result: RunResult, prefix: str) -> Block | None:
         caption = f"Response of {output} to {load} with {condition}."
         drawings.append(drawing(f"{prefix}-response-{number}", shapes.gain_figure, caption, response, number))
         gains = result.summary["frequency_response"]["gain"][load]
-        places = (f"{format_input(round(float(s), 3))}{SPACE}m" for s in response.s)
+        places = (format_input(round(float(s), 3), "m") for s in response.s)
         static, at = map(significant, gains["static"]), map(significant, gains["at"])
         largest = [significant(gain) if response.damped else "no damping" for gain in gains["largest"]]
         head = (result.abscissa_name, f"static, {gains['unit']}", f"largest, {gains['unit']}", "at, Hz")
@@ -270,6 +270,6 @@ def _weight_sentence(result: RunResult) -> str:
     gravity = result.scene.gravity
     if gravity is None:
         return ""
-    rise = f", which comes up within the first {format_input(gravity.rise)}{SPACE}s" if gravity.rise else ""
+    rise = f", which comes up within the first {format_input(gravity.rise, 's')}" if gravity.rise else ""
     turns = ", in a direction that turns with the frame" if result.scene.frame is not None else ""
     return f" The weight acts too{rise}{turns}."

@@ -63,25 +63,23 @@ def opening_sentences(result: RunResult) -> str:
     model = structural_model(result)
     if moving_part(result) == "mouth":
         out = (
-            f"{format_input(end - high)}{SPACE}m to {format_input(end - low)}{SPACE}m"
+            f"{format_input(end - high, 'm')} to {format_input(end - low, 'm')}"
             if high > low
-            else f"{format_input(end - low)}{SPACE}m"
+            else format_input(end - low, "m")
         )
         gravity = result.scene.gravity
         raised = round(gravity.raised, 1) if gravity is not None else 0.0
         where = f", raised by {format_input(raised)}°," if raised else ""
-        what = (
-            f"A section of {format_input(end)}{SPACE}m{where} slides through a mouth, beyond which {out} of it reach."
-        )
+        what = f"A section of {format_input(end, 'm')}{where} slides through a mouth, beyond which {out} of it reach."
     else:
         count = len(slider_offsets(result))
         where = (
-            f"between {format_input(low)}{SPACE}m and {format_input(high)}{SPACE}m"
+            f"between {format_input(low, 'm')} and {format_input(high, 'm')}"
             if high > low
-            else f"at {format_input(low)}{SPACE}m"
+            else f"at {format_input(low, 'm')}"
         )
         sliders = f"{count} sliders support" if count > 1 else "a slider supports"
-        what = f"A beam of {format_input(end)}{SPACE}m, which {sliders} {where}."
+        what = f"A beam of {format_input(end, 'm')}, which {sliders} {where}."
     return f"{what} It is modelled as {model.name}, {model.reason}."
 
 
@@ -161,7 +159,7 @@ def _speed_ratio(result: RunResult) -> Iterator[KeyNumber]:
         slower = (
             f"full model {format_quantity(full.seconds, 's', 2)}{f', {who}' if who else ''}" if ratio and full else ""
         )
-        what = f"for {format_input(result.scene.time.end)}{SPACE}s of motion"
+        what = f"for {format_input(result.scene.time.end, 's')} of motion"
         yield KeyNumber(format_quantity(reduced, "s", 2), "one simulation", "; ".join(filter(None, (what, slower))))
 
 
@@ -176,7 +174,7 @@ def size_sentence(result: RunResult) -> str:
     """Sentence on the numbers of coordinates of the full and the reduced model and on the simulated time."""
     coordinates = result.summary.get("coordinates", {})
     reduced = reduced_size(result)
-    motion = f"{format_input(result.scene.time.end)}{SPACE}s of motion are simulated."
+    motion = f"{format_input(result.scene.time.end, 's')} of motion are simulated."
     if "full" not in coordinates:
         return f"The reduced model has {reduced} coordinates; {motion}"
     full = coordinates["full"]
@@ -314,7 +312,7 @@ def frame_sentences(result: RunResult) -> str:
         return f"{turns}{axes}Second order is included; no axial force compresses the boom."
     return (
         f"{turns}{axes}Second order is included: the boom would buckle under {significant(factor)} times its "
-        f"axial forces, at t = {format_input(round(buckling['t'], 3))}{SPACE}s, with every pad closed."
+        f"axial forces, at t = {format_input(round(buckling['t'], 3), 's')}, with every pad closed."
         f"{_deflection_sentence(factor)}"
     )
 

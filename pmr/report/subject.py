@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.report.numbers import SPACE, format_input, format_percent
+from pmr.report.numbers import format_input, format_percent
 from pmr.results import BodyResult, RunResult
 from pmr.scene.built import PadRing
 from pmr.scene.choice import choose, parts_of
@@ -194,7 +194,7 @@ def input_loads(result: RunResult) -> list[AppliedLoad]:
 
 def place_words(on: str | float) -> str:
     """Words for a position on a body: a named part, or m along its axis."""
-    return f"on {on}" if isinstance(on, str) else f"at {format_input(on)}{SPACE}m"
+    return f"on {on}" if isinstance(on, str) else f"at {format_input(on, 'm')}"
 
 
 def scene_loads(result: RunResult) -> list[AppliedLoad]:

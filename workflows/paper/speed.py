@@ -162,7 +162,7 @@ def chapter(results: dict[tuple[str, str], Row], scenes: list[str], repeats: int
     said = ", ".join(f"{APPROACHES[name][2]}: {format_percent(share)}" for name, share in parts.items())
     extrapolated = f" Extrapolated from stretches spread over the time span: {said} of it." if parts else ""
     caption = (
-        f"Solver time for {format_input(span)}{SPACE}s of motion, {repeats} repeats and their median. Orange: "
+        f"Solver time for {format_input(span, 's')} of motion, {repeats} repeats and their median. Orange: "
         f"the paper's three approaches in Exudyn; blue: other ways to the same trajectories. "
         f"Dashed: real time.{extrapolated}"
     )
@@ -171,7 +171,7 @@ def chapter(results: dict[tuple[str, str], Row], scenes: list[str], repeats: int
     return Chapter(
         anchor="speed",
         title="Computational speed",
-        headline=f"The compiled simulator needs {format_quantity(slowest, 's', 2)} for {format_input(span)}{SPACE}s "
+        headline=f"The compiled simulator needs {format_quantity(slowest, 's', 2)} for {format_input(span, 's')} "
         "of the reduced model.",
         key_numbers=[
             KeyNumber(f"{significant(figures[f'{scene}.{ratio}'], 2)}{SPACE}×", f"{text}, {words[scene]}")

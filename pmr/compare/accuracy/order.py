@@ -23,7 +23,7 @@ from pmr.compare.accuracy.trials import Trial, Trials
 from pmr.compare.estimate import reason_without_estimate
 from pmr.compare.trust import LOAD_JUMPS, SLIDER_IMPACTS
 from pmr.errors import InputError
-from pmr.errors.text import rounded
+from pmr.errors.text import percent, rounded
 from pmr.reduced.attachment import simulated_model
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
@@ -241,7 +241,7 @@ def accuracy_warnings(choice: Choice) -> list[str]:
     accuracy, trial = choice.scene.accuracy, choice.trial
     if accuracy is None:
         return []
-    limit, lines = _percent(accuracy.tolerance), list[str]()
+    limit, lines = percent(accuracy.tolerance, "their size"), list[str]()
     allowed = dict.fromkeys(trial.total, accuracy.tolerance)
     if not is_within(trial, allowed):
         model = f"{trial.coordinates} coordinates with steps of {choice.scene.time.step:.3g} s"
@@ -256,7 +256,7 @@ def accuracy_warnings(choice: Choice) -> list[str]:
     elif not lines and not choice.meets_tolerance:
         sizes, of_mesh = (
             _list_errors(accuracy.tolerance, choice.total_errors),
-            _percent(max((choice.mesh or {}).values())),
+            percent(max((choice.mesh or {}).values()), "their size"),
         )
         lines.append(
             f"the tolerance of {limit} isn't held: all is off by {sizes}, {of_mesh} by the mesh; shorter cells help"
@@ -285,16 +285,11 @@ def _with_step(scene: Scene, steps: int) -> Scene:
     return scene.model_copy(update={"time": scene.time.model_copy(update={"step": scene.time.end / steps})})
 
 
-def _percent(fraction: float) -> str:
-    """The error, a fraction, in per cent in words; from 10 on as a multiple of the outputs' size."""
-    if not np.isfinite(fraction):
-        return "an unknown amount"
-    return f"{rounded(100.0 * fraction)} %" if fraction < 10.0 else f"{rounded(fraction)} times their size"
-
-
 def _list_errors(tolerance: float, sizes: Mapping[str, float]) -> str:
     """Errors by kind, in words in which an error beyond the tolerance is not rounded to the tolerance."""
-    words = {kind: _percent(size) for kind, size in sizes.items()}
-    more = {kind for kind, size in sizes.items() if size > tolerance and words[kind] == _percent(tolerance)}
+    words = {kind: percent(size, "their size") for kind, size in sizes.items()}
+    more = {
+        kind for kind, size in sizes.items() if size > tolerance and words[kind] == percent(tolerance, "their size")
+    }
     listed = (f"{'a little more' if kind in more else word} in {_CALLED[kind]}" for kind, word in words.items())
     return ", ".join(listed)

@@ -15,7 +15,7 @@ import numpy as np
 from pmr.compare.accuracy.trials import Sizes, Trial, Trials
 from pmr.compare.step_error import ROUGH
 from pmr.errors import InputError
-from pmr.errors.text import rounded
+from pmr.errors.text import percent, rounded
 from pmr.scene.run_settings import Budget
 
 Allowed = Mapping[str, float]  # error by kind of output, a fraction
@@ -122,7 +122,7 @@ def explain_trial(trials: Trials, trial: Trial, coarsest: int) -> Iterator[str]:
         max(trials.difference_to_trial(trial, sizes, coarse).values())
         for sizes in trials.neighbouring_sizes(trial.sizes, -1)
     ]:
-        yield f"{r} coordinates: with {r - 1} the reduction alone is off by {_percent(min(fewer))}"
+        yield f"{r} coordinates: with {r - 1} the reduction alone is off by {percent(min(fewer))}"
     else:
         yield f"{r} coordinates: all rigid-body modes, and one mode at least"
     if steps <= coarsest:
@@ -132,7 +132,7 @@ def explain_trial(trials: Trials, trial: Trial, coarsest: int) -> Iterator[str]:
         yield f"{steps} steps: fewer {why}"
     else:
         yield (
-            f"{steps} steps: they are off by {_percent(max(trial.step.values()))}, "
+            f"{steps} steps: they are off by {percent(max(trial.step.values()))}, "
             f"and half as many by {1.0 / ROUGH:.2g} to {SECOND_ORDER:g} times as much"
         )
 
@@ -238,10 +238,3 @@ def _most_coordinates(trials: Trials, allowed: int) -> Sizes:
             else min(more, key=lambda size: max(trials.reduction_errors(size, steps).values()))
         )
     return sizes
-
-
-def _percent(fraction: float) -> str:
-    """The error, a fraction, in per cent in words."""
-    if not np.isfinite(fraction):
-        return "an unknown amount"
-    return f"{rounded(100.0 * fraction)} %"

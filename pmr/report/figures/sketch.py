@@ -16,7 +16,7 @@ from pmr.report.columns import axis_points
 from pmr.report.figures import space
 from pmr.report.figures.canvas import INK, LIMIT, MUTED, make_sheet
 from pmr.report.figures.space import largest_stress
-from pmr.report.numbers import SPACE, format_input, format_quantity
+from pmr.report.numbers import format_input, format_quantity
 from pmr.report.subject import (
     AppliedLoad,
     axial_supports,
@@ -99,7 +99,7 @@ class _Stretch:
 
     def words(self, low: float, high: float) -> str:
         """Format a range in m."""
-        return f"{format_input(round(low, 3))}{SPACE}m … {format_input(round(high, 3))}{SPACE}m"
+        return f"{format_input(round(low, 3), 'm')} … {format_input(round(high, 3), 'm')}"
 
 
 def draw_sketch(result: RunResult) -> Figure:
@@ -144,7 +144,7 @@ def _draw_on_supports(result: RunResult, stretch: _Stretch) -> Figure:
     if stretch.moves:
         range_text = f"s = {stretch.words(stretch.low, stretch.high)}"
         paper.range(-0.28 * paper.inch, stretch.low + first, stretch.high + first, range_text)
-    paper.range(-0.52 * paper.inch, 0.0, end, f"{format_input(end)}{SPACE}m")
+    paper.range(-0.52 * paper.inch, 0.0, end, format_input(end, "m"))
     _draw_loads(paper, result, 0.0, end, 0.05 * paper.inch)
     _draw_stress_ring(paper, result, 0.0, 0.0)
     return paper.figure
@@ -177,7 +177,7 @@ def _draw_telescopic(result: RunResult, stretch: _Stretch) -> Figure:
         back = end - stretch.high
         paper.ax.plot([back] * 2, [-tall / 2.0, tall / 2.0], color=BODY, linewidth=0.8, linestyle=(0, (3, 2)))
         paper.ax.plot([0.0, 0.0], [-outer - 0.3 * inch, -outer], color=MUTED, linewidth=0.5)
-    out = stretch.words(end - stretch.high, tip) if stretch.moves else f"{format_input(tip)}{SPACE}m"
+    out = stretch.words(end - stretch.high, tip) if stretch.moves else format_input(tip, "m")
     paper.range(-outer - 0.24 * inch, 0.0, tip, f"{out} beyond the mouth")
     if result.scene.gravity is not None:
         middle = tail + 0.62 * end
@@ -269,7 +269,7 @@ def _draw_masses(paper: Paper, result: RunResult, tip: float) -> Iterator[tuple[
     """Draw point masses at the tip, and yield their names with the colour of the text."""
     for mass in result.scene.masses:
         paper.disc(tip, 0.0, 0.07 * paper.inch, facecolor=INK, edgecolor="none")
-        yield f"{mass.name}, {format_input(mass.mass)}{SPACE}kg", INK
+        yield f"{mass.name}, {format_input(mass.mass, 'kg')}", INK
 
 
 def _draw_load(paper: Paper, load: AppliedLoad, values: NDArray[np.float64], at: float, above: float) -> None:

@@ -288,7 +288,7 @@ def _path_clause(runs: Sequence[RunRecord]) -> str:
     low, high = ends.pop()
     if ends or low is None or high is None:
         return ""
-    return f"; s is {format_input(round(low, 6))}{SPACE}m at least and {format_input(round(high, 6))}{SPACE}m at most"
+    return f"; s is {format_input(round(low, 6), 'm')} at least and {format_input(round(high, 6), 'm')} at most"
 
 
 def _probe_rows(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
