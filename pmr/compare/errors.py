@@ -112,15 +112,15 @@ def largest_absolute(values: Array, axis: int | None = 0) -> Any:
     return np.maximum(values.max(axis=axis, initial=0.0), -values.min(axis=axis, initial=0.0))
 
 
-def observed_quantities(tips: int, along: slice) -> Mapping[str, ResponseFunction]:
+def observed_quantities(tips: int, columns: slice) -> Mapping[str, ResponseFunction]:
     """Functions of a response that return the compared quantities of a body alone, (T, k) each, by name.
 
-    ``tip`` is the last `tips` columns of the displacements in m, ``beam`` the columns `along` (these may include the
-    tip's), ``pad_force`` all contact forces in N.
+    ``tip`` is the last `tips` columns of the displacements in m, ``beam`` those numbered `columns` (these may include
+    the tip's), ``pad_force`` all contact forces in N.
     """
     return {
         "tip": lambda response: response.displacement[:, -tips:],
-        "beam": lambda response: response.displacement[:, along],
+        "beam": lambda response: response.displacement[:, columns],
         "pad_force": lambda response: response.slider_force,
     }
 
@@ -259,7 +259,7 @@ def probe_round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float)
 
 
 def _largest_motions(
-    bodies: Mapping[str, SlidingBody], loads: Array, end: float, which: Callable[[SlidingBody], NDArray[np.bool_]]
+    bodies: Mapping[str, SlidingBody], loads: Array, end: float, select: Callable[[SlidingBody], NDArray[np.bool_]]
 ) -> Array:
     """Bound (o,) on each of the outputs that `which` selects, in its unit, under loads (T, i) in N for `end` seconds.
 
@@ -268,7 +268,7 @@ def _largest_motions(
     """
     sizes, reach, first = list[Array](), 0.0, 0
     for body in bodies.values():
-        chosen, last = which(body), first + body.B.shape[1]
+        chosen, last = select(body), first + body.B.shape[1]
         A = _dynamic_stiffness(body, end)
         reach += np.inf if A is None else _load_norm(A, body, loads[:, first:last])
         sizes.append(np.zeros(np.count_nonzero(chosen)) if A is None else _norms(A, dense(body.outputs)[chosen]))

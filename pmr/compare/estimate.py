@@ -241,16 +241,16 @@ def estimate_error(
     )
 
 
-def _reason_without_forces(model: ReducedModel, excitation: Excitation, of_run: Outputs, better: Outputs) -> str | None:
+def _reason_without_forces(model: ReducedModel, excitation: Excitation, of_run: Outputs, richer: Outputs) -> str | None:
     """Why forces of sliders and pads of a body alone have no estimate, in words; None if they have one.
 
-    `of_run` are the outputs of the model, `better` those of the richer one.
+    `of_run` are the outputs of the model, `richer` those of the richer one.
     """
     if has_impulsive_force(model, excitation):
         return SLIDER_IMPACTS
     if model.moving and has_damped_jump(model, excitation.signals, excitation.stepping.end):
         return LOAD_JUMPS
-    return SLIDER_RINGING if of_run.force.size and is_ringing(of_run.force, better.force) else None
+    return SLIDER_RINGING if of_run.force.size and is_ringing(of_run.force, richer.force) else None
 
 
 def _attachment_difference(
@@ -318,12 +318,12 @@ def _with_enrichment(model: ReducedModel, count: int) -> ReducedModel:
     return extend(model, min(count, most)) if min(count, most) else model
 
 
-def _errors_by_name(response: Response, better: Response, excitation: Excitation) -> dict[str, float]:
-    """Errors of `response` against `better`, fractions without margin, of all outputs that `errors_between` compares.
+def _errors_by_name(response: Response, richer: Response, excitation: Excitation) -> dict[str, float]:
+    """Errors of `response` against `richer`, fractions without margin, of all outputs that `errors_between` compares.
 
     They include reactions and probes by name, and forces of each kind between kinks of extensions.
     """
-    responses, measured = {"reduced": response, "full": better}, boom_quantities(excitation, response)
+    responses, measured = {"reduced": response, "full": richer}, boom_quantities(excitation, response)
     return errors_between(responses, relative_error, quantities=measured)["reduced_vs_full"]
 
 
@@ -344,19 +344,19 @@ def _probes(system: System) -> list[str]:
     return [named(name, probe) for name, body in system.bodies.items() for probe in column_names(body).other_outputs]
 
 
-def estimate_by_other_model(system: System, better: ReducedModel, excitation: Excitation) -> Estimate:
+def estimate_by_other_model(system: System, reference: ReducedModel, excitation: Excitation) -> Estimate:
     r"""Estimate the error of a body alone on any basis by another model of the same body whose error can be estimated.
 
     .. math:: \lVert y - y_r \rVert \le \lVert y_b - y_r \rVert + \lVert y - y_b \rVert
 
-    with the exact outputs y, the outputs y_r of `system`, and y_b those of `better`, a model on free modes with
-    residual flexibility; the last term is the estimate for `better`.  Raises ValueError, InputError and SimulationError
-    as `estimate_error` of the other model does.
+    with the exact outputs y, the outputs y_r of `system`, and y_b those of `reference`, a model on free modes
+    with residual flexibility; the last term is the estimate for `reference`.  Raises ValueError, InputError and
+    SimulationError as `estimate_error` of the other model does.
     """
     begin = time.perf_counter()
-    terms = () if system.terms_of is None else system.terms_of({ALONE: better})
-    systems = [system, replace(System.of(better), terms=terms)]
-    of_better = estimate_error({ALONE: better}, systems[1], excitation)
+    terms = () if system.terms_of is None else system.terms_of({ALONE: reference})
+    systems = [system, replace(System.of(reference), terms=terms)]
+    of_better = estimate_error({ALONE: reference}, systems[1], excitation)
     of_model, other, lacking = _with_common_forces(
         *(_Simulation.simulate(simulated, excitation) for simulated in systems)
     )
@@ -476,12 +476,12 @@ def lifts_off(forces: Array) -> bool:
     return bool(np.any(pushed.any(axis=0) & ~pushed.all(axis=0)))
 
 
-def are_settled(error: float, apart: float) -> bool:
-    """Whether two richer models differ little enough, by `apart`, for an estimate of the error `error`; fractions.
+def are_settled(error: float, difference: float) -> bool:
+    """Whether two richer models differ little enough, by `difference`, for an estimate of the error `error`; fractions.
 
-    They do if `apart` is at most `SETTLED` times the error, or if the error is round-off.
+    They do if `difference` is at most `SETTLED` times the error, or if the error is round-off.
     """
-    return apart <= SETTLED * error or error <= ROUND_OFF
+    return difference <= SETTLED * error or error <= ROUND_OFF
 
 
 def describe_scatter(peaks: Sequence[float]) -> str:
@@ -501,10 +501,10 @@ def describe_scatter(peaks: Sequence[float]) -> str:
 class UnsettledError(SimulationError):
     """Two richer models differ too much for an estimate; `warning` is `describe_scatter` of the `peaks` in N."""
 
-    def __init__(self, error: float, apart: float, peaks: Sequence[float]) -> None:
+    def __init__(self, error: float, difference: float, peaks: Sequence[float]) -> None:
         super().__init__(
             "pads lift off and close again, and the motion depends on the exact time of impacts: two richer models "
-            f"differ by {100.0 * apart:.2g} %, and the error to estimate is {100.0 * error:.2g} %"
+            f"differ by {100.0 * difference:.2g} %, and the error to estimate is {100.0 * error:.2g} %"
         )
         self.warning = describe_scatter(peaks)
 

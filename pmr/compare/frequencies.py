@@ -137,7 +137,7 @@ def _characteristic(x: Any, share: float) -> Any:
 
 
 def frequency_response(
-    system: System, places: Array, along: Array, tips: Collection[str], c: Array
+    system: System, places: Array, abscissa: Array, tips: Collection[str], c: Array
 ) -> FrequencyResponse:
     """Displacement of the tip per unit of each load over frequency, with all paths at rest.
 
@@ -172,13 +172,13 @@ def frequency_response(
     f = np.geomspace(0.1 * np.nanmin(natural), 1.2 * np.nanmax(natural), RESPONSE_FREQUENCIES)
     omega = 2.0 * np.pi * np.append(0.0, f)
     answers = np.array(
-        [assembly.frequency_responses(rows.at_time(k), omega, c[k])[:, which] for k in range(len(along))]
+        [assembly.frequency_responses(rows.at_time(k), omega, c[k])[:, which] for k in range(len(abscissa))]
     )
     static = answers[:, 0].real
     furthest = np.abs(static).max(axis=0).argmax(axis=0)  # of each load, the direction in which it moves the tip
     inputs = np.arange(len(system.input_names))
     return FrequencyResponse(
-        along,
+        abscissa,
         f,
         np.abs(answers[:, 1:])[:, :, furthest, inputs],
         static[:, furthest, inputs],
@@ -268,19 +268,21 @@ def _way_points_by_reach(scene: Scene, excitation: Excitation, count: int) -> Wa
     return WayPoints(scene.reach(t), excitation.s[steps], CURVES_OF_BOOM, t)
 
 
-def frequencies_on_way(scene: Scene, system: System, excitation: Excitation, at: WayPoints) -> Frequencies:
-    """Natural frequencies in Hz of the reduced system in the positions `at`, with every contact closed.
+def frequencies_on_way(scene: Scene, system: System, excitation: Excitation, points: WayPoints) -> Frequencies:
+    """Natural frequencies in Hz of the reduced system at the positions `points`, with every contact closed.
 
     Terms have the amplitudes of the times `at.t`.  For a body alone without terms the closed form is included, if there
     is one; for a boom of which two joints move, a map of the first frequency over both extensions.
     """
-    c = excitation.amplitudes(system.term_names, at.t)
-    curves = {"reduced": Assembly(system).frequencies(at.sides(system), at.count, c)}
-    t = at.t if system.terms else None
+    c = excitation.amplitudes(system.term_names, points.t)
+    curves = {"reduced": Assembly(system).frequencies(points.sides(system), points.count, c)}
+    t = points.t if system.terms else None
     if ALONE not in system.bodies:
-        return Frequencies(at.along, at.s, curves, frequency_map(scene, system), t)
-    closed = np.empty((0, 0)) if system.terms else closed_form_frequencies(scene, at.along, at.count) / (2.0 * np.pi)
-    return Frequencies(at.along, at.s, curves | ({"closed_form": closed} if closed.size else {}), t=t)
+        return Frequencies(points.along, points.s, curves, frequency_map(scene, system), t)
+    closed = (
+        np.empty((0, 0)) if system.terms else closed_form_frequencies(scene, points.along, points.count) / (2.0 * np.pi)
+    )
+    return Frequencies(points.along, points.s, curves | ({"closed_form": closed} if closed.size else {}), t=t)
 
 
 def response_on_way(scene: Scene, system: System, excitation: Excitation) -> FrequencyResponse | None:

@@ -163,17 +163,17 @@ class SteppedSystem:
             return self._known
         return run_from_start(self._form, self.excitation.on_grid(stepping))
 
-    def displacements(self, run: SystemTrajectory, which: list[int] | None = None) -> Array:
+    def displacements(self, run: SystemTrajectory, numbers: list[int] | None = None) -> Array:
         """Displacements (T, o) in m in a run, all of them or those numbers that `which` lists."""
-        chosen = self.moved if which is None else self.moved[which]
+        chosen = self.moved if numbers is None else self.moved[numbers]
         return np.hstack(list(systems.displacements(self.system, run, chosen.tolist()).values()))
 
-    def simulate_displacements(self, stepping: TimeStepping, which: list[int] | None = None) -> Array:
+    def simulate_displacements(self, stepping: TimeStepping, numbers: list[int] | None = None) -> Array:
         """Displacements (T, o) in m on a time grid, all of them or those that `which` lists; nothing else is recorded.
 
         Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
         """
-        chosen = self.moved if which is None else self.moved[which]
+        chosen = self.moved if numbers is None else self.moved[numbers]
         return systems.observe(self._form, self.excitation.on_grid(stepping), chosen.tolist()).y
 
     def sample(self, stepping: TimeStepping, every: int, rates: bool = False) -> tuple[Sample, SystemTrajectory | None]:

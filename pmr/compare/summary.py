@@ -129,10 +129,10 @@ def sampling_part(excitation: Excitation) -> SummaryPart:
     return SummaryPart(warnings=describe_lost_features(signals, stepping) + describe_overshoots(signals, stepping))
 
 
-def reliability_part(missing: Mapping[str, str], responses: Mapping[str, Response], system: System) -> SummaryPart:
+def reliability_part(reasons: Mapping[str, str], responses: Mapping[str, Response], system: System) -> SummaryPart:
     """``no_reference``, the reasons for missing references, and warnings if the reduced motion can't be relied on."""
     doubted = distrust_warnings(responses["reduced"], rigid_contacts(system))
-    return SummaryPart({"no_reference": dict(missing)}, missing_reference_warnings(missing), doubted)
+    return SummaryPart({"no_reference": dict(reasons)}, missing_reference_warnings(reasons), doubted)
 
 
 def theory_part(scene: Scene, responses: Mapping[str, Response]) -> SummaryPart:

@@ -55,9 +55,9 @@ def reason_for_distrust(response: Response, rigid: Sequence[str] = ()) -> str | 
     return f"{describe_surplus(response.surplus)}: {alternation_cause(rigid)}"
 
 
-def missing_reference_warnings(missing: Mapping[str, str]) -> list[str]:
-    """A warning for each reference that is missing; `missing` has the reason by the name of the reference."""
-    return [f"no reference by {_CALLED.get(name, name)}: {reason}" for name, reason in missing.items()]
+def missing_reference_warnings(reasons: Mapping[str, str]) -> list[str]:
+    """A warning for each reference that is missing; `reasons` has the reason by the name of the reference."""
+    return [f"no reference by {_CALLED.get(name, name)}: {reason}" for name, reason in reasons.items()]
 
 
 def distrust_warnings(reduced: Response, rigid: Sequence[str] = ()) -> list[str]:

@@ -273,13 +273,13 @@ def place_of_peak(result: RunResult, moment: Moment) -> PointOfBody:
     return PointOfBody(body, stressed_fields.points[cell].mean(axis=0))
 
 
-def _largest(values: Array, among: NDArray[np.int64], preferred: int | None) -> int:
-    """Index of the largest of `values` among the indices `among`, or `preferred` if that value is as large.
+def _largest(values: Array, candidates: NDArray[np.int64], preferred: int | None) -> int:
+    """Index of the largest of `values` among the indices `candidates`, or `preferred` if that value is as large.
 
     Values are equal here if they differ by less than single precision.
     """
-    largest = int(among[np.argmax(values[among])])
-    if preferred is not None and preferred in among and values[preferred] >= (1.0 - SINGLE) * values[largest]:
+    largest = int(candidates[np.argmax(values[candidates])])
+    if preferred is not None and preferred in candidates and values[preferred] >= (1.0 - SINGLE) * values[largest]:
         return int(preferred)
     return largest
 

@@ -60,9 +60,9 @@ def envelope_indices(values: ArrayLike, bins: int) -> NDArray[np.intp]:
     return np.array([start + int(np.argmax(values[start:stop])) for start, stop in _pieces(count, bins)])
 
 
-def spread_indices(count: int, most: int) -> NDArray[np.intp]:
-    """Return at most `most` indices, evenly spread over ``range(count)``, the first and the last one included."""
-    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
+def spread_indices(count: int, limit: int) -> NDArray[np.intp]:
+    """Return at most `limit` indices, evenly spread over ``range(count)``, the first and the last one included."""
+    return np.unique(np.linspace(0, count - 1, min(count, limit)).round().astype(int))
 
 
 def interpolate(t: Array, times: Array, values: Array) -> Array:
@@ -101,7 +101,7 @@ def playback_speeds(duration: float) -> dict[str, Any]:
 
 
 Array = NDArray[np.float64]
-Quantity = Callable[[Response], Array]
+ResponseFunction = Callable[[Response], Array]
 
 #: Share of the largest displacement below which a displacement is round-off, if a response has no bound of its own.
 ROUND_OFF = 1e-12
@@ -151,14 +151,14 @@ class RingForces:
     force: Array
 
 
-def tip_displacements(result: RunResult) -> Mapping[str, Quantity]:
+def tip_displacements(result: RunResult) -> Mapping[str, ResponseFunction]:
     """Functions that read the tip's displacement (T,) in m from a response, by direction across the axis (y or z).
 
     The tip is that of the last section.
     """
     last = list(result.scene.bodies)[-1]
 
-    def of_axis(direction: str) -> Quantity:
+    def of_axis(direction: str) -> ResponseFunction:
         """Function that reads the displacement of the tip in one direction."""
 
         def displacement(response: Response) -> Array:
@@ -176,23 +176,23 @@ def tip_displacements(result: RunResult) -> Mapping[str, Quantity]:
     }
 
 
-def is_round_off(result: RunResult, what: Quantity) -> bool:
-    """Whether a displacement, which `what` reads from a response, is at most round-off in every model."""
-    return max(float(np.abs(what(response)).max()) for response in result.responses.values()) <= _floor(result)
+def is_round_off(result: RunResult, quantity: ResponseFunction) -> bool:
+    """Whether a displacement, which `quantity` reads from a response, is at most round-off in every model."""
+    return max(float(np.abs(quantity(response)).max()) for response in result.responses.values()) <= _floor(result)
 
 
-def largest_difference(result: RunResult, what: Quantity) -> float:
+def largest_difference(result: RunResult, quantity: ResponseFunction) -> float:
     """Largest difference in m of a displacement between the reduced model and any other; 0 without other models.
 
-    `what` reads the displacement (T,) in m from a response.
+    `quantity` reads the displacement (T,) in m from a response.
     """
     reduced = result.responses["reduced"]
     displacements = [
-        interpolate(reduced.t, response.t, what(response))
+        interpolate(reduced.t, response.t, quantity(response))
         for name, response in result.responses.items()
         if name != "reduced"
     ]
-    return max((float(np.abs(other - what(reduced)).max()) for other in displacements), default=0.0)
+    return max((float(np.abs(other - quantity(reduced)).max()) for other in displacements), default=0.0)
 
 
 def invisible_difference(result: RunResult) -> float:
@@ -311,9 +311,9 @@ def _force_names_by_face(ring: PadRing) -> dict[str, list[str]]:
     return {side: [FORCE_OF + name for name, face, _ in ring.places if face == side] for side in ("bottom", "top")}
 
 
-def _point_force_names(called: str) -> dict[str, list[str]]:
+def _point_force_names(contact: str) -> dict[str, list[str]]:
     """Names of the forces of a point contact on the axis of a planar beam: ``bottom`` has that below, ``top`` above."""
-    return {"bottom": [f"{FORCE_OF}{called} below"], "top": [f"{FORCE_OF}{called} above"]}
+    return {"bottom": [f"{FORCE_OF}{contact} below"], "top": [f"{FORCE_OF}{contact} above"]}
 
 
 def _ring_positions(result: RunResult, ring: PadRing, tail: Array) -> Array:

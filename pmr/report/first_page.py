@@ -257,13 +257,13 @@ def _angles_clause(result: RunResult, t: float) -> str:
     return "".join(f", {angle_text}" for angle_text in angles)
 
 
-def _position_text(result: RunResult, along: float) -> str:
-    """Describe a position `along` in m: reach of a boom, length of a section beyond its mouth, or s of the sliders."""
+def _position_text(result: RunResult, position: float) -> str:
+    """Describe `position` in m: reach of a boom, length of a section beyond its mouth, or s of the sliders."""
     if not is_alone(result):
-        return f"reach {_round(along)}{SPACE}m"
+        return f"reach {_round(position)}{SPACE}m"
     if moving_part(result) == "mouth":
-        return f"{_round(reach_of(result) - along)}{SPACE}m out"
-    return f"s = {_round(along)}{SPACE}m"
+        return f"{_round(reach_of(result) - position)}{SPACE}m out"
+    return f"s = {_round(position)}{SPACE}m"
 
 
 def _round(value: float) -> str:

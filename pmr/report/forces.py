@@ -112,7 +112,7 @@ def _luffing_grids(result: RunResult) -> Iterator[Grid]:
     yield Grid(caption, ("", "least", "largest"), tuple(rows))
 
 
-def _force_block(result: RunResult, prefix: str, kind: str, called: str) -> Block | None:
+def _force_block(result: RunResult, prefix: str, kind: str, heading: str) -> Block | None:
     """Build a block about outputs of one kind: figures of their forces, figures of their moments, tables of extremes.
 
     A figure has at most `MOST_FORCES` panels.  Forces that are round-off at all times are named in a sentence instead.
@@ -134,7 +134,7 @@ def _force_block(result: RunResult, prefix: str, kind: str, called: str) -> Bloc
         grids += [force_extremes_grid(result, kind, named_forces)] if named_forces else []
     idle = [_force_name(force) for group in groups.values() for force in group if force not in bearing]
     text = f"No force at any time on {', '.join(idle)}." if idle else ""
-    return Block(heading=called.capitalize(), text=text, rows=tuple(drawn), grids=tuple(grids))
+    return Block(heading=heading.capitalize(), text=text, rows=tuple(drawn), grids=tuple(grids))
 
 
 def exceeds_round_off(result: RunResult, force: Force) -> bool:
@@ -170,14 +170,14 @@ def _caption(result: RunResult, kind: str, group: str, unit: str) -> str:
     return f"Forces of the pads at the {group}, positive where they push the body inwards.{within}"
 
 
-def force_extremes_grid(result: RunResult, kind: str, chosen: Sequence[Force]) -> Grid:
+def force_extremes_grid(result: RunResult, kind: str, forces: Sequence[Force]) -> Grid:
     """Build the table of extremes of forces, or moments, of one kind, with the largest friction where it is known.
 
-    All of `chosen` have the same unit.
+    All of `forces` have the same unit.
     """
     response, t = result.responses["reduced"], result.responses["reduced"].t
-    path, unit = result.abscissa_at(t), chosen[0].unit
-    by_name = {_force_name(force): Extremes.from_history(force.history(response), t, path) for force in chosen}
+    path, unit = result.abscissa_at(t), forces[0].unit
+    by_name = {_force_name(force): Extremes.from_history(force.history(response), t, path) for force in forces}
     what = "moments" if unit == "N m" else "forces"
     on = " on supports that give way" if kind == "support" else ""
     caption = f"Least and largest {what}{on}, when they occur, and {abscissa_words(result)} then.{SIGNS.get(kind, '')}"

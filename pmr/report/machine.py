@@ -315,17 +315,17 @@ def describe_signal(signal: SignalBase, unit: str) -> str:
     return ", ".join([kind, *parts])
 
 
-def _structure_rows(of: OneBody, chosen: str) -> Rows:
-    """Yield rows about a body: model, dimensions, mesh, point masses, supports; `chosen` names its structural model."""
-    body, mesh = of.body, of.mesh
-    yield "model", f"{structural_model_words(chosen).split(' ', 1)[1]}{' (chosen)' if body.model == 'auto' else ''}"
+def _structure_rows(part: OneBody, model: str) -> Rows:
+    """Yield rows about a body: model, dimensions, mesh, point masses, supports; `model` names its structural model."""
+    body, mesh = part.body, part.mesh
+    yield "model", f"{structural_model_words(model).split(' ', 1)[1]}{' (chosen)' if body.model == 'auto' else ''}"
     if body.profile is not None:
         yield from _profile_rows(body.profile)
     else:
         yield from _section_rows(body)
     if mesh.file is not None:
         yield "mesh", PurePath(mesh.file).name
-    elif chosen.startswith("beam"):
+    elif model.startswith("beam"):
         graded = f", last over first {format_input(mesh.grading)}" if mesh.grading != 1.0 else ""
         yield "elements", f"{format_input(mesh.elements)}{graded}"
     else:
@@ -333,9 +333,9 @@ def _structure_rows(of: OneBody, chosen: str) -> Rows:
             "edges",
             f"{format_input(mesh.size, 'm')}, along the axis {format_input(mesh.along or mesh.size, 'm')}",
         )
-    for mass in of.masses:
+    for mass in part.masses:
         yield f"mass {mass.name}", _describe_mass(mass)
-    for support in of.supports:
+    for support in part.supports:
         yield f"support {support.name}".strip(), _describe_support(support)
 
 

@@ -134,12 +134,12 @@ def _view_extent(views: list[NDArray[np.float64]]) -> list[float]:
 
 
 def _lane_data(
-    result: RunResult, name: str, frames: NDArray[np.int64], aside: Mapping[str, NDArray[np.float64]]
+    result: RunResult, name: str, frames: NDArray[np.int64], lateral: Mapping[str, NDArray[np.float64]]
 ) -> dict[str, Any]:
     """Data of one model's lane: the axis of each body with its colour and width, and its displacements.
 
-    Sections of a boom have their own colours, and outer ones are thicker; a body alone is drawn as its model.  `aside`
-    has lateral displacements (frames, points) in m by body.
+    Sections of a boom have their own colours, and outer ones are thicker; a body alone is drawn as its model.
+    `lateral` has lateral displacements (frames, points) in m by body.
     """
     response, t, pen = result.responses[name], result.responses["reduced"].t, PENS[name]
     lines_of_model = axis_points(result, response)
@@ -156,8 +156,8 @@ def _lane_data(
         }
         if of.body:
             beam["tail"] = encode_array(interpolate(t, response.t, of.tail)[frames])
-        if of.body in aside:
-            beam["v"] = encode_array(aside[of.body][:, points][frames])
+        if of.body in lateral:
+            beam["v"] = encode_array(lateral[of.body][:, points][frames])
         beams.append(beam)
     return {"label": pen.label, "beams": beams}
 
@@ -260,9 +260,9 @@ def _frame_motion(result: RunResult) -> dict[str, Any] | None:
     }
 
 
-def _along_axis(along: Array) -> Array:
+def _along_axis(shifts: Array) -> Array:
     """Turn shifts (F,) in m along x into vectors (F, 1, 3)."""
-    return np.asarray(along[:, None, None] * np.array([1.0, 0.0, 0.0]))
+    return np.asarray(shifts[:, None, None] * np.array([1.0, 0.0, 0.0]))
 
 
 def _angle_signals(result: RunResult) -> tuple[SignalBase, ...]:
@@ -270,22 +270,24 @@ def _angle_signals(result: RunResult) -> tuple[SignalBase, ...]:
     return () if result.scene.frame is None else result.scene.frame.angles
 
 
-def _body_data(result: RunResult, name: str, surface: Surface, along: Array, most: int) -> dict[str, Any]:
-    """Data of one body: surface, position `along` (frames,), shapes of motion and stress, share of motion left out.
+def _body_data(result: RunResult, name: str, surface: Surface, shifts: Array, most_values: int) -> dict[str, Any]:
+    """Data of one body: surface, position `shifts` (frames,), shapes of motion and stress, share of motion left out.
 
-    `most` limits the number of values in all shapes of a quantity.
+    `most_values` limits the number of values in all shapes of a quantity.
     """
     fields = fields_by_body(result)[name]
-    motion, lost = compress(surface.point_displacements(fields, fields.displacement).reshape(len(fields.t), -1), most)
+    motion, lost = compress(
+        surface.point_displacements(fields, fields.displacement).reshape(len(fields.t), -1), most_values
+    )
     stress = cell_stresses(fields)[:, surface.cell] / largest_colour_stress(result) if fields.von_mises else None
     return {
         "points": encode_array(surface.points.ravel()),
         "triangles": _encode_indices(surface.triangles),
         "edges": _encode_indices(surface.edges),
         "faces": len(surface.faces),
-        "along": encode_array(along),
+        "along": encode_array(shifts),
         "motion": motion,
-        "stress": None if stress is None else compress(stress, most)[0],
+        "stress": None if stress is None else compress(stress, most_values)[0],
         "lost": lost,
     }
 

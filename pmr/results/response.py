@@ -346,14 +346,14 @@ def _force_outputs(scene: Scene, response: Response) -> Iterator[Output]:
             yield outputs_of.get(name) or slider
 
 
-def _body_outputs(body: str, of: OneBody) -> dict[str, Output]:
+def _body_outputs(body: str, part: OneBody) -> dict[str, Output]:
     """Return by name the forces of a body's pads on the ground and of its supports that give way."""
     outputs = dict[str, Output]()
-    for ring in of.pads:
+    for ring in part.pads:
         for pad, _, _ in ring.places:
             for name in (named(body, force_of(pad)), force_of(f"{body} {pad}")):
                 outputs[name] = Output(name, "pad", body, unit="N")
-    for support, unit in of.springs.items():
+    for support, unit in part.springs.items():
         name = named(body, force_of(support))
         outputs[name] = Output(name, "support", body, unit=unit)
     return outputs

@@ -188,12 +188,12 @@ class Trials:
         of_bodies = zip(sizes, self._rigid, self.most, strict=True)
         return tuple(max(size, min(rigid + max(2 * (size - rigid), 1), most)) for size, rigid, most in of_bodies)
 
-    def neighbouring_sizes(self, sizes: Sizes, more: int) -> list[Sizes]:
-        """All sizes that differ from `sizes` by `more` modes of one body, within the limits of that body.
+    def neighbouring_sizes(self, sizes: Sizes, step: int) -> list[Sizes]:
+        """All sizes that differ from `sizes` by `step` modes of one body, within the limits of that body.
 
-        `more` is negative for fewer modes.
+        `step` is negative for fewer modes.
         """
-        changed = [(*sizes[:k], size + more, *sizes[k + 1 :]) for k, size in enumerate(sizes)]
+        changed = [(*sizes[:k], size + step, *sizes[k + 1 :]) for k, size in enumerate(sizes)]
         return [
             new for k, new in enumerate(changed) if self._rigid[k] + self.least <= new[k] <= max(self.most[k], sizes[k])
         ]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pmr.report import subject
 from pmr.report.blocks import Drawing
-from pmr.report.columns import Quantity, envelope_indices, extreme_indices, interpolate, invisible_difference
+from pmr.report.columns import ResponseFunction, envelope_indices, extreme_indices, interpolate, invisible_difference
 from pmr.report.figures.canvas import (
     HALF,
     INK,
@@ -93,8 +93,8 @@ class Timeline:
         #: Model with which the others are compared: the full one, or else ANCF; None for a reduced model alone.
         self.reference = next((name for name in ("full", "ancf") if name in result.responses), None)
 
-    def signals(self, what: Quantity) -> dict[str, Array]:
-        """Signals (T,) by simulator of the quantity that `what` reads from a response.
+    def signals(self, what: ResponseFunction) -> dict[str, Array]:
+        """Signals (T,) by simulator of the history that `quantity` reads from a response.
 
         Simulators without finite values at all times are left out.
         """
@@ -182,7 +182,13 @@ def largest_of(*panels: Mapping[str, Array]) -> float:
 
 
 def drawn_history(
-    name: str, result: RunResult, what: Quantity, description: str, label: str, base: str, largest: float | None = None
+    name: str,
+    result: RunResult,
+    quantity: ResponseFunction,
+    description: str,
+    label: str,
+    base: str,
+    largest: float | None = None,
 ) -> Drawing:
     """Draw a quantity over time for every simulator, with a caption that names the difference and the enlarged part.
 
@@ -199,7 +205,7 @@ def drawn_history(
         stand as a number in the caption.
     """
     time = Timeline(result)
-    signals = time.signals(what)
+    signals = time.signals(quantity)
     window, most = time.detail(signals, largest or 0.0), largest or 0.0
     differs = bool(time.visible_differences(signals, largest=most)[0])
     apart = largest_of(time.differences(signals))
@@ -337,17 +343,17 @@ def _residuals(time: Timeline, signals: Mapping[str, Array], label: str) -> Figu
     return figure
 
 
-def estimate_band(result: RunResult, what: Quantity, wide: Array) -> Figure:
-    """Draw the estimated error `wide` (T,) in m of a tip displacement as a band about 0.
+def estimate_band(result: RunResult, quantity: ResponseFunction, error_bound: Array) -> Figure:
+    """Draw an estimated error `error_bound` (T,) in m of a tip displacement as a band about 0.
 
     The difference of the reduced to the full model is drawn in it, if that is known.
     """
     time = Timeline(result)
-    off = {name: values for name, values in time.differences(time.signals(what)).items() if name == "reduced"}
+    off = {name: values for name, values in time.differences(time.signals(quantity)).items() if name == "reduced"}
     figure, axes = make_sheet(WIDE, 1.7)
-    ax, shown = axes[0, 0], envelope_indices(wide, bins_of(axes[0, 0]))
-    unit = unit_for(max(float(wide.max()), largest_of(off)), "m")
-    edge = wide[shown] / unit.size
+    ax, shown = axes[0, 0], envelope_indices(error_bound, bins_of(axes[0, 0]))
+    unit = unit_for(max(float(error_bound.max()), largest_of(off)), "m")
+    edge = error_bound[shown] / unit.size
     ax.fill_between(time.t[shown], -edge, edge, color=BAND, linewidth=0.0, zorder=1.0)
     time.trace(ax, off, unit.size)
     time.frame(ax, f"Difference in {unit.name}")

@@ -46,7 +46,7 @@ def path_figure(result: RunResult) -> Figure:
         widths = [1.0 + 1.2 * (last - k) for k in range(last + 1)]  # sections may extend together
         colours = [section_colours(result.scene.bodies)[name] for name in names]
         _plot(ax, time.t, result.paths.values.T, colours, widths)
-        add_legend(figure, [*_legend(names, colours, least=1), *time.shade_legend()])
+        add_legend(figure, [*_legend(names, colours, minimum=1), *time.shade_legend()])
         time.frame(ax, "Extension in m")
         return figure
     _plot(ax, time.t, [result.abscissa + offset for offset in ahead])
@@ -64,7 +64,7 @@ def angle_figure(result: RunResult, changing: Mapping[str, SignalBase]) -> Figur
     figure, axes = make_sheet(HALF, 1.7)
     _plot(axes[0, 0], time.t, [np.rad2deg(angle.value(time.t)) for angle in changing.values()])
     time.frame(axes[0, 0], "Angle in degrees")
-    add_legend(figure, [*_legend(list(changing), least=1), *time.shade_legend()])
+    add_legend(figure, [*_legend(list(changing), minimum=1), *time.shade_legend()])
     return figure
 
 
@@ -105,9 +105,9 @@ def _plot(
         ax.plot(t[shown], signal[shown], color=colours[i % len(colours)], linewidth=widths[i % len(widths)])
 
 
-def _legend(names: Sequence[str], colours: Sequence[str] = _COLOURS, least: int = 2) -> list[Any]:
-    """Legend entries of lines; none for fewer than `least` names, whose axis says what they are."""
-    if len(names) < least:
+def _legend(names: Sequence[str], colours: Sequence[str] = _COLOURS, minimum: int = 2) -> list[Any]:
+    """Legend entries of lines; none for fewer than `minimum` names, whose axis says what they are."""
+    if len(names) < minimum:
         return []
     return [Line2D([], [], label=name, color=colours[i % len(colours)]) for i, name in enumerate(names)]
 

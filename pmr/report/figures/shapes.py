@@ -34,19 +34,19 @@ SNAPSHOTS = 6
 REACH = 0.05
 
 
-def basis_figure(result: RunResult, of: Shapes) -> Figure:
+def basis_figure(result: RunResult, body_shapes: Shapes) -> Figure:
     """Draw the transverse shape of each basis vector, over its largest value, in small panels.
 
     They share one pair of axes, since two dozen pairs take longer to draw than all other figures.
     """
-    x, shapes = of.x, of.shapes
+    x, shapes = body_shapes.x, body_shapes.shapes
     count = min(shapes.shape[1], MOST_SHAPES)
     columns = min(COLUMNS, count)
     rows = -(-count // columns)
     figure, axes = make_sheet(WIDE, 0.45 + max(0.5 * rows, 1.2), margins={"top": 0.08})
     ax = axes[0, 0]
     end = reach(result)
-    amplitude, flat = np.abs(shapes).max(axis=0), _is_axial(of)
+    amplitude, flat = np.abs(shapes).max(axis=0), _is_axial(body_shapes)
     for k in range(count):
         x_offset, middle = (k % columns) * GAP * end, -CELL * (k // columns)
         ax.plot([x_offset, x_offset + end], [middle, middle], color="#c9d1d9", linewidth=0.5, zorder=1.0)

@@ -223,27 +223,27 @@ def _draw_stress_ring(paper: Paper, result: RunResult, tail: float, above: float
         paper.write(at, above + 0.22 * paper.inch, format_quantity(worst.value, "Pa"), LIMIT)
 
 
-def _draw_fixture(paper: Paper, at: float, kind: str) -> None:
-    """Draw a support at x = `at` by its symbol."""
+def _draw_fixture(paper: Paper, x: float, kind: str) -> None:
+    """Draw a support at `x` m by its symbol."""
     inch = paper.inch
     if kind == "clamped":
-        paper.box(at - 0.03 * inch, -0.16 * inch, 0.06 * inch, 0.32 * inch, facecolor=INK)
+        paper.box(x - 0.03 * inch, -0.16 * inch, 0.06 * inch, 0.32 * inch, facecolor=INK)
         return
     foot = np.array([(0.0, 0.0), (-0.08, -0.15), (0.08, -0.15)]) * inch
-    paper.ax.add_patch(Polygon(foot + (at, 0.0), facecolor=INK, edgecolor="none"))
+    paper.ax.add_patch(Polygon(foot + (x, 0.0), facecolor=INK, edgecolor="none"))
     if kind == "roller":
-        paper.box(at - 0.09 * inch, -0.19 * inch, 0.18 * inch, 0.015 * inch, facecolor=INK)
+        paper.box(x - 0.09 * inch, -0.19 * inch, 0.18 * inch, 0.015 * inch, facecolor=INK)
 
 
-def _draw_slider(paper: Paper, at: float, fill: str) -> None:
-    """Draw a slider at x = `at`: a roller above the body and one below."""
+def _draw_slider(paper: Paper, x: float, fill: str) -> None:
+    """Draw a slider at `x` m: a roller above the body and one below."""
     for side in (-1.0, 1.0):
-        centre = (at, side * 0.08 * paper.inch)
+        centre = (x, side * 0.08 * paper.inch)
         paper.ax.add_patch(
             Circle(centre, 0.05 * paper.inch, facecolor=fill, edgecolor=MUTED, linewidth=0.8, zorder=3.0)
         )
         paper.box(
-            at - 0.09 * paper.inch, side * 0.14 * paper.inch, 0.18 * paper.inch, 0.01 * paper.inch, facecolor=MUTED
+            x - 0.09 * paper.inch, side * 0.14 * paper.inch, 0.18 * paper.inch, 0.01 * paper.inch, facecolor=MUTED
         )
 
 
@@ -272,8 +272,8 @@ def _draw_masses(paper: Paper, result: RunResult, tip: float) -> Iterator[tuple[
         yield f"{mass.name}, {format_input(mass.mass, 'kg')}", INK
 
 
-def _draw_load(paper: Paper, load: AppliedLoad, values: NDArray[np.float64], at: float, above: float) -> None:
-    """Draw a load at x = `at` in its direction, with two heads if its `values` change sign.
+def _draw_load(paper: Paper, load: AppliedLoad, values: NDArray[np.float64], x: float, above: float) -> None:
+    """Draw a load at `x` m in its direction, with two heads if its `values` change sign.
 
     A moment is drawn as an arc, a lateral force as the tip of an arrow.
     """
@@ -281,17 +281,17 @@ def _draw_load(paper: Paper, load: AppliedLoad, values: NDArray[np.float64], at:
     back = not two_heads and values.min(initial=0.0) < 0.0
     if load.direction == "turn":
         paper.ax.add_patch(
-            Arc((at, 0.0), size, size, theta1=30.0, theta2=330.0, edgecolor=LOAD, facecolor="none", linewidth=0.9)
+            Arc((x, 0.0), size, size, theta1=30.0, theta2=330.0, edgecolor=LOAD, facecolor="none", linewidth=0.9)
         )
     elif load.direction == "aside":
         for radius, fill in ((0.05, "white"), (0.015, LOAD)):
             patch = Circle(
-                (at - 0.14 * paper.inch, 0.0), radius * paper.inch, facecolor=fill, edgecolor=LOAD, zorder=3.0
+                (x - 0.14 * paper.inch, 0.0), radius * paper.inch, facecolor=fill, edgecolor=LOAD, zorder=3.0
             )
             paper.ax.add_patch(patch)
     elif load.direction == "along":
-        start = at + (size if back else 0.0)
+        start = x + (size if back else 0.0)
         paper.arrow(start, 0.0, -size if back else size, 0.0, two_heads=two_heads)
     else:
         start = above + (size if back else 0.0)
-        paper.arrow(at, start, 0.0, -size if back else size, two_heads=two_heads)
+        paper.arrow(x, start, 0.0, -size if back else size, two_heads=two_heads)

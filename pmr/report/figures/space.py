@@ -71,14 +71,14 @@ def tip_figure(result: RunResult) -> Figure:
     return figure
 
 
-def buckling_figure(result: RunResult, over: str) -> Figure:
+def buckling_figure(result: RunResult, abscissa: str) -> Figure:
     """Draw the buckling factor during the run, over the ``reach`` or over the ``angle`` of luffing."""
     over_way, frame, times = result.summary["buckling"]["over"], result.scene.frame, result.responses["reduced"].t
     assert frame is not None  # only a boom in a frame has a factor
     t, factor = np.array(over_way["t"]), np.array([np.nan if value is None else value for value in over_way["factor"]])
     figure, axes = make_sheet(HALF, 2.0)
     ax: Axes = axes[0, 0]
-    if over == "angle":
+    if abscissa == "angle":
         x, label = np.rad2deg(frame.angles[0].value(t)), "Luffing angle in degrees"
     else:
         x, label = np.interp(t, times, result.abscissa_at(times)), f"{result.abscissa_name.capitalize()} in m"
@@ -94,8 +94,8 @@ def buckling_figure(result: RunResult, over: str) -> Figure:
     return figure
 
 
-def view_caption(result: RunResult, what: str) -> str:
-    """Caption of a view of the boom; `what` says from where it is seen."""
+def view_caption(result: RunResult, view: str) -> str:
+    """Caption of a view of the boom; `view` says from where it is seen."""
     steps, t, scale = drawn_steps(result), result.responses["reduced"].t, format_input(exaggeration(result))
     when = f"at {len(steps)} moments" if len(steps) > 1 else f"at {float(t[steps[0]]):.3g}{SPACE}s"
     worst = largest_stress(result)
@@ -103,7 +103,7 @@ def view_caption(result: RunResult, what: str) -> str:
     if worst is not None and len(steps) > 1:
         mark += f", at {float(t[worst.step]):.3g}{SPACE}s; other moments are paler"
     way = "; dashed: the path of its tip" if float(np.ptp(result.abscissa)) > 0.0 or len(steps) > 1 else ""
-    return f"The boom {what} {when}{way}; deflection is drawn {scale} times its size{mark}."
+    return f"The boom {view} {when}{way}; deflection is drawn {scale} times its size{mark}."
 
 
 def _draw_boom(result: RunResult, view: str, across: str, up: str, ground: bool = False) -> Figure:
@@ -194,7 +194,7 @@ def _draw_stress_ring(
     )  # fmt: skip
 
 
-def _free_offset(at: Array, text: str, drawn: Array, low: Array, high: Array) -> Array:
+def _free_offset(point: Array, text: str, drawn: Array, low: Array, high: Array) -> Array:
     """Offset (2,) from a point to the middle of a text that is clear of the points `drawn` (P, 2); all in inches.
 
     It is the shortest one tried that keeps the text between the corners `low` and `high` and `CLEAR` off all points; if
@@ -203,7 +203,7 @@ def _free_offset(at: Array, text: str, drawn: Array, low: Array, high: Array) ->
     turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
     clearest, best = np.zeros(2), -1.0
     for aside in (far * np.array([np.cos(turn), np.sin(turn)]) for far in np.arange(0.3, 3.0, 0.1) for turn in turns):
-        box = _text_box(at + aside, text, "center", "center")
+        box = _text_box(point + aside, text, "center", "center")
         if (box[0] < low).any() or (box[1] > high).any():
             continue
         away = float(np.linalg.norm(np.maximum(np.maximum(box[0] - drawn, drawn - box[1]), 0.0), axis=1).min())
@@ -225,13 +225,13 @@ def _subdivide(line: Array) -> Array:
     return np.concatenate([*pieces, line[-1:]])
 
 
-def _text_box(at: Array, text: str, across: str, up: str) -> Array:
+def _text_box(centre: Array, text: str, across: str, up: str) -> Array:
     """Lower left and upper right corner (2, 2) of a text at a point (2,), all in inches.
 
     `across` and `up` are its alignments: ``left``, ``center`` or ``right``, and ``bottom`` or ``center``.
     """
     size, share = np.array([LETTER * len(text), ROW]), {"left": 0.0, "bottom": 0.0, "center": 0.5, "right": 1.0}
-    low = at - size * [share[across], share[up]]
+    low = centre - size * [share[across], share[up]]
     return np.stack([low, low + size])
 
 

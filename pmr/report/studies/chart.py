@@ -125,25 +125,26 @@ def _format_load(load: float | np.floating) -> str:
     return f"{format_input(float(f'{load:.4g}'))}{SPACE}kg"
 
 
-def _headline(study: FinishedStudy, least: Array) -> str:
-    """Sentence on the range of loads `least` (E, A) in kg, NaN where no limit is reached."""
-    if not np.isfinite(least).any():
+def _headline(study: FinishedStudy, least_loads: Array) -> str:
+    """Sentence on the range of the least loads (E, A) in kg, NaN where no limit is reached."""
+    if not np.isfinite(least_loads).any():
         hint = (
             ""
             if study.study_file["limits"]
             else f" It was looked for {STABILITY} alone: [[limits]] of the study adds others."
         )
-        return f"No limit is reached up to {study.study_file['up_to']:g}{SPACE}kg at any of {least.size} points.{hint}"
-    low, high = np.nanmin(least), np.nanmax(least)
+        most = f"{study.study_file['up_to']:g}{SPACE}kg"
+        return f"No limit is reached up to {most} at any of {least_loads.size} points.{hint}"
+    low, high = np.nanmin(least_loads), np.nanmax(least_loads)
     return f"It carries {_format_load(low)} to {_format_load(high)}, depending on extension and angle."
 
 
-def _key_numbers(study: FinishedStudy, least: Array, error: Array) -> list[KeyNumber]:
+def _key_numbers(study: FinishedStudy, least_loads: Array, error: Array) -> list[KeyNumber]:
     """Key numbers: count of points, largest and least load, and if known the largest error bar and points in doubt."""
     count = len(study.study_file["limits"]) + 1
-    key_numbers = [KeyNumber(str(least.size), "points", f"{count} limit{'s' if count > 1 else ''}")]
-    key_numbers.append(KeyNumber(_format_load(np.nanmax(least)), "most"))
-    key_numbers.append(KeyNumber(_format_load(np.nanmin(least)), "least"))
+    key_numbers = [KeyNumber(str(least_loads.size), "points", f"{count} limit{'s' if count > 1 else ''}")]
+    key_numbers.append(KeyNumber(_format_load(np.nanmax(least_loads)), "most"))
+    key_numbers.append(KeyNumber(_format_load(np.nanmin(least_loads)), "least"))
     if np.isfinite(error).any():
         largest, doubt = _format_load(float(f"{np.nanmax(error):.2g}")), str(study.figures["in_doubt"])
         key_numbers.append(KeyNumber(largest, "error bar, at most", "reduction, mesh, model, rotations"))

@@ -14,8 +14,12 @@ from pmr.report.studies import chart, convergence, runs, trade
 from pmr.report.studies.finished import FinishedStudy, comparison, studies_in
 from pmr.report.studies.tables import run_name
 
-#: Modules with a function `content`, by the kind of study; other kinds are reported by their runs.
-CHAPTERS = {"chart": chart, "convergence": convergence, "trade": trade}
+#: Functions that build the chapter about a study, by its kind; other kinds are reported by their runs.
+CHAPTERS = {
+    "chart": chart.build_chapter,
+    "convergence": convergence.build_chapter,
+    "trade": trade.build_chapter,
+}
 
 
 def write_report(folder: Path) -> ReportFiles:
@@ -59,7 +63,8 @@ def _provenance_chapter(summary: Mapping[str, Any], studies: Sequence[FinishedSt
 
 def study_chapter(study: FinishedStudy, anchor: str) -> Chapter:
     """Build the chapter about a study; if a run has no result yet, about the runs that have one."""
-    content = (runs if study.unfinished else CHAPTERS.get(study.kind, runs)).build_chapter(study, anchor)
+    build = CHAPTERS.get(study.kind, runs.build_chapter)
+    content = (runs.build_chapter if study.unfinished else build)(study, anchor)
     hints = [f"{text[:1].upper()}{text[1:]}" for text in study.summary.get("hints", ())]
     content = replace(content, warnings=[*hints, *content.warnings])
     published = comparison(study)

@@ -264,47 +264,47 @@ MOST_CURVES = 15  # curves in a legend, at most
 LOGARITHMIC = 5.0  # largest over least error above which the axis is logarithmic
 
 
-def value_figure(done: Sequence[RunRecord], over: str, names: Sequence[str]) -> Figure:
-    """Draw values over the parameter `over`, a panel for each of `names`.
+def value_figure(done: Sequence[RunRecord], parameter: str, names: Sequence[str]) -> Figure:
+    """Draw values over a parameter, a panel for each of `names`.
 
     Runs that differ in no other parameter are joined by a curve.
     """
     rows, columns = -(-len(names) // 2), min(len(names), 2)
     gaps = {"wspace": 0.28, "hspace": 0.42}
-    figure, axes = make_sheet(WIDE, 0.7 + 1.75 * rows, rows, columns, _legend_margin(done, over), gridspec_kw=gaps)
-    unit = unit_of(over)
+    figure, axes = make_sheet(WIDE, 0.7 + 1.75 * rows, rows, columns, _legend_margin(done, parameter), gridspec_kw=gaps)
+    unit = unit_of(parameter)
     for name, ax in zip(names, axes.flat, strict=False):
-        for look, group in _curves(done, over):
-            x, y = _curve_points(group, name, {run.key: cell_number(run.parameters[over]) for run in group})
+        for look, group in _curves(done, parameter):
+            x, y = _curve_points(group, name, {run.key: cell_number(run.parameters[parameter]) for run in group})
             ax.plot(x, y, **look)
         _value_axis(ax, name)
-        ax.set_xlabel(f"{key_words(over).capitalize()} {f'in {unit}' if unit else '(–)'}")
+        ax.set_xlabel(f"{key_words(parameter).capitalize()} {f'in {unit}' if unit else '(–)'}")
         ax.margins(x=0.04)
     for ax in axes.flat[len(names) :]:
         ax.set_visible(False)
-    _add_legend(figure, done, over)
+    _add_legend(figure, done, parameter)
     return figure
 
 
-def error_over_time_figure(done: Sequence[RunRecord], over: str, error: str) -> Figure:
+def error_over_time_figure(done: Sequence[RunRecord], parameter: str, error: str) -> Figure:
     """Draw an error over the time of a simulation in ms."""
-    figure, axes = make_sheet(WIDE, 2.5, margins=_legend_margin(done, over))
+    figure, axes = make_sheet(WIDE, 2.5, margins=_legend_margin(done, parameter))
     ax, times = axes[0, 0], {run.key: 1e3 * run.seconds[TIME] for run in done}
-    for look, group in _curves(done, over):
+    for look, group in _curves(done, parameter):
         x, y = _curve_points(group, error, times)
         ax.plot(x, y, **look | {"linestyle": "none"})
     log_x(ax, 0.8 * min(times.values()), 1.25 * max(times.values()))
     _value_axis(ax, error)
     ax.set_xlabel("Time of one simulation in ms")
-    _add_legend(figure, done, over)
+    _add_legend(figure, done, parameter)
     return figure
 
 
-def _curves(done: Sequence[RunRecord], over: str) -> list[tuple[dict[str, Any], list[RunRecord]]]:
-    """Group runs that differ in the parameter `over` only, with keywords for `Axes.plot` of each group."""
+def _curves(done: Sequence[RunRecord], parameter: str) -> list[tuple[dict[str, Any], list[RunRecord]]]:
+    """Group runs that differ in one parameter only, with keywords for `Axes.plot` of each group."""
     groups: dict[str, list[RunRecord]] = {}
     for run in done:
-        groups.setdefault(run_name(run, over) if len(run.parameters) > 1 else "", []).append(run)
+        groups.setdefault(run_name(run, parameter) if len(run.parameters) > 1 else "", []).append(run)
     return [(curve_style(k, 3.0) | {"label": name}, group) for k, (name, group) in enumerate(groups.items())]
 
 
@@ -337,14 +337,14 @@ def _value_axis(ax: Axes, name: str) -> None:
     ax.set_ylabel(f"{what.label.capitalize()} in {unit.name}")
 
 
-def _legend_margin(done: Sequence[RunRecord], over: str) -> dict[str, float]:
+def _legend_margin(done: Sequence[RunRecord], parameter: str) -> dict[str, float]:
     """Margin above the axes in inches that the legend needs."""
-    return {"top": 0.16 + 0.15 * min(-(-len(_curves(done, over)) // 3), MOST_CURVES // 3)}
+    return {"top": 0.16 + 0.15 * min(-(-len(_curves(done, parameter)) // 3), MOST_CURVES // 3)}
 
 
-def _add_legend(figure: Figure, done: Sequence[RunRecord], over: str) -> None:
+def _add_legend(figure: Figure, done: Sequence[RunRecord], parameter: str) -> None:
     """Add a legend of the curves, three in a row; none for a single curve."""
-    looks = [look for look, _ in _curves(done, over)][:MOST_CURVES]
+    looks = [look for look, _ in _curves(done, parameter)][:MOST_CURVES]
     if len(looks) > 1:
         handles = [Line2D([], [], **look) for look in looks]
         figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.07, 1.0), ncols=3, borderaxespad=0.25)

@@ -205,10 +205,10 @@ def largest_values(runs: Sequence[RunRecord]) -> dict[str, list[str]]:
     return cells
 
 
-def _extreme_amount(run: RunRecord, names: str, which: Callable[..., float | None]) -> float | None:
+def _extreme_amount(run: RunRecord, names: str, extreme: Callable[..., float | None]) -> float | None:
     """Largest or least amount, by `which`, of a run's values whose names match the pattern `names`, or None."""
     numbers = (number_of(value) for name, value in run.figures.items() if re.fullmatch(names, name))
-    return which((abs(value) for value in numbers if value is not None), default=None)
+    return extreme((abs(value) for value in numbers if value is not None), default=None)
 
 
 #: Runs that fit side by side; of more runs, runs.csv has all values, and curves show the largest.

@@ -43,7 +43,7 @@ def text(kind: str, folder: Path) -> str:
 
 def reported(kind: str, folder: Path, results: StudyResults) -> None:
     module = importlib.import_module(f"pmr.report.studies.{kind}")
-    assert module.content(FinishedStudy.load(folder), "part").blocks
+    assert module.build_chapter(FinishedStudy.load(folder), "part").blocks
     assert results.is_complete
 
 
