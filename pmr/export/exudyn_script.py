@@ -84,7 +84,8 @@ def script_data(system: System, source: str) -> Arrays:
     x = equations.side_positions_on(first or {"": 0.0})  # of a system in which nothing travels
     refuse("exudyn", equations.needs(x), Asked(source, "", None))
     omega = contact_frequency(system, excitation)
-    start = equilibrium(assembly, x[0], scene.first_loads).q if scene.static else np.zeros(assembly.size)
+    loads = excitation.forces(system.input_names)[0]  # at t = 0, where the weight may still rise
+    start = equilibrium(assembly, x[0], loads).q if scene.static else np.zeros(assembly.size)
     return {
         "title": scene.title,
         "paths": np.array(system.paths, str),
