@@ -90,12 +90,12 @@ def main() -> int:
         measured = measure()
         seconds = time.perf_counter() - begin
         print(f"{seconds:.0f} s", file=sys.stderr)
-        about = {"seconds": seconds, "load_before": load, "commit": environment.commit(), "long": chosen.long}
+        about = {"seconds": seconds, "load_before": load, "commit": environment.checkout_commit(), "long": chosen.long}
         results["sections"][name] = measured
         results.setdefault("about", {})[name] = about
     results |= {
-        "machine": environment.machine(),
-        "versions": environment.versions() | fenicsx_versions() | peer.version(),
+        "machine": environment.describe_machine(),
+        "versions": environment.package_versions() | fenicsx_versions() | peer.version(),
         "requirements": requirements.judged(results["sections"]),
     }
     file.write_text(json.dumps(results, indent=1) + "\n")

@@ -23,7 +23,7 @@ from pmr.compare.model_part import Motion, largest_model_error, model_budget
 from pmr.fem.compat import MPI
 from pmr.pipeline.scenes import measure_model, run
 from pmr.scene import Scene
-from pmr.scene.checks import check
+from pmr.scene.checks import check_scene
 from pmr.scene.model_ladder import comparable_scene
 from pmr.system.system import System
 
@@ -72,7 +72,7 @@ def _one(rng: np.random.Generator, body: dict[str, Any]) -> Scene:
             "observe": {"start": 0.05 * length, "end": 0.95 * length},
         }
     )
-    check(scene)
+    check_scene(scene)
     return scene
 
 
@@ -98,7 +98,7 @@ def _several(rng: np.random.Generator, count: int, body: dict[str, Any]) -> Scen
         sections.append(section)
     sections[-1] |= _carried(rng)
     boom = Scene.model_validate({"title": "Boxes", "sections": sections, **_common(), "gravity": {"rise": 0.0}})
-    check(boom)
+    check_scene(boom)
     return boom
 
 

@@ -29,7 +29,7 @@ The names of this module stay; everything else may change between versions (docs
 
 from typing import TYPE_CHECKING
 
-from pmr.errors.lazy import FORMER, names_from
+from pmr.errors.lazy import FORMER, lazy_names
 
 if TYPE_CHECKING:
     from pmr.compare.simulated import simulate, simulate_with_states
@@ -68,7 +68,7 @@ __all__ = [
     "ConvergenceError", "InputError", "ReducedModel", "Response", "RunResult", "SimulationError", "Stepper", "System",
     "from_matrices", "full_model", "load_scene", "project", "reduce", "run", "simulate", "simulate_with_states",
 ]  # fmt: skip
-__getattr__ = names_from("pmr", _PLACES, former=FORMER)
+__getattr__ = lazy_names("pmr", _PLACES, former=FORMER)
 
 
 def __dir__() -> list[str]:

@@ -37,7 +37,7 @@ from soft_boom import Beam, settings
 
 import pmr
 from pmr.scene import Scene
-from pmr.scene.frame import Machine, OnMachine
+from pmr.scene.frame import Machine, PivotLoad
 from pmr.scene.keys import ALONE
 from pmr.scene.signals import Constant, Table
 from pmr.simulation import Excitation
@@ -148,7 +148,7 @@ def as_machine(hub: Hub, scene: Scene) -> Swing:
     push, torque = (Table(times=t, values=[of(at) for at in t]) for of in (hub.push, lambda at: -hub.torque(at)))
     machine = Machine.model_validate(
         {"mass": hub.mass + (hub.cart or 1.0), "inertia": [hub.inertia] * 3, "free": axis}
-    ).model_copy(update={"force": OnMachine.model_construct(x=push), "moment": OnMachine.model_construct(y=torque)})
+    ).model_copy(update={"force": PivotLoad.model_construct(x=push), "moment": PivotLoad.model_construct(y=torque)})
     frame = scene.frame.model_copy(update={"machine": machine, "luffing": Constant(amount=hub.angle)})
     moved = scene.model_copy(update={"frame": frame})
     found = pmr.simulate(moved, pmr.reduce(moved).reduced)

@@ -84,7 +84,7 @@ def beside(scene: Scene, places: Array, limits: Sequence[Limit], up_to: float) -
 def at_rest(scene: Scene, luffing: list[float], extensions: dict[str, list[float]] | None = None) -> PostureMatrices:
     """Equilibria of the reduced model at luffing angles in rad and extensions in m, by section."""
     found = arrays_at_rest(scene, luffing, extensions)
-    return npz.record(
+    return npz.record_from_arrays(
         PostureMatrices, {n.removeprefix("reduced."): a for n, a in found.items() if n.startswith("reduced.")}
     )
 

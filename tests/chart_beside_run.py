@@ -18,7 +18,7 @@ from pmr.files import npz
 from pmr.reduction.bodies import join_bodies, reduce_bodies
 from pmr.results import Response
 from pmr.scene import Scene
-from pmr.scene.checks import check
+from pmr.scene.checks import check_scene
 from pmr.scene.mechanism import CYLINDER
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import side_positions
@@ -57,7 +57,7 @@ class Chart:
 def scene_of(plain: Mapping[str, Any]) -> Scene:
     """Validate and check a scene."""
     scene = Scene.model_validate(plain)
-    check(scene)
+    check_scene(scene)
     return scene
 
 
@@ -73,7 +73,7 @@ def chart(
     at = {"extensions": {name: [x] for name, x in extensions.items()}, "luffing": [np.deg2rad(angle)], "slewing": [0.0]}
     common: dict[str, Any] = {"up_to": 4.0 * at_load, "error": True}
     made = compute_postures(scene_arguments(hooked) | common | {"at": at}, {})
-    own = npz.record(
+    own = npz.record_from_arrays(
         PostureMatrices, {n.removeprefix("reduced."): a for n, a in made.arrays.items() if n.startswith("reduced.")}
     )
     amounts = [{WEIGHT: 1.0, HOOK: 1.0, "wind": wind}.get(part, 0.0) for part in own.parts]
@@ -199,7 +199,7 @@ class Run:
             if one.kind == "tip" and one.body == self.scene.names[-1]:
                 tip["xyz".index(one.direction)] = response.displacement[0, k]
         along = sum(float(path.value(0.0)) for path in self.scene.paths.values()) + self.scene.sections[-1].length
-        place = turned @ (np.array(self.scene.frame.place) + [along, 0.0, 0.0] + tip)
+        place = turned @ (np.array(self.scene.frame.tail_position) + [along, 0.0, 0.0] + tip)
         corners = [np.array([*one, -limit.height]) for one in limit.polygon]
         corners = corners[::-1]
         if _area(limit.polygon) > 0.0:

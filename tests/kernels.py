@@ -12,7 +12,7 @@ from terms import axial
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.rows import round_up
 from pmr.kernel.signals import Signals
-from pmr.scene.keys import input_of
+from pmr.scene.keys import input_name
 from pmr.simulation.frame import base_accelerations
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.moving import AXES, GRAVITY, OF_BASE, OF_FRAME, MovingFrame
@@ -72,9 +72,9 @@ def frame_signals(frame: MovingFrame) -> Signals:
     """Signals of the drivers of a scene's frame, in their order."""
     scene = frame.scene
     assert scene.frame is not None
-    angles = dict(zip((*OF_FRAME, *OF_BASE), (*scene.frame.angles, *scene.frame.rocking), strict=False))
+    angles = dict(zip((*OF_FRAME, *OF_BASE), (*scene.frame.angles, *scene.frame.base_angles), strict=False))
     loads = {
-        input_of(name, load.name): load.signal
+        input_name(name, load.name): load.signal
         for name, section in zip(scene.names, scene.sections, strict=True)
         for load in section.loads
     }

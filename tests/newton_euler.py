@@ -48,7 +48,7 @@ def needed(scene: Scene, number: int, t: Array) -> Needed:
         x += np.stack([path.value(t), path.rate(t), path.second_rate(t)])
     along, force, moment = np.eye(3)[0], np.zeros((len(t), 3)), np.zeros((len(t), 3))
     for point, mass in _points(scene, number):
-        r = np.array(scene.frame.place) + point + x[0, :, None] * along
+        r = np.array(scene.frame.tail_position) + point + x[0, :, None] * along
         v, a = x[1, :, None] * along, x[2, :, None] * along
         second = np.einsum("tij,tj->ti", R2, r) + 2.0 * np.einsum("tij,tj->ti", R1, v) + np.einsum("tij,tj->ti", R, a)
         own = mass * np.einsum("tij,ti->tj", R, second + [0.0, 0.0, scene.gravity.acceleration])

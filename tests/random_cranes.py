@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pmr.scene import Scene
-from pmr.scene.checks import check
+from pmr.scene.checks import check_scene
 
 END, STEP = 2.0, 1e-3
 PLANAR = {"bottom": [0.0], "top": [0.0]}
@@ -62,7 +62,7 @@ def random_crane(seed: int) -> Scene:
             "simulation": {"simulators": ["march"], "repeats": 1},
         }
     )
-    check(scene)
+    check_scene(scene)
     return scene
 
 

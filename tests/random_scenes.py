@@ -8,7 +8,7 @@ import numpy as np
 
 from pmr import scene as scenes
 from pmr.scene import Scene
-from pmr.scene.checks import check
+from pmr.scene.checks import check_scene
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
 END = 2.0
@@ -23,7 +23,7 @@ def random_scene(seed: int) -> Scene:
     if rng.random() >= 0.7:
         return scenes.load(WORKFLOWS / "boom_beam.toml", _boom(rng))
     scene = Scene.model_validate(_beam(rng))
-    check(scene)
+    check_scene(scene)
     return scene
 
 
@@ -34,7 +34,7 @@ def sliding_scene(seed: int) -> Scene:
     rng = np.random.default_rng(seed)
     first, second = rng.uniform(0.3, 0.6, 2).tolist()
     scene = Scene.model_validate(_beam(rng, [0.0, first, first + second]))
-    check(scene)
+    check_scene(scene)
     return scene
 
 
@@ -158,7 +158,7 @@ def random_boom(seed: int) -> Scene:
             "time": {"end": 1.2, "step": 1e-3, "rho_inf": float(rng.choice([0.8, 1.0]))},
         }
     )
-    check(boom)
+    check_scene(boom)
     return boom
 
 
@@ -206,7 +206,7 @@ def driven_boom(seed: int) -> Scene:
             },
         }
     )
-    check(boom)
+    check_scene(boom)
     return boom
 
 

@@ -14,7 +14,7 @@ from processes import WITHOUT_FIGURES, Called, called
 from pmr import scene
 from pmr.compare import responses
 from pmr.errors import InputError
-from pmr.errors.environment import check_installed, needed
+from pmr.errors.environment import check_installed, import_package
 from pmr.pipeline import reduce
 from pmr.report import document
 
@@ -120,7 +120,7 @@ def test_libraries_of_weasyprint_are_looked_for_only_where_they_are_not_found_by
 
 def test_a_missing_package_is_named_before_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
     check_installed("weasyprint")
-    assert needed("weasyprint").HTML
+    assert import_package("weasyprint").HTML
     monkeypatch.setattr(sys, "path", [])
     for name in ("gmsh", "exudyn"):
         monkeypatch.delitem(sys.modules, name, raising=False)
@@ -130,7 +130,7 @@ def test_a_missing_package_is_named_before_the_work(monkeypatch: pytest.MonkeyPa
         responses.check_installed(scene.load(WORKFLOWS / "paper_simple.toml"))
     responses.check_installed(scene.load(WORKFLOWS / "paper_simple.toml", MARCH_ALONE))
     with pytest.raises(InputError, match="installation: gmsh: not found .* pip install gmsh"):
-        needed("gmsh")
+        import_package("gmsh")
 
 
 #: What extras bring: none of it may be needed to simulate a saved model, or to say what a run found.

@@ -11,7 +11,7 @@ import pytest
 
 import pmr
 from pmr import scene as scenes
-from pmr.errors.lazy import Former, names_from
+from pmr.errors.lazy import FormerName, lazy_names
 
 
 def test_every_public_name_is_there() -> None:
@@ -27,7 +27,9 @@ def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
 
 def test_a_former_name_is_answered_with_a_warning_that_has_both() -> None:
     """It points at the line that asks; what is called so now is found without one."""
-    find = names_from("pmr", {"load_scene": "pmr.scene:load_any"}, former={"read_scene": Former("load_scene", "0.3")})
+    find = lazy_names(
+        "pmr", {"load_scene": "pmr.scene:load_any"}, former={"read_scene": FormerName("load_scene", "0.3")}
+    )
     with pytest.warns(DeprecationWarning, match=r"pmr\.read_scene is called pmr\.load_scene now; 0\.3 has") as said:
         assert find("read_scene") is scenes.load_any
     assert said[0].filename == __file__

@@ -14,7 +14,7 @@ import numpy as np
 
 from pmr import scene as scenes
 from pmr.scene import Scene
-from pmr.scene.checks import check
+from pmr.scene.checks import check_scene
 from pmr.scene.run_settings import Accuracy
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
@@ -28,7 +28,7 @@ def tolerance_scene(seed: int) -> Scene:
     rng = np.random.default_rng([seed, 46])
     scene = {"beam": _beam, "rattling": _rattling, "telescopic": _telescopic}[KINDS[seed]](rng)
     scene = scene.model_copy(update={"title": f"{KINDS[seed]} {seed}"})
-    check(scene)
+    check_scene(scene)
     return scene
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pmr.scene import Scene
-from pmr.scene.checks import check
+from pmr.scene.checks import check_scene
 
 G, DENSITY, LENGTH, EXTENSION, PULL = 9.80665, 7850.0, 6.0, 4.0, 5000.0
 FOOT, LUG = complex(0.5, -1.0), complex(1.5, -0.3)  # m: x + i z from the pin
@@ -38,7 +38,7 @@ def boom(angle: Any, model: str, stiffness: float, young: float = 2.1e15, **chan
     scene: dict[str, Any] = {"title": "turning", "frame": frame, "sections": sections, "gravity": {}}
     scene |= {"start": "equilibrium", "time": {"end": 0.02, "step": 0.01}, "compare": {"against": []}}
     made = Scene.model_validate(scene | changed)
-    check(made)
+    check_scene(made)
     return made
 
 

@@ -12,7 +12,7 @@ from pmr.fullmodel.structure import Action, Clamp, Structure
 from pmr.mesh.box import write_shell
 from pmr.mesh.named import read_mesh
 from pmr.models import DIRECTIONS
-from pmr.models.beam3d import Beam3D, beam_of
+from pmr.models.beam3d import Beam3D, box_beam
 from pmr.models.shell import Shell, draw_box, of
 from pmr.scene import Body
 from pmr.scene.box import Box
@@ -23,7 +23,7 @@ E, G, RHO = Material().young, Material().shear_modulus, Material().density
 
 def beam(of_box: Box, shear: bool = False, elements: int = 4) -> Beam3D:
     """Beam of a box, with shear flexibility or without."""
-    return beam_of(Beam3DBody(length=of_box.length, profile=of_box, shear=shear, elements=elements), of_box)
+    return box_beam(Beam3DBody(length=of_box.length, profile=of_box, shear=shear, elements=elements), of_box)
 
 
 def answers(model) -> np.ndarray:

@@ -9,7 +9,7 @@ from typing import Any
 
 from sphinx.application import Sphinx
 
-from pmr.scene.hints import dialects
+from pmr.scene.hints import scene_form_schemas
 from pmr.studies.files import schemas
 
 Schema = dict[str, Any]
@@ -33,7 +33,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
 def write_pages(app: Sphinx) -> None:
     """One page for scenes, one for each kind of study."""
     folder = Path(app.srcdir, "reference")
-    body, several = dialects()
+    body, several = scene_form_schemas()
     more = tables(several, 3, known=body["$defs"])
     sections = f"\n## Sections\n\nA file with `sections` lists bodies from the base out, or a body alone:\n{more}"
     write(folder / "scene_keys.md", INTRODUCTION.format(what="scene") + tables(body) + sections)

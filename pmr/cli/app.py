@@ -10,7 +10,16 @@ import typer
 from rich.logging import RichHandler
 from typer.core import TyperGroup
 
-from pmr.cli.console import VisibleText, err, leave, out, output_failure, prepare_streams, ranks, say
+from pmr.cli.console import (
+    VisibleText,
+    err,
+    exit_with_message,
+    out,
+    output_failure,
+    prepare_streams,
+    print_text,
+    rank_count,
+)
 from pmr.cli.export import export, flexible, matrices, simulate
 from pmr.cli.info import info
 from pmr.cli.new import compile_, new, schema
@@ -67,7 +76,7 @@ app.command("compile")(compile_)
 def _version(is_given: bool) -> None:
     """Print pmr's version and exit, if the option is given."""
     if is_given:
-        say(out, f"pmr {environment.versions()['pmr']}")
+        print_text(out, f"pmr {environment.package_versions()['pmr']}")
         raise typer.Exit
 
 
@@ -93,22 +102,24 @@ def main() -> None:
         app()
     except SystemExit:
         if (failure := output_failure()) is not None:
-            leave(f"standard output: {failure.strerror}; results that go to files are there", 1)
+            exit_with_message(f"standard output: {failure.strerror}; results that go to files are there", 1)
         raise
     except InputError as error:
-        leave(str(error), 2)
+        exit_with_message(str(error), 2)
     except (ConvergenceError, SimulationError, NotWrittenError) as error:
-        leave(str(error), 1)
+        exit_with_message(str(error), 1)
     except Exception as error:
         if isinstance(error, OSError) and error.errno in FULL:
             output_failure()
             places = "standard output, compiled code (XDG_CACHE_HOME) and temporary files (TMPDIR)"
-            leave(f"{error.strerror}: room is needed for {places}", 1)
+            exit_with_message(f"{error.strerror}: room is needed for {places}", 1)
         if any(kind.__name__ == "VerificationError" for kind in type(error).__mro__):  # CFFI's
-            leave("a form was not compiled: a C compiler and room for what it writes (XDG_CACHE_HOME) are needed", 1)
+            exit_with_message(
+                "a form was not compiled: a C compiler and room for what it writes (XDG_CACHE_HOME) are needed", 1
+            )
         if isinstance(error, ImportError) or "numpy.dtype size changed" in str(error):
-            leave(environment.unfit(error), 2)
-        if ranks() > 1:  # the others would wait for this rank for ever
+            exit_with_message(environment.import_failure_message(error), 2)
+        if rank_count() > 1:  # the others would wait for this rank for ever
             err.print_exception()
-            leave("a rank failed", 1)
+            exit_with_message("a rank failed", 1)
         raise

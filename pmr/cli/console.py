@@ -17,7 +17,7 @@ import typer
 from rich.console import Console
 
 from pmr.errors import InputError
-from pmr.errors.text import visible
+from pmr.errors.text import escape_controls
 from pmr.files.whole import NotWrittenError, ensure_ordinary
 
 Model = Annotated[
@@ -59,43 +59,43 @@ class Output(Console):
 out, err = Output(**PLAIN), Output(stderr=True, **PLAIN)
 
 
-def say(console: Console, text: str) -> None:
+def print_text(console: Console, text: str) -> None:
     """Print a text in one line as it is, without colours and wrapping; control characters are written as escapes."""
-    console.print(visible(text), soft_wrap=True)
+    console.print(escape_controls(text), soft_wrap=True)
 
 
-def tell(console: Console, text: str) -> None:
+def print_sentences(console: Console, text: str) -> None:
     """Print sentences, wrapped between words on a terminal, in one line where the output is no terminal."""
-    shown = broken(text, console.width, "  ") if console.is_terminal else visible(text)
+    shown = wrap_at_spaces(text, console.width, "  ") if console.is_terminal else escape_controls(text)
     console.print(shown, soft_wrap=True)
 
 
-def broken(text: str, width: int, indent: str = "") -> str:
+def wrap_at_spaces(text: str, width: int, indent: str = "") -> str:
     """Return a text in lines of at most `width` letters, wrapped at spaces alone: a number stays with its unit.
 
     All lines but the first begin with `indent`.
     """
     lines = textwrap.wrap(
-        visible(text), width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+        escape_controls(text), width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
     )
     return "\n".join(lines)
 
 
 class VisibleText(logging.Formatter):
-    """Formatter of log messages that writes control characters as escapes, as `say` does."""
+    """Formatter of log messages that writes control characters as escapes, as `print_text` does."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802  (the name that logging calls)
         """Return the message with control characters written as escapes."""
-        return visible(super().formatMessage(record))
+        return escape_controls(super().formatMessage(record))
 
 
-def no_report(error: Exception, folder: Path) -> str:
+def report_failure_message(error: Exception, folder: Path) -> str:
     """Return the message that a report can't be drawn while all results are stored in `folder`."""
     reason = " ".join(f"{type(error).__name__}: {error}".split())
     return f"the report can't be drawn ({reason}); the results themselves are in {folder}"
 
 
-def ensure_writable(folder: Path, ours: Sequence[str] = ()) -> None:
+def prepare_folder(folder: Path, ours: Sequence[str] = ()) -> None:
     """Create a folder if need be; raise InputError unless it, and files in it that match `ours`, can be written.
 
     Where there are such files, it is not the root of the file system either.  A folder for a run's results, scene.json
@@ -124,9 +124,9 @@ def ensure_writable(folder: Path, ours: Sequence[str] = ()) -> None:
         raise InputError("command line", "--out", str(folder), allowed) from None
 
 
-def ensure_file(file: Path, *read: Path) -> None:
+def check_output_file(file: Path, *read: Path) -> None:
     """Raise InputError unless a file can be written: it is new or an ordinary file, and none of the files to `read`."""
-    ensure_writable(file.parent)
+    prepare_folder(file.parent)
     try:
         ensure_ordinary(file)
         if any(file.exists() and isfile(source) and file.samefile(source) for source in read):
@@ -141,7 +141,7 @@ def scene_file(path: Path) -> Path:
     Raises InputError if it is a study.
     """
     file = _find_file(path, "scene.toml")
-    if "kind" in _keys(file):
+    if "kind" in _tables_or_empty(file):
         raise InputError("command line", "SCENE", str(path), f"that is a study: pmr study {path} computes it")
     return file
 
@@ -157,7 +157,7 @@ def study_file(path: Path) -> Path:
     if script and not path.is_file():
         return script
     file = _find_file(path, "study.toml")
-    keys = _keys(file)
+    keys = _tables_or_empty(file)
     if "kind" not in keys and {"body", "slider", "sections"} & set(keys):
         raise InputError("command line", "STUDY", str(path), f"that is a scene: pmr run {path} computes it")
     return file
@@ -170,12 +170,12 @@ def _find_file(path: Path, within: str) -> Path:
     return resolve_path(path, within)
 
 
-def _keys(file: Path) -> dict[str, object]:
+def _tables_or_empty(file: Path) -> dict[str, object]:
     """Return the tables of a file; empty if it can't be read, which a later reader reports."""
-    from pmr.scene.tomlfiles import tables
+    from pmr.scene.tomlfiles import read_tables
 
     try:
-        return tables(file, "file")
+        return read_tables(file, "file")
     except InputError:
         return {}
 
@@ -210,21 +210,21 @@ def output_failure() -> OSError | None:
     return out.failure
 
 
-def leave(message: str, code: int) -> NoReturn:
+def exit_with_message(message: str, code: int) -> NoReturn:
     """Print a message on standard error, and end this process and all other ranks with an exit code."""
-    say(err, f"pmr: {message}")
-    if ranks() > 1:
+    print_text(err, f"pmr: {message}")
+    if rank_count() > 1:
         sys.modules["mpi4py.MPI"].COMM_WORLD.Abort(code)
     sys.exit(code)
 
 
-def ranks() -> int:
+def rank_count() -> int:
     """Return the number of MPI ranks of this run, 1 if MPI was not loaded; MPI is not started."""
     mpi = sys.modules.get("mpi4py.MPI")
     return mpi.COMM_WORLD.size if mpi else 1
 
 
-def rank() -> int:
+def rank_number() -> int:
     """Return the number of this MPI rank, 0 if MPI was not loaded."""
     mpi = sys.modules.get("mpi4py.MPI")
     return mpi.COMM_WORLD.rank if mpi else 0

@@ -9,11 +9,22 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from pmr.cli.console import Folder, Model, Overrides, ensure_file, ensure_writable, err, out, say, scene_file, tell
+from pmr.cli.console import (
+    Folder,
+    Model,
+    Overrides,
+    check_output_file,
+    err,
+    out,
+    prepare_folder,
+    print_sentences,
+    print_text,
+    scene_file,
+)
 from pmr.errors import InputError, TooManyModesError
-from pmr.errors.text import visible
+from pmr.errors.text import escape_controls
 from pmr.export.formats import BODY_FORMATS, ONE_BODY, Options, formats, write
-from pmr.files.whole import finish_swap, fresh
+from pmr.files.whole import finish_swap, replacement_folder
 
 _SAYS = "; ".join(f"{name}: {one.description}" for name, one in formats().items())
 
@@ -59,13 +70,13 @@ def export(
 
         pmr export reports/boom_shell/reduced.npz --to matlab --at 1.5,2.5,4
     """
-    ensure_file(out_file, model) if out_file else ensure_writable(model.parent)
+    check_output_file(out_file, model) if out_file else prepare_folder(model.parent)
     finish_swap(model.parent)
-    with err.status(Text(f"writing {visible(to)}")):  # on a terminal alone
+    with err.status(Text(f"writing {escape_controls(to)}")):  # on a terminal alone
         written = write(to, model, out_file, Options(fmi, at, section, platforms, sources or None))
     if section is not None:
-        say(out, f"section {section} alone, without its joints")
-    say(out, str(written))
+        print_text(out, f"section {section} alone, without its joints")
+    print_text(out, str(written))
 
 
 def flexible(
@@ -107,20 +118,20 @@ def flexible(
     loaded = scenes.load_any(file, overrides or ())
     if len(loaded.sections) > 1:
         raise InputError(str(file), "sections", list(loaded.names), ONE_BODY)
-    ensure_file(target, file, *filter(None, (loaded.mesh.file,)))
+    check_output_file(target, file, *filter(None, (loaded.mesh.file,)))
     try:
         body = (framed_body if chosen.by == "frame" else held_body)(loaded, at, modes)
     except InputError as error:
-        raise error.found_in(str(file)) from None
+        raise error.with_source(str(file)) from None
     except TooManyModesError as error:
         raise InputError(
             "command line", "--modes", modes, f"at most {error.most} are allowed, as many as there are free coordinates"
         ) from None
     chosen.write(body, target)
-    for k, (name, point) in enumerate(zip(body.places.names, body.places.points, strict=True), start=1):
-        say(out, f"{chosen.by} {k}: {name}, at {', '.join(f'{round(x, 9) + 0.0:.4g}' for x in point)} m")
-    say(out, f"{len(body.omega)} modes, {', '.join(f'{w / 6.283185307179586:.4g}' for w in body.omega)} Hz")
-    say(out, str(target))
+    for k, (name, point) in enumerate(zip(body.frames.names, body.frames.points, strict=True), start=1):
+        print_text(out, f"{chosen.by} {k}: {name}, at {', '.join(f'{round(x, 9) + 0.0:.4g}' for x in point)} m")
+    print_text(out, f"{len(body.omega)} modes, {', '.join(f'{w / 6.283185307179586:.4g}' for w in body.omega)} Hz")
+    print_text(out, str(target))
 
 
 def matrices(
@@ -168,19 +179,19 @@ def matrices(
     if target.suffix != ".npz":
         raise InputError("command line", "--out", str(target), "the name of an .npz file is allowed")
     files = foreign_files(stiffness, mass, dofs, nodes)
-    ensure_file(target, files.stiffness, files.mass, files.dofs, files.nodes)
+    check_output_file(target, files.stiffness, files.mass, files.dofs, files.nodes)
     body = read_foreign(files)
-    say(out, f"{body.size} coordinates of {len(body.points)} nodes; groups: {', '.join(body.groups) or 'none'}")
+    print_text(out, f"{body.size} coordinates of {len(body.points)} nodes; groups: {', '.join(body.groups) or 'none'}")
     x, y, z = (round(float(c), 9) + 0.0 for c in body.centre)
     whole = " of what supports inside the matrices leave free" if body.lacks else ""
     centre = f"centre of mass at ({x:.4g}, {y:.4g}, {z:.4g}) m"
-    say(out, f"{body.mass:.4g} kg{whole}, {centre}; {_held_text(len(body.held))}")
+    print_text(out, f"{body.mass:.4g} kg{whole}, {centre}; {_held_motions_text(len(body.held))}")
     if body.unchecked:
-        say(err, f"warning: {UNCHECKED}")
-    say(out, str(body.save(target)))
+        print_text(err, f"warning: {UNCHECKED}")
+    print_text(out, str(body.save(target)))
 
 
-def _held_text(count: int) -> str:
+def _held_motions_text(count: int) -> str:
     """Return a clause about the number of rigid motions that supports and springs in a stiffness hold."""
     if not count:
         return "free to move as a rigid body"
@@ -217,25 +228,25 @@ def simulate(
     loaded, folder = scenes.load_any(file, overrides or ()), out_dir or Path("reports", scene.stem)
     if folder.resolve() == model.parent.resolve():
         raise InputError("command line", "--out", str(folder), "a folder other than the model's is allowed")
-    ensure_writable(folder, RESULT_FILES)
+    prepare_folder(folder, RESULT_FILES)
     try:
         result: Any = simulate_saved(system, loaded)
     except InputError as error:
-        raise error.found_in(str(file)) from None
-    with fresh(folder, RESULT_FILES) as new:
+        raise error.with_source(str(file)) from None
+    with replacement_folder(folder, RESULT_FILES) as new:
         result.save(new)
         write_tables(result, new)
     response, summary = result.responses["reduced"], result.summary
-    table = Table(title=visible(loaded.title), title_justify="left", title_style="bold", show_header=False)
+    table = Table(title=escape_controls(loaded.title), title_justify="left", title_style="bold", show_header=False)
     table.add_row("largest displacement", f"{1e3 * summary['max_displacement']:.4g} mm")
     for name, force in zip(response.force_names, response.slider_force.T, strict=False):
-        table.add_row(visible(name), f"{force.min():.4g} to {force.max():.4g} N")
+        table.add_row(escape_controls(name), f"{force.min():.4g} to {force.max():.4g} N")
     for _, support, unit, least, _, _, most, *_ in reaction_table(result).rows:
-        table.add_row(visible(f"reaction of {support}"), f"{least:.4g} to {most:.4g} {unit}")
+        table.add_row(escape_controls(f"reaction of {support}"), f"{least:.4g} to {most:.4g} {unit}")
     table.add_row("simulated in", ", ".join(f"{name} {s:.3g} s" for name, s in summary["seconds"]["simulate"].items()))
     out.print(table)
     for sentence in filter(None, (errors.estimate_sentence(result), errors.step_sentence(result))):
-        tell(out, sentence)
+        print_sentences(out, sentence)
     for warning in summary["warnings"]:
-        tell(out, f"warning: {warning}")
-    say(out, str(folder / "trajectories.npz"))
+        print_sentences(out, f"warning: {warning}")
+    print_text(out, str(folder / "trajectories.npz"))

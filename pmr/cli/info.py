@@ -16,7 +16,7 @@ from rich.table import Table
 
 from pmr.cli.console import out, scene_file
 from pmr.errors import environment
-from pmr.errors.text import visible
+from pmr.errors.text import escape_controls
 from pmr.files.whole import finish_swap
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ FREQUENCIES = 4
 _TABLES = ("versions", "scene")  # of a model's provenance
 
 
-def described_file(file: Path) -> dict[str, str]:
+def describe_file(file: Path) -> dict[str, str]:
     """Return the description of a file with a reduced model or a system of bodies."""
     from pmr import ReducedModel
     from pmr.system.saved import read
@@ -41,12 +41,12 @@ def described_file(file: Path) -> dict[str, str]:
 
     content = read(file)
     if not isinstance(content, ReducedModel):
-        return described_system(System.load(file))
-    rows = described_model(content)
+        return describe_system(System.load(file))
+    rows = describe_model(content)
     return rows if content.section is not None else rows | _frequencies(System.of(content))
 
 
-def described_system(system: System) -> dict[str, str]:
+def describe_system(system: System) -> dict[str, str]:
     """Return the description of a system of several bodies."""
     scene = system.provenance.get("scene")
     title = scene.get("title", "unknown") if isinstance(scene, dict) else "unknown"
@@ -58,9 +58,9 @@ def described_system(system: System) -> dict[str, str]:
         rows[f"body {name}"] = f"{body.size} coordinates; outputs: {_describe_outputs(body)}"
     pushing = {True: "holds both ways", False: "only pushes"}
     contacts = [f"{contact.name} ({pushing[contact.clearance is None]})" for contact in system.contacts]
-    ranges = [f"{path} from {low:.4g} to {high:.4g} {_unit(path)}" for path, (low, high) in system.ranges.items()]
+    ranges = [f"{path} from {low:.4g} to {high:.4g} {_path_unit(path)}" for path, (low, high) in system.ranges.items()]
     return rows | {
-        **_inputs(system.input_names, system.input_units),
+        **_describe_inputs(system.input_names, system.input_units),
         "contacts": f"{len(contacts)}: {_list_names(contacts)}",
         "paths": ", ".join(ranges) or "none",
         **_frequencies(system),
@@ -81,7 +81,7 @@ def _frequencies(system: System) -> dict[str, str]:
     rows, ranges = dict[str, str](), path_ranges(system)
     for end in (0, 1):
         s = {path: ends[end] for path, ends in ranges.items()}
-        where = ", ".join(f"{path} at {at:.4g} {_unit(path)}" for path, at in s.items()) or "at rest"
+        where = ", ".join(f"{path} at {at:.4g} {_path_unit(path)}" for path, at in s.items()) or "at rest"
         try:
             hertz = Assembly(system).frequencies(system.side_coordinates(s), FREQUENCIES)
         except (InputError, SimulationError, np.linalg.LinAlgError):
@@ -91,7 +91,7 @@ def _frequencies(system: System) -> dict[str, str]:
     return rows
 
 
-def _unit(path: str) -> str:
+def _path_unit(path: str) -> str:
     """Return the unit of a path's coordinate, m or rad."""
     from pmr.scene.keys import LUFFING
 
@@ -103,16 +103,16 @@ def _list_names(names: list[str]) -> str:
     return ", ".join(names if len(names) <= LISTED else [names[0], "...", names[-1]])
 
 
-def described_scene(scene: scenes.Scene) -> dict[str, str]:
+def describe_scene(scene: scenes.Scene) -> dict[str, str]:
     """Return the description of a scene."""
     from pmr.scene.members import members
 
     rows = {"title": scene.title, "hash": scene.hash}
     for member in members(scene):
-        rows |= _describe_body(member) if len(scene.sections) == 1 else {member.part.name: _in_a_line(scene, member)}
+        rows |= _describe_body(member) if len(scene.sections) == 1 else {member.part.name: _section_line(scene, member)}
     return (
         rows
-        | _frame(scene)
+        | _describe_frame(scene)
         | {
             "time": f"{scene.time.end:g} s in {scene.time.steps} steps, rho_inf = {scene.time.rho_inf:g}",
             "compared with": ", ".join(scene.compare.against) or "nothing",
@@ -120,7 +120,7 @@ def described_scene(scene: scenes.Scene) -> dict[str, str]:
     )
 
 
-def _frame(scene: scenes.Scene) -> dict[str, str]:
+def _describe_frame(scene: scenes.Scene) -> dict[str, str]:
     """Return the description of a boom's moving frame; empty without one."""
     if scene.frame is None:
         return {}
@@ -130,51 +130,53 @@ def _frame(scene: scenes.Scene) -> dict[str, str]:
         if low or high:
             motions.append(f"{name} {low:.4g} to {high:.4g} degrees" if high > low else f"{name} {low:.4g} degrees")
     motions += ["a base that moves"] * (scene.frame.base is not None)
-    pivot = ", ".join(f"{at:g}" for at in scene.frame.place)
+    pivot = ", ".join(f"{at:g}" for at in scene.frame.tail_position)
     return {"frame": f"{'; '.join(motions) or 'level'}; tail at ({pivot}) m from the pivot"}
 
 
 def _describe_body(member: Member) -> dict[str, str]:
     """Return the description of the body of a scene that has only one."""
-    from pmr.scene.choice import choose, is_undecided
+    from pmr.scene.choice import choose_model, is_undecided
 
-    chosen, (low, high), part = choose(member), member.bounds, member.part
-    pads = [f"{len(ring.places)} at the {ring.name}{' (moving)' * ring.moving}" for ring in member.pads]
+    chosen, (low, high), part = choose_model(member), member.bounds, member.part
+    pads = [f"{len(ring.named_pads)} at the {ring.name}{' (moving)' * ring.moving}" for ring in member.pads]
     points = [f"{len(member.points)} row(s)"] if member.points else []
     at_least = "at least that, by measurement: " if is_undecided(member) else ""
     return {
-        "body": f"{chosen.model}, {_size(part.body)}",
+        "body": f"{chosen.model}, {_size_text(part.body)}",
         "model": f"{part.body.model}: {at_least}{'; '.join(chosen.reasons)}",
         "slider" if member.points else "pads": f"{', '.join([*pads, *points])}; s from {low:g} to {high:g} m",
-        "loads": ", ".join(_loads(member)),
+        "loads": ", ".join(_load_texts(member)),
         "reduction": f"{part.reduction.coordinates} coordinates: {_describe_reduction(part.reduction)}",
     }
 
 
-def _in_a_line(scene: scenes.Scene, member: Member) -> str:
+def _section_line(scene: scenes.Scene, member: Member) -> str:
     """Return one line about a section: model, size, number of coordinates, range of its extension and loads."""
     from pmr.scene.choice import model_of
 
-    words = [f"{model_of(member)}, {_size(member.part.body)}", f"{member.part.reduction.coordinates} coordinates"]
+    words = [f"{model_of(member)}, {_size_text(member.part.body)}", f"{member.part.reduction.coordinates} coordinates"]
     if member.part.name in scene.paths:
         low, high = scene.paths[member.part.name].bounds(0.0, scene.time.end)
         words.append(f"extended by {low:g} to {high:g} m")
-    return "; ".join([*words, f"loads: {', '.join(_loads(member))}"])
+    return "; ".join([*words, f"loads: {', '.join(_load_texts(member))}"])
 
 
-def _axis(load: Load) -> str:
+def _axis_text(load: Load) -> str:
     """Return the axis of a load, with "of the ground" where it is one."""
     return load.direction if load.axes == "body" else f"{load.direction} of the ground"
 
 
-def _loads(member: Member) -> list[str]:
+def _load_texts(member: Member) -> list[str]:
     """Return name, position and axis of each load of a body, and "gravity" if it has weight."""
     places = [load.on if isinstance(load.on, str) else f"{load.on:g} m" for load in member.part.loads]
-    loads = [f"{load.name} on {on} along {_axis(load)}" for load, on in zip(member.part.loads, places, strict=True)]
+    loads = [
+        f"{load.name} on {on} along {_axis_text(load)}" for load, on in zip(member.part.loads, places, strict=True)
+    ]
     return [*loads, *(["gravity"] if member.gravity else [])]
 
 
-def _size(body: scenes.Body) -> str:
+def _size_text(body: scenes.Body) -> str:
     """Return the dimensions of a body as text."""
     if body.profile is not None:
         return f"{body.profile.length:g} m, EI = {body.profile.bending_stiffness:g} N m^2"
@@ -185,7 +187,7 @@ def _size(body: scenes.Body) -> str:
     doublers = "".join(
         f", doubler {doubler.thickness:g} m from {doubler.start:g} to {doubler.end:g} m" for doubler in box.doublers
     )
-    low, high = box.straight
+    low, high = box.untapered_range
     tapers = f", tapers outside {low:g} to {high:g} m" if (low, high) != (0.0, box.length) else ""
     return f"box of {box.length:g} x {box.width:g} x {box.height:g} m, wall {walls}{doublers}{tapers}"
 
@@ -197,7 +199,7 @@ def _describe_reduction(reduction: scenes.Reduction) -> str:
     return f"{basis} and residual flexibility" if reduction.flexibility else basis
 
 
-def described_model(model: ReducedModel) -> dict[str, str]:
+def describe_model(model: ReducedModel) -> dict[str, str]:
     """Return the description of a reduced model."""
     import numpy as np
 
@@ -213,7 +215,7 @@ def described_model(model: ReducedModel) -> dict[str, str]:
         "reduced model": f"{model.size} coordinates{of}",
         "scene": f"{scene.get('title', 'unknown')} ({model.provenance.get('scene_hash', 'no hash')})",
         "basis": str(model.provenance.get("basis", "unknown")),
-        **_inputs(model.input_names, model.input_units),
+        **_describe_inputs(model.input_names, model.input_units),
         "outputs": _describe_outputs(model),
         "rows": f"{', '.join(rows)}; s from {low:g} to {high:g} m",
         "rows left out": ", ".join(model.left_out) or "none",
@@ -224,7 +226,7 @@ def described_model(model: ReducedModel) -> dict[str, str]:
     }
 
 
-def _inputs(names: Sequence[str], units: Sequence[str]) -> dict[str, str]:
+def _describe_inputs(names: Sequence[str], units: Sequence[str]) -> dict[str, str]:
     """Return the names of inputs with their units, and what the inputs mean by which a frame accelerates bodies."""
     from pmr.scene.frame import INERTIA, MINUS_THE_ACCELERATION
 
@@ -267,24 +269,24 @@ def info(
         pmr info reports/boom_three/system.npz
     """
     if file is None:
-        rows = environment.versions()
+        rows = environment.package_versions()
         try:
             from pmr.pipeline import fenicsx_versions
         except ImportError as error:
             rows["FEniCSx"] = f"not found ({error}); reduced models simulate without it"
         else:
             rows |= fenicsx_versions()
-        rows |= environment.machine()
+        rows |= environment.describe_machine()
     elif file.suffix != ".npz":
         from pmr import scene as scenes
 
-        rows = described_scene(scenes.load_any(scene_file(file)))
+        rows = describe_scene(scenes.load_any(scene_file(file)))
     else:
         finish_swap(file.parent)
-        rows = described_file(file) | _estimate_lines(file.with_name("summary.json"))
+        rows = describe_file(file) | _estimate_lines(file.with_name("summary.json"))
     table = Table(show_header=False, box=None, pad_edge=False)
     for key, value in rows.items():
-        table.add_row(key, visible(value))
+        table.add_row(key, escape_controls(value))
     out.print(table)
 
 

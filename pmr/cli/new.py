@@ -12,16 +12,16 @@ from typing import Annotated
 
 import typer
 
-from pmr.cli.console import ensure_writable, out, say
+from pmr.cli.console import out, prepare_folder, print_text
 from pmr.errors import InputError
-from pmr.errors.text import hint, visible
+from pmr.errors.text import escape_controls, similar_name_hint
 
 
 def scene_schema() -> str:
     """Return the JSON schema of a scene file as text."""
-    from pmr.scene.hints import scenes
+    from pmr.scene.hints import scene_file_schema
 
-    return json.dumps(scenes(), indent=1) + "\n"
+    return json.dumps(scene_file_schema(), indent=1) + "\n"
 
 
 def study_schema(*kinds: str) -> str:
@@ -56,7 +56,9 @@ def schema(
     makers: dict[str, Callable[[], str]] = {"scene": scene_schema, "study": study_schema}
     makers |= {name: partial(study_schema, name) for name in kind_names()}
     if kind not in makers:
-        raise InputError("command line", "KIND", kind, f"{hint(kind, makers)}one of {', '.join(makers)} is allowed")
+        raise InputError(
+            "command line", "KIND", kind, f"{similar_name_hint(kind, makers)}one of {', '.join(makers)} is allowed"
+        )
     out.print(makers[kind](), soft_wrap=True, end="")
 
 
@@ -64,14 +66,15 @@ SCHEMA = "scene.schema.json"
 TEMPLATES = resources.files("pmr.cli") / "templates"
 
 
-def kinds() -> list[str]:
+def scene_kinds() -> list[str]:
     """Return the names of the scenes that ``pmr new`` offers."""
     return sorted(file.name.removesuffix(".toml") for file in TEMPLATES.iterdir() if file.name.endswith(".toml"))
 
 
 def new(
     kind: Annotated[
-        str, typer.Argument(metavar="KIND", help="beam, boom, telescope, crane or platform.", autocompletion=kinds)
+        str,
+        typer.Argument(metavar="KIND", help="beam, boom, telescope, crane or platform.", autocompletion=scene_kinds),
     ],
     name: Annotated[Path, typer.Argument(metavar="NAME", help="New folder, whose name is the title of the scene.")],
 ) -> None:
@@ -81,12 +84,17 @@ def new(
 
         pmr new boom mine && pmr run mine
     """
-    if kind not in kinds():
-        raise InputError("command line", "KIND", kind, f"{hint(kind, kinds())}{', '.join(kinds())} are allowed")
+    if kind not in scene_kinds():
+        raise InputError(
+            "command line",
+            "KIND",
+            kind,
+            f"{similar_name_hint(kind, scene_kinds())}{', '.join(scene_kinds())} are allowed",
+        )
     if lexists(name):
         raise InputError("command line", "NAME", str(name), "the name of a folder that is not there yet is allowed")
-    ensure_writable(name)
-    title = visible(name.name).replace("\\", "").replace('"', "")
+    prepare_folder(name)
+    title = escape_controls(name.name).replace("\\", "").replace('"', "")
     scene = (TEMPLATES / f"{kind}.toml").read_text(encoding="utf-8").replace('title = "NAME"', f'title = "{title}"')
     (name / "scene.toml").write_text(f"#:schema {SCHEMA}\n{scene}", encoding="utf-8")
     (name / SCHEMA).write_text(scene_schema(), encoding="utf-8")
@@ -99,7 +107,7 @@ def new(
         (name / "mesh.py").write_text(mesh.read_text(encoding="utf-8"), encoding="utf-8")
         about["mesh.py"] = "draws a mesh of its own, for a start"
     for file, what in about.items():
-        say(out, f"{name / file}  {what}")
+        print_text(out, f"{name / file}  {what}")
 
 
 def compile_() -> None:
@@ -107,4 +115,4 @@ def compile_() -> None:
 
     Version 0.2 removes this command of earlier versions.
     """
-    say(out, "nothing is to be compiled: the step was compiled when pmr was installed")
+    print_text(out, "nothing is to be compiled: the step was compiled when pmr was installed")

@@ -20,20 +20,20 @@ from rich.table import Table
 from pmr.cli.console import (
     Folder,
     Overrides,
-    broken,
-    ensure_writable,
     err,
-    leave,
-    no_report,
+    exit_with_message,
     out,
-    rank,
-    say,
+    prepare_folder,
+    print_sentences,
+    print_text,
+    rank_number,
+    report_failure_message,
     scene_file,
-    tell,
+    wrap_at_spaces,
 )
 from pmr.errors import ConvergenceError, InputError, SimulationError, environment
-from pmr.errors.text import duration, visible
-from pmr.files.whole import fresh, remove_files
+from pmr.errors.text import duration_text, escape_controls
+from pmr.files.whole import remove_matching, replacement_folder
 
 if TYPE_CHECKING:
     from pmr.errors.environment import Progress as Report
@@ -107,7 +107,11 @@ def run(
     names = [file.resolve().name if isdir(file) else file.stem for file in scene_files]
     files = [scene_file(file) for file in scene_files]
     loaded = [
-        (name, file, scenes.load_any(file, [*([] if tolerance is None else _to(tolerance, file)), *changes]))
+        (
+            name,
+            file,
+            scenes.load_any(file, [*([] if tolerance is None else _tolerance_overrides(tolerance, file)), *changes]),
+        )
         for name, file in zip(names, files, strict=True)
     ]
     if len(set(names)) != len(names):
@@ -120,66 +124,66 @@ def run(
     from pmr.results import RESULT_FILES
 
     for where in {folder, *(folder / name for name in names if len(names) > 1)}:
-        ensure_writable(where, RESULT_FILES)
+        prepare_folder(where, RESULT_FILES)
     outcomes = []
     with BackgroundReport() as report:
         import numpy as np
 
         from pmr.errors.environment import Clock
-        from pmr.files.whole import users_folder
+        from pmr.files.whole import user_cache_folder
         from pmr.pipeline import run as run_scene
 
-        first = rank() == 0
+        first = rank_number() == 0
         for name, file, scene in loaded:
             where = folder if len(loaded) == 1 else folder / name
             checkpoint = where / f"full-{scene.hash}.checkpoint"
             with _progress(name, shown=first) as progress:
                 try:
-                    clock, measures = Clock(progress), cache or users_folder()
+                    clock, measures = Clock(progress), cache or user_cache_folder()
                     outcome = run_scene(
                         scene,
                         clock=clock,
                         checkpoint=checkpoint,
                         cache=cache,
                         measures=measures,
-                        keep=partial(_save, where, folder, report),
+                        keep=partial(_save_results, where, folder, report),
                     )
                 except InputError as error:
-                    _tell_hints(scene)
-                    raise error.found_in(str(file)) from None
+                    _print_hints(scene)
+                    raise error.with_source(str(file)) from None
                 except (SimulationError, ConvergenceError):
-                    _tell_hints(scene)
+                    _print_hints(scene)
                     raise
                 except (np.linalg.LinAlgError, ArithmeticError) as error:
                     allowed = f"sizes, stiffnesses and masses that double precision can carry are allowed ({error})"
                     raise InputError(str(file), "", None, allowed) from None
             if outcome is not None:
-                with fresh(where, ("summary.json",)) as new:
+                with replacement_folder(where, ("summary.json",)) as new:
                     outcome.result.save_summary(new)
                 checkpoint.unlink(missing_ok=True)
                 outcomes.append(outcome)
         if outcomes:
             for outcome in outcomes:
-                _print(outcome)
+                _print_outcome(outcome)
             with _progress("report", shown=first) as progress:
                 progress("write", 0.0)
                 try:
                     written = report.write([outcome.result for outcome in outcomes], folder)
                 except Exception as error:  # whatever it is: what was computed is there, and worth more
-                    leave(no_report(error, folder), 1)
-            say(out, f"report  {written.html}")
-            say(out, f"        {written.pdf}")
+                    exit_with_message(report_failure_message(error, folder), 1)
+            print_text(out, f"report  {written.html}")
+            print_text(out, f"        {written.pdf}")
 
 
-def _tell_hints(scene: Scene) -> None:
+def _print_hints(scene: Scene) -> None:
     """Print a warning for each unusual number of a scene whose run failed: it may be the reason."""
     from pmr.scene.hints import hints
 
-    for hint in hints(scene) if rank() == 0 else ():
-        tell(err, f"warning: {hint}")
+    for hint in hints(scene) if rank_number() == 0 else ():
+        print_sentences(err, f"warning: {hint}")
 
 
-def _save(folder: Path, of_all: Path, report: BackgroundReport, outcome: Outcome) -> None:
+def _save_results(folder: Path, of_all: Path, report: BackgroundReport, outcome: Outcome) -> None:
     """Write all results but the report into `folder`, and remove old reports there and in `of_all`.
 
     `of_all` is the folder of the report about all scenes of the run.
@@ -194,8 +198,8 @@ def _save(folder: Path, of_all: Path, report: BackgroundReport, outcome: Outcome
     report.draw(result)
     recovery = result.scene.recovery
     if folder != of_all:
-        remove_files(of_all, REPORT_FILES)
-    with fresh(folder, (*RESULT_FILES, *REPORT_FILES)) as new:
+        remove_matching(of_all, REPORT_FILES)
+    with replacement_folder(folder, (*RESULT_FILES, *REPORT_FILES)) as new:
         result.save(new)
         write_tables(result, new)
         outcome.save(new)
@@ -207,7 +211,7 @@ def _save(folder: Path, of_all: Path, report: BackgroundReport, outcome: Outcome
             write_series(new, "fields", bodies, pads_over_time(result))
 
 
-def _to(tolerance: str, file: Path) -> list[str]:
+def _tolerance_overrides(tolerance: str, file: Path) -> list[str]:
     """Return the overrides for ``--tolerance 1%``: the tolerance, and a reduction whose size can be chosen by it.
 
     Sections of a boom have that reduction anyway.  Raises InputError for a tolerance that is no share between 0 and 1.
@@ -227,7 +231,7 @@ def _to(tolerance: str, file: Path) -> list[str]:
     return [*basis, f"accuracy.tolerance={share!r}"]
 
 
-def _print(outcome: Outcome) -> None:
+def _print_outcome(outcome: Outcome) -> None:
     """Print capacity, errors with published ones, coordinates, computing times and warnings of a run."""
     from pmr.report import errors, first_page
 
@@ -238,10 +242,10 @@ def _print(outcome: Outcome) -> None:
         errors.mesh_sentence(result),
         errors.model_sentences(result),
     ]
-    out.print(visible(result.scene.title), style="bold")
+    out.print(escape_controls(result.scene.title), style="bold")
     carried = Table.grid(padding=(0, 2))
     for name, value in first_page.capacity_rows(result):
-        carried.add_row(broken(name, NAMES), broken(value, max(out.width - NAMES - 2, NAMES)))
+        carried.add_row(wrap_at_spaces(name, NAMES), wrap_at_spaces(value, max(out.width - NAMES - 2, NAMES)))
     out.print(carried)
     _print_errors(errors.rows(result))
     each = ", ".join(
@@ -249,11 +253,11 @@ def _print(outcome: Outcome) -> None:
     )
     seconds = ", ".join(f"{name} {value:.3g} s" for name, value in summary["seconds"]["simulate"].items())
     coordinates = f"{summary['coordinates']['full']} -> {summary['coordinates']['reduced']} coordinates"
-    tell(out, f"{coordinates}{f' ({each})' if each else ''}; simulated in: {seconds}")
+    print_sentences(out, f"{coordinates}{f' ({each})' if each else ''}; simulated in: {seconds}")
     for line in (*filter(None, sentences_of_run), *(f"warning: {warning}" for warning in summary["warnings"])):
-        tell(out, line)
+        print_sentences(out, line)
     for pair, length in summary["agreement"].items():
-        say(out, f"{pair.replace('_vs_', ' and ')} agree to {length:.1e} m")
+        print_text(out, f"{pair.replace('_vs_', ' and ')} agree to {length:.1e} m")
     out.print()
 
 
@@ -266,11 +270,11 @@ def _print_errors(error_rows: Sequence[Row]) -> None:
     above = ""
     for row in error_rows:
         if row.place and row.comparison != above:
-            table.add_row(visible(row.comparison))
+            table.add_row(escape_controls(row.comparison))
         above = row.comparison
         mark = f"{row.mark.symbol} {row.mark.text}" if row.mark else ""
-        called = broken(f"  {row.place}" if row.place else row.comparison, NAMES + 12, "    ")
-        table.add_row(called, visible(row.value), *([row.published or "", mark] if published else []))
+        called = wrap_at_spaces(f"  {row.place}" if row.place else row.comparison, NAMES + 12, "    ")
+        table.add_row(called, escape_controls(row.value), *([row.published or "", mark] if published else []))
     out.print(table)
 
 
@@ -295,7 +299,7 @@ class _StageLines:
         """Print the present stage unless it was printed before."""
         if self._stage and self._stage not in self._printed:
             self._printed.add(self._stage)
-            say(err, f"{self._title}: {self._stage}, after {duration(time.monotonic() - self._begin)}")
+            print_text(err, f"{self._title}: {self._stage}, after {duration_text(time.monotonic() - self._begin)}")
 
     def stop(self) -> None:
         """Stop printing."""

@@ -16,10 +16,21 @@ from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bars
 from rich.table import Table
 
-from pmr.cli.console import MOST_JOBS, Folder, Overrides, ensure_writable, err, no_report, out, say, scene_file, tell
+from pmr.cli.console import (
+    MOST_JOBS,
+    Folder,
+    Overrides,
+    err,
+    out,
+    prepare_folder,
+    print_sentences,
+    print_text,
+    report_failure_message,
+    scene_file,
+)
 from pmr.cli.console import study_file as found_file
 from pmr.errors import InputError, environment
-from pmr.errors.text import visible
+from pmr.errors.text import escape_controls
 
 if TYPE_CHECKING:
     from pmr.scene import Scene
@@ -81,38 +92,38 @@ def study(
         _run_experiment(file, out_dir, jobs, overrides or [], only or [], listed)
     if listed:
         for name in files.load(file, overrides or ()).runs:
-            say(out, name)
+            print_text(out, name)
         return
     environment.check_report()  # before the work, not after it
     folder = out_dir or Path("reports", study_file.stem)
     try:
-        with _pool(jobs) as pool:
+        with _worker_pool(jobs) as pool:
             if pool is None:
                 return  # a rank that has worked for the first one
             project = files.load(file, overrides or ())
             chosen = project.select_runs(only) if only else project
             for part in chosen.parts:
-                ensure_writable(folder / part.name, TABLES)
-            ensure_writable(folder / "tasks", ("*.npz",))
-            with _watch() as watch:
+                prepare_folder(folder / part.name, TABLES)
+            prepare_folder(folder / "tasks", ("*.npz",))
+            with _show_progress() as watch:
                 outcome = compute_results(chosen, folder, pool, watch)
     except KeyboardInterrupt:
-        say(err, "interrupted; the same command goes on from here")
+        print_text(err, "interrupted; the same command goes on from here")
         raise typer.Exit(130) from None
-    _tell_failures(outcome)
+    _print_failures(outcome)
     if not only:
         for table in save(project, outcome, folder):
-            say(out, f"table  {table}")
+            print_text(out, f"table  {table}")
         from pmr.report.studies import write_report
 
         try:
-            say(out, f"report {write_report(folder).html}")
+            print_text(out, f"report {write_report(folder).html}")
         except Exception as error:  # whatever it is: the tables are there, and worth more
-            say(err, f"pmr: {no_report(error, folder)}")
+            print_text(err, f"pmr: {report_failure_message(error, folder)}")
             raise typer.Exit(1) from None
-    say(out, f"{outcome.done} of {len(chosen.runs)} runs are there; {outcome.computed} tasks were computed now")
+    print_text(out, f"{outcome.done} of {len(chosen.runs)} runs are there; {outcome.computed} tasks were computed now")
     if not only:
-        _tell(chosen, outcome)
+        _print_results(chosen, outcome)
     if not outcome.is_complete:
         raise typer.Exit(1)
 
@@ -133,26 +144,26 @@ def _run_experiment(
     raise typer.Exit(subprocess.run([sys.executable, str(script), *options], check=False).returncode)
 
 
-def _pool(jobs: int | None) -> AbstractContextManager[workers.Pool | None]:
+def _worker_pool(jobs: int | None) -> AbstractContextManager[workers.Pool | None]:
     """Return a context with the pool of worker processes; under MPI it is None on ranks that are workers."""
     from pmr.studies import workers
 
     if workers.count_ranks() == 1:
-        return workers.local_pool(jobs or environment.cores())
+        return workers.local_pool(jobs or environment.available_cores())
     if jobs:
         raise InputError("command line", "--jobs", jobs, "under MPI all ranks but the first are workers; leave it out")
     return workers.rank_pool()
 
 
 @contextmanager
-def _watch() -> Iterator[Watch]:
+def _show_progress() -> Iterator[Watch]:
     """Yield a function that shows progress: a bar on a terminal, elsewhere a line every `LOGGED_EVERY` s."""
     if not err.is_terminal:
         due = [time.monotonic() + LOGGED_EVERY]
 
         def log(progress: Progress) -> None:
             if time.monotonic() >= due[0]:
-                say(err, progress.text)
+                print_text(err, progress.text)
                 due[0] = time.monotonic() + LOGGED_EVERY
 
         yield log
@@ -162,7 +173,7 @@ def _watch() -> Iterator[Watch]:
         yield lambda p: bars.update(bar, description=p.text, completed=p.done + p.failed, total=p.total)
 
 
-def _tell(project: Project, outcome: Outcome) -> None:
+def _print_results(project: Project, outcome: Outcome) -> None:
     """Print the table, summary and warnings of each study that has results."""
     from pmr.report.studies.runs import terminal_grid
 
@@ -171,21 +182,23 @@ def _tell(project: Project, outcome: Outcome) -> None:
         if all(run.status != "done" for run in results.runs):
             continue
         grid = terminal_grid(results.runs, out.width // COLUMN, SHOWN_RUNS)
-        table = Table(title=visible(part.study.title), title_justify="left", caption=grid.caption, title_style="bold")
+        table = Table(
+            title=escape_controls(part.study.title), title_justify="left", caption=grid.caption, title_style="bold"
+        )
         for number, head in enumerate(grid.head):
-            table.add_column(visible(head), justify="right" if number else "left", vertical="bottom")
+            table.add_column(escape_controls(head), justify="right" if number else "left", vertical="bottom")
         for row in grid.rows:
-            table.add_row(*map(visible, row))
+            table.add_row(*map(escape_controls, row))
         out.print(table)
         if results.is_complete and (line := part.study.summary_line(results)):
-            say(out, line)
+            print_text(out, line)
         for warning in results.warnings:
-            tell(out, f"warning: {warning.line(len(results.runs))}")
+            print_sentences(out, f"warning: {warning.line(len(results.runs))}")
         for hint in part.study.hints():
-            tell(out, f"warning: {hint}")
+            print_sentences(out, f"warning: {hint}")
 
 
-def _tell_failures(outcome: Outcome) -> None:
+def _print_failures(outcome: Outcome) -> None:
     """Print the reasons of runs that failed or are missing, the first `SHOWN_FAILURES` of them."""
     wrong = [
         f"{record.status}: {f'{name}/' if name else ''}{record.key}: {record.reason}"
@@ -194,11 +207,11 @@ def _tell_failures(outcome: Outcome) -> None:
         if record.status != "done"
     ]
     for line in wrong[:SHOWN_FAILURES]:
-        say(err, line)
+        print_text(err, line)
     if len(wrong) > SHOWN_FAILURES:
-        say(err, f"and {len(wrong) - SHOWN_FAILURES} more")
+        print_text(err, f"and {len(wrong) - SHOWN_FAILURES} more")
     if wrong:
-        say(err, "these are in no table; the same command computes them again")
+        print_text(err, "these are in no table; the same command computes them again")
 
 
 STUDY = "chart.toml"
@@ -244,15 +257,15 @@ def chart(
 
     file = scene_file(scene)
     folder = out_dir or Path("reports", f"chart_{scene.resolve().name if scene.is_dir() else file.stem}")
-    ensure_writable(folder, (STUDY, "tasks/*.npz"))
+    prepare_folder(folder, (STUDY, "tasks/*.npz"))
     written = folder / STUDY
     if not written.exists():
-        written.write_text(_study(file, load_any(file), up_to), encoding="utf-8")
-        say(out, f"study  {written}  what is asked: add limits to it, and call again")
+        written.write_text(_chart_study_text(file, load_any(file), up_to), encoding="utf-8")
+        print_text(out, f"study  {written}  what is asked: add limits to it, and call again")
     study(written, out_dir=folder, jobs=jobs)
 
 
-def _study(file: Path, scene: Scene, up_to: float) -> str:
+def _chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
     """Return the text of a chart study over the ranges of the scene's extensions and luffing angle.
 
     `up_to` is the largest load in kg.  Raises InputError if the scene has no luffing angle.

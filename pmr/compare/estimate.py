@@ -57,7 +57,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extend, is_modal
 from pmr.results import Response
 from pmr.results.quantities import with_unit
-from pmr.scene.keys import ALONE, named
+from pmr.scene.keys import ALONE, qualified_name
 from pmr.simulation import Excitation
 from pmr.simulation.reactions import column_names
 from pmr.system.body import Trajectory, length_outputs
@@ -341,7 +341,11 @@ def _errors_by_section(system: System, displacement: Array, error: Array) -> dic
 
 def _probes(system: System) -> list[str]:
     """Names of the probes of all bodies, in the order of the probes in `Outputs`."""
-    return [named(name, probe) for name, body in system.bodies.items() for probe in column_names(body).other_outputs]
+    return [
+        qualified_name(name, probe)
+        for name, body in system.bodies.items()
+        for probe in column_names(body).other_outputs
+    ]
 
 
 def estimate_by_other_model(system: System, reference: ReducedModel, excitation: Excitation) -> Estimate:

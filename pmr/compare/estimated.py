@@ -36,7 +36,7 @@ from pmr.compare.trust import (
 )
 from pmr.errors import InputError, SimulationError
 from pmr.errors.environment import Clock
-from pmr.errors.text import rounded
+from pmr.errors.text import two_digits
 from pmr.reduced.attachment import has_frame_matrices
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extend
@@ -218,7 +218,7 @@ def estimate_warnings(
         fastest = stepping.step * float(np.sqrt(np.max(modal_form(model).omega2, initial=0.0)))
         if stepping.rho_inf == 1.0 and fastest > RESOLVED and model.moving:
             messages.append(
-                f"the step does not resolve the highest mode (h omega = {rounded(fastest)}) and rho_inf = 1 damps "
+                f"the step does not resolve the highest mode (h omega = {two_digits(fastest)}) and rho_inf = 1 damps "
                 "nothing: with a moving slider this can grow; a smaller step, rho_inf < 1 or fewer coordinates help"
             )
     return messages

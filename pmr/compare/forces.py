@@ -16,11 +16,11 @@ from pmr.results.response import Extremes
 from pmr.results.run import SummaryPart
 from pmr.results.tables import reaction_extremes
 from pmr.scene import Scene
-from pmr.scene.built import PadRing, force_of, friction_of, reaction_of
-from pmr.scene.choice import is_axial
+from pmr.scene.built import PadRing, force_name, friction_name, reaction_name
+from pmr.scene.choice import has_axial_motion
 from pmr.scene.frame import INERTIA
-from pmr.scene.keys import cylinder_of, named
-from pmr.scene.mechanism import CYLINDER, drive_rows, longest, rope_shares, supports_at_lug
+from pmr.scene.keys import cylinder_name, qualified_name
+from pmr.scene.mechanism import CYLINDER, drive_rows, longest_rope, rope_shares, supports_at_lug
 from pmr.scene.members import EXTENSION, members
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact, Friction
@@ -44,7 +44,7 @@ def forces_part(scene: Scene, system: System, response: Response) -> SummaryPart
     Cylinders also have the largest ``friction`` in N that they overcome, what friction has ``dissipated`` in J, and
     their impulses at ``kinks``.  Warnings name pads that are pulled and forces that are unknown.
     """
-    joined, along, figures = len(scene.sections) > 1, scene.along(response.t), dict[str, Any]()
+    joined, along, figures = len(scene.sections) > 1, scene.path_positions(response.t), dict[str, Any]()
     if joined or scene.pads:
         figures["pads"] = [
             {"name": name, **extremes.summary()} for name, extremes in pad_extremes(scene, response).items()
@@ -67,14 +67,14 @@ def pad_extremes(scene: Scene, response: Response) -> dict[str, Extremes]:
     Of a body alone they are in the order of its rings; of sections they are those of all contacts and springs but
     cylinders.
     """
-    along = scene.along(response.t)
-    names = [name for ring in _pad_rings(scene) for name, _, _ in ring.places]
+    along = scene.path_positions(response.t)
+    names = [name for ring in _pad_rings(scene) for name, _, _ in ring.named_pads]
     if len(scene.sections) > 1:
-        cylinders = set(map(cylinder_of, scene.names))
+        cylinders = set(map(cylinder_name, scene.names))
         names = [
             name
-            for force_name in response.force_names
-            if (name := force_name.removeprefix(force_of(""))) not in cylinders
+            for response_name in response.force_names
+            if (name := response_name.removeprefix(force_name(""))) not in cylinders
         ]
     forces = {name: _pad_force(response, name) for name in names}
     return {
@@ -89,17 +89,17 @@ def _pad_rings(scene: Scene) -> tuple[PadRing, ...]:
 
 def _cylinder_rows(scene: Scene, system: System, response: Response) -> Iterator[dict[str, Any]]:
     """Rows of ``cylinders`` in summary.json: the extremes of each cylinder's force, its friction and its kinks."""
-    at_kinks, along = cylinder_impulses(scene, system), scene.along(response.t)
-    driven = {force_of(cylinder_of(name)): name for name in scene.names[1:]}
+    at_kinks, along = cylinder_impulses(scene, system), scene.path_positions(response.t)
+    driven = {force_name(cylinder_name(name)): name for name in scene.names[1:]}
     for force in response.force_names:
         if (body := driven.get(force)) is not None:
             row = {
-                "name": cylinder_of(body),
+                "name": cylinder_name(body),
                 **Extremes.from_history(response.force(force, 0), response.t, along).summary(),
             }
-            if friction_of(body) in response.other_names:
+            if friction_name(body) in response.other_names:
                 row |= _friction_figures(scene, system, response, body)
-            yield row | ({"kinks": kinks} if (kinks := at_kinks[cylinder_of(body)]) else {})
+            yield row | ({"kinks": kinks} if (kinks := at_kinks[cylinder_name(body)]) else {})
 
 
 def _friction_figures(scene: Scene, system: System, response: Response, body: str) -> dict[str, float]:
@@ -114,7 +114,7 @@ def _friction_figures(scene: Scene, system: System, response: Response, body: st
     friction = Friction.from_contacts(system.contacts)
     assert friction is not None  # as the response has its friction
     joint = friction.joints.index(body)
-    f, drive = response.other(friction_of(body)), response.force(force_of(cylinder_of(body)), 0)
+    f, drive = response.other(friction_name(body)), response.force(force_name(cylinder_name(body)), 0)
     y = scene.paths[body].value(response.t) - friction.cylinder_compliance[joint] * drive
     grip = friction.stiffness[friction.first_pads[joint] : friction.first_pads[joint + 1]].sum()
     dissipated = (f[1:] + f[:-1]) @ np.diff(y) / 2.0 - (f[-1] ** 2 - f[0] ** 2) / (2.0 * grip)
@@ -130,10 +130,10 @@ def reaction_rows(scene: Scene, response: Response, path: Array) -> dict[str, ob
     extremes_of = reaction_extremes(response, path)
     rows = [{"name": of.support, "unit": of.unit, **extremes.summary()} for of, extremes in extremes_of.items()]
     for body, part in zip(scene.names, scene.sections, strict=True):
-        for name, unit in part.springs.items():
-            if (force := named(body, force_of(name))) in response.force_names:
+        for name, unit in part.spring_units.items():
+            if (force := qualified_name(body, force_name(name))) in response.force_names:
                 extremes = Extremes.from_history(response.force(force, 0), response.t, path)
-                rows.append({"name": named(body, name), "unit": unit, **extremes.summary()})
+                rows.append({"name": qualified_name(body, name), "unit": unit, **extremes.summary()})
     return {"reactions": rows} if rows else {}
 
 
@@ -147,10 +147,10 @@ def missing_reaction_warnings(scene: Scene) -> list[str]:
     bodies_without_axial = [
         member.part.name or "the body"
         for member in members(scene)
-        if not is_axial(member) and (weight_along or member.jointed)
+        if not has_axial_motion(member) and (weight_along or member.has_joint)
     ]
     supports_of_all_points = [
-        named(body, str(member.on))
+        qualified_name(body, str(member.on))
         for body, part in zip(scene.names, scene.sections, strict=True)
         for member in part.supports
         if member.points == "all"
@@ -171,9 +171,9 @@ def _pad_force(response: Response, name: str) -> Array | None:
 
     A rigid pad that does not move is a support: its force is the reaction.
     """
-    if force_of(name) in response.force_names:
-        return response.force(force_of(name), 0)
-    return response.other(reaction_of(name)) if reaction_of(name) in response.other_names else None
+    if force_name(name) in response.force_names:
+        return response.force(force_name(name), 0)
+    return response.other(reaction_name(name)) if reaction_name(name) in response.other_names else None
 
 
 def pulled_pad_warnings(scene: Scene, contacts: Sequence[Contact], response: Response) -> list[str]:
@@ -190,7 +190,7 @@ def pulled_pad_warnings(scene: Scene, contacts: Sequence[Contact], response: Res
         if -load.least > max(PULLED * max(load.most, 0.1 * largest), response.force_round_off)
     }
     for ring in _pad_rings(scene):
-        of_ring = {name: pulling[name] for name, _, _ in ring.places if name in pulling and not ring.unilateral}
+        of_ring = {name: pulling[name] for name, _, _ in ring.named_pads if name in pulling and not ring.unilateral}
         lines += [_ring_warning(ring, of_ring, response)] if of_ring else []
     held = [
         contact
@@ -208,7 +208,7 @@ def unknown_force_warnings(scene: Scene, response: Response) -> list[str]:
     names = [
         name
         for ring in _pad_rings(scene)
-        for name, face, _ in ring.places
+        for name, face, _ in ring.named_pads
         if ring.stiffness == "rigid" and not ring.moving and _pad_force(response, name) is None
     ]
     if not names or not response.force_names:
@@ -221,9 +221,9 @@ def _ring_warning(ring: PadRing, pulling: Mapping[str, Extremes], response: Resp
     """Warning about the pads of one ring that pull; `pulling` has the extremes of their forces by name."""
     most = min(pulling, key=lambda name: pulling[name].least)
     load = pulling[most]
-    pads = f"{len(pulling)} of {len(ring.places)} pads of the ring {ring.name} pull"
+    pads = f"{len(pulling)} of {len(ring.named_pads)} pads of the ring {ring.name} pull"
     if len(pulling) == 1:
-        pads = f"one of {len(ring.places)} pads of the ring {ring.name} pulls"
+        pads = f"one of {len(ring.named_pads)} pads of the ring {ring.name} pulls"
     worst = f"{most} with up to {with_unit(-load.least, 'N')} {response.when(load.t_least, load.s_least)}"
     most_of_all = "most of all " if len(pulling) > 1 else ""
     return f"{pads} the body outwards, {most_of_all}{worst}; if they can only push, set unilateral = true in this ring"
@@ -261,7 +261,7 @@ def cylinder_impulses(boom: Scene, system: System) -> dict[str, list[dict[str, f
         for t in at:
             speeds = np.cumsum([kinks.get(t, 0.0) for kinks in jumps])
             at[t] = float(np.dot(masses[i:], speeds[i:]))
-        kinks_of_cylinders[cylinder_of(name)] = [{"t": t, "impulse": impulse} for t, impulse in sorted(at.items())]
+        kinks_of_cylinders[cylinder_name(name)] = [{"t": t, "impulse": impulse} for t, impulse in sorted(at.items())]
     return kinks_of_cylinders
 
 
@@ -308,10 +308,10 @@ def rope_forces(scene: Scene, response: Response) -> dict[str, Array]:
     Empty if there are no ropes, or if forces along the boom are unknown.
     """
     shares = rope_shares(scene)
-    if any(force_of(cylinder_of(name)) not in response.force_names for name in shares):
+    if any(force_name(cylinder_name(name)) not in response.force_names for name in shares):
         return {}
-    cylinders = [name for name in map(cylinder_of, scene.names[1:]) if force_of(name) in response.force_names]
-    forces_of_all = np.array([response.force(force_of(name), 0) for name in cylinders])
+    cylinders = [name for name in map(cylinder_name, scene.names[1:]) if force_name(name) in response.force_names]
+    forces_of_all = np.array([response.force(force_name(name), 0) for name in cylinders])
     return {name: row @ forces_of_all for name, row in drive_rows(scene, cylinders).items() if name in shares}
 
 
@@ -324,7 +324,7 @@ def ropes_part(scene: Scene, response: Response) -> SummaryPart:
     """
     if len(scene.sections) < 2:
         return SummaryPart()
-    along, rows, slack = scene.along(response.t), list[Mapping[str, Any]](), list[str]()
+    along, rows, slack = scene.path_positions(response.t), list[Mapping[str, Any]](), list[str]()
     round_off = response.force_floor
     for name, force in rope_forces(scene, response).items():
         number = scene.names.index(name)
@@ -335,7 +335,7 @@ def ropes_part(scene: Scene, response: Response) -> SummaryPart:
             power = force * scene.paths[name].rate(response.t)
             row["power"] = Extremes.from_history(power, response.t, along).summary()
         if (rope := scene.joint(number).rope) is not None:
-            length = longest(scene, number)
+            length = longest_rope(scene, number)
             row |= {"length": length, "stiffness": rope.strands * rope.EA / length}
         rows.append(row)
         if (rope or follows) and -extremes.least > max(PULLED * extremes.most, round_off):
@@ -360,9 +360,9 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
     """
     if scene.frame is None or scene.frame.cylinder is None or CYLINDER not in response.other_names:
         return SummaryPart()
-    t, along = response.t, scene.along(response.t)
+    t, along = response.t, scene.path_positions(response.t)
     angle, force = scene.frame.angles[0], response.other(CYLINDER)
-    length, arm = scene.frame.cylinder.length(angle.value(t))
+    length, arm = scene.frame.cylinder.length_and_arm(angle.value(t))
     speed = arm * angle.rate(t)
     histories = {"force": force, "length": length, "speed": speed, "power": force * speed}
     return SummaryPart(
@@ -387,7 +387,7 @@ def turning_warnings(scene: Scene, angles: Array) -> list[str]:
     across = [name for name in supports_at_lug(scene) if name in names]
     if not across:
         return []
-    arm = np.abs(scene.frame.cylinder.length(angles)[1])
+    arm = np.abs(scene.frame.cylinder.length_and_arm(angles)[1])
     factor = float(arm.max() / arm.min()) ** 2
     force_along, force_across = np.abs(scene.frame.cylinder.direction(angles)).T
     leaning = float(np.max(force_along / np.maximum(force_across, 1e-9)))

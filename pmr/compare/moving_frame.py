@@ -15,7 +15,7 @@ from pmr.results import Frequencies
 from pmr.results.run import SummaryPart
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA, BaseMotion, Frame
-from pmr.scene.keys import input_of
+from pmr.scene.keys import input_name
 from pmr.scene.mechanism import AXIAL, FrameTerm, frame_terms, stress_terms
 from pmr.simulation import Excitation
 from pmr.simulation.balance import row_products, step_means
@@ -54,7 +54,7 @@ def frame_part(scene: Scene, system: System, excitation: Excitation, frequencies
     luffing, slewing = scene.frame.angles
     t = excitation.times
     speed = float(
-        np.linalg.norm(FrameRotation.from_signals(luffing, slewing, t, scene.frame.rocking).velocity, axis=1).max()
+        np.linalg.norm(FrameRotation.from_signals(luffing, slewing, t, scene.frame.base_angles).velocity, axis=1).max()
     )
     lowest = 2.0 * np.pi * float(np.nanmin(frequencies.models["reduced"][:, 0]))  # 0 past the buckling load
     figures = {
@@ -210,7 +210,7 @@ def second_order_effect(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Seco
     system = replace(system_of(_with_second_order(scene, False), bodies), terms=terms_of(scene, bodies, terms))
     signals, excitation = term_signals(scene, terms), Excitation.from_scene(_with_second_order(scene, False))
     assembly, x = Assembly(system), side_positions(system, excitation)
-    axial = [term.name for term in terms if term.of in AXIAL]
+    axial = [term.name for term in terms if term.kind in AXIAL]
     steps = _second_order_steps(excitation)
     rows = assembly.contact_rows_over_time(x[steps])
     factors, shares = np.full(len(steps), np.inf), np.zeros(len(steps))
@@ -355,7 +355,7 @@ class _EnergyBalance:
     def __init__(self, scene: Scene, run: SystemTrajectory) -> None:
         assert scene.frame is not None  # `energy_in_space` is for scenes with a frame
         self._scene, self._run = scene, run
-        self._turning = FrameRotation.from_signals(*scene.frame.angles, run.t, scene.frame.rocking)
+        self._turning = FrameRotation.from_signals(*scene.frame.angles, run.t, scene.frame.base_angles)
         self._base = np.einsum("tji,tj->ti", self._turning.rotation, _pivot_velocity(scene.frame, run.t))
         none = np.zeros((len(run.t), len(OVER), 3))
         self.moments = {name: _Moments(none.copy(), none.copy()) for name in scene.names}
@@ -372,7 +372,7 @@ class _EnergyBalance:
                 field, b = of_input.removeprefix(INERTIA), np.asarray(body.B)[:, column]
                 at = slice(None), OVER.index(field[1:]), "xyz".index(field[0])
                 moments.u[at], moments.rate[at] = motion.q @ b, motion.v @ b
-                load = self._run.loads[:, system.input_names.index(input_of(name, of_input))]
+                load = self._run.loads[:, system.input_names.index(input_name(name, of_input))]
                 self.others -= step_means(load) * np.diff(moments.u[at])
 
     def add_term(self, frame_term: FrameTerm, term: Term, c: Array) -> None:
@@ -380,18 +380,18 @@ class _EnergyBalance:
 
         Terms of loads are skipped: their work is that of the loads.
         """
-        if frame_term.of in ("load", "cylinder load"):  # their work is that of the loads
+        if frame_term.kind in ("load", "cylinder load"):  # their work is that of the loads
             return
         q, v = (np.hstack([getattr(self._run.bodies[name], what) for name in term.bodies]) for what in "qv")
         G, V = ((0.0 * q.T if A is None else A @ q.T).T for A in (term.stiffness, term.damping))
         damped = 0.0 * q if term.damping is None else (term.damping @ v.T).T
         self.others += row_products(step_means(c[:, None] * (G + damped)), np.diff(q, axis=0))
-        if frame_term.of in ("field", "cylinder"):
+        if frame_term.kind in ("field", "cylinder"):
             self._add_shortening(frame_term, c, row_products(q, G) / 2.0, row_products(v, G))
-        elif frame_term.of == "rotation":
+        elif frame_term.kind == "rotation":
             self.energy += c / 2.0 * row_products(v, V)
             self.drives += step_means(c) / 2.0 * row_products(np.diff(v, axis=0), step_means(V))
-        elif frame_term.of == "carried":
+        elif frame_term.kind == "carried":
             self.energy -= c / 2.0 * row_products(q, G)
             self.drives -= 2.0 * step_means(c) * row_products(np.diff(q, axis=0), step_means(G)) + np.diff(
                 c
@@ -402,13 +402,16 @@ class _EnergyBalance:
 
         `bent` and `rate` (T,) are q^T G q / 2 and its rate, with the amplitude c (T,) and the matrix G of the term.
         """
-        if frame_term.of == "cylinder":  # it is shorter along the axis the shorter it is
+        if frame_term.kind == "cylinder":  # it is shorter along the axis the shorter it is
             length, longer = (
                 getattr(self._scene.extension(frame_term.number), what)(self._run.t) for what in ("value", "rate")
             )
             self.drives -= step_means(c * bent * longer / length) * np.diff(self._run.t)
             bent, rate = -bent / length, -rate / length + bent * longer / length**2
-        moments, over = self.moments[frame_term.carried or frame_term.bodies[0]], OVER.index(frame_term.component[1:])
+        moments, over = (
+            self.moments[frame_term.carried_section or frame_term.bodies[0]],
+            OVER.index(frame_term.component[1:]),
+        )
         moments.u[:, over, 0] += bent
         moments.rate[:, over, 0] += rate
 
@@ -435,7 +438,7 @@ def _speeds(scene: Scene, omega: Array, number: int, t: Array) -> Array:
     angular velocity of the frame.
     """
     assert scene.frame is not None
-    place, out = np.zeros((len(t), 3)) + scene.frame.place, np.zeros((len(t), 3))
+    place, out = np.zeros((len(t), 3)) + scene.frame.tail_position, np.zeros((len(t), 3))
     for k in range(1, number + 1):
         place[:, 0] += scene.extension(k).value(t)
         out[:, 0] += scene.extension(k).rate(t)

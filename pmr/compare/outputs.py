@@ -30,7 +30,7 @@ from pmr.constraints.polynomials import apply_table, evaluate
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene import Scene
-from pmr.scene.keys import ALONE, named
+from pmr.scene.keys import ALONE, qualified_name
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.contact_step import contact_frequency, with_schedule
 from pmr.simulation.excitation import signals_in_order
@@ -281,7 +281,7 @@ def tip_columns(system: System) -> list[int]:
 def tip_names(boom: Scene) -> set[str]:
     """Names of the displacements of the last section's tip along y and z."""
     last = boom.sections[-1]
-    return {named(last.name, last.observe.tip_along(direction)) for direction in "yz"}
+    return {qualified_name(last.name, last.observe.tip_along(direction)) for direction in "yz"}
 
 
 def section_columns(section: str, response: Response) -> list[int]:

@@ -16,14 +16,14 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.compare.errors import ResponseFunction, force_round_off, observed_quantities, refuse_infinite, round_off
 from pmr.compare.outputs import boom_quantities, fits_in_memory, output_contacts
 from pmr.errors import GrowthError, InputError, environment
-from pmr.errors.environment import Clock, needed
+from pmr.errors.environment import Clock, import_package
 from pmr.reduced.model import ReducedModel
 from pmr.results import Energy, Response
 from pmr.results.response import Output
 from pmr.scene import Scene
-from pmr.scene.built import force_of, friction_of, reaction_of
-from pmr.scene.choice import SIMULATORS, transverse
-from pmr.scene.keys import ALONE, named
+from pmr.scene.built import force_name, friction_name, reaction_name
+from pmr.scene.choice import SIMULATORS, transverse_axes
+from pmr.scene.keys import ALONE, qualified_name
 from pmr.scene.members import member_at
 from pmr.simulation import Excitation, Progress, TimeStepping, contact_step, exudyn
 from pmr.simulation.balance import load_potential, row_blocks
@@ -177,7 +177,7 @@ def compared_quantities(scene: Scene, response: Response) -> Mapping[str, Respon
     """
     if ALONE not in scene.bodies:
         return boom_quantities(Excitation.from_scene(scene), response)
-    tips = len(transverse(member_at(scene)))
+    tips = len(transverse_axes(member_at(scene)))
     return observed_quantities(tips, slice(None) if scene.observe.stations is None else slice(-tips))
 
 
@@ -389,7 +389,7 @@ def append_friction(response: Response, system: BodySystem[AnyBody], friction: A
     joint_friction = Friction.from_contacts(system.contacts)
     if joint_friction is None or friction is None:
         return response
-    added = [Output(friction_of(joint), "friction", joint, unit="N") for joint in joint_friction.joints]
+    added = [Output(friction_name(joint), "friction", joint, unit="N") for joint in joint_friction.joints]
     return response.with_others(joint_friction.joint_totals(friction), added)
 
 
@@ -405,11 +405,11 @@ def response_to_motion(system: BodySystem[Any], t: Array, motion: MotionOutputs)
         displacements.append(y[:, length_outputs(body)])
         springs.append(y[:, force_outputs(body)])
         other_outputs.append(y[:, ~(length_outputs(body) | force_outputs(body))])
-        other_names += [named(name, output) for output in of.other_outputs]
+        other_names += [qualified_name(name, output) for output in of.other_outputs]
         other_units += of.other_units
         x.append(body.output_positions[length_outputs(body)])
-        names += [named(name, output) for output in of.displacements]
-        force_names += [named(name, output) for output in of.forces]
+        names += [qualified_name(name, output) for output in of.displacements]
+        force_names += [qualified_name(name, output) for output in of.forces]
         for columns, bodies, output_kinds in zip(kinds, of_bodies, of.kinds, strict=True):
             columns += output_kinds
             bodies += [name] * len(output_kinds)
@@ -428,7 +428,7 @@ def response_to_motion(system: BodySystem[Any], t: Array, motion: MotionOutputs)
         seconds=np.nan,
         output_names=tuple(names),
         output_units=("m",) * len(names),
-        force_names=(*force_names, *(force_of(system.contact_names[k]) for k in contacts)),
+        force_names=(*force_names, *(force_name(system.contact_names[k]) for k in contacts)),
         force_peaks=None if motion.peaks is None else np.hstack([*springs, motion.peaks[:, contacts]]),
         others=np.hstack(other_outputs) if other_names else None,
         other_names=tuple(other_names),
@@ -462,7 +462,7 @@ def append_machine(scene: Scene, response: Response) -> Response:
     for key, motion in free_motions.items():
         if motion.force.any():
             unit = "N m" if key.startswith("r") else "N"
-            columns[Output(reaction_of(f"{MACHINE} {key}"), "reaction", base, unit=unit)] = motion.force
+            columns[Output(reaction_name(f"{MACHINE} {key}"), "reaction", base, unit=unit)] = motion.force
     return response.with_others(np.stack(list(columns.values()), axis=1), columns)
 
 
@@ -528,7 +528,7 @@ def check_memory(scene: Scene, size: int, outputs: int, free: int | None, tell: 
 
 def ancf_cable(scene: Scene) -> ancf.Cable:
     """The scene's beam as an ANCF cable; raises InputError if Exudyn is not installed."""
-    needed("exudyn")
+    import_package("exudyn")
     from pmr.simulation.exudyn import ancf
 
     profile = scene.body.profile
@@ -553,7 +553,7 @@ def simulate_cable(
     cable = ancf_cable(scene)
     from pmr.simulation.exudyn import ancf
 
-    return ancf.simulate(cable, scene.alone.load_places, excitation, np.asarray(x, dtype=float), done)
+    return ancf.simulate(cable, scene.only_section.load_positions, excitation, np.asarray(x, dtype=float), done)
 
 
 def cable_response(scene: Scene, x: ArrayLike, done: Progress | None = None) -> Response:

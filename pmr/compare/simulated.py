@@ -19,10 +19,10 @@ from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.built import WEIGHT
-from pmr.scene.choice import loads_of
+from pmr.scene.choice import axis_loads
 from pmr.scene.frame import INERTIA
 from pmr.scene.joints import OneBody
-from pmr.scene.keys import ALONE, Section
+from pmr.scene.keys import ALONE, SceneTable
 from pmr.scene.members import EXTENSION, Member, member_at, members
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import clip_path
@@ -117,7 +117,7 @@ def check_scene_fits(scene: Scene, system: System) -> None:
         load_inputs = [
             input_name for input_name in body.input_names if input_name not in (WEIGHT, EXTENSION, *inertia_inputs)
         ]
-        loads = [load.name for load in loads_of(member)]
+        loads = [load.name for load in axis_loads(member)]
         weighs = scene.gravity is not None and scene.frame is None
         if set(loads) != set(load_inputs) or (name == ALONE and weighs != (WEIGHT in body.input_names)):
             key = "loads" if name == ALONE else f"sections.{name}.loads"
@@ -211,7 +211,7 @@ def check_same_scene(model: HasProvenance, scene: Scene, number: int | None = No
         *_file_differences(files, read),
     ):
         shown = list(value) if isinstance(value, tuple) else value
-        where = scene.key_of(number or 0, key) if alone else key
+        where = scene.section_key(number or 0, key) if alone else key
         raise InputError("scene", where, shown, f"that of the model is allowed: {of_model!r}")
 
 
@@ -257,7 +257,7 @@ def _file_differences(recorded_digests: Mapping[str, str], read: Mapping[str, Pa
 
 def _part_differences(recorded: object, present: object, key: str) -> Iterator[Difference]:
     """Differences between a `recorded` and a `present` value of the scene at `key`, and in all their fields."""
-    if isinstance(present, Section) and isinstance(recorded, Mapping):
+    if isinstance(present, SceneTable) and isinstance(recorded, Mapping):
         for name in [name for name in type(present).model_fields if name in recorded and name not in FREE]:
             yield from _part_differences(recorded[name], getattr(present, name), f"{key}.{name}")
     elif isinstance(present, dict) and isinstance(recorded, Mapping) and set(present) == set(recorded):
@@ -266,7 +266,7 @@ def _part_differences(recorded: object, present: object, key: str) -> Iterator[D
     elif (
         isinstance(present, tuple)
         and present
-        and isinstance(present[0], Section)
+        and isinstance(present[0], SceneTable)
         and isinstance(recorded, list | tuple)
         and len(present) == len(recorded)
     ):

@@ -52,7 +52,7 @@ from pmr.compare.outputs import (
 from pmr.compare.responses import evaluate_motion
 from pmr.compare.trust import FAR
 from pmr.errors import SimulationError
-from pmr.errors.text import percent, rounded
+from pmr.errors.text import percent, two_digits
 from pmr.results import Response
 from pmr.results.quantities import QUANTITIES
 from pmr.scene.signals import SignalBase
@@ -605,4 +605,4 @@ def _motion_clause(band: float, h: float, natural: Array) -> str:
 
 def _steps_per_period(frequency: float, h: float) -> str:
     """How many steps of h in s a period takes, in words."""
-    return f"{rounded(1.0 / (frequency * h))} steps a period" if frequency > 0.0 else "no period"
+    return f"{two_digits(1.0 / (frequency * h))} steps a period" if frequency > 0.0 else "no period"

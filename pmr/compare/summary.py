@@ -37,7 +37,7 @@ from pmr.results.fatigue import SNLine, rainflow_cycles
 from pmr.results.run import SummaryPart, combine_parts
 from pmr.scene import Scene
 from pmr.scene.hints import hints
-from pmr.scene.joints import Part as Body
+from pmr.scene.joints import BoomSection as Body
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation, contact_step
 from pmr.simulation.stepping import describe_lost_features, describe_overshoots
@@ -50,10 +50,10 @@ def origin_part(scene: Scene, libraries: Mapping[str, str] | None = None) -> Sum
         {
             "title": scene.title,
             "scene_hash": scene.hash,
-            "versions": environment.versions() | dict(libraries or {}),
-            "commit": environment.commit(),
+            "versions": environment.package_versions() | dict(libraries or {}),
+            "commit": environment.checkout_commit(),
             "date": environment.today(),
-            "machine": environment.machine(),
+            "machine": environment.describe_machine(),
             "notes": list(scene.published.remarks) if scene.published else [],
         },
         grave=hints(scene),
@@ -159,7 +159,10 @@ def fatigue_part(scene: Scene, response: Response) -> SummaryPart:
     for output in response.outputs:
         if output.kind == "probe" and output.unit == "Pa":
             counted = rainflow_cycles(response.t, response.other(output.name))
-            done = [step.cycles * line.damage(step.factor * counted[:, 0], counted[:, 2]) for step in settings.lines]
+            done = [
+                step.cycles * line.damage(step.factor * counted[:, 0], counted[:, 2])
+                for step in settings.spectrum_lines
+            ]
             damage_of_probe[output.name] = sum(done)
     worst_first = sorted(damage_of_probe, key=lambda name: -damage_of_probe[name])
     rows = [

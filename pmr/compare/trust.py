@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pmr.compare.errors import Pair, band_of_response, error_below_frequency, force_histories, relative_error
 from pmr.compare.model_part import largest_model_error
-from pmr.errors.text import percent, rounded
+from pmr.errors.text import percent, two_digits
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.results.quantities import QUANTITIES, error_label, reduction_error
@@ -49,7 +49,9 @@ def reason_for_distrust(response: Response, rigid: Sequence[str] = ()) -> str | 
         share = alternating_share(response.displacement)
         if share <= ALTERNATING:
             return None
-        return f"{rounded(100.0 * share)} % of its motion changes its sign with every step: {alternation_cause(rigid)}"
+        return (
+            f"{two_digits(100.0 * share)} % of its motion changes its sign with every step: {alternation_cause(rigid)}"
+        )
     if response.surplus <= NOTABLE:
         return None
     return f"{describe_surplus(response.surplus)}: {alternation_cause(rigid)}"
@@ -70,7 +72,7 @@ def distrust_warnings(reduced: Response, rigid: Sequence[str] = ()) -> list[str]
         lines.append(f"the reduced model's motion is not to be trusted: {reason_for_distrust(reduced, rigid)}")
     if (share := ringing_share(reduced.slider_force)) > RINGING_SHARE:
         lines.append(
-            f"of the forces of sliders and pads {rounded(100.0 * share)} % {ALTERNATES} in the reduced model: "
+            f"of the forces of sliders and pads {two_digits(100.0 * share)} % {ALTERNATES} in the reduced model: "
             f"{alternation_cause(rigid)}; {alternation_remedy(rigid)}"
         )
     return lines
@@ -189,8 +191,9 @@ def ringing_warnings(not_judged: Mapping[str, RingingReference], rigid: Sequence
     if not not_judged:
         return []
     named = [
-        f"{error_label(name)}, of which {rounded(100.0 * unjudged.alternating)} % {ALTERNATES} "
-        f"(below {rounded(unjudged.band)} Hz, where the body moves, the error is {rounded(100.0 * unjudged.below)} %)"
+        f"{error_label(name)}, of which {two_digits(100.0 * unjudged.alternating)} % {ALTERNATES} "
+        f"(below {two_digits(unjudged.band)} Hz, where the body moves, "
+        f"the error is {two_digits(100.0 * unjudged.below)} %)"
         for name, unjudged in not_judged.items()
     ]
     return [
@@ -321,7 +324,7 @@ def _clause_above(name: str, signal: SignalBase, stepping: TimeStepping, top: fl
     if aliased_tone > top:
         yield f"what {name}, {max(tones):.4g} Hz, excites beyond the highest enrichment mode, {top:.4g} Hz"
     elif (share := _share_above(signal, stepping, top)) > BEYOND:
-        percent = rounded(100.0 * share)
+        percent = two_digits(100.0 * share)
         yield f"what {name}, {percent} % of it above the highest enrichment mode, {top:.4g} Hz, excites there"
 
 
@@ -403,9 +406,9 @@ def budget_warnings(scene: Scene, budget: Mapping[str, Any]) -> Iterator[str]:
     if model.get("beside") is not None and (most := largest_model_error(model)) > allowed:
         giving = model["beside"].endswith("shell") and any(map(has_walls_that_could_give, members(scene)))
         better = 'body.walls = "give" adds the compliance of walls under pads' if giving else "a richer model is closer"
-        yield f"the model is off by up to {rounded(100.0 * most)} % beside a {model['beside']}, {beyond}; {better}"
+        yield f"the model is off by up to {two_digits(100.0 * most)} % beside a {model['beside']}, {beyond}; {better}"
     if scene.goal is None and isinstance(mesh, Mapping) and mesh:
         kind, most = max(mesh.items(), key=lambda item: item[1])
         if most > allowed:
             where = QUANTITIES[kind].label
-            yield f"the mesh is off by up to {rounded(100.0 * most)} % in {where}, {beyond}; a finer one is closer"
+            yield f"the mesh is off by up to {two_digits(100.0 * most)} % in {where}, {beyond}; a finer one is closer"

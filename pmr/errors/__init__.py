@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from pmr.errors.text import visible
+from pmr.errors.text import escape_controls
 
 Found = TypeVar("Found")
 WIDEST = 60  # letters of a value that is shown
@@ -29,11 +29,11 @@ class InputError(ValueError):
         # An exception is otherwise rebuilt from its line alone; errors travel between ranks and workers.
         return InputError, (self.source, self.key, self.value, self.allowed)
 
-    def found_in(self, source: str) -> InputError:
+    def with_source(self, source: str) -> InputError:
         """Return this error with the file or option in which the user wrote the value, if its source is ``"scene"``."""
         return InputError(source, self.key, self.value, self.allowed) if self.source == "scene" else self
 
-    def called(self, key: str) -> InputError:
+    def with_key(self, key: str) -> InputError:
         """Return this error with the key as the scene's file spells it, if its source is ``"scene"``."""
         return InputError(self.source, key, self.value, self.allowed) if self.source == "scene" else self
 
@@ -42,7 +42,7 @@ class InputError(ValueError):
         text = repr(self.value)
         shown = "" if self.value is None else f" = {text if len(text) <= WIDEST else f'{text[: WIDEST - 3]}...'}"
         where = f"{self.source}: {self.key}{shown}" if self.key else f"{self.source}{shown}"
-        return visible(" ".join(f"{where}: {self.allowed}".split()))
+        return escape_controls(" ".join(f"{where}: {self.allowed}".split()))
 
 
 class NotHeldError(InputError):
@@ -98,7 +98,7 @@ class TooManyModesError(ConvergenceError):
         return TooManyModesError, (self.count, self.most)
 
 
-def on_first(comm: Any, make: Callable[[], Found]) -> Found | None:
+def call_on_first_rank(comm: Any, make: Callable[[], Found]) -> Found | None:
     """Call `make` on rank 0; return its result there and None on other ranks; collective.
 
     An InputError, SimulationError or ConvergenceError on rank 0 is raised on all ranks: else the others would wait in

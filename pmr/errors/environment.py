@@ -43,7 +43,7 @@ def plugin_objects(group: str, reserved: frozenset[str]) -> dict[str, Any]:
     Raises InputError if one can't be imported or its name is taken.
     """
     objects: dict[str, Any] = {}
-    for point in sorted(_points(group)):
+    for point in sorted(_entry_points(group)):
         if point.name in reserved or point.name in objects:
             raise plugin_error(group, point.name, f"a name that nothing else has is allowed ({point.value})")
         try:
@@ -53,7 +53,7 @@ def plugin_objects(group: str, reserved: frozenset[str]) -> dict[str, Any]:
     return objects
 
 
-def one_of(group: str, name: str, reserved: frozenset[str]) -> Any:
+def plugin_object(group: str, name: str, reserved: frozenset[str]) -> Any:
     """Return the object of a group by its name.
 
     Raises InputError as `plugin_objects`, or if no installed package has the name: a file may come from another
@@ -67,7 +67,7 @@ def one_of(group: str, name: str, reserved: frozenset[str]) -> Any:
 
 def plugin_names(group: str) -> set[str]:
     """Return the names of all entry points of a group without importing them."""
-    return {point.name for point in _points(group)}
+    return {point.name for point in _entry_points(group)}
 
 
 def plugin_error(group: str, name: str, says: str | None = None) -> InputError:
@@ -77,7 +77,7 @@ def plugin_error(group: str, name: str, says: str | None = None) -> InputError:
 
 def plugin_versions() -> list[str]:
     """Return name and version of each distribution with plug-ins, on which results depend beside `pmr`."""
-    points = [point for group in GROUPS for point in _points(group)]
+    points = [point for group in GROUPS for point in _entry_points(group)]
     return sorted({f"{point.dist.name} {point.dist.version}" for point in points if point.dist})
 
 
@@ -93,17 +93,17 @@ def plugins_digest() -> str:
 @cache
 def _code_digest(path: tuple[str, ...]) -> str:
     """Return the digest of `plugins_digest` for distributions on `path`."""
-    points = _points_on(path)
-    contents = {content for point in points for content in _contents_of(point)}
+    points = _entry_points_on(path)
+    contents = {content for point in points for content in _content_digests(point)}
     named_by = sorted((point.group, point.name, point.value) for point in points)
     return hashlib.sha256(repr((named_by, plugin_versions(), sorted(contents))).encode()).hexdigest()
 
 
-def _contents_of(point: metadata.EntryPoint) -> Iterator[tuple[str, str]]:
+def _content_digests(point: metadata.EntryPoint) -> Iterator[tuple[str, str]]:
     """Yield name and digest of each file of an entry point's package or module, and of its distribution."""
     listed = (point.dist.files if point.dist else None) or ()
     files = {Path(str(file.locate())): str(file) for file in listed if ".dist-info/" not in str(file)}
-    for place in _places_of(point.module):
+    for place in _source_folders(point.module):
         inside = place.rglob("*") if place.is_dir() else place.parent.glob("*.py")
         files |= {file: file.relative_to(place.parent).as_posix() for file in (*inside, place)}
     for file, name in files.items():
@@ -111,7 +111,7 @@ def _contents_of(point: metadata.EntryPoint) -> Iterator[tuple[str, str]]:
             yield name, hashlib.sha256(file.read_bytes()).hexdigest()
 
 
-def _places_of(module: str) -> list[Path]:
+def _source_folders(module: str) -> list[Path]:
     """Return the folders of the outermost regular package of a module, or its file; empty if it can't be found."""
     parts = module.split(".")
     for depth in range(1, len(parts) + 1):
@@ -128,13 +128,13 @@ def _places_of(module: str) -> list[Path]:
     return []
 
 
-def _points(group: str) -> list[metadata.EntryPoint]:
+def _entry_points(group: str) -> list[metadata.EntryPoint]:
     """Return the entry points of a group."""
-    return [point for point in _points_on(tuple(sys.path)) if point.group == group]
+    return [point for point in _entry_points_on(tuple(sys.path)) if point.group == group]
 
 
 @cache
-def _points_on(path: tuple[str, ...]) -> list[metadata.EntryPoint]:
+def _entry_points_on(path: tuple[str, ...]) -> list[metadata.EntryPoint]:
     """Return the entry points of all groups in the distributions on `path`, which are read once in a process."""
     points = metadata.entry_points()
     return [point for group in GROUPS for point in points.select(group=group)]
@@ -179,7 +179,7 @@ _NEEDED = {
 }
 
 
-def needed(name: str) -> Any:
+def import_package(name: str) -> Any:
     """Import and return the package or module `name` when it is needed.
 
     Raises InputError if it, or a library that it loads, is missing; it says what the package does and how to install
@@ -204,7 +204,7 @@ def check_report() -> None:
         check_installed(name)
 
 
-def unfit(error: Exception) -> str:
+def import_failure_message(error: Exception) -> str:
     """Return the message for an error of packages that can't be loaded: one is missing or has an unsuitable version."""
     problem = f"installation: {' '.join(str(error).split())}; NumPy is {_version('numpy')}, SciPy {_version('scipy')}"
     return f"{problem}: `make setup` puts the versions back that fit together, elsewhere install pmr anew"
@@ -240,13 +240,13 @@ def available_memory() -> int | None:
 
 
 @contextmanager
-def without_launcher() -> Iterator[None]:
+def mpi_without_launcher() -> Iterator[None]:
     """Let MPI start in this block without looking for other processes, unless a launcher started this one.
 
     Open MPI would start a daemon for later processes and look for fast networks, which takes 0.3 s.  Variables that the
     user has set stay, and the others are removed after the block, so that later processes do not inherit them.
     """
-    names = [] if launched() > 1 else [name for name in UNLAUNCHED if name not in os.environ]
+    names = [] if launched_process_count() > 1 else [name for name in UNLAUNCHED if name not in os.environ]
     os.environ.update({name: UNLAUNCHED[name] for name in names})
     try:
         yield
@@ -255,7 +255,7 @@ def without_launcher() -> Iterator[None]:
             del os.environ[name]
 
 
-def launched() -> int:
+def launched_process_count() -> int:
     """Return the number of processes that a launcher of MPI started together, 1 without a launcher.
 
     Raises InputError if a variable of a launcher holds no such number.
@@ -272,14 +272,14 @@ def _processes(variable: str) -> int:
     return int(text)
 
 
-def versions() -> dict[str, str]:
+def package_versions() -> dict[str, str]:
     """Return the versions of pmr, Python and the packages that a result depends on."""
     from pmr import __version__
 
     return {"pmr": __version__, "python": platform.python_version()} | {name: _version(name) for name in _PACKAGES}
 
 
-def commit() -> str | None:
+def checkout_commit() -> str | None:
     """Return the commit of the checkout that pmr runs from, with " with changes" if files differ; None elsewhere."""
     folder = Path(__file__).resolve().parents[2]
     if not (folder / ".git").exists():
@@ -293,14 +293,14 @@ def commit() -> str | None:
     return head.stdout.strip() + (" with changes" if changed.stdout.strip() else "")
 
 
-def sources() -> Mapping[str, str]:
+def source_texts() -> Mapping[str, str]:
     """Return the text of each of pmr's source files in Python and C, by its path within pmr."""
     files = sorted(file for kind in ("*.py", "*.c", "*.h") for file in _PMR.rglob(kind))
-    return _read(tuple((file, file.stat().st_mtime_ns) for file in files))
+    return _read_texts(tuple((file, file.stat().st_mtime_ns) for file in files))
 
 
 @lru_cache(1)
-def _read(files: tuple[tuple[Path, int], ...]) -> Mapping[str, str]:
+def _read_texts(files: tuple[tuple[Path, int], ...]) -> Mapping[str, str]:
     """Return the texts of files; their times of last change are arguments so that the cache notices changes."""
     return {file.relative_to(_PMR).as_posix(): file.read_text(encoding="utf-8") for file, _ in files}
 
@@ -333,16 +333,16 @@ def today() -> str:
     return datetime.date.today().isoformat()
 
 
-def machine() -> dict[str, str]:
+def describe_machine() -> dict[str, str]:
     """Return processor, available cores and operating system; names of hosts or users are left out."""
     return {
         "processor": _processor(),
-        "cores": str(cores()),
+        "cores": str(available_cores()),
         "system": f"{platform.system()} {platform.machine()}",
     }
 
 
-def cores() -> int:
+def available_cores() -> int:
     """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from warnings import warn
 
 
-class Former(NamedTuple):
+class FormerName(NamedTuple):
     """Present name of a public name of earlier versions, and the version that removes the old one."""
 
     now: str
@@ -16,14 +16,14 @@ class Former(NamedTuple):
 
 
 #: Public names of earlier versions of `pmr` that have another name now.
-FORMER: Mapping[str, Former] = {}
+FORMER: Mapping[str, FormerName] = {}
 
 
-def names_from(
+def lazy_names(
     package: str,
     places: Mapping[str, str],
     before: Callable[[], object] | None = None,
-    former: Mapping[str, Former] | None = None,
+    former: Mapping[str, FormerName] | None = None,
 ) -> Callable[[str], Any]:
     """Return the function `__getattr__` of a package with public names at `places`, each ``module:name``.
 

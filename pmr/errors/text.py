@@ -24,7 +24,7 @@ LONGEST_NAME = 100
 NAMED = f"letters, digits and {' '.join(NAME_SIGNS.strip())} are allowed, {LONGEST_NAME} at most, a letter first"
 
 
-def visible(text: str) -> str:
+def escape_controls(text: str) -> str:
     r"""Return the text in one line, with control characters written as Python escapes them, ``\x1b`` or ``\u202e``.
 
     Everything else stays: letters of any script, symbols, brackets and what some programs take for markup.
@@ -40,21 +40,23 @@ def is_name(text: str, longest: int = LONGEST_NAME) -> bool:
     """
     plain = all(sign.isalnum() or sign in NAME_SIGNS for sign in text if sign.isascii())
     begins = text[:1].isalnum() or text[:1] == "_"
-    return plain and begins and ".." not in text and len(text) <= longest and visible(text) == text == text.strip()
+    return (
+        plain and begins and ".." not in text and len(text) <= longest and escape_controls(text) == text == text.strip()
+    )
 
 
-def no_file(path: Path, what: str = "file") -> str:
+def missing_file_reason(path: Path, what: str = "file") -> str:
     """Return why there is no file to read at `path`: none of this name, or a folder; `what` names its kind."""
     return f"no such {what}" + ", but a folder" * isdir(path)
 
 
-def hint(name: object, names: Iterable[str]) -> str:
+def similar_name_hint(name: object, names: Iterable[str]) -> str:
     """Return a question whether the most similar of `names` was meant, with a space at its end, or an empty text."""
     close = get_close_matches(str(name), list(names), n=1)
     return f"did you mean {close[0]!r}? " if close else ""
 
 
-def rounded(value: float) -> str:
+def two_digits(value: float) -> str:
     """Return `value` with two significant digits, as a decimal number from 1e-4 to 1e6."""
     return f"{float(f'{value:.2g}'):g}"
 
@@ -66,13 +68,13 @@ def percent(fraction: float, whole: str = "") -> str:
     return f"{rounded(fraction)} times {whole}" if whole and fraction >= 10.0 else f"{rounded(100.0 * fraction)} %"
 
 
-def rounded_down(value: float) -> str:
+def two_digits_below(value: float) -> str:
     """Return a positive `value` rounded down to two significant digits, as a limit that is still small enough."""
     place = floor(log10(value)) - 1
     return f"{float(f'{floor(value / 10.0**place * (1.0 + 1e-12))}e{place}'):g}"
 
 
-def kind_of(warning: str) -> str:
+def warning_kind(warning: str) -> str:
     """Return the kind of a warning: its words before the first of ``,:;(``, without numbers.
 
     Numbers differ from run to run.
@@ -80,7 +82,7 @@ def kind_of(warning: str) -> str:
     return " ".join(re.split(r"[,:;(]", _NUMBER.sub("", warning), maxsplit=1)[0].split())
 
 
-def duration(seconds: float) -> str:
+def duration_text(seconds: float) -> str:
     """Return a time in s as text, in s, min or h."""
     if seconds < 60.0:
         return f"{seconds:.0f} s"
@@ -89,7 +91,7 @@ def duration(seconds: float) -> str:
     return f"{seconds / 3600.0:.1f} h"
 
 
-def not_finite(data: Any, name: str = "") -> Iterator[str]:
+def non_finite_names(data: Any, name: str = "") -> Iterator[str]:
     """Yield the dotted names of all numbers in `data` that are not finite, such as ``errors.reduced_vs_full.tip``.
 
     `name` is that of `data` itself.
@@ -98,12 +100,12 @@ def not_finite(data: Any, name: str = "") -> Iterator[str]:
         yield name
     elif isinstance(data, Mapping):
         for key, value in data.items():
-            yield from not_finite(value, f"{name}.{key}" if name else str(key))
+            yield from non_finite_names(value, f"{name}.{key}" if name else str(key))
     elif isinstance(data, list | tuple):
         for number, value in enumerate(data):
-            yield from not_finite(value, f"{name}[{number}]")
+            yield from non_finite_names(value, f"{name}[{number}]")
 
 
-def remarks(data: Any) -> list[str]:
+def non_finite_remarks(data: Any) -> list[str]:
     """Return a line for each number in `data` that is not finite."""
-    return [f"{name} is not finite; in summary.json it is null" for name in not_finite(data)]
+    return [f"{name} is not finite; in summary.json it is null" for name in non_finite_names(data)]

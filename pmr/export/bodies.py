@@ -31,12 +31,12 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError, environment
 from pmr.fields.series import FramedBody, NodalBody
-from pmr.files.whole import replacement
+from pmr.files.whole import replacement_file
 
 
 def write_ffrf(body: NodalBody, target: Path) -> Path:
     """Write the data of an ObjectFFRFreducedOrder with Exudyn's own writer; raises InputError if Exudyn is missing."""
-    environment.needed("exudyn")
+    environment.import_package("exudyn")
     from exudyn.FEM import FEMinterface
 
     fem = FEMinterface()
@@ -46,7 +46,7 @@ def write_ffrf(body: NodalBody, target: Path) -> Path:
     fem.eigenValues = body.omega**2
     fem.metaData = {"sliders at s in m": body.s}
     target.parent.mkdir(parents=True, exist_ok=True)
-    with replacement(target) as part:
+    with replacement_file(target) as part:
         named = part.with_name(f"{part.name}.npz")  # the writer wants its own ending
         fem.SaveToFile(str(named))
         named.replace(part)
@@ -58,10 +58,10 @@ def write_simscape(body: FramedBody, target: Path) -> Path:
 
     Rows and columns of K, M, C are x, y, z, rx, ry, rz of each frame, then the modes.
     """
-    names = np.array(body.places.names, dtype=object)
-    content = {"P": body.places.points, "K": body.K, "M": body.M, "C": body.C, "frames": names, "s": body.s}
+    names = np.array(body.frames.names, dtype=object)
+    content = {"P": body.frames.points, "K": body.K, "M": body.M, "C": body.C, "frames": names, "s": body.s}
     target.parent.mkdir(parents=True, exist_ok=True)
-    with replacement(target) as part, part.open("wb") as stream:
+    with replacement_file(target) as part, part.open("wb") as stream:
         scipy.io.savemat(stream, content)
     return target
 
@@ -133,7 +133,7 @@ def write_sid(body: NodalBody, target: Path) -> Path:
     """
     lines = list(_sid_lines(body))
     target.parent.mkdir(parents=True, exist_ok=True)
-    with replacement(target) as part:
+    with replacement_file(target) as part:
         part.write_text("\n".join([*lines, ""]), encoding="ascii")
     return target
 
@@ -150,7 +150,7 @@ def _centrifugal(of: Array) -> Array:
 
 def _sid_lines(body: NodalBody) -> Iterator[str]:
     """Yield the lines of a body's file."""
-    m, places = len(body.omega), body.places
+    m, places = len(body.omega), body.frames
     yield f"{len(places.names):5d}{m:5d}    :No. nodes, No. modes: sliders at s = {body.s!r} m, SI units"
     yield " part"
     yield _entry_line(6, "new modal", "")

@@ -19,7 +19,7 @@ from pmr.errors.environment import check_installed
 from pmr.export.fmi.variables import Identifiers
 from pmr.export.formats import Options
 from pmr.export.state_space import PLACES, StateSpace, load_with_positions, state_space
-from pmr.files.whole import replacement
+from pmr.files.whole import replacement_file
 from pmr.scene.frame import INERTIA, MINUS_THE_ACCELERATION
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
@@ -101,7 +101,7 @@ def write_python_control(npz_path: Path, target: Path, options: Options) -> Path
     if data.exists() and data.samefile(npz_path):
         raise InputError("command line", "--out", str(target), f"another name is allowed: {data.name} is read")
     _write_matrices(*_interpolable(npz_path, options), data)
-    with replacement(target) as part:
+    with replacement_file(target) as part:
         part.write_text(_SCRIPT.format(module=target.stem, data=data.name), encoding="utf-8")
     return target
 
@@ -122,7 +122,7 @@ def write_frequency_response(npz_path: Path, target: Path, options: Options) -> 
     rows = assembly.contact_rows_over_time(np.atleast_2d(system.side_coordinates(s)))
     answers = [assembly.frequency_responses(rows.at_time(k), 2.0 * np.pi * f)[:, output] for k in range(len(space.s))]
     response = np.array(answers)
-    with replacement(target) as part:
+    with replacement_file(target) as part:
         part.write_text(_response_table(space, f, response, space.outputs[output]), encoding="utf-8")
     _draw(space, f, np.abs(response), space.outputs[output], target.with_suffix(".png"))
     return target
@@ -180,7 +180,7 @@ def _write_matrices(space: StateSpace, off: tuple[float, float], target: Path) -
     matrices = {name: np.moveaxis(getattr(space, name), 0, 2) for name in "ABCD"}
     named = ("paths", "inputs", "outputs", "units", "states")
     names = {name: np.array(getattr(space, name), dtype=object) for name in named}
-    with replacement(target) as part, part.open("wb") as stream:
+    with replacement_file(target) as part, part.open("wb") as stream:
         interpolation = dict(zip(("static_gain", "frequency"), off, strict=True))
         scipy.io.savemat(
             stream, {"s": space.grid, **matrices, **names, "interpolation": interpolation}, do_compression=True
@@ -223,7 +223,7 @@ def _draw(space: StateSpace, f: Array, gain: Array, output: str, target: Path) -
             axes.plot(level[:, 0], f)
             axes.set_xlabel("gain in dB")
         axes.set_title(f"{output} over {name}")
-    with replacement(target) as part, part.open("wb") as stream:
+    with replacement_file(target) as part, part.open("wb") as stream:
         figure.savefig(stream, format="png", dpi=150)
 
 
@@ -289,7 +289,7 @@ def write_modelica(npz_path: Path, target: Path, options: Options) -> Path:
         variables="\n".join(lines),
         equations="\n".join(equations),
     )
-    with replacement(target) as part:
+    with replacement_file(target) as part:
         part.write_text(text, encoding="utf-8")
     return target
 

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
-from pmr.errors.text import visible
+from pmr.errors.text import escape_controls
 from pmr.files import npz
-from pmr.files.whole import replacement
-from pmr.scene.choice import Asked, refuse
+from pmr.files.whole import replacement_file
+from pmr.scene.choice import SimulatorKey, refuse_unsupported
 from pmr.scene.frame import INERTIA
 from pmr.scene.signals import SignalBase
 from pmr.simulation import contact_step
@@ -50,7 +50,7 @@ def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
         )
     target.parent.mkdir(parents=True, exist_ok=True)
     npz.write(data_file, arrays)
-    with replacement(target) as part:
+    with replacement_file(target) as part:
         shutil.copyfile(Path(__file__).with_name("templates") / "sliding_body.py", part)
     return target
 
@@ -82,7 +82,7 @@ def script_data(system: System, source: str) -> Arrays:
     excitation = scene.excitation
     first = dict(zip(excitation.paths, excitation.s[0].tolist(), strict=True))
     x = equations.side_positions_on(first or {"": 0.0})  # of a system in which nothing travels
-    refuse("exudyn", equations.needs(x), Asked(source, "", None))
+    refuse_unsupported("exudyn", equations.needs(x), SimulatorKey(source, "", None))
     omega = contact_frequency(system, excitation)
     loads = excitation.forces(system.input_names)[0]  # at t = 0, where the weight may still rise
     start = equilibrium(assembly, x[0], loads).q if scene.static else np.zeros(assembly.size)
@@ -119,7 +119,7 @@ def _tip(system: System, source: str) -> Arrays:
     if not displacements:
         raise InputError(source, "outputs", None, "at least one displacement is allowed in a script")
     name, position, _ = of[displacements[-1]]
-    where = "" if ALONE in system.bodies else visible(f" of {name}").rstrip()
+    where = "" if ALONE in system.bodies else escape_controls(f" of {name}").rstrip()
     return {"tip": displacements[-1], "tip_of": where, "tip_position": position}
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pmr.errors import InputError, environment
-from pmr.errors.text import hint
+from pmr.errors.text import similar_name_hint
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def _writer(module: str, name: str) -> Callable[..., Path]:
 
 def _exudyn(model: Path, target: Path, options: Options) -> Path:
     """Write a standalone Exudyn script; raises InputError if Exudyn is missing."""
-    environment.needed("exudyn")  # the script's parts are tested code, which is loaded to be written
+    environment.import_package("exudyn")  # the script's parts are tested code, which is loaded to be written
     return _writer("exudyn_script", "write_exudyn_script")(model, target)
 
 
@@ -119,7 +119,9 @@ def write(to: str, model: Path, target: Path | None, options: Options) -> Path:
     """
     writers = formats()
     if to not in writers:
-        raise InputError("command line", "--to", to, f"{hint(to, writers)}one of {', '.join(writers)} is allowed")
+        raise InputError(
+            "command line", "--to", to, f"{similar_name_hint(to, writers)}one of {', '.join(writers)} is allowed"
+        )
     chosen = writers[to]
     for name, value in vars(options).items():
         if value is not None and name not in chosen.options:

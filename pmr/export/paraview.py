@@ -49,7 +49,7 @@ class MovingFields:
         points = fields.grid.points + (0.0 if self.axis_position is None else self.axis_position[k], 0.0, 0.0)
         displacement: NDArray[Any] = fields.displacement[k]
         if self.pose is not None:
-            points, displacement = self.pose.at(k, points), self.pose.turned(k, displacement)
+            points, displacement = self.pose.positions_at(k, points), self.pose.rotate_at(k, displacement)
         return _vtu(fields.grid, points, {"displacement": displacement}, named | _regions(fields.grid))
 
 

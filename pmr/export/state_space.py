@@ -25,10 +25,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from pmr.errors import InputError, SimulationError
 from pmr.export.formats import Options
-from pmr.files.whole import replacement
+from pmr.files.whole import replacement_file
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.soundness import symmetric_part
-from pmr.scene.built import force_of
+from pmr.scene.built import force_name
 from pmr.scene.keys import ALONE, LUFFING_CYLINDER, SLIDER
 from pmr.simulation.modal import diagonalise, modal_damping
 from pmr.simulation.moving import path_ranges
@@ -105,7 +105,7 @@ def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> Stat
         C=np.array([space.measured for space in spaces]),
         D=np.array([space.direct for space in spaces]),
         inputs=system.input_names,
-        outputs=(*system.output_names, *map(force_of, system.contact_names)),
+        outputs=(*system.output_names, *map(force_name, system.contact_names)),
         units=(*system.output_units, *("N",) * len(system.contacts)),
         states=(*(f"mode {k + 1}" for k in range(r)), *(f"rate of mode {k + 1}" for k in range(r))),
     )
@@ -330,7 +330,7 @@ def write_output4(npz_path: Path, target: Path, options: Options) -> Path:
 def _write(npz_path: Path, target: Path, options: Options, lines: Callable[[StateSpace], Iterator[str]]) -> Path:
     """Write the lines that `lines` yields from the state space, and return `target`."""
     space = saved_state_space(npz_path, options)
-    with replacement(target) as part:
+    with replacement_file(target) as part:
         part.write_text("\n".join([*lines(space), ""]), encoding="utf-8")
     return target
 

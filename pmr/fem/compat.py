@@ -29,7 +29,7 @@ from types import ModuleType
 from typing import Any
 from weakref import WeakKeyDictionary
 
-from pmr.errors.environment import check_current_folder, check_temporary, launched, without_launcher
+from pmr.errors.environment import check_current_folder, check_temporary, launched_process_count, mpi_without_launcher
 
 with contextlib.suppress(ImportError):
     import dolfinx_solver  # noqa: F401  (sets up the wheel's libraries)
@@ -43,7 +43,7 @@ if HAS_PETSC:
     import petsc4py
 
     # PETSc's handlers turn a closed pipe (`pmr info | head`) into a page of advice on debuggers.
-    with without_launcher():
+    with mpi_without_launcher():
         petsc4py.init(["pmr", "-no_signal_handler"])
 
 
@@ -100,7 +100,7 @@ else:
     SLEPc = None
 
 from pmr.errors import InputError
-from pmr.files.whole import FULL, stored
+from pmr.files.whole import FULL, complete_folder
 
 __all__ = [
     "HAS_PETSC", "MPI", "PETSc", "SLEPc", "assemble", "cell_dofs", "cell_topology", "cellwise",
@@ -109,7 +109,7 @@ __all__ = [
     "unrolled_cell_dofs", "versions",
 ]  # fmt: skip
 
-if not HAS_PETSC and launched() > 1:  # each would take itself for the only one
+if not HAS_PETSC and launched_process_count() > 1:  # each would take itself for the only one
     raise InputError(
         "installation", "mpi4py", None, "with petsc4py and slepc4py it is needed for more than one process"
     )
@@ -399,7 +399,7 @@ def _compile_once(comm: MPI.Comm, signature: str, create: Callable[..., Any]) ->
     place, decides = _compiler()
     name = hashlib.sha256(repr((signature, *decides)).encode()).hexdigest()[:32]
     try:
-        return stored(place / name, _is_whole, lambda folder: create(**{keyword: {"cache_dir": folder}}), comm)
+        return complete_folder(place / name, _is_whole, lambda folder: create(**{keyword: {"cache_dir": folder}}), comm)
     except OSError as error:
         if error.errno in FULL:
             raise

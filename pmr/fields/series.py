@@ -111,13 +111,15 @@ class Fields:
 
     def save(self, file: Path) -> None:
         """Write all fields to a compressed npz file."""
-        npz.write(file, npz.arrays(self), compressed=True)
+        npz.write(file, npz.record_arrays(self), compressed=True)
 
     @classmethod
     def load(cls, file: Path) -> Fields:
         """Return the fields in a file that `save` wrote."""
         data = npz.read(file, MOST_EXPANSION, ROOM)
-        return npz.record(cls, npz.rename_keys(data, {"region.": "grid.regions."}))  # as version 0.1 wrote them
+        return npz.record_from_arrays(
+            cls, npz.rename_keys(data, {"region.": "grid.regions."})
+        )  # as version 0.1 wrote them
 
 
 @dataclass(frozen=True)
@@ -139,13 +141,13 @@ class FramedBody:
     ----------
     s : float, m
         Path coordinate at which the sliders are held.
-    places : Frames
+    frames : Frames
     M, C, K : (6 F + m, 6 F + m) arrays, symmetric, SI units
         K leaves six rigid motions of all frames together free.
     """
 
     s: float
-    places: Frames
+    frames: Frames
     M: Array
     C: Array
     K: Array
@@ -153,7 +155,7 @@ class FramedBody:
     @property
     def modes(self) -> int:
         """Number of modes m."""
-        return len(self.M) - 6 * len(self.places.names)
+        return len(self.M) - 6 * len(self.frames.names)
 
     @property
     def omega(self) -> Array:
@@ -197,7 +199,7 @@ class NodalBody:
         modes^T K modes = diag(omega^2).
     damping : (m, m) array, 1/s
         modes^T D modes; not diagonal, as flexible moving pads have no damping.
-    places : Places
+    frames : Places
     """
 
     s: float
@@ -207,7 +209,7 @@ class NodalBody:
     modes: Array
     omega: Array
     damping: Array
-    places: Places
+    frames: Places
 
 
 @dataclass(frozen=True)
@@ -225,7 +227,7 @@ class Pose:
     rotation: Array
     origin: Array
 
-    def places(self, points: ArrayLike) -> Array:
+    def positions(self, points: ArrayLike) -> Array:
         """Return R (p + o) (S, n, 3) in m, positions in space from the pivot, of points p (S, n, 3) or (n, 3) in m.
 
         The points are in components along the moving axes, from their origin.
@@ -233,13 +235,13 @@ class Pose:
         from_pivot = np.asarray(points, float) + self.origin[:, None, :]
         return np.asarray(np.einsum("sij,snj->sni", self.rotation, from_pivot))
 
-    def at(self, k: int, points: ArrayLike) -> Array:
+    def positions_at(self, k: int, points: ArrayLike) -> Array:
         """Return R (p + o) (..., 3) in m, positions in space at time number k, of points p (..., 3) in m.
 
         The points are in components along the moving axes, from their origin.
         """
-        return self.turned(k, np.asarray(points, float) + self.origin[k])
+        return self.rotate_at(k, np.asarray(points, float) + self.origin[k])
 
-    def turned(self, k: int, vectors: ArrayLike) -> Array:
+    def rotate_at(self, k: int, vectors: ArrayLike) -> Array:
         """Return R v (..., 3), in components in space at time number k, of vectors v (..., 3) along the moving axes."""
         return np.asarray(np.asarray(vectors, float) @ self.rotation[k].T)

@@ -69,7 +69,7 @@ class StressRows:
     faces: tuple[str, ...]
     face: Indices
 
-    def of(self, q: Array) -> Array:
+    def evaluate(self, q: Array) -> Array:
         """Return the stresses (S, P, c) in Pa of coordinates q (S, n) at S times."""
         return self.split_by_point((self.rows @ q.T).T)
 
@@ -82,7 +82,7 @@ class StressRows:
         squares = np.sum((stresses @ self.mises) * stresses, axis=-1)
         return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
-    def on(self, face: str) -> Indices:
+    def points_on(self, face: str) -> Indices:
         """Return the indices of the points on a face."""
         return np.flatnonzero(self.face == self.faces.index(face))
 
@@ -91,11 +91,11 @@ class StressRows:
 
         A cell without a point on a face has its largest value on any face; a cell without points has minus infinity.
         """
-        largest_anywhere = _largest(values, self.cell, cells)
+        largest_anywhere = _largest_by_cell(values, self.cell, cells)
         largest = {}
         for face in self.faces:
-            on = self.on(face)
-            largest[face] = _largest(values[:, on], self.cell[on], cells)
+            on = self.points_on(face)
+            largest[face] = _largest_by_cell(values[:, on], self.cell[on], cells)
             absent = np.setdiff1d(np.arange(cells), self.cell[on])
             largest[face][:, absent] = largest_anywhere[:, absent]
         return largest
@@ -107,10 +107,10 @@ class StressRows:
         at its point with the largest von Mises stress on any face.
         """
         mises, components = self.von_mises(stresses), dict[str, Array]()
-        largest_anywhere = _where_largest(mises, self.cell, cells)
+        largest_anywhere = _largest_indices(mises, self.cell, cells)
         for face in self.faces:
-            on = self.on(face)
-            at = on[_where_largest(mises[:, on], self.cell[on], cells)]
+            on = self.points_on(face)
+            at = on[_largest_indices(mises[:, on], self.cell[on], cells)]
             absent = np.setdiff1d(np.arange(cells), self.cell[on])
             at[:, absent] = largest_anywhere[:, absent]
             for k, component in enumerate(self.components):
@@ -173,13 +173,13 @@ def stress_history(
     if at_peak is not None and largest[k] > 0.0:
         like = np.flatnonzero(at_peak >= (1.0 - SHARED) * largest[k])[:MOST_SHARED]
     p = int(like[0])
-    cell, place = int(rows.cell[p]), _place(rows.points[p])
+    cell, place = int(rows.cell[p]), _point_tuple(rows.points[p])
     near = 1e-6 * float(np.ptp(rows.points, axis=0).max())
     shared: list[tuple[float, float, float]] = []
     for q in like[1:]:
         earlier = np.array([place, *shared])
         if np.linalg.norm(earlier - rows.points[q], axis=1).min() > near:  # cells that meet have points in common
-            shared.append(_place(rows.points[q]))
+            shared.append(_point_tuple(rows.points[q]))
     on = rows.faces[rows.face[p]]
     peak = StressPeak(float(largest[k]), float(t[k]), place, on, cell, grid.region(cell), tuple(shared))
     return StressHistory(np.asarray(t), largest, point, peak)
@@ -194,18 +194,18 @@ def peaks_by_region(rows: StressRows, grid: Grid, most: Array, when: Array) -> d
     for name, cells in sorted(grid.regions.items()):
         points = np.flatnonzero(np.isin(rows.cell, cells))
         p = int(points[most[points].argmax()])
-        place, face = _place(rows.points[p]), rows.faces[rows.face[p]]
+        place, face = _point_tuple(rows.points[p]), rows.faces[rows.face[p]]
         peaks[name] = StressPeak(float(most[p]), float(when[p]), place, face, int(rows.cell[p]), name)
     return peaks
 
 
-def _place(point: Array) -> tuple[float, float, float]:
+def _point_tuple(point: Array) -> tuple[float, float, float]:
     """Return a point (3,) as three floats."""
     x, y, z = (float(c) for c in point)
     return x, y, z
 
 
-def _largest(values: Array, cell: Indices, cells: int) -> Array:
+def _largest_by_cell(values: Array, cell: Indices, cells: int) -> Array:
     """Return the largest of values (S, p) at points of the given cells (p,) in each of `cells` cells, (S, cells).
 
     It is minus infinity in a cell without points.
@@ -215,7 +215,7 @@ def _largest(values: Array, cell: Indices, cells: int) -> Array:
     return result.T
 
 
-def _where_largest(values: Array, cell: Indices, cells: int) -> Indices:
+def _largest_indices(values: Array, cell: Indices, cells: int) -> Indices:
     """Return the index, of p points in the given cells (p,), of the largest of values (S, p) in each cell, (S, cells).
 
     It is 0 in a cell without points.
@@ -307,13 +307,13 @@ class Envelope:
             low, high = int(self.least[k].argmin()), int(self.most[k].argmax())
             extremes_of[name] = {
                 "unit": self.units[k],
-                **_extreme("min", self.least[k, low], self.least_at[k, low], self.x[low]),
-                **_extreme("max", self.most[k, high], self.most_at[k, high], self.x[high]),
+                **_extreme_entries("min", self.least[k, low], self.least_at[k, low], self.x[low]),
+                **_extreme_entries("max", self.most[k, high], self.most_at[k, high], self.x[high]),
             }
         return extremes_of
 
 
-class Running:
+class RunningEnvelope:
     """Envelope of P values that are added a few times at once, of quantities `names` (P,) at positions `x` (P,) in m.
 
     Each quantity has one or several values at each of its positions.
@@ -359,6 +359,6 @@ class Running:
         return Envelope(tuple(names), tuple(units[name] for name in names), x, least, least_at, most, most_at)
 
 
-def _extreme(what: str, value: float, t: float, x: float) -> dict[str, float]:
+def _extreme_entries(what: str, value: float, t: float, x: float) -> dict[str, float]:
     """Return value, time t in s and position x in m of an extreme by the keys ``WHAT``, ``t_WHAT`` and ``x_WHAT``."""
     return {what: float(value), f"t_{what}": float(t), f"x_{what}": float(x)}

@@ -29,7 +29,7 @@ MOST_DIGITS = 18
 
 
 @dataclass(frozen=True)
-class Line:
+class DataLine:
     """A line of data: its number in the file and its fields."""
 
     number: int  # in the file, from 1
@@ -43,7 +43,7 @@ class Card:
     number: int
     keyword: str
     options: Mapping[str, str]
-    lines: tuple[Line, ...]
+    lines: tuple[DataLine, ...]
 
 
 @dataclass(frozen=True)
@@ -66,10 +66,10 @@ class Deck:
     element_numbers: set[int] = field(default_factory=set)
     node_sets: dict[str, set[int]] = field(default_factory=dict)
     element_sets: dict[str, set[int]] = field(default_factory=dict)
-    spelled: dict[str, str] = field(default_factory=dict)  # names of sets as they were written first
+    set_spellings: dict[str, str] = field(default_factory=dict)  # names of sets as they were written first
     constraints: list[tuple[int, str]] = field(default_factory=list)  # line and keyword of each card of `CONSTRAINTS`
 
-    def refusal(self, line: int, why: str) -> InputError:
+    def line_error(self, line: int, why: str) -> InputError:
         """Return the error of a line of the file."""
         return InputError(self.source, f"line {line}", None, why)
 
@@ -79,12 +79,12 @@ def read_deck(path: Path) -> Deck:
 
     Raises InputError with file and line if a card can't be read, or has content that pmr does not read.
     """
-    deck, parts = Deck(str(path)), _Parts()
+    deck, parts = Deck(str(path)), _PartInstances()
     sets = list[Card]()
     for card in _cards(deck, path.read_text(encoding="utf-8", errors="replace")):
         if card.keyword in REFUSED:
-            raise deck.refusal(card.number, f"*{card.keyword} is not read; {REFUSED[card.keyword]}")
-        parts.see(deck, card)
+            raise deck.line_error(card.number, f"*{card.keyword} is not read; {REFUSED[card.keyword]}")
+        parts.check_instance(deck, card)
         if card.keyword in CONSTRAINTS:
             deck.constraints.append((card.number, card.keyword))
         if card.keyword in ("NSET", "ELSET"):
@@ -99,7 +99,7 @@ def read_deck(path: Path) -> Deck:
 def _cards(deck: Deck, text: str) -> Iterator[Card]:
     """Yield the cards of a deck's text; lines before the first card are ignored."""
     card: tuple[int, str] | None = None
-    data = list[Line]()
+    data = list[DataLine]()
     for number, line in enumerate(text.splitlines(), 1):
         line = line.strip()
         if line.startswith("**") or not line:
@@ -107,7 +107,7 @@ def _cards(deck: Deck, text: str) -> Iterator[Card]:
         if card and not data and card[1].endswith(","):  # a keyword goes on
             card = card[0], card[1] + line
         elif not line.startswith("*"):
-            data.append(Line(number, tuple(part.strip() for part in line.split(","))))
+            data.append(DataLine(number, tuple(part.strip() for part in line.split(","))))
         else:
             if card:
                 yield _card(*card, data)
@@ -116,31 +116,31 @@ def _cards(deck: Deck, text: str) -> Iterator[Card]:
         yield _card(*card, data)
 
 
-def _card(number: int, head: str, data: Sequence[Line]) -> Card:
+def _card(number: int, head: str, data: Sequence[DataLine]) -> Card:
     """Return the card of line `number` from its head line and its data lines."""
     keyword, *parts = (part.strip() for part in head[1:].split(","))
     options = {name.strip().upper(): value.strip().strip('"') for name, _, value in (o.partition("=") for o in parts)}
     return Card(number, " ".join(keyword.upper().split()), options, tuple(data))
 
 
-class _Parts:
+class _PartInstances:
     """Instances of parts seen so far: each part may have one, without translation; others would share its numbers."""
 
     def __init__(self) -> None:
         self._instances = dict[str, int]()
 
-    def see(self, deck: Deck, card: Card) -> None:
+    def check_instance(self, deck: Deck, card: Card) -> None:
         """Raise InputError if a card is an instance that is moved, or the second one of its part."""
         if card.keyword != "INSTANCE":
             return
         part = card.options.get("PART", card.options.get("NAME", "")).lower()
         if any(field.strip("0.+-") for line in card.lines for field in line.fields):
-            raise deck.refusal(
+            raise deck.line_error(
                 card.lines[0].number,
                 "the translation or rotation of an instance is not read; nodes in their places are allowed",
             )
         if part in self._instances:
-            raise deck.refusal(
+            raise deck.line_error(
                 card.number,
                 f"a second instance of part {part}, after that in line {self._instances[part]}, is not read",
             )
@@ -151,7 +151,7 @@ def _read_nodes(deck: Deck, card: Card) -> None:
     """Add the nodes of a card to the deck."""
     if card.options.get("SYSTEM", "R").upper() != "R":
         allowed = "nodes in rectangular coordinates are allowed"
-        raise deck.refusal(card.number, f"SYSTEM={card.options['SYSTEM']} is not read; {allowed}")
+        raise deck.line_error(card.number, f"SYSTEM={card.options['SYSTEM']} is not read; {allowed}")
     _refuse_options(deck, card, {"NSET", "SYSTEM"})
     numbers = list[int]()
     for line in card.lines:
@@ -160,15 +160,15 @@ def _read_nodes(deck: Deck, card: Card) -> None:
             place.pop()
         if len(place) > 3 and any(place[3:]):
             place = place[:3]  # normals of shells follow
-        node = _whole(deck, line, number, "the whole number of a node")
+        node = _whole_number(deck, line, number, "the whole number of a node")
         if node in deck.nodes:
-            raise deck.refusal(
+            raise deck.line_error(
                 line.number, f"node {node} is there a second time; one part is allowed, each number once"
             )
         try:
             x, y, z = (float(field or "0") for field in [*place, "0", "0", "0"][:3])
         except ValueError:
-            raise deck.refusal(line.number, f"coordinates of node {node} that are numbers are allowed") from None
+            raise deck.line_error(line.number, f"coordinates of node {node} that are numbers are allowed") from None
         deck.nodes[node] = (x, y, z)
         numbers.append(node)
     if "NSET" in card.options:
@@ -182,22 +182,22 @@ def _read_elements(deck: Deck, card: Card) -> None:
     count, parts, begun = CORNERS.get(KINDS.get(block.type, "")), list[int](), 0
     for line in card.lines:
         begun = begun if parts else line.number
-        parts.extend(_whole(deck, line, field, "a whole number") for field in line.fields if field)
+        parts.extend(_whole_number(deck, line, field, "a whole number") for field in line.fields if field)
         if len(parts) < 1 + count if count else not line.fields[-1]:
             continue  # it goes on in the next line
         if parts[0] in deck.element_numbers:
-            raise deck.refusal(
+            raise deck.line_error(
                 begun, f"element {parts[0]} is there a second time; one part is allowed, each number once"
             )
         deck.element_numbers.add(parts[0])
         if count and len(parts) != 1 + count:
-            raise deck.refusal(begun, f"the number of an element and {count} nodes are allowed for {block.type}")
+            raise deck.line_error(begun, f"the number of an element and {count} nodes are allowed for {block.type}")
         block.numbers.append(parts[0])
         block.lines.append(begun)
         block.nodes.append(parts[1:])
         parts = []
     if parts:
-        raise deck.refusal(begun, f"element {parts[0]} of type {block.type} has too few nodes")
+        raise deck.line_error(begun, f"element {parts[0]} of type {block.type} has too few nodes")
     deck.elements.append(block)
     if "ELSET" in card.options:
         _set_by_name(deck, deck.element_sets, card, "ELSET").update(block.numbers)
@@ -213,36 +213,38 @@ def _read_set(deck: Deck, card: Card) -> None:
     sets = deck.node_sets if of_nodes else deck.element_sets
     existing = deck.nodes.keys() if of_nodes else deck.element_numbers
     if card.keyword not in card.options:
-        raise deck.refusal(card.number, f"*{card.keyword} with {card.keyword}=NAME is allowed")
+        raise deck.line_error(card.number, f"*{card.keyword} with {card.keyword}=NAME is allowed")
     members = _set_by_name(deck, sets, card, card.keyword)
     if of_nodes and "ELSET" in card.options:
-        members.update(_nodes_of(deck, card))
+        members.update(_element_set_nodes(deck, card))
     for line in card.lines:
         fields = [field for field in line.fields if field]
         if "GENERATE" in card.options:
-            numbers = [_whole(deck, line, field, "first, last and step") for field in fields]
+            numbers = [_whole_number(deck, line, field, "first, last and step") for field in fields]
             if len(numbers) not in (2, 3) or numbers[2:] == [0]:
-                raise deck.refusal(line.number, "first, last and step as whole numbers are allowed")
+                raise deck.line_error(line.number, "first, last and step as whole numbers are allowed")
             first, last, step = [*numbers, 1][:3]
             steps = range(first, last + 1, step)
-            _ensure(deck, line, card, existing, [*steps[:1], *steps[-1:]])
+            _check_existing(deck, line, card, existing, [*steps[:1], *steps[-1:]])
             members.update(number for number in existing if number in steps)
             continue
         for name in fields:
-            if _is_number(name):
-                _ensure(deck, line, card, existing, [int(name)])
+            if _is_label_number(name):
+                _check_existing(deck, line, card, existing, [int(name)])
                 members.add(int(name))
             elif name.lower() in sets:
                 members.update(sets[name.lower()])
             else:
-                raise deck.refusal(line.number, f"{name!r} is neither a number nor a set that stands further up")
+                raise deck.line_error(line.number, f"{name!r} is neither a number nor a set that stands further up")
 
 
-def _nodes_of(deck: Deck, card: Card) -> set[int]:
+def _element_set_nodes(deck: Deck, card: Card) -> set[int]:
     """Return the nodes of the set of elements that the card names."""
     name = card.options["ELSET"].lower()
     if name not in deck.element_sets:
-        raise deck.refusal(card.number, f"ELSET={card.options['ELSET']} is no set of elements that stands further up")
+        raise deck.line_error(
+            card.number, f"ELSET={card.options['ELSET']} is no set of elements that stands further up"
+        )
     inside = deck.element_sets[name]
     return {
         node
@@ -253,29 +255,29 @@ def _nodes_of(deck: Deck, card: Card) -> set[int]:
     }
 
 
-def _ensure(deck: Deck, line: Line, card: Card, existing: Set[int], numbers: list[int]) -> None:
+def _check_existing(deck: Deck, line: DataLine, card: Card, existing: Set[int], numbers: list[int]) -> None:
     """Raise InputError for the first of the numbers that does not exist."""
     missing = next((number for number in numbers if number not in existing), None)
     if missing is not None:
         what = "node" if card.keyword == "NSET" else "element"
-        raise deck.refusal(line.number, f"{what} {missing} of set {card.options[card.keyword]} is not in the file")
+        raise deck.line_error(line.number, f"{what} {missing} of set {card.options[card.keyword]} is not in the file")
 
 
 def _set_by_name(deck: Deck, sets: dict[str, set[int]], card: Card, option: str) -> set[int]:
     """Return the members of the set that an option of a card names, from `sets`; a new empty set if there is none."""
     name = card.options[option]
-    deck.spelled.setdefault(name.lower(), name)
+    deck.set_spellings.setdefault(name.lower(), name)
     return sets.setdefault(name.lower(), set())
 
 
-def _whole(deck: Deck, line: Line, text: str, what: str) -> int:
+def _whole_number(deck: Deck, line: DataLine, text: str, what: str) -> int:
     """Return a text as a whole number; raises InputError, which says `what` is allowed, if it is none."""
-    if not _is_number(text):
-        raise deck.refusal(line.number, f"{what} is allowed, not {text!r}")
+    if not _is_label_number(text):
+        raise deck.line_error(line.number, f"{what} is allowed, not {text!r}")
     return int(text)
 
 
-def _is_number(text: str) -> bool:
+def _is_label_number(text: str) -> bool:
     """Whether a text is a whole number that nodes and elements may have."""
     return text.isascii() and text.isdigit() and len(text) < MOST_DIGITS
 
@@ -284,7 +286,7 @@ def _refuse_options(deck: Deck, card: Card, allowed: set[str]) -> None:
     """Raise InputError for the first option of a card that is not allowed."""
     for name in card.options:
         if name and name not in allowed:
-            raise deck.refusal(card.number, f"the option {name} of *{card.keyword} is not read")
+            raise deck.line_error(card.number, f"the option {name} of *{card.keyword} is not read")
 
 
 READERS: Mapping[str, Callable[[Deck, Card], None]] = {"NODE": _read_nodes, "ELEMENT": _read_elements}

@@ -21,11 +21,11 @@ from pmr.files.reasons import (
     ALIKE,
     DENSE,
     affine_change,
-    by_direction,
-    moved_nodes,
-    place,
-    turned_alone,
-    turned_everywhere,
+    all_axes_turned,
+    lone_turned_nodes,
+    misplaced_nodes,
+    point_text,
+    rows_by_direction,
     turned_nodes,
 )
 from pmr.files.rigid import DIRECTIONS, ROUNDING_OF_POINTS, Resistance, rigid_motions
@@ -53,25 +53,25 @@ def misfit(M: sp.csr_matrix, body: Resistance) -> tuple[str, str] | None:
     """Return the input (``M``, ``K``, ``points``, ``direction``) that does not fit first, and the reason; or None."""
     checks: tuple[Callable[[sp.csr_matrix, Resistance], Iterator[tuple[str, str]]], ...] = (
         _vanishing_entries,
-        _indefinite,
+        _negative_eigenvalues,
         _unknown_motions,
-        _parts,
-        _massless,
-        _places,
-        _axes,
-        _axes_of_mass,
-        _mechanisms,
-        _centre,
+        _separate_parts,
+        _missing_mass,
+        _misplaced_rows,
+        _wrong_axes,
+        _wrong_axes_of_mass,
+        _free_mechanisms,
+        _wrong_centre_of_mass,
         check_speed,
         check_density,
     )
     return next((reason for check in checks for reason in check(M, body)), None)
 
 
-def tells_nothing(body: Resistance) -> bool:
+def is_uncheckable(body: Resistance) -> bool:
     """Whether all nodes are near supports inside the matrices, so that points and axes can't be checked against K."""
     used = np.unique(body.node)
-    return bool(body.near(body.lacking.any(axis=1))[used].all())
+    return bool(body.near(body.missing_displacements.any(axis=1))[used].all())
 
 
 def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
@@ -94,7 +94,7 @@ def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str
             )
 
 
-def _indefinite(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+def _negative_eigenvalues(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     """Yield ``M`` or ``K``, and the reason, if the matrix has negative eigenvalues."""
     for name, A in (("M", M), ("K", body.K)):
         least = _least_eigenvalue(A)
@@ -145,7 +145,7 @@ def _unknown_motions(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, 
         )
 
 
-def _parts(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+def _separate_parts(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     """Yield ``K`` and the reason, if some nodes are joined to the others neither by stiffness nor by the ground."""
     links = sp.coo_matrix(
         (np.ones(len(body.node)), (body.node, np.arange(len(body.node)))), (len(body.points), body.K.shape[0])
@@ -153,7 +153,7 @@ def _parts(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     count, part = connected_components(links @ abs(body.K) @ links.T, directed=False)
     nodes = np.unique(body.node)
     sizes = np.bincount(part[nodes], minlength=count)
-    held = np.bincount(part[nodes], body.grounded[nodes], minlength=count)
+    held = np.bincount(part[nodes], body.grounded_nodes[nodes], minlength=count)
     loose = np.flatnonzero((sizes > 0) & (held == 0))
     if len(loose) and np.sum(sizes > 0) > 1:
         smallest = loose[np.argmin(sizes[loose])]
@@ -162,12 +162,12 @@ def _parts(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
             "K",
             (
                 f"one connected body is allowed: no stiffness joins {sizes[smallest]} of its nodes to the others, "
-                f"such as that at {place(body.points[first])}"
+                f"such as that at {point_text(body.points[first])}"
             ),
         )
 
 
-def _massless(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+def _missing_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     """Yield ``M`` and the reason, if it equals K, or gives a rigid body no mass along some axis."""
     if M.nnz == body.K.nnz > len(body.node) and abs(M - body.K).count_nonzero() == 0:
         yield "M", "a mass is allowed: this is the same matrix as the stiffness"
@@ -184,7 +184,7 @@ def _massless(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
         )
 
 
-def _places(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+def _misplaced_rows(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     """Yield the wrong input and the reason, if rows resist a rotation but no translation.
 
     Nodes are then not where K has them.
@@ -192,11 +192,11 @@ def _places(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     sums, sizes = body.sums_of_moments
     wrong = np.zeros(len(body.points), dtype=bool)
     wrong[body.node[np.abs(sums).max(axis=1) > ROUNDING_OF_POINTS[1] * sizes]] = True
-    wrong &= ~body.grounded & ~body.lacking.any(axis=1) & ~body.near(_without_rotations(body))
+    wrong &= ~body.grounded_nodes & ~body.missing_displacements.any(axis=1) & ~body.near(_nodes_without_rotations(body))
     if wrong.any():
         yield (
             affine_change(body)
-            or moved_nodes(body, wrong)
+            or misplaced_nodes(body, wrong)
             or (
                 "points",
                 f"nodes where K has them are allowed: it resists rotations at {wrong.sum()} nodes that it leaves free "
@@ -205,28 +205,28 @@ def _places(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
         )
 
 
-def _axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+def _wrong_axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     """Yield wrong input and reason, if rows far from supports resist a translation, and not as a spring does."""
-    held = body.grounded & ~body.sprung
+    held = body.grounded_nodes & ~body.spring_nodes
     if _is_dense(body):
-        wrong = held if held.any() and _left_free(body) > 6 - len(body.held()) else np.zeros_like(held)
+        wrong = held if held.any() and _free_motion_count(body) > 6 - len(body.held_motions()) else np.zeros_like(held)
     else:
-        wrong = held & (~_supported_nodes(body) | turned_alone(body))
+        wrong = held & (~_supported_nodes(body) | lone_turned_nodes(body))
     if wrong.any():
         yield (
-            by_direction(body)
-            or turned_nodes(body, wrong, body.near(body.lacking.any(axis=1)))
-            or turned_everywhere(body)
+            rows_by_direction(body)
+            or turned_nodes(body, wrong, body.near(body.missing_displacements.any(axis=1)))
+            or all_axes_turned(body)
             or (
                 "K",
                 f"a body free to move is allowed but at supports and springs: K resists translations at {wrong.sum()} "
-                f"nodes, such as that at {place(body.points[wrong][0])}, as neither does; its rows are in another "
+                f"nodes, such as that at {point_text(body.points[wrong][0])}, as neither does; its rows are in another "
                 "order, or nodes have axes of their own",
             )
         )
 
 
-def _axes_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+def _wrong_axes_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     """Yield ``direction`` and the reason, if M couples displacements of a node with those of others across axes.
 
     Elements couple displacements of two nodes by m_ij along each axis, near supports too.  It is checked if M has
@@ -245,19 +245,20 @@ def _axes_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str
         yield (
             "direction",
             "directions along the axes of the places are allowed: M couples displacements of the node at "
-            f"{place(body.points[share.argmax()])} with those of others along other axes, so it has axes of its own",
+            f"{point_text(body.points[share.argmax()])} with those of others along other axes, "
+            "so it has axes of its own",
         )
 
 
-def _mechanisms(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+def _free_mechanisms(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     """Yield ``K`` and the reason, if it leaves other motions than rigid ones free, or has negative eigenvalues.
 
     Only matrices of up to `DENSE_ALWAYS` coordinates are checked.
     """
     if body.K.shape[0] > DENSE_ALWAYS:
         return
-    values, rounding = _scaled_eigenvalues(body), body.rounding
-    free = 6 - len(body.held())
+    values, rounding = _scaled_eigenvalues(body), body.rounding_share
+    free = 6 - len(body.held_motions())
     if values[0] < -min(1e3 * rounding, 1e-8):
         yield (
             "K",
@@ -274,12 +275,12 @@ def _mechanisms(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]
         )
 
 
-def _centre(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+def _wrong_centre_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     """Yield ``M`` and the reason, if it couples translations, or its centre of mass is outside of the body.
 
     It is checked if no support or spring inside K holds the body.
     """
-    if len(body.held()):
+    if len(body.held_motions()):
         return
     R = rigid_motions(body.points[body.node], body.direction)
     J = R.T @ (M @ R)
@@ -296,7 +297,7 @@ def _centre(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     centre = centre_of_mass(J)
     low, high = body.points.min(axis=0), body.points.max(axis=0)
     if np.any(np.abs(centre - (low + high) / 2.0) > 0.55 * (high - low).max()):
-        yield "M", f"a mass within the body is allowed: its centre is at {place(centre)}"
+        yield "M", f"a mass within the body is allowed: its centre is at {point_text(centre)}"
 
 
 def centre_of_mass(J: Array) -> Array:
@@ -305,7 +306,7 @@ def centre_of_mass(J: Array) -> Array:
     return np.asarray(1.5 * moments / np.trace(J[:3, :3]))
 
 
-def _left_free(body: Resistance) -> int:
+def _free_motion_count(body: Resistance) -> int:
     """Return the number of motions, rigid or not, that a dense K leaves free."""
     return int(np.sum(_scaled_eigenvalues(body) < 1e-13 * len(body.node)))
 
@@ -321,9 +322,9 @@ def _is_dense(body: Resistance) -> bool:
     return body.K.nnz > 0.5 * body.K.shape[0] ** 2 and body.K.shape[0] <= DENSE
 
 
-def _without_rotations(body: Resistance) -> Mask:
+def _nodes_without_rotations(body: Resistance) -> Mask:
     """Return a mask (N,) of nodes with displacements that lack a rotation which most nodes have."""
-    missing, displaced = np.zeros(len(body.points), dtype=bool), ~body.lacking.any(axis=1)
+    missing, displaced = np.zeros(len(body.points), dtype=bool), ~body.missing_displacements.any(axis=1)
     for k in range(3, 6):
         rotates = np.bincount(body.node[body.direction == k], minlength=len(body.points)) > 0
         if 2 * np.sum(rotates) > len(rotates):
@@ -337,7 +338,7 @@ def _supported_nodes(body: Resistance) -> Mask:
     Under translations along the axes that no near node lacks, such a node has no forces, or those of a spring to
     ground.
     """
-    lacks = np.stack([body.near(body.lacking[:, k]) for k in range(3)], axis=1)
+    lacks = np.stack([body.near(body.missing_displacements[:, k]) for k in range(3)], axis=1)
     springs = np.where(lacks[:, :, None] | lacks[:, None], 0.0, body.blocks)
     size = np.abs(body.blocks).max(axis=(1, 2))
     skew = np.abs(springs - springs.transpose(0, 2, 1)).max(axis=(1, 2))

@@ -21,7 +21,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.errors.text import no_file
+from pmr.errors.text import missing_file_reason
 from pmr.files import labelled
 from pmr.files.decks import MOST_DIGITS, TURNED, read_deck
 from pmr.files.labelled import UnreadableError
@@ -80,10 +80,13 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
 
     Raises InputError if a file is missing, of another kind or incomplete, or if the files do not fit each other.
     """
-    K, M = _read_with(files.stiffness, _MATRICES | _nastran("K")), _read_with(files.mass, _MATRICES | _nastran("M"))
-    pairs, nodes = _read_with(files.dofs, _DOFS), _read_with(files.nodes, _NODES)
+    K, M = (
+        _read_by_suffix(files.stiffness, _MATRICES | _nastran_readers("K")),
+        _read_by_suffix(files.mass, _MATRICES | _nastran_readers("M")),
+    )
+    pairs, nodes = _read_by_suffix(files.dofs, _DOFS), _read_by_suffix(files.nodes, _NODES)
     for file in (files.stiffness, files.mass):  # those whose entries name their coordinates
-        if _is_labelled(file) and not np.array_equal(_read_with(file, _DOFS), pairs):
+        if _is_labelled(file) and not np.array_equal(_read_by_suffix(file, _DOFS), pairs):
             raise InputError(str(file), "", None, f"the nodes and directions of {files.dofs.name} are allowed")
     if len(pairs) != K.shape[0]:
         allowed = f"a line for each of the {K.shape[0]} rows of {files.stiffness.name} is allowed"
@@ -128,13 +131,13 @@ def _check_constraints(source: str, nodes: _Nodes, pairs: Indices) -> None:
             raise InputError(source, f"line {line}", None, allowed)
 
 
-def _read_with(path: Path, readers: dict[str, Callable[[Path], object]]) -> Any:
+def _read_by_suffix(path: Path, readers: dict[str, Callable[[Path], object]]) -> Any:
     """Return what the reader for a file's suffix returns; raises InputError if it can't read the file."""
     suffix = path.suffix.lower()
     if suffix not in readers:
         raise InputError(str(path), "", None, f"files that end in {', '.join(readers)} are allowed")
     if not isfile(path):
-        raise InputError(str(path), "", None, no_file(path))
+        raise InputError(str(path), "", None, missing_file_reason(path))
     try:
         with warnings.catch_warnings():  # of SciPy's, about classes that it will return and keys of Harwell-Boeing
             warnings.simplefilter("ignore")
@@ -150,7 +153,7 @@ def _read_with(path: Path, readers: dict[str, Callable[[Path], object]]) -> Any:
         raise InputError(str(path), "", None, allowed) from None
 
 
-def _symmetric(A: sp.spmatrix) -> sp.csr_matrix:
+def _complete_symmetric(A: sp.spmatrix) -> sp.csr_matrix:
     """Return a whole symmetric matrix from one of which one triangle or all entries are stored.
 
     Raises UnreadableError if it is not real and square, or has fewer entries than rows: a size by mistake might not fit
@@ -171,35 +174,35 @@ def _symmetric(A: sp.spmatrix) -> sp.csr_matrix:
     return sp.csr_matrix(A + (lower + upper).T)
 
 
-def _triplets(path: Path) -> sp.csr_matrix:
+def _read_triplets(path: Path) -> sp.csr_matrix:
     """Read a matrix from lines of row, column (from 1) and entry."""
-    entries = labelled.table(path, (int, int, float), "row, column and entry")
+    entries = labelled.read_number_table(path, (int, int, float), "row, column and entry")
     rows, columns = (entries[:, k].astype(np.int64) - 1 for k in (0, 1))
     n = int(max(rows.max(), columns.max())) + 1
-    return _symmetric(sp.coo_matrix((entries[:, 2], (rows, columns)), shape=(n, n)))
+    return _complete_symmetric(sp.coo_matrix((entries[:, 2], (rows, columns)), shape=(n, n)))
 
 
-def _pairs(path: Path, between: str, head: int) -> Indices:
+def _read_coordinates(path: Path, between: str, head: int) -> Indices:
     """Read node and direction (n, 2) from the lines after the first `head` ones, separated by the sign `between`."""
     pairs = list[tuple[int, int]]()
     for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
         parts = line.strip().split(between)
         if number <= head or parts == [""]:
             continue
-        if len(parts) != 2 or not all(_is_whole(part) for part in parts):
+        if len(parts) != 2 or not all(_is_node_number(part) for part in parts):
             allowed = f"node and direction with {between!r} between them are allowed, not {line.strip()[:40]!r}"
             raise UnreadableError(allowed, number)
         pairs.append((int(parts[0]), int(parts[1])))
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
-def _is_whole(text: str) -> bool:
+def _is_node_number(text: str) -> bool:
     """Whether a text is a whole number that nodes may have."""
     text = text.strip()
     return text.isascii() and text.isdigit() and len(text) < MOST_DIGITS
 
 
-def _nodes_csv(path: Path) -> _Nodes:
+def _read_csv_nodes(path: Path) -> _Nodes:
     """Read nodes and groups from a CSV file: node, x, y, z in m and names of groups in each line after the first."""
     numbers, points, groups = list[int](), list[list[float]](), dict[str, list[int]]()
     for at, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
@@ -210,23 +213,23 @@ def _nodes_csv(path: Path) -> _Nodes:
             place = [float(part) for part in parts[:3]]
         except ValueError:
             place = []
-        if len(place) != 3 or not _is_whole(number):
+        if len(place) != 3 or not _is_node_number(number):
             raise UnreadableError("node, x, y, z and names of groups are allowed", at)
         numbers.append(int(number))
         points.append(place)
         for name in filter(None, parts[3:]):
             groups.setdefault(name, []).append(int(number))
-    return _nodes(numbers, points, groups)
+    return _make_nodes(numbers, points, groups)
 
 
-def _inp(path: Path) -> _Nodes:
+def _read_deck_nodes(path: Path) -> _Nodes:
     """Read nodes, sets and constraint cards from an input deck of Abaqus or CalculiX."""
     deck = read_deck(path)
     sets = {name: [*members] for name, members in deck.node_sets.items()}
-    return replace(_nodes(list(deck.nodes), [*deck.nodes.values()], sets), constraints=deck.constraints)
+    return replace(_make_nodes(list(deck.nodes), [*deck.nodes.values()], sets), constraints=deck.constraints)
 
 
-def _nodes(numbers: list[int], points: Sequence[Sequence[float]], groups: dict[str, list[int]]) -> _Nodes:
+def _make_nodes(numbers: list[int], points: Sequence[Sequence[float]], groups: dict[str, list[int]]) -> _Nodes:
     """Return nodes from their numbers, points and groups; groups without members are left out."""
     if not numbers:
         raise UnreadableError("nodes are allowed: this file has none")
@@ -251,42 +254,51 @@ def _is_market(path: Path) -> bool:
     return path.read_bytes()[:14] == b"%%MatrixMarket"
 
 
-def _market(path: Path) -> sp.csr_matrix:
+def _read_market(path: Path) -> sp.csr_matrix:
     """Read a matrix in the format of Matrix Market, or as Abaqus writes it."""
     if not _is_market(path):
         entries = labelled.read_entries(path)
-        return _symmetric(entries.matrix(entries.pairs))
+        return _complete_symmetric(entries.matrix(entries.pairs))
     *_, kind, symmetry = scipy.io.mminfo(path)
     if kind not in ("real", "integer") or symmetry not in ("general", "symmetric"):
         raise UnreadableError(f"real entries, general or symmetric, are allowed, not {kind} {symmetry} ones", 1)
-    return _symmetric(sp.coo_matrix(scipy.io.mmread(path)))
+    return _complete_symmetric(sp.coo_matrix(scipy.io.mmread(path)))
 
 
-def _of_bulk(path: Path) -> _Nodes:
+def _read_bulk_nodes(path: Path) -> _Nodes:
     """Read grid points and sets of a bulk data file of Nastran."""
     bulk = labelled.read_bulk(path)
-    return _nodes(bulk.numbers.tolist(), bulk.points.tolist(), {n: nodes.tolist() for n, nodes in bulk.groups.items()})
+    return _make_nodes(
+        bulk.numbers.tolist(), bulk.points.tolist(), {n: nodes.tolist() for n, nodes in bulk.groups.items()}
+    )
 
 
-def _nastran(letter: str) -> dict[str, Callable[[Path], object]]:
+def _nastran_readers(letter: str) -> dict[str, Callable[[Path], object]]:
     """Return readers, by suffix, of the matrix of a Nastran file whose name begins with `letter`."""
     entries = {s: lambda path: labelled.only_matrix(labelled.read_bulk(path).matrices, letter) for s in _DMIG}
-    return {**entries, ".op4": lambda path: _symmetric(labelled.only_matrix(labelled.read_output4(path), letter))}
+    return {
+        **entries,
+        ".op4": lambda path: _complete_symmetric(labelled.only_matrix(labelled.read_output4(path), letter)),
+    }
 
 
 _DMIG = (".bdf", ".pch")
 _MATRICES: dict[str, Callable[[Path], object]] = {
-    ".sti": _triplets,
-    ".mas": _triplets,
-    ".mtx": _market,
-    ".npz": lambda path: _symmetric(sp.load_npz(path)),
-    ".rb": lambda path: _symmetric(scipy.io.hb_read(path)),
-    ".hb": lambda path: _symmetric(scipy.io.hb_read(path)),
+    ".sti": _read_triplets,
+    ".mas": _read_triplets,
+    ".mtx": _read_market,
+    ".npz": lambda path: _complete_symmetric(sp.load_npz(path)),
+    ".rb": lambda path: _complete_symmetric(scipy.io.hb_read(path)),
+    ".hb": lambda path: _complete_symmetric(scipy.io.hb_read(path)),
 }
 _DOFS: dict[str, Callable[[Path], object]] = {
-    ".dof": lambda path: _pairs(path, ".", 0),
-    ".csv": lambda path: _pairs(path, ",", 1),
+    ".dof": lambda path: _read_coordinates(path, ".", 0),
+    ".csv": lambda path: _read_coordinates(path, ",", 1),
     ".mtx": lambda path: labelled.read_entries(path).pairs,
     **{suffix: lambda path: labelled.read_bulk(path).pairs for suffix in _DMIG},
 }
-_NODES: dict[str, Callable[[Path], object]] = {".inp": _inp, ".csv": _nodes_csv, ".bdf": _of_bulk}
+_NODES: dict[str, Callable[[Path], object]] = {
+    ".inp": _read_deck_nodes,
+    ".csv": _read_csv_nodes,
+    ".bdf": _read_bulk_nodes,
+}

@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.errors.environment import needed
+from pmr.errors.environment import import_package
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -62,12 +62,12 @@ def read_entries(path: Path) -> Entries:
     Raises UnreadableError for other lines.
     """
     form = "node, direction, node, direction and entry"
-    columns = table(path, (int, int, int, int, float), form, delimiter=",", comment="*")
+    columns = read_number_table(path, (int, int, int, int, float), form, delimiter=",", comment="*")
     labels = columns[:, :4].astype(np.int64)
     return Entries(labels[:, :2], labels[:, 2:], columns[:, 4])
 
 
-def table(
+def read_number_table(
     path: Path, kinds: Sequence[type], form: str, delimiter: str | None = None, comment: str = "#", head: int = 0
 ) -> Array:
     """Return the numbers (e, c) of the lines after the first `head` ones, c numbers of the given `kinds` in each line.
@@ -126,7 +126,7 @@ def read_bulk(path: Path) -> Bulk:
     Raises InputError if pyNastran is missing, UnreadableError if the file can't be read, has complex matrices, or grid
     points with axes of their own.
     """
-    deck = needed("pyNastran.bdf.bdf").BDF(debug=None)
+    deck = import_package("pyNastran.bdf.bdf").BDF(debug=None)
     deck.disable_cards(deck.cards_to_read - CARDS)
     text = path.read_text(encoding="utf-8", errors="replace").splitlines()
     try:
@@ -156,11 +156,11 @@ def read_bulk(path: Path) -> Bulk:
         pairs,
         np.array(grids, dtype=np.int64),
         np.array([deck.nodes[grid].xyz for grid in grids], dtype=float).reshape(-1, 3),
-        _sets(text, np.array(grids, dtype=np.int64)),
+        _group_sets(text, np.array(grids, dtype=np.int64)),
     )
 
 
-def _sets(text: Sequence[str], grids: Indices) -> dict[str, Indices]:
+def _group_sets(text: Sequence[str], grids: Indices) -> dict[str, Indices]:
     """Return the members of each SET1 entry by name, such as ``set7``.
 
     Ranges contain those of their numbers that are in `grids`.
@@ -207,7 +207,7 @@ def _set_entries(text: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
 
 def read_output4(path: Path) -> dict[str, sp.csr_matrix]:
     """Read the matrices of an OUTPUT4 file by name; raises InputError or UnreadableError as `read_bulk`."""
-    read = needed("pyNastran.op4.op4").read_op4
+    read = import_package("pyNastran.op4.op4").read_op4
     try:
         with redirect_stdout(StringIO()):  # it prints what it can't read
             return {name.strip(): sp.csr_matrix(matrix.data) for name, matrix in read(str(path), debug=None).items()}

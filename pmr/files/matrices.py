@@ -14,9 +14,9 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from pmr.errors import InputError
-from pmr.errors.text import NAMED, is_name, no_file
+from pmr.errors.text import NAMED, is_name, missing_file_reason
 from pmr.files import npz
-from pmr.files.fit import centre_of_mass, misfit, tells_nothing
+from pmr.files.fit import centre_of_mass, is_uncheckable, misfit
 from pmr.files.rigid import DIRECTIONS, Resistance, rigid_motions
 
 Array = NDArray[np.float64]
@@ -77,8 +77,8 @@ class GivenMatrices:
         body = Resistance(self.K, self.points, self.node, self.direction)
         if reason := misfit(self.M, body):
             raise self._refusal(reason[0], None, reason[1])
-        object.__setattr__(self, "held", body.held())
-        object.__setattr__(self, "unchecked", tells_nothing(body))
+        object.__setattr__(self, "held", body.held_motions())
+        object.__setattr__(self, "unchecked", is_uncheckable(body))
 
     @property
     def size(self) -> int:
@@ -122,10 +122,10 @@ class GivenMatrices:
         Raises InputError if it is missing, of another kind, or its content is not valid.
         """
         if not isfile(path):
-            raise InputError(str(path), "", None, f"{no_file(path)}; pmr matrices writes one")
+            raise InputError(str(path), "", None, f"{missing_file_reason(path)}; pmr matrices writes one")
         try:
             stored = npz.read(path)
-            header = npz.without_header(stored)
+            header = npz.pop_header(stored)
             if header.get("format") != FORMAT or int(header["version"]) > FORMAT_VERSION:
                 raise InputError(str(path), "", None, f"{FORMAT} of version {FORMAT_VERSION} or less is allowed")
             n = len(stored["node"])
@@ -190,8 +190,8 @@ def from_matrices(
 
     Raises InputError as `GivenMatrices`, and for values of another shape or kind.
     """
-    at = _numbers("points", points, lambda A: np.asarray(A, dtype=float))
-    M, K = (_numbers(name, A, _real) for name, A in (("M", M), ("K", K)))
+    at = _read_argument("points", points, lambda A: np.asarray(A, dtype=float))
+    M, K = (_read_argument(name, A, _real_sparse) for name, A in (("M", M), ("K", K)))
     n, count = K.shape[0], max(len(at), 1)
     if node is None and direction is None:
         each = n // count
@@ -202,10 +202,10 @@ def from_matrices(
     if node is None or direction is None:
         raise InputError("matrices", "node", None, "node and direction are allowed together")
     named = {
-        name: _numbers(f"groups.{name}", members, lambda A: _members(np.asarray(A), len(at)))
+        name: _read_argument(f"groups.{name}", members, lambda A: _group_members(np.asarray(A), len(at)))
         for name, members in (groups or {}).items()
     }
-    whose, along = (_numbers(name, A, whole_numbers) for name, A in (("node", node), ("direction", direction)))
+    whose, along = (_read_argument(name, A, whole_numbers) for name, A in (("node", node), ("direction", direction)))
     return GivenMatrices(M, K, at, whose, along, named)
 
 
@@ -218,7 +218,7 @@ def whole_numbers(values: ArrayLike) -> Indices:
     return integers
 
 
-def _members(values: NDArray[Any], count: int) -> Indices:
+def _group_members(values: NDArray[Any], count: int) -> Indices:
     """Return the numbers of nodes, ascending and without duplicates, of a list or a mask of `count` truth values."""
     if values.dtype == bool:
         if values.shape != (count,):
@@ -227,7 +227,7 @@ def _members(values: NDArray[Any], count: int) -> Indices:
     return np.unique(whole_numbers(values))
 
 
-def _real(A: Any) -> sp.csr_matrix:
+def _real_sparse(A: Any) -> sp.csr_matrix:
     """Return a matrix as sparse rows of floats; raises ValueError unless it is real."""
     matrix = sp.csr_matrix(A)
     if matrix.dtype.kind not in "iuf":
@@ -235,7 +235,7 @@ def _real(A: Any) -> sp.csr_matrix:
     return matrix.astype(float)
 
 
-def _numbers(key: str, values: Any, read: Callable[[Any], Any]) -> Any:
+def _read_argument(key: str, values: Any, read: Callable[[Any], Any]) -> Any:
     """Return read(values); raises InputError of the key if that fails."""
     try:
         with np.errstate(invalid="ignore"):  # of casts, which are checked

@@ -6,7 +6,8 @@ it allocates anything.
 
 JSON has no NaN and no infinity: `json_text` writes them as null, so that every reader of JSON can read it.
 
-`arrays` and `record` convert frozen dataclasses to named arrays and back; the types of the fields decide how:
+`record_arrays` and `record_from_arrays` convert frozen dataclasses to named arrays and back; the types of the fields
+decide how:
 
 ======================================  ===============================================================
 type of a field                         arrays
@@ -44,7 +45,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PPoly
 
 from pmr.files import npz
-from pmr.files.whole import replacement
+from pmr.files.whole import replacement_file
 
 T = TypeVar("T")
 
@@ -54,16 +55,16 @@ def json_text(data: Any, indent: int | None = None) -> str:
 
     Raises TypeError if it holds anything but numbers, text, truth values, None, lists, tuples and mappings.
     """
-    return json.dumps(_finite(data), indent=indent, allow_nan=False)
+    return json.dumps(_replace_non_finite(data), indent=indent, allow_nan=False)
 
 
-def _finite(data: Any) -> Any:
+def _replace_non_finite(data: Any) -> Any:
     """Return `data` with None in place of each number that is not finite, in nested tables and lists too."""
     if isinstance(data, float):
         return data if math.isfinite(data) else None
     if isinstance(data, Mapping):
-        return {key: _finite(value) for key, value in data.items()}
-    return [_finite(value) for value in data] if isinstance(data, list | tuple) else data
+        return {key: _replace_non_finite(value) for key, value in data.items()}
+    return [_replace_non_finite(value) for value in data] if isinstance(data, list | tuple) else data
 
 
 HEADER = "header"
@@ -104,9 +105,10 @@ def read(
     try:
         with file.open("rb") as stream, zipfile.ZipFile(stream) as archive:
             members = {
-                _name(info): info for info in _members(archive, os.fstat(stream.fileno()).st_size, expansion, room)
+                _array_name(info): info
+                for info in _checked_members(archive, os.fstat(stream.fileno()).st_size, expansion, room)
             }
-            return {name: _array(archive, info) for name, info in members.items() if only is None or name in only}
+            return {name: _read_array(archive, info) for name, info in members.items() if only is None or name in only}
     except DamagedError:
         raise
     except _DAMAGE as error:
@@ -123,22 +125,22 @@ def write(
     """
     if header is not None:
         arrays = {HEADER: np.array(json_text(header)), **arrays}
-    with replacement(file) as part, zipfile.ZipFile(part, "w") as archive:
+    with replacement_file(file) as part, zipfile.ZipFile(part, "w") as archive:
         for name, values in arrays.items():
             info = zipfile.ZipInfo(f"{name}.npy")  # of a time that is always the same
-            if compressed and _shrinks(np.asanyarray(values)):
+            if compressed and _is_worth_compressing(np.asanyarray(values)):
                 info.compress_type = zipfile.ZIP_DEFLATED
             with archive.open(info, "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, np.asanyarray(values), allow_pickle=False)
 
 
-def _shrinks(array: NDArray[Any]) -> bool:
+def _is_worth_compressing(array: NDArray[Any]) -> bool:
     """Whether compressing the first `SAMPLE` entries of an array saves the share `WORTH` of their bytes at least."""
     sample = array.ravel()[:SAMPLE].tobytes()
     return len(zlib.compress(sample, 1)) < (1.0 - WORTH) * len(sample)
 
 
-def without_header(arrays: dict[str, NDArray[Any]]) -> Any:
+def pop_header(arrays: dict[str, NDArray[Any]]) -> Any:
     """Remove the header from `arrays`, in place, and return it; raises DamagedError if there is none."""
     try:
         header = arrays.pop(HEADER)
@@ -147,7 +149,7 @@ def without_header(arrays: dict[str, NDArray[Any]]) -> Any:
         raise DamagedError(f"no header: {error}") from None
 
 
-def _members(archive: zipfile.ZipFile, size: int, expansion: float, room: int) -> Sequence[zipfile.ZipInfo]:
+def _checked_members(archive: zipfile.ZipFile, size: int, expansion: float, room: int) -> Sequence[zipfile.ZipInfo]:
     """Return the members of an archive in a file of `size` bytes; raises DamagedError if their sizes can't be true.
 
     `expansion` and `room` are those of `read`.
@@ -163,12 +165,12 @@ def _members(archive: zipfile.ZipFile, size: int, expansion: float, room: int) -
     return members
 
 
-def _name(info: zipfile.ZipInfo) -> str:
+def _array_name(info: zipfile.ZipInfo) -> str:
     """Return the name of the array that a member of the archive holds."""
     return HEADER if info.filename == OLD_HEADER else info.filename.removesuffix(".npy")
 
 
-def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
+def _read_array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
     """Read the array of a member; raises DamagedError if its header does not agree with the member's size."""
     if info.filename == OLD_HEADER:
         return np.array(archive.read(info).decode())
@@ -190,19 +192,19 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
     return flat.reshape(shape, order="F" if fortran else "C")
 
 
-def arrays(record: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
+def record_arrays(record: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
     """Return all fields of a dataclass as arrays by name, each name after `prefix`.
 
     Raises TypeError if a table holds values that JSON does not know.
     """
     by_name: dict[str, NDArray[Any]] = {}
     cls: Any = type(record)
-    for name, hint in _types(cls).items():
+    for name, hint in _field_types(cls).items():
         value, key = getattr(record, name), prefix + name
         if value is None:
             continue
         if is_dataclass(hint):
-            by_name |= arrays(value, f"{key}.")
+            by_name |= record_arrays(value, f"{key}.")
         elif hint is PPoly:
             by_name |= {f"{key}.breaks": value.x, f"{key}.coefficients": value.c}
         elif get_origin(hint) is dict:
@@ -214,17 +216,19 @@ def arrays(record: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
     return by_name
 
 
-def record(cls: Callable[..., T], data: Mapping[str, NDArray[Any]], prefix: str = "") -> T:
-    """Return the dataclass `cls` from the arrays that `arrays` returned, with numbers in the types of its fields.
+def record_from_arrays(cls: Callable[..., T], data: Mapping[str, NDArray[Any]], prefix: str = "") -> T:
+    """Return the dataclass `cls` from what `record_arrays` returned, with numbers in the types of its fields.
 
     Raises KeyError if a field without a default is missing, TypeError or ValueError if an array is of another type.
     """
     values: dict[str, Any] = {}
     for field in fields(cls):  # type: ignore[arg-type]
-        key, hint = prefix + field.name, _types(cls)[field.name]
+        key, hint = prefix + field.name, _field_types(cls)[field.name]
         of_field = {name: array for name, array in data.items() if name == key or name.startswith(f"{key}.")}
         if of_field or get_origin(hint) is Mapping:
-            values[field.name] = _value(hint, {name[len(key) :].lstrip("."): array for name, array in of_field.items()})
+            values[field.name] = _field_value(
+                hint, {name[len(key) :].lstrip("."): array for name, array in of_field.items()}
+            )
         elif field.default is MISSING and field.default_factory is MISSING:
             raise KeyError(key)
     return cls(**values)
@@ -242,7 +246,7 @@ def rename_keys(data: Mapping[str, NDArray[Any]], names: Mapping[str, str]) -> d
     return arrays_by_name
 
 
-def _value(hint: Any, parts: Mapping[str, NDArray[Any]]) -> Any:
+def _field_value(hint: Any, parts: Mapping[str, NDArray[Any]]) -> Any:
     """Return a field's value from its arrays.
 
     Parameters
@@ -251,15 +255,15 @@ def _value(hint: Any, parts: Mapping[str, NDArray[Any]]) -> Any:
     parts : mapping
         Arrays by the rest of their key after the field's name; ``""`` for the array of the field's own name.
     """
-    hint = _spelled_out(hint)
+    hint = _expand_alias(hint)
     origin, arguments = get_origin(hint), get_args(hint)
     nested: bool = is_dataclass(hint)
     if nested:
-        return record(hint, parts)
+        return record_from_arrays(hint, parts)
     if hint is PPoly:
         return PPoly(np.asarray(parts["coefficients"], dtype=float), np.asarray(parts["breaks"], dtype=float))
     if origin is Mapping:
-        return {name: _value(arguments[1], {"": array}) for name, array in parts.items()}
+        return {name: _field_value(arguments[1], {"": array}) for name, array in parts.items()}
     array = parts[""]
     if origin is np.ndarray:
         return np.asarray(array, dtype=get_args(arguments[1])[0])
@@ -274,14 +278,14 @@ def _value(hint: Any, parts: Mapping[str, NDArray[Any]]) -> Any:
     return table
 
 
-def _spelled_out(hint: Any) -> Any:
+def _expand_alias(hint: Any) -> Any:
     """Return the type that NumPy's alias `NDArray` stands for from NumPy 2.5 on; other types unchanged."""
     alias = getattr(get_origin(hint), "__value__", None)
     return hint if alias is None else alias[get_args(hint)]
 
 
 @cache
-def _types(cls: Any) -> dict[str, Any]:
+def _field_types(cls: Any) -> dict[str, Any]:
     """Return the types of a dataclass's fields by name, each without its ``None``."""
     hints = get_type_hints(cls)
     return {field.name: _without_none(hints[field.name]) for field in fields(cls)}

@@ -37,7 +37,7 @@ def affine_change(body: Resistance) -> tuple[str, str] | None:
         fields[body.direction == a + 3, 9 + a] = 1.0
     fields = fields if not translations.all() else fields[:, :9]
     sizes = body.sums_of_moments[1]
-    rows = ~body.grounded[body.node] & (sizes > 0.0)
+    rows = ~body.grounded_nodes[body.node] & (sizes > 0.0)
     triangle = np.linalg.qr((body.K @ fields)[rows] / sizes[rows, None], mode="r")
     scale = np.linalg.norm(triangle, axis=0)
     if len(triangle) < fields.shape[1] or not scale.all():
@@ -83,7 +83,9 @@ def _describe_axes(E: Array) -> tuple[str, str]:
                 f"places in one unit are allowed: K has those along {'xyz'[largest[odd]]} {stretch[odd]:.4g} times as "
                 "far apart, beside the others"
             )
-        names = ", ".join(f"{'-' if f < 0.0 else ''}{'xyz'[k]}" for f, k in zip(_signs(factors), largest, strict=True))
+        names = ", ".join(
+            f"{'-' if f < 0.0 else ''}{'xyz'[k]}" for f, k in zip(_mirrored_signs(factors), largest, strict=True)
+        )
         return "direction", (
             f"directions in the order of K are allowed: the rows that are called x, y, z are along {names} of the "
             "places, or the places are in another order"
@@ -96,12 +98,12 @@ def _describe_axes(E: Array) -> tuple[str, str]:
     return "points", "the places that K was made for are allowed: these are stretched or sheared beside them"
 
 
-def _signs(factors: Array) -> Array:
+def _mirrored_signs(factors: Array) -> Array:
     """Return the factors (3,), all negated if more than one is negative: K is the same for a mirrored body."""
     return np.asarray(factors if np.sum(factors < 0.0) <= 1 else -factors)
 
 
-def moved_nodes(body: Resistance, wrong: Mask) -> tuple[str, str] | None:
+def misplaced_nodes(body: Resistance, wrong: Mask) -> tuple[str, str] | None:
     """Return wrong input and reason, if single nodes of `wrong` (N,) are not where K has them; else None.
 
     The points that K has follow from how these nodes move under rotations of the other nodes.
@@ -117,17 +119,17 @@ def moved_nodes(body: Resistance, wrong: Mask) -> tuple[str, str] | None:
     if near.max() < 1e-4 * length and len(set(match)) == len(match):
         if len(nodes) == 2:
             return "points", (
-                f"nodes in the order of K are allowed: those at {place(body.points[nodes[0]])} and "
-                f"{place(body.points[nodes[1]])} are exchanged"
+                f"nodes in the order of K are allowed: those at {point_text(body.points[nodes[0]])} and "
+                f"{point_text(body.points[nodes[1]])} are exchanged"
             )
         return "points", (
             f"nodes in the order of K are allowed: {len(nodes)} are in another one, it has that at "
-            f"{place(body.points[nodes[0]])} at {place(places[0])}"
+            f"{point_text(body.points[nodes[0]])} at {point_text(places[0])}"
         )
     first = int(np.linalg.norm(places - body.points[nodes], axis=1).argmax())
     return "points", (
-        f"places that K was made for are allowed: it has the node at {place(body.points[nodes[first]])} at "
-        f"{place(places[first])}"
+        f"places that K was made for are allowed: it has the node at {point_text(body.points[nodes[first]])} at "
+        f"{point_text(places[first])}"
     )
 
 
@@ -139,15 +141,15 @@ def turned_nodes(body: Resistance, wrong: Mask, near_supports: Mask) -> tuple[st
     Nodes of the mask `near_supports` (N,) do not follow others as free ones do, so that first all others are tried.
     """
     coupled = np.zeros(len(wrong), dtype=bool)
-    row, column, _ = body.pairs
+    row, column, _ = body.entries
     coupled[body.node[row[wrong[body.node[column]]]]] = True
-    springs = wrong | (coupled & body.sprung)
+    springs = wrong | (coupled & body.spring_nodes)
     for mask in (springs & ~near_supports, springs, wrong):
         nodes, Q = _rigid_followers(body, mask, 0, np.tile(np.eye(3), (len(wrong), 1, 1)), ALIKE)
         if len(nodes) and np.abs(Q @ Q.transpose(0, 2, 1) - np.eye(3)).max() < 1e-3:
             return "direction", (
                 f"directions along the axes of the places are allowed: {len(nodes)} nodes have axes of their own, that "
-                f"at {place(body.points[nodes[0]])} {_describe_turn(Q[0])}"
+                f"at {point_text(body.points[nodes[0]])} {_describe_turn(Q[0])}"
             )
     return None
 
@@ -162,7 +164,7 @@ def _describe_turn(Q: Array) -> str:
     return f"turned by {angle:.3g} degrees"
 
 
-def turned_alone(body: Resistance) -> Mask:
+def lone_turned_nodes(body: Resistance) -> Mask:
     """Return a mask (N,) of nodes that follow translations of all others along turned axes, as no support causes.
 
     A node follows with U = -K_nn^-1 sum_j K_nj over the others: U is the identity away from supports, shortens motions
@@ -172,7 +174,7 @@ def turned_alone(body: Resistance) -> Mask:
     order = np.argsort(body.node, kind="stable")
     ends = np.cumsum(np.bincount(body.node, minlength=len(body.points)))
     pulled = body.K @ T
-    for node in np.flatnonzero(body.grounded & ~body.lacking.any(axis=1)):
+    for node in np.flatnonzero(body.grounded_nodes & ~body.missing_displacements.any(axis=1)):
         at = order[ends[node - 1] if node else 0 : ends[node]]
         node_stiffness = body.K[at][:, at].toarray()
         U = (T[at] - np.linalg.lstsq(node_stiffness, pulled[at], rcond=1e-12)[0])[body.direction[at] < 3]
@@ -189,7 +191,7 @@ def _rigid_followers(body: Resistance, wrong: Mask, first: int, expected: Array,
     than `least`.  Only nodes of `wrong` (N,) with all displacements are returned; a second pass treats those that
     follow after all as part of the others.
     """
-    displaced = ~body.lacking.any(axis=1)
+    displaced = ~body.missing_displacements.any(axis=1)
     motions = rigid_motions((body.points - body.points.mean(axis=0))[body.node], body.direction)[:, first : first + 3]
     for _ in range(2):
         at, other_rows = np.flatnonzero(wrong[body.node]), np.flatnonzero(~wrong[body.node])
@@ -207,7 +209,7 @@ def _rigid_followers(body: Resistance, wrong: Mask, first: int, expected: Array,
     return nodes, U[nodes]
 
 
-def by_direction(body: Resistance) -> tuple[str, str] | None:
+def rows_by_direction(body: Resistance) -> tuple[str, str] | None:
     """Return wrong input and reason, if rows are ordered by direction instead of node by node; else None."""
     count = len(body.node)
     each = count // max(len(np.unique(body.node)), 1)
@@ -220,7 +222,7 @@ def by_direction(body: Resistance) -> tuple[str, str] | None:
     return "direction", "rows node by node are allowed: these are all along x, then all along y, and so on"
 
 
-def turned_everywhere(body: Resistance) -> tuple[str, str] | None:
+def all_axes_turned(body: Resistance) -> tuple[str, str] | None:
     """Return wrong input and reason, if K is that of these points with different axes at each node; else None.
 
     Its free motions are then z_j = Q_j (1, -[x_j]) A, so that tr(z_j B z_j^T) = 3 + 2 |x_j|^2 with one symmetric B.
@@ -245,6 +247,6 @@ def turned_everywhere(body: Resistance) -> tuple[str, str] | None:
     return "direction", "directions along the axes of the places are allowed: nodes have axes of their own"
 
 
-def place(x: Array) -> str:
+def point_text(x: Array) -> str:
     """Return a point (3,) in m as text for messages."""
     return "({}) m".format(", ".join(f"{c + 0.0:.4g}" for c in np.round(x, 9)))

@@ -75,7 +75,7 @@ class Resistance:
             object.__setattr__(self, "K", ordered)
 
     @cached_property
-    def pairs(self) -> tuple[Indices, Indices, Array]:
+    def entries(self) -> tuple[Indices, Indices, Array]:
         """Row, column and absolute value of each stored entry of K."""
         entries = self.K.tocoo()
         return entries.row, entries.col, np.abs(entries.data)
@@ -83,7 +83,7 @@ class Resistance:
     @cached_property
     def edges(self) -> Array:
         """Distance in m between the two nodes of each entry of `pairs`."""
-        row, column, _ = self.pairs
+        row, column, _ = self.entries
         squares = np.zeros(len(row))
         for x in self.points[self.node].T:
             squares += (x[row] - x[column]) ** 2
@@ -100,14 +100,14 @@ class Resistance:
         return _remove_rounding(self.K @ T, (abs(self.K) @ T).sum(axis=1), ROUNDING, 0.25)
 
     @cached_property
-    def grounded(self) -> NDArray[np.bool_]:
+    def grounded_nodes(self) -> NDArray[np.bool_]:
         """Mask (N,) of nodes with a row that resists a translation, as at supports and springs to ground."""
         grounded = np.zeros(len(self.points), dtype=bool)
         grounded[self.node[self.forces.any(axis=1)]] = True
         return grounded
 
     @cached_property
-    def lacking(self) -> NDArray[np.bool_]:
+    def missing_displacements(self) -> NDArray[np.bool_]:
         """Mask (N, 3) of nodes and axes without a displacement among the coordinates, as at supports."""
         lacking = np.ones((len(self.points), 3), dtype=bool)
         translations = self.direction < 3
@@ -135,7 +135,7 @@ class Resistance:
         return blocks
 
     @cached_property
-    def sprung(self) -> NDArray[np.bool_]:
+    def spring_nodes(self) -> NDArray[np.bool_]:
         """Mask (N,) of grounded nodes held by a spring, at the node or at a point within the body's length of it.
 
         Forces are then a symmetric matrix S times the point's displacement: F = S, and G = S (w x d) with the vector d
@@ -155,12 +155,12 @@ class Resistance:
         d = np.einsum("ndm,nm->nd", np.linalg.pinv(levers.reshape(-1, 9, 3), rcond=1e-6), G.reshape(-1, 9))
         residuals = np.abs(G - np.einsum("nacd,nd->nac", levers, d)).max(axis=2)
         near = np.linalg.norm(d, axis=1) <= np.ptp(self.points, axis=0).max()
-        return np.asarray(self.grounded & ~skew & (at_node | (near & (residuals <= allowed).all(axis=1))))
+        return np.asarray(self.grounded_nodes & ~skew & (at_node | (near & (residuals <= allowed).all(axis=1))))
 
     @cached_property
     def sums_of_moments(self) -> tuple[Array, Array]:
         """G (n, 3) with its rounding, and the sum (n,) of the magnitudes of its terms."""
-        _, column, size = self.pairs
+        _, column, size = self.entries
         local = np.where(self.direction[column] < 3, self.edges, 1.0)
         sums, middle = self.K @ self.motions, self.points.mean(axis=0)
         moments = sums[:, 3:] - np.einsum("na,nab->nb", sums[:, :3], self._levers(middle))
@@ -173,7 +173,7 @@ class Resistance:
         Rows at nodes with supports, which move their neighbours' rows, keep their rounding.
         """
         sums, sizes = self.sums_of_moments
-        near_supports = (self.grounded & ~self.sprung)[self.node]
+        near_supports = (self.grounded_nodes & ~self.spring_nodes)[self.node]
         cleaned, noise = _remove_rounding(sums, sizes, ROUNDING_OF_POINTS, 0.75, ~near_supports)
         return np.where(near_supports[:, None], sums, cleaned), noise
 
@@ -183,7 +183,7 @@ class Resistance:
         return rigid_motions((self.points - self.points.mean(axis=0))[self.node], self.direction)
 
     @property
-    def rounding(self) -> float:
+    def rounding_share(self) -> float:
         """Rounding of K: lower quartile over rows of F as a share of the row's entries; at least 1e-16."""
         T = self.motions[:, :3]
         sizes = (abs(self.K) @ T).sum(axis=1)
@@ -200,7 +200,7 @@ class Resistance:
         """G (n, 3) in N/rad, or N m/rad where the coordinate is a rotation."""
         return self._rotations[0]
 
-    def held(self) -> Array:
+    def held_motions(self) -> Array:
         """Return h independent rows (h, 6) on rigid motions about the origin, zero for motions that K leaves free.
 
         They are singular vectors of all rows, each divided by its rounding; singular values within rounding count as

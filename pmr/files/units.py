@@ -78,7 +78,7 @@ def speeds_of_sound(M: sp.csr_matrix, body: Resistance) -> tuple[float, float]:
     The least is at most the median over nodes of the distance to the nearest coupled node times the node's own
     frequency (rad/s).  Stiff links and nodes with little mass therefore do not make a body too fast.
     """
-    row = body.pairs[0]
+    row = body.entries[0]
     apart = (body.edges > 0.0) & (body.direction[row] < 3)
     inverse = np.divide(1.0, body.edges, out=np.zeros(len(row)), where=apart)
     nearest = body.on_pattern(inverse).max(axis=1).toarray().ravel()
@@ -101,10 +101,10 @@ def _stretch_speeds(M: sp.csr_matrix, body: Resistance) -> Array:
     which nothing stretches are left out.
     """
     speeds = list[tuple[float, float, float]]()
-    free = ~body.near(body.lacking.any(axis=1)) & body.sprung
+    free = ~body.near(body.missing_displacements.any(axis=1)) & body.spring_nodes
     for axis in range(3):
         along = body.direction == axis
-        x, supports = body.points[body.node[along]], body.points[body.lacking[:, axis]]
+        x, supports = body.points[body.node[along]], body.points[body.missing_displacements[:, axis]]
         distance = cKDTree(supports).query(x)[0] if len(supports) else x[:, axis] - x[:, axis].min(initial=np.inf)
         u, moves = np.zeros(len(along)), np.zeros(len(along), dtype=bool)
         u[along], moves[along] = distance, (distance > 0.0) | (len(supports) == 0)

@@ -1,19 +1,19 @@
 """Files and folders that are written in whole or not at all, even if a process is killed; locks; cached folders.
 
-One file (`replacement`) is written under another name and renamed when it is complete: a kill, a full disk or an error
-leaves what was there before.
+One file (`replacement_file`) is written under another name and renamed when it is complete: a kill, a full disk or an
+error leaves what was there before.
 
-Several files of a folder that belong together (`fresh`) are written into a new folder inside the target.  When they are
-complete that folder is renamed in one step: from then on the new files count.  Then they are moved to the names of the
+Several files of a folder that belong together (`replacement_folder`) are written into a new folder in it. When they are
+complete that folder is renamed in one step: from then on the new files count. Then they are moved to the names of the
 old ones one by one, which takes less than a millisecond; if the process is killed meanwhile, the next one that opens
-the folder completes the moves (`finish_swap`).  So the target may be the current directory, a symbolic link or the root
+the folder completes the moves (`finish_swap`). So the target may be the current directory, a symbolic link or the root
 of a disk, and other files in it are not touched.
 
-A folder that takes long to compute (`stored`) is made under another name and then renamed.  A lock, which the system
-takes from a process that ends, lets one process make it while the others wait, and tells a folder that a dead process
-left from one that is being made.
+A folder that takes long to compute (`complete_folder`) is made under another name and then renamed. A lock, which the
+system takes from a process that ends, lets one process make it while the others wait, and tells a folder that a dead
+process left from one that is being made.
 
-`users_folder` is where computed results are cached for a user.
+`user_cache_folder` is where computed results are cached for a user.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def ensure_ordinary(path: Path) -> None:
 
 
 @contextmanager
-def replacement(path: Path) -> Iterator[Path]:
+def replacement_file(path: Path) -> Iterator[Path]:
     """Yield a temporary path to write to, which replaces `path` in one step if the block ends without an error.
 
     Raises NotWrittenError as `ensure_ordinary`, or if there is no room; the temporary file is then removed.
@@ -124,7 +124,7 @@ _NEW, _COMPLETE, _LIST = ".pmr-new-", ".pmr-complete", ".moves.json"
 
 
 @contextmanager
-def fresh(folder: Path, ours: Sequence[str]) -> Iterator[Path]:
+def replacement_folder(folder: Path, ours: Sequence[str]) -> Iterator[Path]:
     """Yield an empty folder to write to; if the block ends without an error its files replace `ours` in `folder`.
 
     `ours` are names, or patterns of names, of all files that may ever be written, relative to `folder`, which is
@@ -140,15 +140,15 @@ def fresh(folder: Path, ours: Sequence[str]) -> Iterator[Path]:
     try:
         with hold_lock(new), report_full_disk(folder):
             yield new
-            names = _names(new, folder, ours)
+            names = _new_file_names(new, folder, ours)
             gone = [name for name in _matching_names(folder, ours) if name not in names]
             (new / _LIST).write_text(json.dumps({"names": names, "gone": gone}))
             for name in (*names, _LIST):
                 flush_file(new / name)
             with hold_lock(folder):
-                _finish(folder)
+                _finish_moves(folder)
                 new.rename(folder / _COMPLETE)
-                _finish(folder)
+                _finish_moves(folder)
     finally:
         shutil.rmtree(new, ignore_errors=True)
 
@@ -158,26 +158,26 @@ def finish_swap(folder: Path) -> None:
     new_folders = [path for path in folder.glob(f"{_NEW}*") if path.is_dir()]
     if new_folders or (folder / _COMPLETE).exists():
         with report_full_disk(folder), hold_lock(folder):
-            _finish(folder)
+            _finish_moves(folder)
             for new in new_folders:
                 with suppress(FileNotFoundError), hold_lock(new, wait=False) as free:
                     if free:
                         shutil.rmtree(new, ignore_errors=True)
 
 
-def remove_files(folder: Path, ours: Sequence[str]) -> None:
+def remove_matching(folder: Path, ours: Sequence[str]) -> None:
     """Remove the files of a folder with the given names or patterns."""
     for name in _matching_names(folder, ours):
         (folder / name).unlink(missing_ok=True)
 
 
-def _finish(folder: Path) -> None:
+def _finish_moves(folder: Path) -> None:
     """Move the files of a complete new folder, if there is one, to their names in `folder`, and remove old files."""
     complete = folder / _COMPLETE
     if not complete.is_dir():
         return
     if (complete / _LIST).is_file():
-        names, gone = _moves(complete / _LIST, folder)
+        names, gone = _listed_moves(complete / _LIST, folder)
         for name in gone:
             (folder / name).unlink(missing_ok=True)
         for name in names:
@@ -187,7 +187,7 @@ def _finish(folder: Path) -> None:
     shutil.rmtree(complete)
 
 
-def _moves(file: Path, folder: Path) -> tuple[list[str], list[str]]:
+def _listed_moves(file: Path, folder: Path) -> tuple[list[str], list[str]]:
     """Return the files to be moved into the folder and those to be removed, from a list of unknown origin.
 
     Raises InputError if the list names anything outside of the folder; no file has been touched then.
@@ -204,7 +204,7 @@ def _moves(file: Path, folder: Path) -> tuple[list[str], list[str]]:
     return names, gone
 
 
-def _names(new: Path, folder: Path, ours: Sequence[str]) -> list[str]:
+def _new_file_names(new: Path, folder: Path, ours: Sequence[str]) -> list[str]:
     """Return the names of all files in `new`, ascending.
 
     Raises ValueError if one is not among `ours`, NotWrittenError if it would replace something in `folder` that is no
@@ -225,7 +225,7 @@ def _matching_names(folder: Path, ours: Sequence[str]) -> list[str]:
     return [name for name in paths if not (folder / name).is_dir()]
 
 
-def stored(folder: Path, is_whole: Callable[[Path], bool], make: Callable[[Path], Made], comm: Any) -> Made:
+def complete_folder(folder: Path, is_whole: Callable[[Path], bool], make: Callable[[Path], Made], comm: Any) -> Made:
     """Return the result of `make`, called with `folder` if it is whole, or with a new folder; collective.
 
     The new folder then replaces `folder`.  All ranks of `comm` see its disk.  `is_whole`, asked on rank 0, tells
@@ -295,7 +295,7 @@ def _discard(folder: Path) -> None:
 MOST_KEPT = 100
 
 
-def users_folder() -> Path | None:
+def user_cache_folder() -> Path | None:
     """Return a user's cache folder for measured structures: ``$PMR_CACHE``, or ``pmr`` in ``~/.cache``.
 
     It is created if need be; None if it can't be.  The oldest files beyond `MOST_KEPT` are removed.

@@ -45,7 +45,7 @@ def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
     first, last = share(model.size, comm)
     sizes = (int(last - first), model.size)
     matrices = []
-    for A in (model.given.M, pad_pattern(model.given.K, model.given.M)):
+    for A in (model.body_matrices.M, pad_pattern(model.body_matrices.K, model.body_matrices.M)):
         share_of_rank = A[first:last].sorted_indices()
         parts = (
             share_of_rank.indptr.astype(PETSc.IntType),

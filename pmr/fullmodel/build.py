@@ -286,7 +286,7 @@ class AssembledBody:
 
 def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> AssembledBody:
     """Assemble the full model of a scene with one body on `comm`; raises as `build_bodies`, and for several bodies."""
-    scene.alone  # noqa: B018 - refuses others
+    scene.only_section  # noqa: B018 - refuses others
     return build_bodies(scene, comm)[ALONE]
 
 
@@ -329,7 +329,7 @@ def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, 
     """
     for member in filter(is_undecided, members(scene)):
         allowed = "a model by its name is allowed here: pmr.run and pmr.reduce measure which one will do"
-        raise InputError("scene", scene.key_of(member.number, "body.model"), "auto", allowed)
+        raise InputError("scene", scene.section_key(member.number, "body.model"), "auto", allowed)
     by_content, bodies = dict[tuple[str, str], AssembledBody](), dict[str, AssembledBody]()
     matrices = needed_matrices(scene)
     for name, member in zip(scene.names, members(scene), strict=True):
@@ -339,7 +339,7 @@ def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, 
                 structure = replace(structure_of(member, comm), matrices=matrices)
                 by_content[key] = AssembledBody(structural_model(structure, comm), structure)
             except InputError as error:
-                raise error.called(scene.key_of(member.number, error.key)) from None
+                raise error.with_key(scene.section_key(member.number, error.key)) from None
         bodies[name] = by_content[key]
     if scene.free_motions == "refused" and (free := _find_free_motions(scene, bodies)).sentence:
         allowed = f"{_free_motion_sentence(bodies, free)}; a support that holds it is needed, or 'allowed'"

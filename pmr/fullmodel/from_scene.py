@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.constraints.rows import StraightRows
-from pmr.errors import InputError, environment, on_first
+from pmr.errors import InputError, call_on_first_rank, environment
 from pmr.fem.compat import MPI, check_fenicsx
 from pmr.fullmodel.pads import Pad, Pads, Slider, Support
 from pmr.fullmodel.probes import gauges
@@ -26,17 +26,17 @@ from pmr.models.matrices import Matrices
 from pmr.scene.box import Box
 from pmr.scene.built import OwnModel, PadRing
 from pmr.scene.choice import (
-    directions,
-    felt_faces,
+    axis_loads,
+    has_driven_tail,
     has_giving_walls,
-    has_tail,
     inertia_fields,
     is_accelerated,
-    loads_of,
     model_of,
-    transverse,
+    motion_directions,
+    pad_faces,
+    transverse_axes,
 )
-from pmr.scene.mechanism import tails
+from pmr.scene.mechanism import tail_outputs
 from pmr.scene.members import EXTENSION, TAIL, Member
 from pmr.scene.structures import Beam3DBody
 
@@ -72,7 +72,7 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
         from pmr.fullmodel.wall_compliance import walls_of  # needs FEniCSx
 
         pads = replace(pads, walls=walls_of(member, (*pads.fixed, *pads.moving), comm))
-    across, observe, supports = transverse(member), member.part.observe, _supports(member)
+    across, observe, supports = transverse_axes(member), member.part.observe, _supports(member)
     stations: Sequence[float] | Array | None = observe.stations
     if stations is None:
         assert model.node_stations is not None  # the scene's check
@@ -90,16 +90,23 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     return Structure(
         model,
         clamps=tuple(
-            Clamp(str(support.on), support.held) for support in member.part.supports if support.points == "all"
+            Clamp(str(support.on), support.held_directions)
+            for support in member.part.supports
+            if support.points == "all"
         ),
         masses=member.part.masses,
-        loads=(*(Action(load.name, load.on, load.direction) for load in loads_of(member)), *weight, *driven, *inertia),
+        loads=(
+            *(Action(load.name, load.on, load.direction) for load in axis_loads(member)),
+            *weight,
+            *driven,
+            *inertia,
+        ),
         outputs=(*line, *tip, *forces, *turned, *gauges(member.part, model)),
         damping=member.damping,
         pads=replace(pads, supports=supports),
         ports=(
             *(_port(model, place, d) for place in member.part.reduction.ports for d in model.directions),
-            *(Action(name, "tail", name[-1]) for name in tails(member)),
+            *(Action(name, "tail", name[-1]) for name in tail_outputs(member)),
         ),
     )
 
@@ -111,17 +118,17 @@ def _port(model: StructuralModel, place: str | float, direction: str) -> Action:
 
 def _pads(member: Member) -> Pads:
     """Pads, sliding points and contacts with other bodies that hold a body, on faces where its model can feel pads."""
-    faces = felt_faces(member)
+    faces = pad_faces(member)
     fixed, moving = (
         tuple(
             pad
             for ring in member.pads
             if ring.moving is moves
-            for pad in _ring_pads(ring, faces, member.stretches.get(ring.name))
+            for pad in _ring_pads(ring, faces, member.ring_ranges.get(ring.name))
         )
         for moves in (False, True)
     )
-    straight = tuple(StraightRows(end, names) for names, end in member.straight.items())
+    straight = tuple(StraightRows(end, names) for names, end in member.overlap_ends.items())
     if member.points:
         travel = 0.0 - min(member.points), member.part.length - max(member.points)
         sliders = tuple(map(Slider, member.point_names, member.points))
@@ -130,10 +137,10 @@ def _pads(member: Member) -> Pads:
         low, high = member.travel
         reach = 0.0 if high > low else 1e-3 * member.part.length
         pads = Pads(fixed, moving, travel=(low, high + reach), straight=straight)
-    if has_tail(member):
+    if has_driven_tail(member):
         pads = replace(pads, ends=(Support(TAIL, "tail", "x"),), travel=_common_travel(pads))
     if member.cylinder is not None and member.frame is not None:
-        pads = replace(pads, luffing=member.cylinder, tail=member.frame.place)
+        pads = replace(pads, luffing=member.cylinder, tail=member.frame.tail_position)
     return pads
 
 
@@ -149,19 +156,19 @@ def _ring_pads(ring: PadRing, faces: tuple[str, ...], travel: tuple[float, float
     size, only_pushes = (ring.length, ring.width, stiffness), ring.unilateral
     return [
         Pad(name, face, ring.at, across, *size, only_pushes, ring.clearance_on(face), travel)
-        for name, face, across in ring.places
+        for name, face, across in ring.named_pads
         if face in faces
     ]
 
 
 def _supports(member: Member) -> tuple[Support, ...]:
     """Supports of the mean motion of places, one for each held direction along which the model can move."""
-    moves = directions(member)
+    moves = motion_directions(member)
     return tuple(
         Support(support.row_name(d), support.on, d, np.inf if support.stiffness == "rigid" else support.stiffness)
         for support in member.part.supports
         if support.points == "mean"
-        for d in support.held
+        for d in support.held_directions
         if d in moves
     )
 
@@ -178,10 +185,10 @@ def _planar_beam(member: Member, comm: MPI.Comm) -> StructuralModel:
 
 def _beam(member: Member, comm: MPI.Comm) -> StructuralModel:
     """Beam in space of a body, from its section or its box."""
-    from pmr.models.beam3d import Beam3D, beam_of
+    from pmr.models.beam3d import Beam3D, box_beam
 
     body = _beam_body(member)
-    return beam_of(body, _box(member)) if body.profile else Beam3D(body)
+    return box_beam(body, _box(member)) if body.profile else Beam3D(body)
 
 
 def _beam_body(member: Member) -> Beam3DBody:
@@ -223,7 +230,7 @@ def _model_module(name: str) -> Any:
     models_of_pmr = frozenset(get_args(OwnModel))
     if name in models_of_pmr:
         return import_module(f"pmr.models.{name}")
-    kind = environment.one_of("pmr.models", name, models_of_pmr)
+    kind = environment.plugin_object("pmr.models", name, models_of_pmr)
     if not (hasattr(kind, "KINDS") and callable(getattr(kind, "of", None))):
         raise environment.plugin_error("pmr.models", name)
     return kind
@@ -247,7 +254,7 @@ def _mesh(member: Member, comm: MPI.Comm, kinds: tuple[str, ...], write: Callabl
 
     `kinds` are the allowed cells, `write` meshes a box and writes the mesh to a file.
     """
-    mesh: NamedMesh = comm.bcast(on_first(comm, lambda: _read_or_draw(member, kinds, write)))
+    mesh: NamedMesh = comm.bcast(call_on_first_rank(comm, lambda: _read_or_draw(member, kinds, write)))
     return mesh
 
 

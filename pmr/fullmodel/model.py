@@ -26,7 +26,7 @@ from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import free_objects, gather
 from pmr.models import StructuralModel, is_assembled
 from pmr.reduced.matrices import Rayleigh
-from pmr.scene.keys import ALONE, input_of
+from pmr.scene.keys import ALONE, input_name
 from pmr.scene.structures import PointMass
 from pmr.system.body import FullBody, RowProperties
 from pmr.system.contacts import Contact, Place
@@ -259,7 +259,7 @@ class FullSystem(BodySystem[FullModel]):
         """Return the system with each support of a single coordinate as a contact with the ground, after all others."""
         used = {(side.place.body, side.place.row) for side in self.sides}
         held = [
-            Contact(input_of(name, row), Place(name, row, model.rows.rows[number].breaks[0]))
+            Contact(input_name(name, row), Place(name, row, model.rows.rows[number].breaks[0]))
             for name, model in self.bodies.items()
             for number, row in ((number, model.row_names[number]) for number in model.rows.held_coordinates)
             if (name, row) not in used

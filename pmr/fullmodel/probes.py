@@ -21,7 +21,7 @@ from pmr.errors import InputError
 from pmr.fields.stress import StressRows
 from pmr.models import FiniteElementModel, StructuralModel, is_assembled
 from pmr.scene.joints import OneBody
-from pmr.scene.keys import named
+from pmr.scene.keys import qualified_name
 from pmr.scene.structures import Material, Probe
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ def probe_summary(outputs: Mapping[str, Iterable[object]]) -> dict[str, list[dic
     `outputs` are by body; names begin with the body's name unless it is empty.  Returns an empty dict without gauges.
     """
     probes = [
-        {"name": named(body, gauge.name), "unit": gauge.unit, "at": gauge.at.tolist(), "face": gauge.face}
+        {"name": qualified_name(body, gauge.name), "unit": gauge.unit, "at": gauge.at.tolist(), "face": gauge.face}
         for body, gauges in outputs.items()
         for gauge in gauges
         if isinstance(gauge, Gauge)
@@ -135,14 +135,14 @@ class _Stresses:
         stress_rows, probe, key = self.rows, self.part.probes[number], f"probes[{number}]"
         if probe.face and probe.face not in stress_rows.faces:
             raise InputError("scene", f"{key}.face", probe.face, f"{', '.join(stress_rows.faces)} are allowed")
-        at = stress_rows.on(probe.face) if probe.face else np.arange(len(stress_rows.points))
+        at = stress_rows.points_on(probe.face) if probe.face else np.arange(len(stress_rows.points))
         if probe.at is not None:
             return at[[int(np.linalg.norm(stress_rows.points[at] - probe.at, axis=1).argmin())]]
         regions = self.model.grid.regions
         if probe.on not in regions:
             names = ", ".join(sorted(regions)) or "none"
             raise InputError("scene", f"{key}.on", probe.on, f"groups of cells are allowed: {names}; or a point, at")
-        at = at if probe.face else stress_rows.on(stress_rows.faces[0])
+        at = at if probe.face else stress_rows.points_on(stress_rows.faces[0])
         inside = at[np.isin(stress_rows.cell[at], regions[str(probe.on)])]
         if not len(inside):
             raise InputError("scene", f"{key}.face", probe.face, f"no cell of {probe.on} is there")

@@ -78,7 +78,7 @@ def _images(nodes: Nodes) -> Iterator[sp.csr_matrix]:
     P (n, n) is a signed permutation of the nodes' coordinates.
     """
     first = np.flatnonzero(nodes.component == 0)  # of each node; its other coordinates follow
-    node, places, number = np.cumsum(nodes.component == 0) - 1, nodes.at[first], np.arange(nodes.size)
+    node, places, number = np.cumsum(nodes.component == 0) - 1, nodes.points[first], np.arange(nodes.size)
     low, high = places.min(axis=0), places.max(axis=0)
     tree, counts = cKDTree(places, compact_nodes=False, balanced_tree=False), np.bincount(node)
     for axis in (1, 2):
@@ -268,7 +268,7 @@ def _frame_matrices(names: Sequence[str], coupling: Coupling, moving: FrameAssem
 
 def _inner_supports(model: StructuralModel) -> Array:
     """Measures (h, k) of k rigid motions by supports inside given matrices; no rows for other models."""
-    return model.given.held if isinstance(model, Matrices) else np.empty((0, len(model.directions)))
+    return model.body_matrices.held if isinstance(model, Matrices) else np.empty((0, len(model.directions)))
 
 
 def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat, inner_supports: Array) -> RigidMotions:

@@ -26,7 +26,7 @@ from pmr.fullmodel.probes import Gauge
 from pmr.fullmodel.walls import Walls
 from pmr.models import DIRECTIONS, StructuralModel
 from pmr.scene import Damping
-from pmr.scene.built import WEIGHT, force_of
+from pmr.scene.built import WEIGHT, force_name
 from pmr.scene.frame import INERTIA
 from pmr.scene.structures import PointMass, unit_vector
 
@@ -81,7 +81,7 @@ class PadForce:
     @property
     def name(self) -> str:
         """Name of the output."""
-        return force_of(self.pad)
+        return force_name(self.pad)
 
     @property
     def unit(self) -> str:

@@ -23,7 +23,7 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.errors import on_first
+from pmr.errors import call_on_first_rank
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import free_objects, gather
 from pmr.fem.factor import BLOCK, factor_for_columns
@@ -34,12 +34,12 @@ from pmr.fullmodel.walls import Sliding, Standing, Walls
 from pmr.mesh.box import BoxBoom, write_shell
 from pmr.mesh.named import read_mesh
 from pmr.models import DIRECTIONS, StructuralModel
-from pmr.models.beam3d import beam_of
+from pmr.models.beam3d import box_beam
 from pmr.models.shell import Shell, draw_box, of
 from pmr.scene import Body
 from pmr.scene.box import Box
-from pmr.scene.choice import directions
-from pmr.scene.joints import Part
+from pmr.scene.choice import motion_directions
+from pmr.scene.joints import BoomSection
 from pmr.scene.members import Member
 from pmr.scene.structures import Beam3DBody, Material, PointMass
 
@@ -96,8 +96,8 @@ def wall_compliance(
     """
     box = body.box
     line = Beam3DBody(length=box.length, profile=body.profile, material=body.material, shear=True, elements=ELEMENTS)
-    sigma = (HELD * beam_of(line, body.profile).reference_frequency) ** 2
-    shell, beam = _HeldModel(_shell(body), body, sigma), _HeldModel(beam_of(line, body.profile), body, sigma)
+    sigma = (HELD * box_beam(line, body.profile).reference_frequency) ** 2
+    shell, beam = _HeldModel(_shell(body), body, sigma), _HeldModel(box_beam(line, body.profile), body, sigma)
     fixed_shell, fixed_beam = (
         sp.vstack([model.pads(standing, np.zeros(1)), model.motions(ends)], "csr") for model in (shell, beam)
     )
@@ -230,14 +230,14 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
         box,
         body.material,
         body.shear_correction,
-        tuple(Clamp(str(support.on), support.held) for support in part.supports if support.points == "all"),
+        tuple(Clamp(str(support.on), support.held_directions) for support in part.supports if support.points == "all"),
         masses,
-        box.plate if box.frames else 0.0,
+        box.frame_plate_thickness if box.frames else 0.0,
     )
-    moves = directions(member)
+    moves = motion_directions(member)
     ends = tuple((end, d) for end in ENDS if end in _loaded_ends(part) for d in AT_AN_END if d in moves)
     rings = tuple(Ring(tuple(sliding_pads), span) for span, sliding_pads in sliding)
-    C, compliances = comm.bcast(on_first(comm, lambda: wall_compliance(plates, tuple(staying), ends, rings)))
+    C, compliances = comm.bcast(call_on_first_rank(comm, lambda: wall_compliance(plates, tuple(staying), ends, rings)))
     rho = body.material.density
     soft = np.diagonal(C) > 0.0  # an end that is stiffer than the beam's is as stiff
     soft_ends = [end for end, gives in zip(ends, soft[len(staying) :], strict=True) if gives]
@@ -266,10 +266,10 @@ def _split_by_sliding(member: Member, pads: Sequence[Pad]) -> tuple[list[Pad], l
     Each pad's `at` is its first position along the body, m.
     """
     staying, sliding = list[Pad](), dict[int, tuple[float, list[Pad]]]()
-    rings = {name: ring for ring in member.pads for name, _, _ in ring.places}
+    rings = {name: ring for ring in member.pads for name, _, _ in ring.named_pads}
     for pad in pads:
         ring = rings[pad.name]
-        way = member.ways.get(ring.name)
+        way = member.flexible_ring_ranges.get(ring.name)
         if not ring.moving:
             staying.append(pad)
             continue
@@ -296,7 +296,7 @@ def _end_volume(box: Box, direction: str) -> float:
     return sum(side.thickness * side.length for side in box.sides) * max(box.width, box.height) / 4.0 * arm
 
 
-def _loaded_ends(part: Part) -> set[str | float]:
+def _loaded_ends(part: BoomSection) -> set[str | float]:
     """Places that carry a mass, load or support, and are not kept in shape by a clamp or rigid mass."""
     clamped = {support.on for support in part.supports if support.points == "all"}
     held_in_shape = clamped | {mass.on for mass in part.masses if mass.coupling == "rigid"}

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from pmr.constraints.rows import Row
-from pmr.scene.keys import named
+from pmr.scene.keys import qualified_name
 
 Array = NDArray[np.float64]
 
@@ -179,7 +179,7 @@ def summary(bodies: Mapping[str, Walls]) -> dict[str, list[dict[str, Any]]]:
     Of sliding pads it is the mean over the path.  `bodies` are by name; returns an empty dict without such walls.
     """
     walls_of_bodies = [
-        {"name": named(body, pad), "compliance": float(c), "stiffness": 1.0 / float(c)}
+        {"name": qualified_name(body, pad), "compliance": float(c), "stiffness": 1.0 / float(c)}
         for body, walls in bodies.items()
         for pad, c in walls.pad_compliances
     ]

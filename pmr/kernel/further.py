@@ -26,11 +26,11 @@ from pmr.errors import InputError
 from pmr.kernel.block_file import lines
 from pmr.reduced.carriers import CarrierFlexibility, Flexibility
 from pmr.reduced.model import ReducedModel
-from pmr.scene.built import force_of, reaction_of
-from pmr.scene.mechanism import CYLINDER, pin_and_cylinder, pressed_on_ground
+from pmr.scene.built import force_name, reaction_name
+from pmr.scene.mechanism import CYLINDER, ground_contact_wrenches, pin_and_cylinder
 from pmr.scene.scene import Scene
 from pmr.system.body import kinds_of
-from pmr.system.contacts import named
+from pmr.system.contacts import qualified_name
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -81,7 +81,7 @@ def supports_of(system: System, name: str, form: Modal, output: bool = True) -> 
     n = body.size
     P = reactions.inertia[:, :n] @ X @ X.T
     return Supports(
-        names=tuple(reaction_of(named(name, support)) for support in reactions.names),
+        names=tuple(reaction_name(qualified_name(name, support)) for support in reactions.names),
         units=reactions.units,
         inertia=P,
         of_modes=-(reactions.stiffness[:, :n] - P @ body.K) @ X,
@@ -187,7 +187,7 @@ def cylinder_arrays(scene: Scene, paths: Sequence[str], numbers: Mapping[str, in
     unit = {name: np.eye(len(paths) + 1)[1 + k] for k, name in enumerate(paths)}
     still = np.zeros(len(paths) + 1)
     sources, moments = list[int](), list[Array]()
-    for pressed in pressed_on_ground(scene, {name: unit.get(name, still) for name in scene.paths}):
+    for pressed in ground_contact_wrenches(scene, {name: unit.get(name, still) for name in scene.paths}):
         name = next((name for name in pressed.names if name in numbers), None)
         if name is None:
             return {}
@@ -224,10 +224,10 @@ def frame_output_arrays(
         outputs, last = len(system.output_names), [*system.bodies.values()][-1]
         kinds, first = list(kinds_of(last)), outputs - last.outputs.shape[0]
         tip = [first + kinds.index(f"tip {axis}") if f"tip {axis}" in kinds else -1 for axis in "xyz"]
-        place = np.array(scene.frame.place) + [scene.sections[-1].length, 0.0, 0.0]
+        place = np.array(scene.frame.tail_position) + [scene.sections[-1].length, 0.0, 0.0]
         arrays |= {"tip_numbers": np.array([*tip, len(scene.sections) - 1]), "tip_place": place}
         names += [f"tip in space {axis}" for axis in "XYZ"]
-        numbers = {force_of(name): outputs + len(reactions) + k for k, name in enumerate(system.contact_names)}
+        numbers = {force_name(name): outputs + len(reactions) + k for k, name in enumerate(system.contact_names)}
         numbers |= {name: k for k, name in enumerate([*system.output_names, *reactions])}
         if cylinder := cylinder_arrays(scene, paths, numbers, outputs):
             arrays, sources = arrays | cylinder, len(cylinder["cylinder_sources"])

@@ -71,7 +71,7 @@ class Side(Protocol):
 
 
 @dataclass(frozen=True)
-class Part:
+class BoxStretch:
     """A stretch of the box from x = `start` to `end` in m; its sides change linearly from `first` to `last`.
 
     A layer of cells ends at `end`.
@@ -83,13 +83,13 @@ class Part:
     last: tuple[Side, ...]
 
     @property
-    def tapers(self) -> bool:
+    def is_tapered(self) -> bool:
         """Whether the mid-surface is not parallel to the axis."""
         pairs = zip(self.first, self.last, strict=True)
         return any((a.start, a.end, a.centre) != (b.start, b.end, b.centre) for a, b in pairs)
 
 
-def ends_of(sides: Sequence[Side], k: int, outward: Callable[[Side], float]) -> tuple[Array, Array]:
+def shifted_ends(sides: Sequence[Side], k: int, outward: Callable[[Side], float]) -> tuple[Array, Array]:
     """Start and end (2,) m of side k, with the sides shifted outwards from their mid-surfaces.
 
     `outward` returns for each side how far, in m.  At a sharp corner the ends are where the shifted sides meet.
@@ -98,12 +98,12 @@ def ends_of(sides: Sequence[Side], k: int, outward: Callable[[Side], float]) -> 
     ends = []
     for at, other in zip((side.start, side.end), neighbours, strict=True):
         sharp = side.centre is None and other.centre is None
-        normals, apart = [out(side, at), out(other, at)], [outward(side), outward(other)]
+        normals, apart = [outward_normal(side, at), outward_normal(other, at)], [outward(side), outward(other)]
         ends.append(at + (np.linalg.solve(normals, apart) if sharp else apart[0] * normals[0]))
     return ends[0], ends[1]
 
 
-def out(side: Side, at: Pair) -> Array:
+def outward_normal(side: Side, at: Pair) -> Array:
     """Outward unit vector (2,) of a side at one of its ends."""
     if side.centre is not None:
         arm = np.subtract(at, side.centre)
@@ -118,7 +118,7 @@ SLACK = 1e-6
 THIN = 1e-6
 
 
-def taper_points(points: Array, sides: Sequence[Side], parts: Sequence[Part], depth: float) -> Array:
+def taper_points(points: Array, sides: Sequence[Side], parts: Sequence[BoxStretch], depth: float) -> Array:
     """Move points (N, 3) m, which were drawn with `sides` all along, to where the tapering `parts` have them.
 
     `depth` in m is that of the frames; infinite, if these close the section.  Returns new points (N, 3).
@@ -131,9 +131,9 @@ def taper_points(points: Array, sides: Sequence[Side], parts: Sequence[Part], de
             unplaced &= ~placed
             for part in parts:
                 rows = np.flatnonzero(placed & (points[:, 0] >= part.start) & (points[:, 0] <= part.end))
-                if part.tapers and len(rows):
+                if part.is_tapered and len(rows):
                     share = (points[rows, 0] - part.start)[:, None] / (part.end - part.start)
-                    at = _side_points if place is _in_side else _at_in_triangle
+                    at = _side_points if place is _in_side else _triangle_points
                     first, last = (
                         at(first_share[rows], second_share[rows], each, k, depth) for each in (part.first, part.last)
                     )
@@ -159,7 +159,7 @@ def _in_triangle(p: Array, sides: Sequence[Side], k: int, depth: float) -> Place
     return first_share, second_share, (first_share >= -SLACK) & (second_share >= -SLACK)
 
 
-def _at_in_triangle(first_share: Array, second_share: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
+def _triangle_points(first_share: Array, second_share: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
     """Points (N, 2) m with these shares along the vectors to start and end of side k; `depth` is not used."""
     return np.outer(first_share, sides[k].start) + np.outer(second_share, sides[k].end)
 
@@ -176,7 +176,7 @@ def _side_shares(p: Array, sides: Sequence[Side], k: int, depth: float) -> tuple
         radius, angle = np.hypot(*start), np.arctan2(arm[:, 1], arm[:, 0]) - np.arctan2(start[1], start[0])
         angle = (angle + np.pi) % (2.0 * np.pi) - np.pi
         return angle / side.angle, (radius - np.hypot(*arm.T)) / scale
-    (a, b), (c, d) = ends_of(sides, k, lambda _: 0.0), ends_of(sides, k, lambda _: -scale)
+    (a, b), (c, d) = shifted_ends(sides, k, lambda _: 0.0), shifted_ends(sides, k, lambda _: -scale)
     along = (b - a) / np.linalg.norm(b - a)
     eta = (p - a) @ [-along[1], along[0]] / scale
     start, end = (np.outer(1.0 - eta, outer) + np.outer(eta, inner) for outer, inner in ((a, c), (b, d)))
@@ -190,7 +190,7 @@ def _side_points(xi: Array, eta: Array, sides: Sequence[Side], k: int, depth: fl
         start = np.subtract(side.start, side.centre)
         angle, r = np.arctan2(start[1], start[0]) + xi * side.angle, np.hypot(*start) - eta * depth
         return np.asarray(side.centre + r[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1))
-    (a, b), (c, d) = ends_of(sides, k, lambda _: 0.0), ends_of(sides, k, lambda _: -depth)
+    (a, b), (c, d) = shifted_ends(sides, k, lambda _: 0.0), shifted_ends(sides, k, lambda _: -depth)
     start, end = (np.outer(1.0 - eta, outer) + np.outer(eta, inner) for outer, inner in ((a, c), (b, d)))
     return np.asarray((1.0 - xi)[:, None] * start + xi[:, None] * end)
 
@@ -221,7 +221,7 @@ class BoxBoom:
     tail_layer: float = 0.0
     frames: tuple[float, ...] = ()  # coordinates x at which a transverse plate stiffens a shell all around
     frame_depth: float = 0.0  # of these plates, inwards from the walls; infinite: they close the section
-    parts: tuple[Part, ...] = ()  # stretches along x; by default a single one with these sides
+    parts: tuple[BoxStretch, ...] = ()  # stretches along x; by default a single one with these sides
 
     def __post_init__(self) -> None:
         thinnest, around = THINNEST * self.layer, sum(side.length for side in self.sides)
@@ -296,16 +296,16 @@ def write_shell(boom: BoxBoom, file: Path) -> None:
     Each rectangle is split by both of its diagonals, which prefers no direction.
     """
     with Drawing() as drawing:
-        curves = _section(drawing, boom, 0.0, 0.0)
+        curves = _section_curves(drawing, boom, 0.0, 0.0)
         groups: dict[str, list[Entity]] = {"tail": [(1, curve) for curve in curves]}
         for start, end in zip(boom.stations[:-1], boom.stations[1:], strict=True):
             swept = drawing.sweep([(1, c) for c in curves], end - start, boom.layers(start, end), quads=True)
             curves = [tag for _, tag in swept[::4]]  # of each curve: its copy, the surface, two more lines
-            tapers = any(part.tapers for part in boom.parts if part.start < (start + end) / 2.0 < part.end)
+            tapers = any(part.is_tapered for part in boom.parts if part.start < (start + end) / 2.0 < part.end)
             for side, surface in zip(boom.sides, swept[1::4], strict=True):
                 groups.setdefault(side.name + tapers * TAPERED, []).append(surface)
             if end in boom.frames:
-                groups.setdefault("frames", []).extend(_frame(drawing, boom, curves, end))
+                groups.setdefault("frames", []).extend(_frame_surfaces(drawing, boom, curves, end))
         groups["tip"] = [(1, curve) for curve in curves]
         drawing.write(groups, file, lambda points: taper_points(points, boom.sides, boom.parts, boom.frame_depth))
 
@@ -334,11 +334,11 @@ def write_solid(boom: BoxBoom, file: Path, hexahedra: bool = True) -> None:
         drawing.write(groups, file)
 
 
-def _section(drawing: Drawing, boom: BoxBoom, x: float, inset: float) -> list[int]:
+def _section_curves(drawing: Drawing, boom: BoxBoom, x: float, inset: float) -> list[int]:
     """Curves (tags) around the section at x, moved inwards by `inset` (m) but with the divisions of the mid-line."""
     curves = []
     for k, side in enumerate(boom.sides):
-        start, end = (drawing.point(x, *p) for p in ends_of(boom.sides, k, lambda side: -inset))
+        start, end = (drawing.point(x, *p) for p in shifted_ends(boom.sides, k, lambda side: -inset))
         if side.centre is None:
             curves.append(drawing.line(start, end, side.cells(boom.size)))
         else:
@@ -346,18 +346,18 @@ def _section(drawing: Drawing, boom: BoxBoom, x: float, inset: float) -> list[in
     return curves
 
 
-def _frame(drawing: Drawing, boom: BoxBoom, outer: list[int], x: float) -> list[Entity]:
+def _frame_surfaces(drawing: Drawing, boom: BoxBoom, outer: list[int], x: float) -> list[Entity]:
     """Surfaces of a frame at x: within the curves `outer` up to the frames' depth, or all that they enclose."""
     if boom.frame_depth == np.inf:
-        return [drawing.filled(outer)]
-    inner = _section(drawing, boom, x, boom.frame_depth)
+        return [drawing.fill(outer)]
+    inner = _section_curves(drawing, boom, x, boom.frame_depth)
     return drawing.strips(outer, inner, max(1, round(boom.frame_depth / boom.size)))
 
 
 def _wall_patches(drawing: Drawing, boom: BoxBoom, quads: bool) -> list[Entity]:
     """Surfaces of the walls' cross-section at x = 0: one for each side, and one for each right-angled sharp corner."""
     patches, count = [], len(boom.sides)
-    inside = [[drawing.point(0.0, *p) for p in ends_of(boom.sides, k, _inside)] for k in range(count)]
+    inside = [[drawing.point(0.0, *p) for p in shifted_ends(boom.sides, k, _inner_distance)] for k in range(count)]
     outside = [[drawing.point(0.0, *p) for p in _outer_ends(boom, k)] for k in range(count)]
     for k, side in enumerate(boom.sides):
         (a, b), (d, c) = outside[k], inside[k]
@@ -369,19 +369,19 @@ def _wall_patches(drawing: Drawing, boom: BoxBoom, quads: bool) -> list[Entity]:
             along = drawing.arc(a, centre, b, n), drawing.arc(c, centre, d, n)
         patches.append(drawing.patch([along[0], drawing.line(b, c, 1), along[1], drawing.line(d, a, 1)], quads))
         if _is_square(boom, k):
-            corner = drawing.point(0.0, *ends_of(boom.sides, k, _outside)[1])
+            corner = drawing.point(0.0, *shifted_ends(boom.sides, k, _outer_distance)[1])
             next_ = outside[after][0]
             sides = [drawing.line(b, corner, 1), drawing.line(corner, next_, 1), drawing.line(next_, c, 1)]
             patches.append(drawing.patch([*sides, drawing.line(c, b, 1)], quads))
     return patches
 
 
-def _outside(side: Side) -> float:
+def _outer_distance(side: Side) -> float:
     """Distance from the mid-surface to the outer surface, m."""
     return side.thickness / 2.0
 
 
-def _inside(side: Side) -> float:
+def _inner_distance(side: Side) -> float:
     """Distance from the mid-surface to the inner surface, m; negative, as it counts outwards."""
     return -side.thickness / 2.0
 
@@ -391,10 +391,10 @@ def _outer_ends(boom: BoxBoom, k: int) -> tuple[Array, Array]:
 
     They are opposite the inner line's ends where a patch of its own fills the corner, elsewhere mitred.
     """
-    side, outer = boom.sides[k], ends_of(boom.sides, k, _outside)
+    side, outer = boom.sides[k], shifted_ends(boom.sides, k, _outer_distance)
     inner = [
-        at + side.thickness * out(side, end)
-        for end, at in zip((side.start, side.end), ends_of(boom.sides, k, _inside), strict=True)
+        at + side.thickness * outward_normal(side, end)
+        for end, at in zip((side.start, side.end), shifted_ends(boom.sides, k, _inner_distance), strict=True)
     ]
     first = inner[0] if _is_square(boom, k - 1) else outer[0]
     return first, inner[1] if _is_square(boom, k) else outer[1]
@@ -404,7 +404,7 @@ def _is_square(boom: BoxBoom, k: int) -> bool:
     """Whether side k and the next one are flat and meet at a right angle."""
     side, after = boom.sides[k], boom.sides[(k + 1) % len(boom.sides)]
     flat = side.centre is None and after.centre is None
-    return flat and abs(float(out(side, side.end) @ out(after, after.start))) < SQUARE
+    return flat and abs(float(outward_normal(side, side.end) @ outward_normal(after, after.start))) < SQUARE
 
 
 @dataclass(frozen=True)
@@ -426,6 +426,6 @@ def _outer_faces(boom: BoxBoom) -> dict[str, _Plane]:
     planes = {"tail": _Plane(np.eye(3)[0], 0.0), "tip": _Plane(np.eye(3)[0], boom.length)}
     for side in boom.sides:
         if side.centre is None:
-            normal = out(side, side.start)
+            normal = outward_normal(side, side.start)
             planes[side.name] = _Plane(np.array([0.0, *normal]), float(normal @ side.start) + side.thickness / 2.0)
     return planes

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.errors.environment import needed
+from pmr.errors.environment import import_package
 from pmr.mesh.named import read_mesh_file
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ class Drawing:
     """
 
     def __enter__(self) -> Drawing:
-        gmsh = needed("gmsh")
+        gmsh = import_package("gmsh")
         gmsh.initialize(interruptible=False)
         gmsh.option.setNumber("General.Terminal", 0)
         self._model: Any = gmsh.model
@@ -86,7 +86,7 @@ class Drawing:
             geo.mesh.setRecombine(2, surface)
         return 2, surface
 
-    def filled(self, curves: Sequence[int]) -> Entity:
+    def fill(self, curves: Sequence[int]) -> Entity:
         """Plane surface within closed curves, meshed by triangles as large as the curves' divisions."""
         geo = self._model.geo
         return 2, geo.addPlaneSurface([geo.addCurveLoop(list(curves), reorient=True)])

@@ -54,7 +54,9 @@ def read_mesh_file(file: Path) -> MeshFile:
 
     Raises an `InputError` if the file can't be read, or a cell has corners that are not among its points.
     """
-    content = _of_deck(read_deck(file)) if file.suffix.lower() == ".inp" and file.is_file() else _by_meshio(file)
+    content = (
+        _deck_content(read_deck(file)) if file.suffix.lower() == ".inp" and file.is_file() else _meshio_content(file)
+    )
     for block in content.blocks:
         missing = (block.corners < 0) | (block.corners >= len(content.points))
         if missing.any():
@@ -67,7 +69,7 @@ def read_mesh_file(file: Path) -> MeshFile:
     return content
 
 
-def _of_deck(deck: Deck) -> MeshFile:
+def _deck_content(deck: Deck) -> MeshFile:
     """Points, cells and groups of a deck; raises an `InputError` for missing nodes or cells that are not linear."""
     place = {number: k for k, number in enumerate(deck.nodes)}
     blocks = list[Cells]()
@@ -75,7 +77,7 @@ def _of_deck(deck: Deck) -> MeshFile:
         for line, number, nodes in zip(block.lines, block.numbers, block.nodes, strict=True):
             missing = next((node for node in nodes if node not in place), None)
             if missing is not None:
-                raise deck.refusal(line, f"element {number} has node {missing}, which is not in the file")
+                raise deck.line_error(line, f"element {number} has node {missing}, which is not in the file")
         kind = KINDS.get(block.type)
         if kind is None:
             raise InputError(deck.source, "", None, f"cells of type {block.type}; linear cells are allowed")
@@ -83,13 +85,15 @@ def _of_deck(deck: Deck) -> MeshFile:
             blocks.append(Cells(kind, np.array([[place[node] for node in nodes] for nodes in block.nodes], np.int64)))
     numbers = [np.array(block.numbers) for block in deck.elements if block.nodes]
     groups = {
-        deck.spelled[name]: [np.flatnonzero(np.isin(element_numbers, list(members))) for element_numbers in numbers]
+        deck.set_spellings[name]: [
+            np.flatnonzero(np.isin(element_numbers, list(members))) for element_numbers in numbers
+        ]
         for name, members in deck.element_sets.items()
     }
     return MeshFile(np.array(list(deck.nodes.values()), float).reshape(-1, 3), blocks, groups)
 
 
-def _by_meshio(file: Path) -> MeshFile:
+def _meshio_content(file: Path) -> MeshFile:
     """Points, cells and groups that meshio reads; raises an `InputError` if it can't, or cells are not linear."""
     import meshio
 
@@ -136,7 +140,7 @@ DEGENERATE = 1e-6
 FOLDED = -0.99
 
 
-def unsound(cell: str, points: Array, cells: Indices) -> str:
+def mesh_fault(cell: str, points: Array, cells: Indices) -> str:
     """Describe why a mesh is unsound; an empty text if it is sound.
 
     `cell` is the kind of cells in dolfinx' words.
@@ -154,7 +158,7 @@ def unsound(cell: str, points: Array, cells: Indices) -> str:
         return f"{inverted} of {len(cells)} cells are inverted (negative volume at a corner)"
     facets = cells[:, cell_topology(cell)[-2]]
     facet_codes = codes(np.sort(facets.reshape(-1, facets.shape[-1]), axis=1), len(points)).reshape(len(cells), -1)
-    parts, sizes = _parts(facet_codes)
+    parts, sizes = _connected_parts(facet_codes)
     if parts > 1:
         shown = ", ".join(map(str, sizes[:4])) + (", ..." if parts > 4 else "")
         where = "edges" if cell == "triangle" else "faces"
@@ -183,7 +187,7 @@ def _corner_volumes(cell: str, corners: Array) -> Array:
     return np.asarray(np.einsum("cki,cki->ck", np.cross(a, b), c))
 
 
-def _parts(facet_codes: Indices) -> tuple[int, list[int]]:
+def _connected_parts(facet_codes: Indices) -> tuple[int, list[int]]:
     """Number of parts of cells that are connected through facets, and their numbers of cells, largest first.
 
     `facet_codes` (C, f) are the codes of each cell's facets.
@@ -331,7 +335,7 @@ def named_mesh(
     number = np.full(len(points), -1, np.int64)
     number[ordered] = np.arange(len(ordered))
     points, cells = np.ascontiguousarray(points[ordered]), number[cells]
-    problem = unsound(cell_kinds[0], points, cells)
+    problem = mesh_fault(cell_kinds[0], points, cells)
     if problem:
         raise InputError(source, "", None, problem)
     offsets = np.cumsum([0] + [len(vertices) if dim == top else 0 for _, dim, vertices in blocks])

@@ -39,7 +39,7 @@ class Nodes:
     codes: Mapping[int, Indices]  # (e,): by dimension, ascending codes of the entities
     first: Mapping[int, Indices]  # (e,): by dimension, first coordinate of each entity's node
     in_cell: Mapping[int, Indices]  # (C, k): by dimension, each cell's entities in the order of the reference cell
-    at: Array  # (n, 3) m: position of each coordinate's node
+    points: Array  # (n, 3) m: position of each coordinate's node
     component: NDArray[np.int64]  # (n,): 0, 1, 2 for displacements along x, y, z; 3, 4, 5 for rotations
 
     @property
@@ -47,7 +47,7 @@ class Nodes:
         """Number of coordinates n."""
         return len(self.component)
 
-    def of(self, entities: Indices, dim: int, points: int) -> Indices:
+    def first_coordinates(self, entities: Indices, dim: int, points: int) -> Indices:
         """First coordinate (e,) of the node on each of the entities (e, k), given by vertices, of dimension `dim`.
 
         `points` is the number of the mesh's vertices.  Raises a `KeyError` if one of them is no entity of the mesh.
@@ -59,7 +59,7 @@ class Nodes:
             raise KeyError(f"{np.sum(absent)} of {len(entity_codes)} entities are not part of any cell")
         return self.first[dim][place]
 
-    def per_component(self, cells: Indices) -> list[Indices]:
+    def component_coordinates(self, cells: Indices) -> list[Indices]:
         """Numbers (c, d) of the coordinates on the given cells, one array for each component.
 
         They are in the order of the element's functions.
@@ -87,7 +87,7 @@ def number_nodes(cell: str, points: Array, cells: Indices, components: Mapping[i
         vertices = np.sort(cells[:, topology[dim]], axis=-1)
         flat = vertices.reshape(-1, vertices.shape[-1])
         code[dim], once, inverse = np.unique(
-            _codes(flat, dim, cells, len(points)), return_index=True, return_inverse=True
+            _dimension_codes(flat, dim, cells, len(points)), return_index=True, return_inverse=True
         )
         in_cell[dim] = inverse.reshape(vertices.shape[:2])
         places.append(points[flat[once]].mean(axis=1))
@@ -107,7 +107,7 @@ def number_nodes(cell: str, points: Array, cells: Indices, components: Mapping[i
     return Nodes(components, code, first, in_cell, at, component)
 
 
-def _codes(flat: Indices, dim: int, cells: Indices, points: int) -> Indices:
+def _dimension_codes(flat: Indices, dim: int, cells: Indices, points: int) -> Indices:
     """Unique numbers (e,) of entities `flat` (e, k) with sorted vertices: their `codes`, or if `dim` is 3 their order.
 
     In the latter case `cells` are the entities: cells may share their three lowest vertices.

@@ -48,7 +48,7 @@ class Trace:
     points: Array  # (q, 3) m
     weights: Array  # (q,) m^dim, Jacobian included: they add up to the group's measure (points: to their number)
     values: tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]  # (q, n) each: displacement along x, y, z
-    beside: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: from the points' centroid to the point measured
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: from the points' centroid to the point measured
 
     @property
     def measure(self) -> float:
@@ -58,7 +58,7 @@ class Trace:
     @property
     def centroid(self) -> Array:
         """Centroid of the points plus `beside`, (3,) m."""
-        return np.asarray(self.weights @ self.points / self.measure + self.beside)
+        return np.asarray(self.weights @ self.points / self.measure + self.offset)
 
     @cached_property
     def mean(self) -> sp.csr_matrix:
@@ -69,14 +69,16 @@ class Trace:
         mean = sp.csr_matrix(self.weights / self.weights.sum())
         mean_rows = sp.vstack([mean @ component for component in self.values], format="csr")
         return (
-            mean_rows + sp.csr_matrix(-_cross(np.array(self.beside))) @ self.rotation if any(self.beside) else mean_rows
+            mean_rows + sp.csr_matrix(-_cross_matrix(np.array(self.offset))) @ self.rotation
+            if any(self.offset)
+            else mean_rows
         )
 
-    def at(self, axis: int, place: float) -> Trace:
+    def shift_to(self, axis: int, place: float) -> Trace:
         """This trace for the coordinate `place` (m) on an axis, 0 to 2; unchanged if the points' centroid is there."""
         offset = np.eye(3)[axis] * (place - self.centroid[axis])
         close = np.abs(offset).max() <= 1e-9 * np.abs(self.points - self.centroid).max(initial=0.0)
-        return self if close else replace(self, beside=tuple(offset.tolist()))
+        return self if close else replace(self, offset=tuple(offset.tolist()))
 
     def motion(self, about: Array | None = None) -> sp.csr_matrix:
         """Rows (6, n) of displacement and rotation of the point `about` (3,) m that follows the group's mean motion.
@@ -84,7 +86,7 @@ class Trace:
         By default it is the centroid.  Raises an `InputError` as `rotation`.
         """
         arm = np.zeros(3) if about is None else np.asarray(about, float) - self.centroid
-        return sp.vstack([self.mean + sp.csr_matrix(-_cross(arm)) @ self.rotation, self.rotation], format="csr")
+        return sp.vstack([self.mean + sp.csr_matrix(-_cross_matrix(arm)) @ self.rotation, self.rotation], format="csr")
 
     @cached_property
     def rotation(self) -> sp.csr_matrix:
@@ -92,7 +94,7 @@ class Trace:
 
         Raises an `InputError` if the group's points lie on a line, about which the rotation is undetermined.
         """
-        r, w = self.points - self.centroid + self.beside, self.weights
+        r, w = self.points - self.centroid + self.offset, self.weights
         J = np.eye(3) * (w @ (r**2).sum(axis=1)) - (r.T * w) @ r
         if np.linalg.eigvalsh(J)[0] <= 1e-9 * max(np.trace(J), 1e-300):
             allowed = "points of this group lie on a line, which leaves the rotation about it open; an area is allowed"
@@ -103,14 +105,14 @@ class Trace:
         return sp.csr_matrix(sp.csr_matrix(np.linalg.inv(J)) @ moments)
 
 
-def trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int, parts: int = 1) -> Trace:
+def group_trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int, parts: int = 1) -> Trace:
     """Displacements on a named group, of a Lagrange space of the given polynomial degree.
 
     Each entity of the group is cut into `parts` along every direction, for weights that vary within it.
 
     Raises an `InputError` if the mesh has no such group, or the group's entities are not part of the mesh's cells.
     """
-    group = _group(mesh, name)
+    group = _named_group(mesh, name)
     kind = ENTITY_KINDS[group.dim, group.entities.shape[1]]
     weights, shape, _ = lagrange_rule(kind, degree, QUADRATURE_DEGREE, parts)
     _, linear, slopes = lagrange_rule(kind, 1, QUADRATURE_DEGREE, parts)
@@ -120,7 +122,7 @@ def trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int, parts: int = 1)
     jacobian = np.einsum("dqk,eki->eqid", slopes, corners, optimize=True)
     metric = np.einsum("eqic,eqid->eqcd", jacobian, jacobian)
     measure = np.sqrt(np.linalg.det(metric)) if group.dim else np.ones((1, 1))
-    first = _nodes_of(mesh, nodes, name, kind)
+    first = _entity_nodes(mesh, nodes, name, kind)
     order = np.argsort(first, axis=1)
     columns = np.repeat(np.take_along_axis(first, order, axis=1)[:, None, :], len(weights), axis=1)
     ends = np.arange(0, columns.size + 1, first.shape[1])
@@ -134,7 +136,7 @@ def trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int, parts: int = 1)
     )
 
 
-def section(mesh: NamedMesh, nodes: Nodes, at: float, degree: int) -> Trace:
+def section_trace(mesh: NamedMesh, nodes: Nodes, at: float, degree: int) -> Trace:
     """Displacements on the cross-section at the coordinate `at` (m) along the mesh's longest extent.
 
     They are weighted by a hat over the cells around it, as a mesh need not have nodes in the cross-section.
@@ -153,9 +155,9 @@ def section(mesh: NamedMesh, nodes: Nodes, at: float, degree: int) -> Trace:
     near = np.flatnonzero((high > at - reach) & (low < at + reach))
     name, dim = f"section at {at:g} m", 2 if mesh.cell == "triangle" else 3
     cut = replace(mesh, groups={name: Group(dim, mesh.cells[near])}, regions={name: near})
-    cells_around = trace(cut, nodes, name, degree, parts=2 if dim == 2 else 1)
+    cells_around = group_trace(cut, nodes, name, degree, parts=2 if dim == 2 else 1)
     hat = np.maximum(0.0, 1.0 - np.abs(cells_around.points[:, axis] - at) / reach)
-    return replace(cells_around, weights=cells_around.weights * hat).at(axis, at)
+    return replace(cells_around, weights=cells_around.weights * hat).shift_to(axis, at)
 
 
 def coordinates_on(mesh: NamedMesh, nodes: Nodes, name: str, components: Sequence[int]) -> Indices:
@@ -163,7 +165,7 @@ def coordinates_on(mesh: NamedMesh, nodes: Nodes, name: str, components: Sequenc
 
     Raises an `InputError` as `trace`.
     """
-    group = _group(mesh, name)
+    group = _named_group(mesh, name)
     topology = cell_topology(ENTITY_KINDS[group.dim, group.entities.shape[1]]) if group.dim else [[[0]]]
     coordinates = []
     for dim, parts in enumerate(topology):
@@ -174,13 +176,13 @@ def coordinates_on(mesh: NamedMesh, nodes: Nodes, name: str, components: Sequenc
     return on[np.isin(nodes.component[on], components)]
 
 
-def _group(mesh: NamedMesh, name: str) -> Group:
+def _named_group(mesh: NamedMesh, name: str) -> Group:
     """The named group; raises an `InputError` if the mesh has none of this name."""
     mesh.require([name])
     return mesh.groups[name]
 
 
-def _nodes_of(mesh: NamedMesh, nodes: Nodes, name: str, kind: str) -> Indices:
+def _entity_nodes(mesh: NamedMesh, nodes: Nodes, name: str, kind: str) -> Indices:
     """First coordinates (e, k) of the displacement nodes on each entity of a group, ordered as Lagrange functions."""
     topology = cell_topology(kind) if mesh.groups[name].dim else [[[0]]]
     tables = [
@@ -202,13 +204,13 @@ def _part_coordinates(mesh: NamedMesh, nodes: Nodes, name: str, parts: list[list
     if dim == 3:
         return nodes.first[3][mesh.regions[name]][:, None]
     try:
-        first = nodes.of(vertices.reshape(-1, vertices.shape[2]), dim, len(mesh.points))
+        first = nodes.first_coordinates(vertices.reshape(-1, vertices.shape[2]), dim, len(mesh.points))
     except KeyError as error:
         raise InputError(mesh.source, "", None, f"group {name}: {error.args[0]}") from None
     return first.reshape(vertices.shape[:2])
 
 
-def _cross(a: Array) -> Array:
+def _cross_matrix(a: Array) -> Array:
     """Matrix (3, 3) of the cross product a x (.)."""
     return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
 
@@ -299,7 +301,7 @@ def flat_face(mesh: NamedMesh, name: str) -> FlatFace:
     group, axis = mesh.groups[name], mesh.axis
     if group.dim != 2:
         raise InputError(mesh.source, "", None, f"group {name} is no face, pads slide on faces only")
-    normal = _normal(mesh, group, name)
+    normal = _face_normal(mesh, group, name)
     if abs(normal[axis]) > np.sqrt(1.0 - FLAT**2):
         raise InputError("scene", "pads.on", name, "this face lies across the body's axis; faces along it are allowed")
     unit = np.eye(3)
@@ -328,7 +330,7 @@ def face_strip(face: FlatFace, nodes: Nodes, window: Window) -> Strip:
         allowed = f"cells of this face are up to {parts} times as large as a pad resolves; finer cells or larger pads"
         raise InputError("scene", "pads.on", name, f"{allowed} are allowed")
     cut = replace(mesh, groups={name: Group(2, mesh.groups[name].entities[inside])})
-    points = trace(cut, nodes, name, degree=2, parts=max(1, parts))
+    points = group_trace(cut, nodes, name, degree=2, parts=max(1, parts))
     place = points.points @ face.axes.T
     within = np.flatnonzero(((place > low) & (place < high)).all(axis=1))
     displacement = sum(c * component[within] for c, component in zip(face.normal, points.values, strict=True) if c)
@@ -353,7 +355,7 @@ def line_points(window: Window, stations: Array) -> tuple[Array, Array]:
     return (middle + half * x).ravel(), (half * w).ravel()
 
 
-def _normal(mesh: NamedMesh, group: Group, face: str) -> Array:
+def _face_normal(mesh: NamedMesh, group: Group, face: str) -> Array:
     """Outward unit normal (3,) of a face, whatever the order of its vertices.
 
     Raises an `InputError` if it is not flat.
@@ -366,10 +368,10 @@ def _normal(mesh: NamedMesh, group: Group, face: str) -> Array:
     mean /= np.linalg.norm(mean)
     if np.any(normals @ mean < FLAT):
         raise InputError("scene", "pads.on", face, "this face is not flat; flat faces are allowed")
-    return outward(face, mean, a.mean(axis=0), mesh.points)
+    return orient_outward(face, mean, a.mean(axis=0), mesh.points)
 
 
-def outward(face: str, normal: Array, middle: Array, points: Array) -> Array:
+def orient_outward(face: str, normal: Array, middle: Array, points: Array) -> Array:
     """A face's normal (3,), turned to point out of the body of `points` (N, 3); `middle` (3,) is the face's middle.
 
     If the face is in the middle of a flat body, its name decides, by the direction that `FACES` gives for it.  Raises

@@ -204,7 +204,7 @@ class Cut:
     element: Indices  # (2 p,): the whole beam's element at both ends of each piece
 
 
-def bilinear(S: Any, v: Sequence[Any], u: Sequence[Any]) -> Any:
+def ufl_product(S: Any, v: Sequence[Any], u: Sequence[Any]) -> Any:
     """The product v . S u in UFL, for S (3, 3); components of v or u that are None count as zero."""
     return sum(S[j, k] * v[j] * u[k] for j in range(3) for k in range(3) if v[j] is not None and u[k] is not None)
 

@@ -75,7 +75,7 @@ class Beam(ABC):
 
     @property
     @abstractmethod
-    def of_node(self) -> Array:
+    def node_transformations(self) -> Array:
         """Matrices (K, d, d) from a node's coordinates of the model to those of the function space, by section."""
 
     @abstractmethod
@@ -120,7 +120,7 @@ class Beam(ABC):
     def number(self) -> Indices:
         """Number of each element's section, (E,)."""
         middles = self.node_stations[self.grid.cells].mean(axis=1)
-        return np.zeros(len(middles), np.int64) if self.sections is None else self.sections.at(middles)
+        return np.zeros(len(middles), np.int64) if self.sections is None else self.sections.section_numbers(middles)
 
     @cached_property
     def first(self) -> Indices:
@@ -137,22 +137,22 @@ class Beam(ABC):
         for k in (0, 1):
             of[self.first + k], number[self.first + k] = self.grid.cells[:, k], self.number
         shape = (d * size, d * len(self.node_stations))
-        T = sp.bsr_matrix((self.of_node[number], of, np.arange(size + 1)), shape=shape).tocsr()
+        T = sp.bsr_matrix((self.node_transformations[number], of, np.arange(size + 1)), shape=shape).tocsr()
         T.eliminate_zeros()
         return T
 
     def motions(self, places: Array) -> sp.csr_matrix:
         """Rows (k d, n) that measure displacements and rotations of the axis at distances `places` (k,) m along it."""
-        return self._measured(places, np.eye(len(self.directions)))
+        return self._axis_rows(places, np.eye(len(self.directions)))
 
-    def _measured(self, places: Array, of: Array) -> sp.csr_matrix:
+    def _axis_rows(self, places: Array, of: Array) -> sp.csr_matrix:
         """Rows (k m, n): m linear combinations `of` (m, d) of the axis' motions at each of k places, in m along it."""
         d, x = len(self.directions), self.node_stations[self.grid.cells]
         e = np.clip(np.searchsorted(x[:, 0], places, side="right") - 1, 0, None)  # at a node the one behind it
         h = np.diff(x)[e, 0]
         ends = of @ self.in_elements(h, (places - x[e, 0]) / h, self.number[e])
         ends = ends.reshape(len(places), len(of), 2, d).swapaxes(1, 2)
-        local = ends @ self.of_node[self.number[e], None]  # `transformation` of these elements alone
+        local = ends @ self.node_transformations[self.number[e], None]  # `transformation` of these elements alone
         columns = d * self.grid.cells[e][:, None, :, None] + np.arange(d)
         entries, columns = (part.ravel() for part in np.broadcast_arrays(local.swapaxes(1, 2), columns))
         starts = np.arange(0, entries.size + 1, 2 * d)
@@ -163,9 +163,9 @@ class Beam(ABC):
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
         """Rows (d, n) that measure a place's motion at the point `about` (3,) m, by default its centroid."""
         at = self.station(place)
-        return self._motions_of(np.array([at]), np.array([self.centroid(at) if about is None else about]))
+        return self._point_motions(np.array([at]), np.array([self.centroid(at) if about is None else about]))
 
-    def _motions_of(self, at: Array, points: Array) -> sp.csr_matrix:
+    def _point_motions(self, at: Array, points: Array) -> sp.csr_matrix:
         """Rows (k d, n) of the motions of k points, which move with the sections at k distances along the axis.
 
         `at` (k,) are the distances, `points` (k, 3) the points, in m.
@@ -181,7 +181,7 @@ class Beam(ABC):
         rows.eliminate_zeros()
         return rows
 
-    def interpolated(self, places: Array) -> sp.csr_matrix:
+    def coordinates_at(self, places: Array) -> sp.csr_matrix:
         """Rows (k d, n) of the coordinates that nodes at `places` (k,) m along the axis would have."""
         return sp.csr_matrix(sp.diags(np.tile(self.signs, len(places))) @ self.motions(places))
 
@@ -198,7 +198,9 @@ class Beam(ABC):
         across = sum(window.across) / 2.0
         turning = np.cross(across * plane.across, plane.normal)  # (theta x arm) n = theta (arm x n)
         of = np.concatenate([plane.normal, turning])[[DIRECTIONS.index(direction) for direction in self.directions]]
-        return Strip(points, np.full(len(points), across), weights, self._measured(points, of[None]), extent, line=True)
+        return Strip(
+            points, np.full(len(points), across), weights, self._axis_rows(points, of[None]), extent, line=True
+        )
 
     def section_forces(self) -> ForceRows:
         """Section forces at both ends of each element, as rows on the model's coordinates."""
@@ -212,7 +214,7 @@ class Beam(ABC):
         """Strains at both ends of each element, on the space's coordinates."""
         return cell_values(self, self.strains, np.array([[0.0], [1.0]]))
 
-    def of_elements(self, mesh: Any, values: Array) -> Any:
+    def element_property(self, mesh: Any, values: Array) -> Any:
         """A property `values` (K,) of the sections in UFL: constant in each element."""
         return constant(mesh, float(values[0])) if len(values) == 1 else cellwise(mesh, values[self.number])
 
@@ -233,7 +235,7 @@ class Beam(ABC):
         picked = sp.csr_matrix((np.ones(len(inner)), (inner, column[number[inner]])), shape=shape)
         joined = sp.csr_matrix(sp.kron(picked, sp.eye(d)))
         pieces = parts * (len(x) - 1)
-        return Cut(beam, self.interpolated(beam.node_stations), joined, np.repeat(np.arange(pieces), 2) // parts)
+        return Cut(beam, self.coordinates_at(beam.node_stations), joined, np.repeat(np.arange(pieces), 2) // parts)
 
     def end_forces(self) -> sp.csr_matrix:
         """Rows that turn forces on the coordinates at elements' ends into section forces; see `Line.end_forces`."""
@@ -273,7 +275,7 @@ class Beam(ABC):
 
         .. math:: N = -\int_x^L \rho A\, (a + b \xi)\, d\xi + \sum_{x_i > x} F_i
         """
-        mass, ends, middle, h = self._elements_of_mass()
+        mass, ends, middle, h = self._element_masses()
         a, b = (float(value) for value in (state.acceleration[0], state.stretch))
         x, mass_here, end = ufl.SpatialCoordinate(mesh)[0], cellwise(mesh, mass), cellwise(mesh, ends)
         beyond = self._beyond(mass * h * (a + b * middle))
@@ -289,14 +291,14 @@ class Beam(ABC):
 
         .. math:: M = -\int_x^L \rho A\, a\, (\xi - x)\, d\xi + \sum_{x_i > x} F_i\, (x_i - x)
         """
-        mass, ends, middle, h = self._elements_of_mass()
+        mass, ends, middle, h = self._element_masses()
         x, a = ufl.SpatialCoordinate(mesh)[0], constant(mesh, float(state.acceleration[component]))
         force, arm = self._sums_beyond(mesh, state, component)
         beyond, first = (cellwise(mesh, self._beyond(mass * h * by)) for by in (np.ones_like(h), middle))
         within = cellwise(mesh, mass) * (cellwise(mesh, ends) - x) ** 2 / 2.0
         return arm - force * x - a * (within + first - beyond * x)
 
-    def _elements_of_mass(self) -> tuple[Array, Array, Array, Array]:
+    def _element_masses(self) -> tuple[Array, Array, Array, Array]:
         """Mass per length (kg/m), end, middle and length (m) of each element, (E,) each."""
         ends = self.node_stations[self.grid.cells]
         return self.masses, ends[:, 1], ends.mean(axis=1), np.diff(ends)[:, 0]
@@ -321,7 +323,7 @@ class Beam(ABC):
     def displacement(self, *places: str | float) -> sp.csr_matrix:
         """Rows (k t, n) of the displacements of the centroids at k places, along the t directions among x, y and z."""
         at = np.array([self.station(place) for place in places])
-        motions = self._motions_of(at, np.array([self.centroid(place) for place in at]))
+        motions = self._point_motions(at, np.array([self.centroid(place) for place in at]))
         return motions[np.flatnonzero(np.tile([d in "xyz" for d in self.directions], len(at)))]
 
     def station(self, place: str | float) -> float:

@@ -27,13 +27,13 @@ from pmr.errors import InputError
 from pmr.fem.compat import hermite_space
 from pmr.fields.stress import ForceRows, StressRows
 from pmr.mesh.trace import FACES, Extent, Plane
-from pmr.models import Forms, UnitState, bilinear
+from pmr.models import Forms, UnitState, ufl_product
 from pmr.models.beam import Beam, measure
 from pmr.models.sections_along import (
     HERMITE,
     Bending,
     SectionsAlong,
-    of_fibres,
+    fibre_stress_factors,
     sections_of,
     stations_of,
     stresses_along,
@@ -122,7 +122,7 @@ class Beam2D(Beam):
         return np.array([-1.0 if direction == "ry" else 1.0 for direction in self.directions])
 
     @cached_property
-    def of_node(self) -> Array:
+    def node_transformations(self) -> Array:
         """Matrices (K, d, d) from a node's coordinates on the axis to u of the centroid (if there is u), w and w'."""
         U = np.tile(np.eye(len(self.directions)), (len(self.stiffnesses.mass), 1, 1))
         if "x" in self.directions:
@@ -137,15 +137,15 @@ class Beam2D(Beam):
         """Mass and stiffness as UFL forms."""
         mesh, of = space.mesh, self.stiffnesses
         (u, _, w), (du, _, dw) = (self._displacement(field) for field in _trial_and_test(space))
-        stiffness = self.of_elements(mesh, of.bending) * w.dx(0).dx(0) * dw.dx(0).dx(0)
+        stiffness = self.element_property(mesh, of.bending) * w.dx(0).dx(0) * dw.dx(0).dx(0)
         if of.axial is not None:
-            stiffness += self.of_elements(mesh, of.axial) * u.dx(0) * du.dx(0)
+            stiffness += self.element_property(mesh, of.axial) * u.dx(0) * du.dx(0)
         return Forms(self.inertia(space, ufl.Identity(3)), stiffness * measure(mesh))
 
     def inertia(self, space: Any, S: Any) -> Any:
         """The UFL form of int rho A v . S u dx; without rotary inertia."""
         u, v = (self._displacement(field) for field in _trial_and_test(space))
-        return self.of_elements(space.mesh, self.stiffnesses.mass) * bilinear(S, v, u) * measure(space.mesh)
+        return self.element_property(space.mesh, self.stiffnesses.mass) * ufl_product(S, v, u) * measure(space.mesh)
 
     def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
         """The UFL form of int N w' dw' dx."""
@@ -160,7 +160,7 @@ class Beam2D(Beam):
 
     def in_elements(self, h: Array, X: Array, number: Indices) -> Array:
         """Motion (q, d, 2 d) of the axis at X h in q elements; see `Beam.in_elements`."""
-        d, (value, slope) = len(self.directions), Bending(self.stiffnesses.bending).interpolated(h, X, number)
+        d, (value, slope) = len(self.directions), Bending(self.stiffnesses.bending).shape_weights(h, X, number)
         local = np.zeros((len(h), d, 2 * d))
         for k, component in enumerate((d - 2, d - 1, 2 * d - 2, 2 * d - 1)):
             local[:, d - 2, component], local[:, d - 1, component] = value[k], -slope[k]
@@ -184,7 +184,7 @@ class Beam2D(Beam):
         """Axial stresses of the lowest and highest fibres; None for a beam that is given by its stiffnesses."""
         if self.sections is None:
             return None
-        return stresses_along(self.sections, np.repeat(self.number, 2), forces, element, of_fibres)
+        return stresses_along(self.sections, np.repeat(self.number, 2), forces, element, fibre_stress_factors)
 
     def on_nodes(self, stations: Array) -> Beam2D:
         """This beam with nodes at `stations` (N,) m; it is cut where two nodes are at the same point."""
@@ -197,7 +197,7 @@ class Beam2D(Beam):
         Without axial coordinates there is no normal force.
         """
         of_own = np.diag([1.0, 1.0, -1.0][-len(self.directions) :])
-        return (of_own @ np.linalg.inv(self.of_node).transpose(0, 2, 1))[self.number]
+        return (of_own @ np.linalg.inv(self.node_transformations).transpose(0, 2, 1))[self.number]
 
     @property
     def section_stiffness(self) -> dict[str, Array]:
@@ -237,7 +237,7 @@ class Beam2D(Beam):
 
 def planar_beam(body: Beam3DBody, box: Box, nodes: Array) -> Beam2D:
     """Planar beam of a box: on `nodes` (m), or on nodes of its own, about as many, if the box varies along the axis."""
-    if not box.variations:
+    if not box.varying_keys:
         return Beam2D(body, nodes)
     stations = stations_of(box.breaks, body.elements)
     return Beam2D(body, stations, sections_of(body, stations, box))

@@ -39,15 +39,15 @@ from numpy.typing import NDArray
 from pmr.fem.compat import cellwise, hermite_space
 from pmr.fields.stress import FORCES, ForceRows, StressRows
 from pmr.mesh.trace import FACES, Extent, Plane
-from pmr.models import DIRECTIONS, Forms, UnitState, bilinear
+from pmr.models import DIRECTIONS, Forms, UnitState, ufl_product
 from pmr.models.beam import Beam, measure
 from pmr.models.profile_section import RingMasses, ring_masses
 from pmr.models.sections_along import (
     Bending,
     Deflection,
     SectionsAlong,
-    about_own_centres,
-    of_corners,
+    centre_motion_matrices,
+    corner_stress_factors,
     sections_of,
     stations_of,
     stresses_along,
@@ -114,7 +114,7 @@ class Beam3D(Beam):
     @cached_property
     def _element_rings(self) -> RingMasses | None:
         """Areas of rings, spread over each element; None without rings."""
-        return None if self.rings is None else self.rings.at(self.node_stations[self.grid.cells].mean(axis=1))
+        return None if self.rings is None else self.rings.at_positions(self.node_stations[self.grid.cells].mean(axis=1))
 
     @property
     def directions(self) -> tuple[str, ...]:
@@ -127,7 +127,7 @@ class Beam3D(Beam):
         return np.ones(6)
 
     @cached_property
-    def of_node(self) -> Array:
+    def node_transformations(self) -> Array:
         """Matrices (K, 6, 6) from a node's motion of the axis to the space's coordinates u, phi, v, v', w and w'.
 
         u is that of the centroid, v and w those of the shear centre along the principal axes; v' is the rotation about
@@ -135,7 +135,7 @@ class Beam3D(Beam):
         """
         U = np.zeros((6, 6))
         U[range(6), [0, 3, 1, 5, 2, 4]] = 1.0, 1.0, 1.0, 1.0, 1.0, -1.0
-        return np.asarray(U @ self.sections.own_motion)
+        return np.asarray(U @ self.sections.centre_motions)
 
     def space(self, domain: Any) -> Any:
         """Function space on `domain`, an interval mesh: u, phi, and the Hermite functions of both planes."""
@@ -146,13 +146,13 @@ class Beam3D(Beam):
         mesh = space.mesh
         trial, test = ufl.TrialFunction(space), ufl.TestFunction(space)
         material, sections = self.body.material, self.sections
-        EA = self.of_elements(mesh, material.young * sections.area)
-        GJ = self.of_elements(mesh, material.shear_modulus * sections.torsion_constant)
+        EA = self.element_property(mesh, material.young * sections.area)
+        GJ = self.element_property(mesh, material.shear_modulus * sections.torsion_constant)
 
         u, du, phi, dphi = trial[0], test[0], trial[1], test[1]
         stiffness = EA * u.dx(0) * du.dx(0) + GJ * phi.dx(0) * dphi.dx(0)
         for plane, of, by in zip(self.planes, *(self._deflections(mesh, f) for f in (trial, test)), strict=True):
-            stiffness += plane.energy(of, by, partial(self.of_elements, mesh))
+            stiffness += plane.energy(of, by, partial(self.element_property, mesh))
         return Forms(self.inertia(space, ufl.Identity(3)), stiffness * measure(mesh))
 
     def inertia(self, space: Any, S: Any) -> Any:
@@ -166,15 +166,15 @@ class Beam3D(Beam):
         """
         mesh, sections, rho = space.mesh, self.sections, self.body.material.density
         sizes = sections.area, *sections.second_moments.T
-        if sections.turned:
-            turned = ufl.as_matrix([[1, 0, 0], *([0, *row] for row in self._turn(mesh))])
+        if sections.is_turned:
+            turned = ufl.as_matrix([[1, 0, 0], *([0, *row] for row in self._principal_rotation(mesh))])
             S = turned * S * ufl.transpose(turned)
         of, by = (self._motion(mesh, field) for field in (ufl.TrialFunction(space), ufl.TestFunction(space)))
         parts = zip(sizes, by, of, strict=True)
-        total = sum(self.of_elements(mesh, rho * size) * bilinear(S, v, u) for size, v, u in parts)
-        return (total + self._of_rings(mesh, S, by, of)) * measure(mesh)
+        total = sum(self.element_property(mesh, rho * size) * ufl_product(S, v, u) for size, v, u in parts)
+        return (total + self._ring_inertia(mesh, S, by, of)) * measure(mesh)
 
-    def _of_rings(self, mesh: Any, S: Any, by: Sequence[Motion], of: Sequence[Motion]) -> Any:
+    def _ring_inertia(self, mesh: Any, S: Any, by: Sequence[Motion], of: Sequence[Motion]) -> Any:
         """Integrand of the rings' inertia in UFL, from `_motion` of the test (`by`) and trial function (`of`).
 
         Rings have their own centroid and second moments.
@@ -194,15 +194,15 @@ class Beam3D(Beam):
                 centre = tuple(c if t is None else c + arm * t for c, t in zip(centre, turn, strict=True))
             return centre
 
-        total = cellwise(mesh, rho * added.area) * bilinear(S, centroid_motion(by), centroid_motion(of))
+        total = cellwise(mesh, rho * added.area) * ufl_product(S, centroid_motion(by), centroid_motion(of))
         for j in (0, 1):
             for k in (0, 1):
-                total += cellwise(mesh, second[:, j, k]) * bilinear(S, by[1 + j], of[1 + k])
+                total += cellwise(mesh, second[:, j, k]) * ufl_product(S, by[1 + j], of[1 + k])
         return total
 
-    def _turn(self, mesh: Any) -> list[list[Any]]:
+    def _principal_rotation(self, mesh: Any) -> list[list[Any]]:
         """Matrix R of the principal axes in UFL, constant in each element."""
-        return [[self.of_elements(mesh, self.sections.principal[:, i, j]) for j in (0, 1)] for i in (0, 1)]
+        return [[self.element_property(mesh, self.sections.principal[:, i, j]) for j in (0, 1)] for i in (0, 1)]
 
     def _motion(self, mesh: Any, field: Any) -> tuple[Motion, ...]:
         """Displacement of the centroid, then its derivatives along both principal axes of the section, in UFL.
@@ -214,14 +214,18 @@ class Beam3D(Beam):
             field[1],
             (None if deflection.shear is None else -deflection.rotation for deflection in (v, w)),
         )
-        return (field[0], *self._of_centroid(mesh, v.value, w.value, phi)), (turn_v, None, phi), (turn_w, -phi, None)
+        return (
+            (field[0], *self._centroid_deflections(mesh, v.value, w.value, phi)),
+            (turn_v, None, phi),
+            (turn_w, -phi, None),
+        )
 
-    def _of_centroid(self, mesh: Any, v: Any, w: Any, phi: Any) -> tuple[Any, Any]:
+    def _centroid_deflections(self, mesh: Any, v: Any, w: Any, phi: Any) -> tuple[Any, Any]:
         """Deflections of the centroid along the principal axes, from v and w of the shear centre and the twist phi."""
         sections = self.sections
         y, z = np.einsum("kij,kj->ik", sections.principal, sections.centroid - sections.shear_centre)
-        v = v - self.of_elements(mesh, z) * phi if z.any() else v
-        return v, w + self.of_elements(mesh, y) * phi if y.any() else w
+        v = v - self.element_property(mesh, z) * phi if z.any() else v
+        return v, w + self.element_property(mesh, y) * phi if y.any() else w
 
     def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
         r"""The UFL form of the geometric stiffness of a state's axial force and bending moments.
@@ -242,13 +246,13 @@ class Beam3D(Beam):
         mesh, trial, test = space.mesh, ufl.TrialFunction(space), ufl.TestFunction(space)
         of, by = ([deflection.value.dx(0) for deflection in self._deflections(mesh, field)] for field in (trial, test))
         phi, dphi = trial[1], test[1]
-        radius2 = self.of_elements(mesh, self.sections.polar_moment / self.sections.area)
+        radius2 = self.element_property(mesh, self.sections.polar_moment / self.sections.area)
         fields = ((of, phi), (by, dphi))
-        pairs = zip(*(self._of_centroid(mesh, v, w, twist.dx(0)) for (v, w), twist in fields), strict=True)
+        pairs = zip(*(self._centroid_deflections(mesh, v, w, twist.dx(0)) for (v, w), twist in fields), strict=True)
         along = sum(a * b for a, b in pairs) + radius2 * phi.dx(0) * dphi.dx(0)
         moments = [self.moment(mesh, state, component) for component in (1, 2)]
-        if self.sections.turned:
-            moments = [sum(c * M for c, M in zip(row, moments, strict=True)) for row in self._turn(mesh)]
+        if self.sections.is_turned:
+            moments = [sum(c * M for c, M in zip(row, moments, strict=True)) for row in self._principal_rotation(mesh)]
         M_v, M_w = moments
         across = (M_w * phi).dx(0) * by[0] + of[0] * (M_w * dphi).dx(0)
         across -= (M_v * phi).dx(0) * by[1] + of[1] * (M_v * dphi).dx(0)
@@ -258,7 +262,7 @@ class Beam3D(Beam):
         """Deflections in both planes of a field in UFL, whose components are u, phi, w_A and theta_B of both planes."""
         h = ufl.JacobianDeterminant(mesh)
         middle = cellwise(mesh, self.node_stations[self.grid.cells].mean(axis=1))
-        X, of_elements = (ufl.SpatialCoordinate(mesh)[0] - middle) / h + 0.5, partial(self.of_elements, mesh)
+        X, of_elements = (ufl.SpatialCoordinate(mesh)[0] - middle) / h + 0.5, partial(self.element_property, mesh)
         cubics = (field[i] + h * field[i + 1] for i in (2, 4))
         return [plane.deflection(w, h, X, of_elements) for plane, w in zip(self.planes, cubics, strict=True)]
 
@@ -271,11 +275,11 @@ class Beam3D(Beam):
         for row, component in ((0, 0), (3, 1)):
             local[:, row, component], local[:, row, 6 + component] = 1.0 - X, X
         for row, turn, sign, start, plane in zip((1, 2), (5, 4), (1.0, -1.0), (2, 4), self.planes, strict=True):
-            value, slope = plane.interpolated(h, X, number)
+            value, slope = plane.shape_weights(h, X, number)
             for k, component in enumerate((start, start + 1, 6 + start, 7 + start)):
                 local[:, row, component], local[:, turn, component] = value[k], sign * slope[k]
-        if np.any(self.sections.own_motion != np.eye(6)):
-            local = np.linalg.inv(self.sections.own_motion)[number] @ local
+        if np.any(self.sections.centre_motions != np.eye(6)):
+            local = np.linalg.inv(self.sections.centre_motions)[number] @ local
         return local
 
     def faces(self, at: float) -> dict[str, tuple[Plane, Extent]]:
@@ -288,13 +292,13 @@ class Beam3D(Beam):
             return {name: (plane, Extent(along)) for name, plane in FACES.items()}
         planes = {}
         for name, side in profile.faces.items():
-            normal, across = (np.array([0.0, *pair]) for pair in (side.normal, side.across))
+            normal, across = (np.array([0.0, *pair]) for pair in (side.normal, side.across_direction))
             planes[name] = Plane(normal, across), Extent(along, side.span)
         return planes
 
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
         """Axial and torsion stresses in the profile's corners; None if a section has no profile."""
-        return stresses_along(self.sections, np.repeat(self.number, 2), forces, element, of_corners)
+        return stresses_along(self.sections, np.repeat(self.number, 2), forces, element, corner_stress_factors)
 
     def on_nodes(self, stations: Array) -> Beam3D:
         """This beam with nodes at `stations` (N,) m; it is cut where two nodes are at the same point."""
@@ -306,7 +310,7 @@ class Beam3D(Beam):
 
         Normal force and bending moments are about the centroid, shear forces and torque about the shear centre.
         """
-        return np.linalg.inv(about_own_centres(self.sections)).transpose(0, 2, 1)[self.number]
+        return np.linalg.inv(centre_motion_matrices(self.sections)).transpose(0, 2, 1)[self.number]
 
     @property
     def section_stiffness(self) -> dict[str, Array]:
@@ -327,10 +331,10 @@ class Beam3D(Beam):
         return ufl.as_vector([field[0].dx(0), v.curvature, w.curvature, field[1].dx(0)])
 
 
-def beam_of(body: Beam3DBody, box: Box) -> Beam3D:
+def box_beam(body: Beam3DBody, box: Box) -> Beam3D:
     """Beam in space of a box, with its sections along the axis and the mass of its frames."""
     beam = Beam3D(body)
-    if box.variations:
+    if box.varying_keys:
         stations = stations_of(box.breaks, body.elements)
         beam = Beam3D(body, stations, sections_of(body, stations, box))
     return replace(beam, rings=ring_masses(box, beam.node_stations)) if box.frames else beam

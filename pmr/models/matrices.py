@@ -15,9 +15,9 @@ from scipy.spatial import Delaunay
 from pmr.errors import InputError
 from pmr.files.matrices import GivenMatrices
 from pmr.files.rigid import elastic_energies
-from pmr.mesh.trace import Extent, Strip, Trace, Window, outward
+from pmr.mesh.trace import Extent, Strip, Trace, Window, orient_outward
 from pmr.models import DIRECTIONS, rigid_motions
-from pmr.models.meshed import Traced
+from pmr.models.meshed import TracedModel
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -29,14 +29,14 @@ WHOLE = 0.5
 
 
 @dataclass(frozen=True)
-class Matrices(Traced):
+class Matrices(TracedModel):
     """Model from given M and K; the mean over a group weighs every node alike.
 
     A face that pads slide on is a group of nodes in a plane; displacements between them are linear on the triangles of
     their Delaunay triangulation.
     """
 
-    given: GivenMatrices
+    body_matrices: GivenMatrices
 
     @classmethod
     def load(cls, file: Path) -> Matrices:
@@ -46,7 +46,7 @@ class Matrices(Traced):
     @property
     def size(self) -> int:
         """Number of coordinates n."""
-        return self.given.size
+        return self.body_matrices.size
 
     @property
     def unchecked(self) -> bool:
@@ -54,12 +54,12 @@ class Matrices(Traced):
 
         That is so if all nodes are beside supports inside the matrices.
         """
-        return self.given.unchecked
+        return self.body_matrices.unchecked
 
     @property
     def axis(self) -> int:
         """Axis of the body's longest extent: 0, 1 or 2 for x, y or z."""
-        return int(np.ptp(self.given.points, axis=0).argmax())
+        return int(np.ptp(self.body_matrices.points, axis=0).argmax())
 
     @property
     def reference_frequency(self) -> float:
@@ -68,7 +68,7 @@ class Matrices(Traced):
         Of the two directions across, the one with the lower value counts, but at least a millionth of the other's.
         Supports and springs inside K, which may be any number of times stiffer than the body, are left out.
         """
-        x = self.given.points - self.given.points.mean(axis=0)
+        x = self.body_matrices.points - self.body_matrices.points.mean(axis=0)
         bent = []
         for across in range(3):
             if across == self.axis:
@@ -79,22 +79,22 @@ class Matrices(Traced):
             motion[:, self.axis] = -slope * x[:, across]
             turn = np.cross(np.eye(3)[self.axis], np.eye(3)[across])
             motion[:, 3:] = slope[:, None] * turn
-            q = motion[self.given.node, self.given.direction]
+            q = motion[self.body_matrices.node, self.body_matrices.direction]
             bent.append(q)
         motions = np.column_stack(bent)
-        energies = elastic_energies(self.given.K, self.rigid_motions(), motions)
-        squares = energies / np.einsum("nk,nk->k", motions, self.given.M @ motions)
+        energies = elastic_energies(self.body_matrices.K, self.rigid_motions(), motions)
+        squares = energies / np.einsum("nk,nk->k", motions, self.body_matrices.M @ motions)
         return float(np.sqrt(max(squares.min(), 1e-12 * squares.max())))
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
         """Numbers of all coordinates along or about the given `directions` on a group's nodes."""
-        on = np.isin(self.given.node, self._group(place))
-        along = np.isin(self.given.direction, [DIRECTIONS.index(direction) for direction in directions])
+        on = np.isin(self.body_matrices.node, self._group(place))
+        along = np.isin(self.body_matrices.direction, [DIRECTIONS.index(direction) for direction in directions])
         return np.flatnonzero(on & along)
 
     def rigid_motions(self) -> Array:
         """Coordinates (n, 6) under unit translations along and rotations about x, y and z through the origin."""
-        return rigid_motions(self.given.points[self.given.node], self.given.direction)
+        return rigid_motions(self.body_matrices.points[self.body_matrices.node], self.body_matrices.direction)
 
     def strip(self, face: str, window: Window) -> Strip:
         """Points within `window` on the plane of a face's nodes, evenly spaced.
@@ -103,7 +103,7 @@ class Matrices(Traced):
         normal.
         """
         nodes, axis = self._group(face), self.axis
-        points = self.given.points[nodes]
+        points = self.body_matrices.points[nodes]
         normal = self._normal(face, points)
         across = int(np.argmin(np.abs(normal) + np.eye(3)[axis]))
         if abs(normal[axis]) > np.sqrt(FLAT):
@@ -112,7 +112,7 @@ class Matrices(Traced):
         (low, nearest), (high, farthest) = flat.min(axis=0), flat.max(axis=0)
         extent = Extent((float(low), float(high)), (float(nearest), float(farthest)))
         cells = [
-            _middles(max(least, start), min(most, end), spacing)
+            _interval_middles(max(least, start), min(most, end), spacing)
             for (least, most), (start, end), spacing in zip(
                 ((low, high), (nearest, farthest)), (window.along, window.across), window.spacing, strict=True
             )
@@ -136,10 +136,10 @@ class Matrices(Traced):
 
     def _group(self, name: str) -> Indices:
         """Numbers of a group's nodes; raises an `InputError` if there is no such group."""
-        if name not in self.given.groups:
-            allowed = f"groups of the file are allowed: {', '.join(self.given.groups) or 'it has none'}"
-            raise InputError(self.given.source, "groups", name, allowed)
-        return self.given.groups[name]
+        if name not in self.body_matrices.groups:
+            allowed = f"groups of the file are allowed: {', '.join(self.body_matrices.groups) or 'it has none'}"
+            raise InputError(self.body_matrices.source, "groups", name, allowed)
+        return self.body_matrices.groups[name]
 
     def _values(self, nodes: Indices) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]:
         """Displacements of g nodes along x, y and z as rows, (g, n) each."""
@@ -149,7 +149,7 @@ class Matrices(Traced):
     @cached_property
     def _of_direction(self) -> list[sp.csr_matrix]:
         """Displacements of all nodes along x, y and z as rows, (N, n) each."""
-        matrices, shape = self.given, (len(self.given.points), self.given.size)
+        matrices, shape = self.body_matrices, (len(self.body_matrices.points), self.body_matrices.size)
         numbers = [np.flatnonzero(matrices.direction == k) for k in range(3)]
         return [
             sp.csr_matrix((np.ones(len(coordinates)), (matrices.node[coordinates], coordinates)), shape=shape)
@@ -165,8 +165,8 @@ class Matrices(Traced):
         """
         if isinstance(place, str):
             nodes = self._group(place)
-            return Trace(place, self.given.points[nodes], np.ones(len(nodes)), self._values(nodes))
-        x = self.given.points[:, self.axis]
+            return Trace(place, self.body_matrices.points[nodes], np.ones(len(nodes)), self._values(nodes))
+        x = self.body_matrices.points[:, self.axis]
         slack = 1e-9 * float(np.ptp(x))
         if not x.min() - slack <= place <= x.max() + slack:
             allowed = f"a group or a number from {x.min():g} to {x.max():g} m is allowed"
@@ -174,7 +174,7 @@ class Matrices(Traced):
         levels = np.unique(np.round(x / max(slack, 1e-300)).astype(np.int64)) * slack
         gaps = np.diff(levels)
         near = (levels[1:] >= place - slack) & (levels[:-1] <= place + slack)
-        reach, points = float(gaps[near].max()) + slack, self.given.points
+        reach, points = float(gaps[near].max()) + slack, self.body_matrices.points
         while True:
             nodes = np.flatnonzero(np.abs(x - place) < reach)
             across = np.ptp(points[nodes], axis=0) >= WHOLE * np.ptp(points, axis=0)
@@ -183,7 +183,7 @@ class Matrices(Traced):
             reach *= 2.0  # nodes that lie in no levels: a few of them are no section
         weights = 1.0 - np.abs(x[nodes] - place) / reach
         name = f"section at {place:g} m"
-        return Trace(name, points[nodes], weights, self._values(nodes)).at(self.axis, place)
+        return Trace(name, points[nodes], weights, self._values(nodes)).shift_to(self.axis, place)
 
     def _normal(self, face: str, points: Array) -> Array:
         """Unit vector (3,) out of the body, normal to a face's nodes at `points` (g, 3).
@@ -194,10 +194,10 @@ class Matrices(Traced):
         _, sizes, ways = np.linalg.svd(points - middle, full_matrices=False)
         if len(points) < 3 or sizes[1] <= FLAT * sizes[0] or sizes[2] > FLAT * sizes[1]:
             raise InputError("scene", "pads.on", face, "nodes that lie in a plane, not on a line, are allowed")
-        return outward(face, ways[2], middle, self.given.points)
+        return orient_outward(face, ways[2], middle, self.body_matrices.points)
 
 
-def _middles(start: float, end: float, spacing: float) -> tuple[Array, float]:
+def _interval_middles(start: float, end: float, spacing: float) -> tuple[Array, float]:
     """Middles of equal intervals between `start` and `end`, at most `spacing` wide, and their width.
 
     There are none if `end` <= `start`.

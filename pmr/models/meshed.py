@@ -21,7 +21,17 @@ from pmr.fem.compat import MPI, cell_dofs, original_cells, tabulate, tabulation_
 from pmr.fields.series import Grid
 from pmr.mesh.named import CELLS_OF_KIND, NamedMesh
 from pmr.mesh.nodes import Nodes, number_nodes
-from pmr.mesh.trace import FlatFace, Strip, Trace, Window, coordinates_on, face_strip, flat_face, section, trace
+from pmr.mesh.trace import (
+    FlatFace,
+    Strip,
+    Trace,
+    Window,
+    coordinates_on,
+    face_strip,
+    flat_face,
+    group_trace,
+    section_trace,
+)
 from pmr.models import DIRECTIONS, rigid_motions
 from pmr.scene.structures import Material
 
@@ -34,7 +44,7 @@ FACES = ("outer", "middle", "inner")
 CLEAR = 0.01
 
 
-class Traced(ABC):
+class TracedModel(ABC):
     """A body in space that measures places by traces of its displacement."""
 
     node_stations: None = None
@@ -57,7 +67,7 @@ class Traced(ABC):
         return self.trace(place).centroid
 
 
-class MeshedModel(Traced):
+class MeshedModel(TracedModel):
     """A structural model whose coordinates sit on a mesh; its displacement is quadratic."""
 
     mesh: NamedMesh
@@ -90,15 +100,15 @@ class MeshedModel(Traced):
 
     def element_coordinates(self, cells: Indices) -> list[Indices]:
         """Numbers (c, d) of the coordinates on the given cells, one array for each component."""
-        return self.nodes.per_component(cells)
+        return self.nodes.component_coordinates(cells)
 
     def trace(self, place: str | float) -> Trace:
         """Displacements on a named group, or of the cross-section at a distance along the axis in m; cached."""
         if place not in self._traces:
             if isinstance(place, str):
-                self._traces[place] = trace(self.mesh, self.nodes, place, degree=2)
+                self._traces[place] = group_trace(self.mesh, self.nodes, place, degree=2)
             else:
-                self._traces[place] = section(self.mesh, self.nodes, place, degree=2)
+                self._traces[place] = section_trace(self.mesh, self.nodes, place, degree=2)
         return self._traces[place]
 
     @cached_property
@@ -123,7 +133,7 @@ class MeshedModel(Traced):
 
     def rigid_motions(self) -> Array:
         """Coordinates (n, 6) under unit translations along and rotations about x, y and z through the origin."""
-        return rigid_motions(self.nodes.at, self.nodes.component)
+        return rigid_motions(self.nodes.points, self.nodes.component)
 
     @property
     def grid(self) -> Grid:
@@ -134,13 +144,13 @@ class MeshedModel(Traced):
     def point_displacements(self) -> sp.csr_matrix:
         """Rows (3 N, n) that measure the displacements of the mesh's N vertices along x, y and z."""
         points = np.arange(len(self.mesh.points))
-        first = self.nodes.of(points[:, None], 0, len(points))
+        first = self.nodes.first_coordinates(points[:, None], 0, len(points))
         columns = (first[:, None] + np.arange(3)).ravel()
         return sp.csr_matrix((np.ones(len(columns)), columns, np.arange(len(columns) + 1)), (len(columns), self.size))
 
 
 @dataclass(frozen=True)
-class OfCells:
+class CellProperties:
     """Materials or thicknesses, and which of these kinds each cell of a mesh has."""
 
     kinds: tuple[object, ...]
@@ -151,7 +161,7 @@ class OfCells:
         return np.array([attrgetter(name)(kind) for kind in self.kinds])[self.number]
 
 
-def by_region(mesh: NamedMesh, default: object, regions: Mapping[str, object]) -> OfCells:
+def region_properties(mesh: NamedMesh, default: object, regions: Mapping[str, object]) -> CellProperties:
     """Material or thickness of each cell, by its region; cells of no region take the default.
 
     Raises an `InputError` if the mesh has no such group of cells, or two of them share cells.
@@ -166,7 +176,7 @@ def by_region(mesh: NamedMesh, default: object, regions: Mapping[str, object]) -
         if shared >= 0:
             raise InputError("scene", f"body.regions.{name}", None, f"shares cells with {list(regions)[shared]}")
         owner[cells] = number
-    return OfCells((*regions.values(), default), owner)  # -1: the last one
+    return CellProperties((*regions.values(), default), owner)  # -1: the last one
 
 
 def frequency_scale(points: Array, material: Material, thickness: float = 0.0) -> float:
@@ -179,7 +189,7 @@ def frequency_scale(points: Array, material: Material, thickness: float = 0.0) -
     return float(np.sqrt(material.young / material.density) * depth / extent.max() ** 2)
 
 
-def away(mesh: NamedMesh, places: Array, normals: Array) -> Array:
+def outward_signs(mesh: NamedMesh, places: Array, normals: Array) -> Array:
     """1 where a unit normal (f, 3) at a point (f, 3) m points away from the body's axis, -1 towards it, 0 neither.
 
     The axis is along the mesh's longest extent, in the middle of the other extents.
@@ -219,7 +229,7 @@ def cell_values(model: Any, quantity: Callable[[Any], Any], points: Array) -> Ce
     return CellValues(tabulate(quantity(space), points, space)[order], number[dofs][order])
 
 
-def as_rows(entries: Array, coordinates: Indices, size: int) -> sp.csr_matrix:
+def coordinate_rows(entries: Array, coordinates: Indices, size: int) -> sp.csr_matrix:
     """Rows (P v, size) from entries (P, v, d) on coordinates (P, d), the v rows of each point together."""
     columns = np.broadcast_to(coordinates[:, None], entries.shape)
     ends = np.arange(0, entries.size + 1, entries.shape[-1])

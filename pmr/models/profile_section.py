@@ -42,7 +42,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.mesh.box import ends_of
+from pmr.mesh.box import shifted_ends
 from pmr.scene.box import Box
 from pmr.scene.profile import BoxProfile, Side
 from pmr.scene.structures import BeamSection
@@ -97,7 +97,9 @@ class MidLine:
     @property
     def middle(self) -> Array:
         """Centroid of the line itself, whatever the thickness, (2,) m: the mean over a shell's end."""
-        return _tidy(np.einsum("k,kqi,q", self.lengths, self.points, WEIGHTS) / self.lengths.sum(), self._size)
+        return _zero_round_off(
+            np.einsum("k,kqi,q", self.lengths, self.points, WEIGHTS) / self.lengths.sum(), self._size
+        )
 
     @property
     def torsion_constant(self) -> float:
@@ -137,7 +139,7 @@ class MidLine:
     def shear_centre(self) -> Array:
         """Shear centre, (2,) m."""
         moments = np.einsum("k,kq,kqi,q", self.lengths, self.lever, self.flow, WEIGHTS)
-        return _tidy(np.array([moments[1], -moments[0]]), self._size)
+        return _zero_round_off(np.array([moments[1], -moments[0]]), self._size)
 
     @property
     def _size(self) -> float:
@@ -153,7 +155,7 @@ def section_of(profile: BoxProfile, poisson: float) -> BeamSection:
         neighbours = line.sides[k - 1], line.sides[(k + 1) % len(line.sides)]
         integrals = _sector(side) if side.centre is not None else _strip(side, *neighbours)
         area, first, second = (total + part for total, part in zip((area, first, second), integrals, strict=True))
-    centroid = _tidy(first / area, max(profile.width, profile.height))
+    centroid = _zero_round_off(first / area, max(profile.width, profile.height))
     second = second - area * np.outer(centroid, centroid)
     b, h, shear = profile.width, profile.height, np.diag(line.shear_compliance)
     (y, z), (y_s, z_s) = centroid, line.shear_centre
@@ -161,21 +163,21 @@ def section_of(profile: BoxProfile, poisson: float) -> BeamSection:
         area=float(area),
         second_moment_y=float(second[1, 1]),
         second_moment_z=float(second[0, 0]),
-        product_of_inertia=float(_tidy(second[:1, 1], second.trace())[0]),
+        product_of_inertia=float(_zero_round_off(second[:1, 1], second.trace())[0]),
         torsion_constant=line.torsion_constant,
-        shear_area_y=float(_of_poisson(h, b, poisson) / shear[0]),
-        shear_area_z=float(_of_poisson(b, h, poisson) / shear[1]),
+        shear_area_y=float(_poisson_factor(h, b, poisson) / shear[0]),
+        shear_area_z=float(_poisson_factor(b, h, poisson) / shear[1]),
         centroid=(float(y), float(z)),
         shear_centre=(float(y_s), float(z_s)),
     )
 
 
-def _tidy(values: Array, size: float) -> Array:
+def _zero_round_off(values: Array, size: float) -> Array:
     """Values with those set to zero that are round-off compared to `size`."""
     return np.asarray(np.where(np.abs(values) > ROUND_OFF * size, values, 0.0))
 
 
-def _angles(side: Side, x: Array) -> tuple[Array, float]:
+def _arc_angles(side: Side, x: Array) -> tuple[Array, float]:
     """Angles (q,) in rad of points at the shares x (q,) in [0, 1] along an arc, and the angle of its start."""
     y, z = np.subtract(side.start, side.centre or (0.0, 0.0))
     start = float(np.arctan2(z, y))
@@ -186,7 +188,7 @@ def points_along(side: Side, x: Array) -> Array:
     """Points (q, 2) m at the shares x (q,) in [0, 1] along a side."""
     if side.centre is None:
         return np.asarray(side.start + x[:, None] * np.subtract(side.end, side.start))
-    angle, _ = _angles(side, x)
+    angle, _ = _arc_angles(side, x)
     return np.asarray(side.centre + side.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1))
 
 
@@ -194,7 +196,7 @@ def normals(side: Side, x: Array) -> Array:
     """Outward unit vectors (q, 2) at the shares x (q,) in [0, 1] along a side."""
     if side.centre is None:
         return np.tile(side.normal, (len(x), 1))
-    angle, _ = _angles(side, x)
+    angle, _ = _arc_angles(side, x)
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
@@ -206,7 +208,7 @@ def _first_moments(side: Side, x: Array, centroid: Array) -> Array:
     s = (side.length * x)[:, None]
     if side.centre is None:
         return np.asarray(side.thickness * ((side.start - centroid) * s + side.direction * s**2 / 2.0))
-    angle, start = _angles(side, x)
+    angle, start = _arc_angles(side, x)
     turned = np.stack([np.sin(angle) - np.sin(start), np.cos(start) - np.cos(angle)], axis=1)
     return np.asarray(side.thickness * ((side.centre - centroid) * s + side.radius**2 * turned))
 
@@ -240,7 +242,7 @@ def _mitre(side: Side, other: Side) -> float:
 def _sector(side: Side) -> Integrals:
     """Integrals of 1, p (2,) and p p^T (2, 2) over a rounded corner, a sector of a ring, with p from the axis."""
     r, t, centre = side.radius, side.thickness, np.array(side.centre)
-    (b,), a = _angles(side, np.ones(1))
+    (b,), a = _arc_angles(side, np.ones(1))
     c, s, twice = np.sin(b) - np.sin(a), np.cos(a) - np.cos(b), (np.sin(2.0 * b) - np.sin(2.0 * a)) / 4.0
     area, mixed = r * t * side.angle, (np.sin(b) ** 2 - np.sin(a) ** 2) / 2.0
     first = (r**2 * t + t**3 / 12.0) * np.array([c, s])
@@ -250,7 +252,7 @@ def _sector(side: Side) -> Integrals:
     return np.array(area), area * centre + first, second + shift + shift.T + area * np.outer(centre, centre)
 
 
-def _of_poisson(across: float, along: float, nu: float) -> float:
+def _poisson_factor(across: float, along: float, nu: float) -> float:
     """Factor by which Poisson's ratio changes the shear coefficient of a box `across` wide and `along` high (m).
 
     The force acts along its height.
@@ -292,7 +294,7 @@ class RingMasses:
     first: Array  # (E, 2) m^3, about the axis
     second: Array  # (E, 2, 2) m^4
 
-    def at(self, places: Array) -> RingMasses:
+    def at_positions(self, places: Array) -> RingMasses:
         """Areas and moments of the elements that contain the coordinates `places` (e,) m."""
         number = np.clip(np.searchsorted(self.ends, places) - 1, 0, len(self.area) - 1)
         return replace(self, area=self.area[number], first=self.first[number], second=self.second[number])
@@ -316,22 +318,22 @@ def ring_masses(box: Box, stations: Array) -> RingMasses:
         sides = box.profile_at(x).sides
         plate = enclosed_figure(sides)
         if box.frame_depth != "full":
-            plate = plate.less(enclosed_figure(inset(sides, box.frame_depth)))
+            plate = plate.less(enclosed_figure(inset_sides(sides, box.frame_depth)))
         k = int(np.clip(np.searchsorted(middles, x), 1, len(h) - 1)) if len(h) > 1 else 0
         share = np.clip((middles[k] - x) / (middles[k] - middles[k - 1]), 0.0, 1.0) if k else 0.0
         for e, share_of_element in ((k - 1, share), (k, 1.0 - share)):
-            by = share_of_element * box.plate / h[e]
+            by = share_of_element * box.frame_plate_thickness / h[e]
             area[e] += by * plate.area
             first[e] += by * plate.first
             second[e] += by * plate.second
     return RingMasses(stations, area, first, second)
 
 
-def inset(sides: tuple[Side, ...], depth: float) -> tuple[Side, ...]:
+def inset_sides(sides: tuple[Side, ...], depth: float) -> tuple[Side, ...]:
     """Sides of a profile, moved inwards by `depth` (m)."""
     inner_sides = []
     for k, side in enumerate(sides):
-        a, b = ends_of(sides, k, lambda _: -depth)
+        a, b = shifted_ends(sides, k, lambda _: -depth)
         inner_sides.append(replace(side, start=(float(a[0]), float(a[1])), end=(float(b[0]), float(b[1]))))
     return tuple(inner_sides)
 

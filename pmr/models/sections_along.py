@@ -53,7 +53,7 @@ class SectionsAlong:
     stretches: tuple[Stretch | None, ...]  # the stretch of each section, with its profiles; None if unknown
     poisson: float = 0.3  # Poisson's ratio, on which shear areas depend
 
-    def at(self, places: Array | float) -> Indices:
+    def section_numbers(self, places: Array | float) -> Indices:
         """Numbers (k,) of the sections at coordinates `places` (k,) m along the axis.
 
         Where one section ends and another begins, it is the latter.
@@ -62,19 +62,19 @@ class SectionsAlong:
 
     def profile_at(self, x: float) -> BoxProfile | None:
         """Profile at the coordinate x (m) along the axis; None if it is unknown."""
-        stretch = self.stretches[int(self.at(x))]
-        return None if stretch is None else stretch.at(x)
+        stretch = self.stretches[int(self.section_numbers(x))]
+        return None if stretch is None else stretch.profile_at(x)
 
     def middle_at(self, x: float) -> Array:
         """Centroid of the walls' mid-line at x (m), (2,) m, which is a shell's mean over its end.
 
         It is on the axis if there is no profile.
         """
-        number = int(self.at(x))
+        number = int(self.section_numbers(x))
         middle, stretch = self._middles[number], self.stretches[number]
         if middle is None:
             assert stretch is not None
-            return MidLine(stretch.at(x)).middle
+            return MidLine(stretch.profile_at(x)).middle
         return middle
 
     @cached_property
@@ -111,14 +111,14 @@ class SectionsAlong:
         return np.array([section.shear_centre for section in self.each])
 
     @property
-    def turned(self) -> bool:
+    def is_turned(self) -> bool:
         """Whether the principal axes of any section are turned against y and z."""
         return any(section.product_of_inertia != 0.0 for section in self.each)
 
     @cached_property
     def principal(self) -> Array:
         """Matrices R (K, 2, 2) with the principal axes as rows, turned by at most 45 degrees against y and z."""
-        return np.array([_principal(section) for section in self.each])
+        return np.array([_principal_axes(section) for section in self.each])
 
     @cached_property
     def second_moments(self) -> Array:
@@ -143,17 +143,17 @@ class SectionsAlong:
         return 1.0 / np.einsum("kij,kj,kij->ki", self.principal, 1.0 / np.array(areas, float), self.principal)
 
     @cached_property
-    def own_motion(self) -> Array:
+    def centre_motions(self) -> Array:
         """Matrices (K, 6, 6) that give u_c, v_s, w_s, phi and rotations about the principal axes from the axis' motion.
 
         u_c is the centroid's displacement along x; v_s and w_s are the shear centre's along the principal axes.
         """
-        motion = about_own_centres(self)
+        motion = centre_motion_matrices(self)
         motion[:, 1:3], motion[:, 4:] = self.principal @ motion[:, 1:3], self.principal @ motion[:, 4:]
         return motion
 
 
-def about_own_centres(sections: SectionsAlong) -> Array:
+def centre_motion_matrices(sections: SectionsAlong) -> Array:
     """Matrices (K, 6, 6) that give u of the centroid, v and w of the shear centre and rotations from the axis' motion.
 
     Unlike `SectionsAlong.own_motion`, all components are along and about x, y and z.
@@ -176,7 +176,7 @@ def sections_of(body: Beam3DBody, stations: Array, box: Box | None = None) -> Se
         return SectionsAlong(np.array([0.0, body.length]), (body.section,), (None,), poisson)
     stretch_of_all = [Stretch(0.0, body.length, body.profile, body.profile)]
     parts = [
-        stretch.part(a, b)
+        stretch.sub_range(a, b)
         for stretch in (stretch_of_all if box is None else box.stretches)
         for a, b in pairwise([stretch.start, *_inner_nodes(stretch, stations), stretch.end])
     ]
@@ -190,7 +190,7 @@ def mean_section(stretch: Stretch, poisson: float) -> BeamSection:
         return section_of(stretch.first, poisson)
     x, w = np.polynomial.legendre.leggauss(3)
     places = stretch.start + (stretch.end - stretch.start) * (x + 1.0) / 2.0
-    sections = [section_of(stretch.at(float(at)), poisson).model_dump() for at in places]
+    sections = [section_of(stretch.profile_at(float(at)), poisson).model_dump() for at in places]
     mean = {key: w / 2.0 @ np.array([section[key] for section in sections]) for key in sections[0]}
     return BeamSection(**{key: tuple(value.tolist()) if value.ndim else float(value) for key, value in mean.items()})
 
@@ -210,7 +210,7 @@ def stations_of(breaks: Sequence[float], elements: int) -> Array:
     return np.concatenate(parts)
 
 
-def _principal(section: BeamSection) -> Array:
+def _principal_axes(section: BeamSection) -> Array:
     """Principal axes of a section as rows (2, 2)."""
     if section.product_of_inertia == 0.0:
         return np.eye(2)
@@ -223,7 +223,7 @@ def _principal(section: BeamSection) -> Array:
 Corners = tuple[dict[str, Array], Array]
 
 
-def of_corners(profile: BoxProfile, section: BeamSection) -> Corners:
+def corner_stress_factors(profile: BoxProfile, section: BeamSection) -> Corners:
     r"""Corners of a profile, and the axial and torsion stress in each per unit section force, (k, 2, 6).
 
     Section forces are in the order of `FORCES`.  With the corner p, the centroid c, the area A, the second moments I,
@@ -236,15 +236,15 @@ def of_corners(profile: BoxProfile, section: BeamSection) -> Corners:
                   [section.product_of_inertia, section.second_moment_y]])  # fmt: skip
     stresses_of_corners, enclosed = np.zeros((len(profile.corners), 2, len(FORCES))), MidLine(profile).enclosed_area
     for stresses, corner in zip(stresses_of_corners, profile.corners, strict=True):
-        of_z, of_y = np.linalg.solve(I, np.subtract(corner.at, section.centroid))
+        of_z, of_y = np.linalg.solve(I, np.subtract(corner.position, section.centroid))
         stresses[0, [0, 4, 5]] = 1.0 / section.area, of_y, -of_z
         stresses[1, 3] = 1.0 / (2.0 * enclosed * corner.thickness)
-    return {corner.name: np.array(corner.at) for corner in profile.corners}, stresses_of_corners
+    return {corner.name: np.array(corner.position) for corner in profile.corners}, stresses_of_corners
 
 
-def of_fibres(profile: BoxProfile, section: BeamSection) -> Corners:
+def fibre_stress_factors(profile: BoxProfile, section: BeamSection) -> Corners:
     """Lowest and highest fibre of a profile, and the axial stress in both per unit section force, (2, 1, 6)."""
-    heights, stresses = [corner.at[1] for corner in profile.corners], np.zeros((2, 1, len(FORCES)))
+    heights, stresses = [corner.position[1] for corner in profile.corners], np.zeros((2, 1, len(FORCES)))
     places = {"bottom": np.array([0.0, min(heights)]), "top": np.array([0.0, max(heights)])}
     stresses[:, 0, 0] = 1.0 / section.area
     stresses[:, 0, 4] = [(z - section.centroid[1]) / section.second_moment_y for _, z in places.values()]
@@ -267,7 +267,8 @@ def stresses_along(
     forces : ForceRows
         Section forces; those of one kind at all P points come after each other.
     corners : callable
-        `of_corners` or `of_fibres`.  Where a profile varies along its section, it is called with that at the point.
+        `corner_stress_factors` or `fibre_stress_factors`.  Where a profile varies along its section, it is called with
+        the profile at the point.
     """
     corners_of, keys = dict[tuple[int, float], Corners](), []
     for k, x in zip(number.tolist(), forces.x[: len(number)].tolist(), strict=True):
@@ -277,7 +278,7 @@ def stresses_along(
         same = stretch.first is stretch.last
         keys.append((k, 0.0 if same else x))
         if keys[-1] not in corners_of:
-            profile = stretch.at(x)
+            profile = stretch.profile_at(x)
             corners_of[keys[-1]] = corners(profile, sections.each[k] if same else section_of(profile, sections.poisson))
     at = {name: np.array([corners_of[key][0][name] for key in keys]) for name in corners_of[keys[0]][0]}
     return stress_rows(forces, element, at, np.array([corners_of[key][1] for key in keys]))
@@ -352,7 +353,7 @@ class Bending:
     stiffness: Array  # (K,)
     shear_stiffness: Array | None = None  # (K,)
 
-    def interpolated(self, h: Array, X: Array, number: Indices) -> tuple[Array, Array]:
+    def shape_weights(self, h: Array, X: Array, number: Indices) -> tuple[Array, Array]:
         """Weights (4, q) of w_1, psi_1, w_2, psi_2 in the deflection and in the section's rotation, in q elements.
 
         w_1 and psi_1 are deflection and rotation at the element's first node, w_2 and psi_2 at its second.  Weights

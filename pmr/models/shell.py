@@ -44,11 +44,20 @@ from numpy.typing import NDArray
 
 from pmr.fem.compat import cellwise, constant, rule_points, shell_space
 from pmr.fields.stress import PLANE, StressRows
-from pmr.mesh.box import TAPERED, BoxBoom, Part
+from pmr.mesh.box import TAPERED, BoxBoom, BoxStretch
 from pmr.mesh.named import NamedMesh
 from pmr.mesh.trace import FLAT
 from pmr.models import Forms, UnitState
-from pmr.models.meshed import FACES, MeshedModel, OfCells, as_rows, away, by_region, cell_values, frequency_scale
+from pmr.models.meshed import (
+    FACES,
+    CellProperties,
+    MeshedModel,
+    cell_values,
+    coordinate_rows,
+    frequency_scale,
+    outward_signs,
+    region_properties,
+)
 from pmr.scene import Body
 from pmr.scene.box import Box
 from pmr.scene.profile import BoxProfile
@@ -75,9 +84,9 @@ class Shell(MeshedModel):
         return {0: (0, 1, 2), 1: (0, 1, 2, 3, 4, 5)}
 
     @cached_property
-    def plates(self) -> OfCells:
+    def plates(self) -> CellProperties:
         """Material and thickness of each cell."""
-        return by_region(self.mesh, self.body.plate, self.body.regions)
+        return region_properties(self.mesh, self.body.plate, self.body.regions)
 
     @property
     def thickness(self) -> Array:
@@ -169,7 +178,7 @@ class Shell(MeshedModel):
         entries = np.concatenate([membrane - bent, membrane, membrane + bent])
         offsets = np.array([1.0, 0.0, -1.0])[:, None, None] * half[:, None] * frames(mesh)[:, 2]
         return StressRows(
-            rows=as_rows(entries, np.tile(rows.coordinates, (3, 1)), self.size),
+            rows=coordinate_rows(entries, np.tile(rows.coordinates, (3, 1)), self.size),
             mises=PLANE,
             components=("along", "across", "shear"),
             points=(mesh.points[mesh.cells].mean(axis=1) + offsets).reshape(-1, 3),
@@ -227,7 +236,7 @@ def of(body: Body, mesh: NamedMesh) -> Shell:
     if body.box is not None:
         plate, regions = plates(body.box, body.material)
         if body.box.frames:
-            regions["frames"] = Plate(material=body.material, thickness=body.box.plate)
+            regions["frames"] = Plate(material=body.material, thickness=body.box.frame_plate_thickness)
     else:
         assert body.thickness is not None  # the scene's check
         plate, regions = Plate(material=body.material, thickness=body.thickness), {}
@@ -235,7 +244,7 @@ def of(body: Body, mesh: NamedMesh) -> Shell:
         thickness = region.thickness or regions.get(name, plate).thickness
         regions[name] = Plate(material=region.material or body.material, thickness=thickness)
     shell = Shell(ShellBody(plate=plate, regions=regions, shear_correction=body.shear_correction), mesh)
-    if body.box is None or not body.box.variations:
+    if body.box is None or not body.box.varying_keys:
         return shell
     walls = walls_along(body.box, mesh)
     for name, region in body.regions.items():
@@ -251,10 +260,12 @@ def draw_box(box: Box, size: float, along: float, tail_layer: float = 0.0) -> Bo
     length of the first layer at the tail, 0: as all others.
     """
     depth = np.inf if box.frame_depth == "full" else box.frame_depth
-    if not box.variations:
+    if not box.varying_keys:
         return BoxBoom(box.sides, box.length, size, along, tail_layer, box.frames, depth)
     stretches = box.stretches
-    parts = tuple(Part(stretch.start, stretch.end, stretch.first.sides, stretch.last.sides) for stretch in stretches)
+    parts = tuple(
+        BoxStretch(stretch.start, stretch.end, stretch.first.sides, stretch.last.sides) for stretch in stretches
+    )
     # corners that are thicker at the bottom than at the top somewhere have names of their own everywhere
     names = max(
         ([side.name for side in part.first] for part in parts), key=lambda names_of_part: len(set(names_of_part))
@@ -267,10 +278,10 @@ def walls_along(box: Box, mesh: NamedMesh) -> Array:
     """Thickness in the middle of each cell of a box as `draw_box` draws it, (C,) m."""
     boom = draw_box(box, box.length, 0.0)
     middle = mesh.points[mesh.cells].mean(axis=1)[:, 0]
-    thickness = np.full(len(middle), box.plate)
+    thickness = np.full(len(middle), box.frame_plate_thickness)
     for k, side in enumerate(boom.sides):
         for part in boom.parts:
-            cells = mesh.regions[side.name + part.tapers * TAPERED]
+            cells = mesh.regions[side.name + part.is_tapered * TAPERED]
             cells_of_part = cells[(part.start < middle[cells]) & (middle[cells] < part.end)]
             share = (middle[cells_of_part] - part.start) / (part.end - part.start)
             thickness[cells_of_part] = (1.0 - share) * part.first[k].thickness + share * part.last[k].thickness
@@ -307,5 +318,5 @@ def _outward(mesh: NamedMesh, places: Array, normals: Array) -> Array:
     """
     largest = np.take_along_axis(normals, np.abs(normals).argmax(axis=1)[:, None], axis=1)[:, 0]
     flat = bool(np.all(np.abs(normals @ normals[0]) > FLAT))
-    side = np.zeros(len(normals)) if flat else away(mesh, places, normals)
+    side = np.zeros(len(normals)) if flat else outward_signs(mesh, places, normals)
     return np.asarray(normals * np.where(side == 0.0, np.sign(largest), side)[:, None])

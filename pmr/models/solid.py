@@ -34,7 +34,16 @@ from pmr.fields.stress import SPATIAL, StressRows
 from pmr.mesh.named import NamedMesh
 from pmr.mesh.nodes import codes
 from pmr.models import Forms, UnitState
-from pmr.models.meshed import FACES, MeshedModel, OfCells, as_rows, away, by_region, cell_values, frequency_scale
+from pmr.models.meshed import (
+    FACES,
+    CellProperties,
+    MeshedModel,
+    cell_values,
+    coordinate_rows,
+    frequency_scale,
+    outward_signs,
+    region_properties,
+)
 from pmr.scene import Body
 from pmr.scene.structures import SolidBody
 
@@ -59,9 +68,9 @@ class Solid(MeshedModel):
         return dict.fromkeys(range(4 if self.mesh.cell == "hexahedron" else 2), (0, 1, 2))
 
     @cached_property
-    def materials(self) -> OfCells:
+    def materials(self) -> CellProperties:
         """Material of each cell."""
-        return by_region(self.mesh, self.body.material, self.body.regions)
+        return region_properties(self.mesh, self.body.material, self.body.regions)
 
     @property
     def reference_frequency(self) -> float:
@@ -120,9 +129,9 @@ class Solid(MeshedModel):
         shown = np.einsum("fq,fqvd->fvd", of_facet, at_points.entries[surface.cell])
         cell = np.concatenate([surface.cell, np.arange(len(mesh.cells))])
         at = mesh.points[surface.vertices].mean(axis=1)
-        inner = FACES.index("inner") * (away(mesh, at, surface.normals) < 0.0)
+        inner = FACES.index("inner") * (outward_signs(mesh, at, surface.normals) < 0.0)
         face = np.concatenate([inner, np.full(len(mesh.cells), FACES.index("middle"))])
-        rows = as_rows(np.concatenate([shown, middle]), at_points.coordinates[cell], self.size)
+        rows = coordinate_rows(np.concatenate([shown, middle]), at_points.coordinates[cell], self.size)
         rows.eliminate_zeros()
         return StressRows(
             rows=rows,

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from pmr.errors.lazy import names_from
+from pmr.errors.lazy import lazy_names
 
 if TYPE_CHECKING:
     from pmr.fem.compat import versions as fenicsx_versions
@@ -21,4 +21,4 @@ _PLACES = {
     "reduce": "pmr.pipeline.scenes:reduce",
     "run": "pmr.pipeline.scenes:run",
 }
-__getattr__ = names_from("pmr.pipeline", _PLACES)
+__getattr__ = lazy_names("pmr.pipeline", _PLACES)

@@ -30,7 +30,7 @@ from pmr.compare.summary import (
     utilisation_part,
 )
 from pmr.compare.trust import reduction_warnings, rigid_contacts
-from pmr.errors import ConvergenceError, InputError, on_first
+from pmr.errors import ConvergenceError, InputError, call_on_first_rank
 from pmr.errors.environment import Clock
 from pmr.fullmodel.build import AssembledBody, build_bodies, models_of
 from pmr.pipeline.full_order import FullOrder, References
@@ -112,7 +112,7 @@ class Bodies:
         else:
             self.bodies = {ALONE: reduce_with(scene, built[ALONE].model, shared.snapshots, clock)}
         models = {name: body.model for name, body in self.bodies.items()}
-        scene = self._comm.bcast(on_first(self._comm, lambda: decide_second_order(scene, models)))
+        scene = self._comm.bcast(call_on_first_rank(self._comm, lambda: decide_second_order(scene, models)))
         self.choice = self._choose_models(scene)
         self.scene = scene if self.choice is None else self.choice.scene  # with the step that was chosen
         if self.choice is not None:
@@ -124,7 +124,7 @@ class Bodies:
         if self.scene.frame is not None and self.scene.frame.machine is not None:
             with clock.stage("machine"):
                 self.scene, self.system = self._comm.bcast(
-                    on_first(self._comm, lambda: with_machine_motion(self.scene, self.system))
+                    call_on_first_rank(self._comm, lambda: with_machine_motion(self.scene, self.system))
                 )
         self.excitation = Excitation.from_scene(self.scene)
         self.full = FullOrder.join(self.scene, models_of(built))
@@ -137,7 +137,7 @@ class Bodies:
         """
         with_full = ALONE in self.built or "full" in self.scene.compare.against
         at = way_points(self.scene, self.excitation, self.full.system.size if with_full else 0)
-        of_reduced_system = on_first(
+        of_reduced_system = call_on_first_rank(
             self._comm, lambda: frequencies_on_way(self.scene, self.system, self.excitation, at)
         )
         natural = of_reduced_system or Frequencies(at.along, at.s, {})
@@ -152,7 +152,7 @@ class Bodies:
         With a `checkpoint` a full-order simulation that was interrupted continues.
         """
         steps = recovered_steps(self.scene).tolist()
-        simulations = on_first(
+        simulations = call_on_first_rank(
             self._comm, lambda: simulate(self.scene, self.system, self.excitation, self.clock, steps)
         )
         stepping = self._comm.bcast(None if simulations is None else simulations.time_grid)
@@ -163,9 +163,9 @@ class Bodies:
         simulated = (
             None if simulations is None else SimulatedSystem.from_simulations(self.system, self.excitation, simulations)
         )
-        error = on_first(self._comm, lambda: None if simulated is None else self._estimate_error(simulated))
+        error = call_on_first_rank(self._comm, lambda: None if simulated is None else self._estimate_error(simulated))
         looked = self._look_at_bodies(simulations)
-        simulations = on_first(self._comm, lambda: simulations and simulations.with_least_seconds())
+        simulations = call_on_first_rank(self._comm, lambda: simulations and simulations.with_least_seconds())
         return Motions(simulations, simulated, error, looked, references)
 
     def _look_at_bodies(self, simulations: Simulations | None) -> Mapping[str, ReducedFields]:
@@ -236,19 +236,21 @@ class Bodies:
         models = {name: body.modal for name, body in self.bodies.items()}
         why: str | None = "the scene leaves it out"
         with self.clock.stage("search"):
-            search = on_first(self._comm, lambda: order.Search(scene, models))
+            search = call_on_first_rank(self._comm, lambda: order.Search(scene, models))
             trial = self._comm.bcast(None if search is None else search.trial)
         if scene.goal.mesh:
             with self.clock.stage("other mesh"):
                 try:
                     other = order.scene_on_other_mesh(scene, trial)
                     on_other = self._reduce_other_mesh(other.scene)
-                    on_first(self._comm, lambda: search and search.compare_meshes(other, on_other))
+                    call_on_first_rank(self._comm, lambda: search and search.compare_meshes(other, on_other))
                     why = None
                 except (InputError, ConvergenceError) as error:  # too coarse to be reduced: no reason not to run
                     why = error.allowed if isinstance(error, InputError) else str(error)
         with self.clock.stage("search"):
-            choice: order.Choice = self._comm.bcast(on_first(self._comm, lambda: search and search.choose(why)))
+            choice: order.Choice = self._comm.bcast(
+                call_on_first_rank(self._comm, lambda: search and search.choose(why))
+            )
         return choice
 
     def _reduce_other_mesh(self, scene: Scene) -> dict[str, Any]:

@@ -26,13 +26,13 @@ from pmr.compare.responses import (
     simulate_by,
 )
 from pmr.compare.trust import reason_for_distrust, rigid_contacts
-from pmr.errors import SimulationError, on_first
+from pmr.errors import SimulationError, call_on_first_rank
 from pmr.errors.environment import Clock
 from pmr.fullmodel.eigensolvers import lowest_frequencies
 from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.results import Response
 from pmr.scene import Scene
-from pmr.scene.choice import REFERENCE, refuse
+from pmr.scene.choice import REFERENCE, refuse_unsupported
 from pmr.scene.keys import ALONE
 from pmr.scene.mechanism import frame_terms
 from pmr.simulation import Excitation, Progress, TimeStepping
@@ -160,7 +160,7 @@ class FullOrder:
         """
         system, comm, excitation = self.system, self.system.comm, self._excitation_on(stepping)
         rigid, x = system.compliance.rigid, side_positions(system, excitation)
-        refuse(self.simulator, needs_of(system, rigid, x, excitation.stepping.rho_inf), REFERENCE)
+        refuse_unsupported(self.simulator, needs_of(system, rigid, x, excitation.stepping.rho_inf), REFERENCE)
         with clock.stage("full") as done:
             response: Response | None
             if self.simulator == "petsc":
@@ -173,7 +173,7 @@ class FullOrder:
                     return simulate_by(self.scene, self.gathered_system, excitation, self.simulator, steps, done)
 
                 _ = self.gathered_system  # collective
-                simulated = on_first(comm, make)
+                simulated = call_on_first_rank(comm, make)
                 response = None if simulated is None else simulated.response
                 of_all = comm.bcast(None if simulated is None else simulated.states)
                 states = {

@@ -15,7 +15,7 @@ from pmr.compare.moving_frame import decide_second_order as with_order
 from pmr.compare.responses import check_installed, check_memory, memory_warnings
 from pmr.compare.summary import origin_part, reliability_part, simulation_part, theory_part
 from pmr.compare.trust import budget_warnings, quantities_not_covered
-from pmr.errors import ConvergenceError, InputError, NotHeldError, SimulationError, environment, on_first
+from pmr.errors import ConvergenceError, InputError, NotHeldError, SimulationError, call_on_first_rank, environment
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
@@ -32,11 +32,11 @@ from pmr.reduction.recovery import RecoveredBody
 from pmr.results import Frequencies, Loads, Response, RunResult
 from pmr.results.run import SummaryPart, combine_parts, grave_warnings
 from pmr.scene import Scene
-from pmr.scene.checks import check
+from pmr.scene.checks import check_scene
 from pmr.scene.choice import model_of
 from pmr.scene.keys import ALONE
 from pmr.scene.members import members
-from pmr.scene.model_ladder import candidates, comparable_scene, model_comparison
+from pmr.scene.model_ladder import candidate_scenes, comparable_scene, model_comparison
 from pmr.simulation.petsc import Checkpoint
 from pmr.system.body import FullBody
 from pmr.system.system import System
@@ -102,7 +102,7 @@ def run(
         checkpoint_files = None if checkpoint is None else Checkpoint(checkpoint)
         return _run(scene, comm, clock or Clock(), checkpoint_files, cache, measures, keep, shared)
     except InputError as error:
-        raise error.called(scene.spelled(error.key)) from None
+        raise error.with_key(scene.file_key(error.key)) from None
 
 
 def _run(
@@ -136,7 +136,7 @@ def _run(
     if outcome is not None and chosen.chosen_model is not None:
         outcome.result.summary["chosen_model"] = chosen.chosen_model
     if keep is not None:
-        on_first(comm, lambda: outcome and keep(outcome))
+        call_on_first_rank(comm, lambda: outcome and keep(outcome))
     budget = {} if chosen.budget_part is None else {"model": chosen.budget_part}
     budget |= _measure(bodies, motions, budget, measures)
     if outcome is not None and budget:
@@ -276,7 +276,7 @@ def full_model(
     try:
         models = models_of(build_bodies(scene, comm))
     except InputError as error:
-        raise error.called(scene.spelled(error.key)) from None
+        raise error.with_key(scene.file_key(error.key)) from None
     if distributed:
         return models.get(ALONE, models)
     gathered = {name: model.gather() for name, model in models.items()}
@@ -319,7 +319,7 @@ def reduce(
         scene = scene if basis is None else with_array_basis(scene)
         return _reduce_scene(_decide_scene_models(scene, comm, clock, None).scene, comm, clock, basis)
     except InputError as error:
-        raise error.called(scene.spelled(error.key)) from None
+        raise error.with_key(scene.file_key(error.key)) from None
 
 
 def _reduce_scene(
@@ -332,7 +332,7 @@ def _reduce_scene(
     log_warnings(built.values(), comm)
     bodies = reduce_bodies(scene, built, clock=clock, vectors=vectors)
     models = {name: body.model for name, body in bodies.items()}
-    scene = comm.bcast(on_first(comm, lambda: with_order(scene, models)))
+    scene = comm.bcast(call_on_first_rank(comm, lambda: with_order(scene, models)))
     return Reduction(scene, built, with_stress_flags(scene, bodies))
 
 
@@ -366,7 +366,7 @@ def decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None
     are taken, and the reason is returned.  `system_of` reduces a scene to a system; `cache` is a folder for such
     systems.
     """
-    options = candidates(scene)
+    options = candidate_scenes(scene)
     if not options:
         return ModelDecision(scene)
     with clock.stage("choice of the model"):
@@ -401,7 +401,7 @@ def measure_mesh(
     def compare_scene(make: Callable[[], Scene], label: str) -> dict[str, Any]:
         """Return how far the scene that `make` returns, `called` so, is from the own one, or the reason for none."""
         try:
-            motion = on_first(comm, lambda: Motion.compute(scene, system, response))
+            motion = call_on_first_rank(comm, lambda: Motion.compute(scene, system, response))
             other_motion = _motion_on_first(make(), comm, cache, system_of)
         except UNNEEDED as error:
             return _unknown_model_error(error, label)
@@ -443,7 +443,7 @@ def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None, sys
         return ModelDecision(
             beams[0], {"beside": None, "reason": str(error)}, chosen_figures(beams[0], reason=str(error))
         )
-    check(shell)  # which may not have what only a beam can
+    check_scene(shell)  # which may not have what only a beam can
     return ModelDecision(shell, None, chosen_figures(shell))
 
 
@@ -460,7 +460,7 @@ def _model_budget(
 def _motion_on_first(scene: Scene, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> Motion | None:
     """Reduce and simulate a scene; return its motion on rank 0, None on other ranks."""
     system = system_of(scene) if cache is None else cache.system_of(scene, lambda: system_of(scene))
-    return on_first(comm, lambda: Motion.compute(scene, system))
+    return call_on_first_rank(comm, lambda: Motion.compute(scene, system))
 
 
 def _chosen_model(scene: Scene) -> dict[str, Any]:

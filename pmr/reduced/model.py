@@ -33,7 +33,7 @@ from pmr.constraints.polynomials import (
     select_rows,
 )
 from pmr.errors import InputError
-from pmr.errors.text import no_file
+from pmr.errors.text import missing_file_reason
 from pmr.files import npz
 from pmr.reduced import stored
 from pmr.reduced.carriers import CarrierRows, EnrichmentModes, Flexibility
@@ -300,10 +300,10 @@ class ReducedModel:
         """
         path = Path(path)
         if not isfile(path):
-            raise InputError(str(path), "", None, f"{no_file(path)}; `pmr run` writes reduced.npz")
+            raise InputError(str(path), "", None, f"{missing_file_reason(path)}; `pmr run` writes reduced.npz")
         try:
             data = npz.read(path, npz.MOST_EXPANSION, npz.ROOM)
-            header = npz.without_header(data)
+            header = npz.pop_header(data)
             if header["format"] != FORMAT:
                 raise InputError(str(path), "format", header["format"], f"{FORMAT!r} is allowed")
             if int(header["version"]) > FORMAT_VERSION:
@@ -312,7 +312,7 @@ class ReducedModel:
             if data.get("flexibility.inertia.kept", False):
                 allowed = "a model without residual inertia is allowed: more coordinates do its work"
                 raise InputError(str(path), "flexibility.inertia", None, allowed)
-            model = npz.record(cls, stored.unpack(data))
+            model = npz.record_from_arrays(cls, stored.unpack(data))
             wrong = model.contradiction()
         except READING as error:
             if isinstance(error, InputError):

@@ -37,7 +37,7 @@ class HasCarriers(Protocol):
 
 def pack(model: HasCarriers, prefix: str = "") -> dict[str, NDArray[Any]]:
     """Arrays to be stored for a model, with `prefix` before their names."""
-    content = npz.arrays(model)
+    content = npz.record_arrays(model)
     sound = model.carriers is not None and not _describe_fault(model.carriers)
     for name, table in (_path_tables(model.carriers, content) if model.carriers and sound else {}).items():
         if np.array_equal(table.c, content[f"{name}.coefficients"]):
@@ -53,10 +53,10 @@ def pack(model: HasCarriers, prefix: str = "") -> dict[str, NDArray[Any]]:
 
 
 def unpack(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, NDArray[Any]]:
-    """Arrays with `prefix` before their names, all in full as `pmr.files.npz.record` reads them, from those of a file.
+    """Arrays with `prefix` before their names, all in full, from those of a file.
 
-    Errors of `pmr.files.npz.record` are raised, and a ValueError if tables are missing and carriers are not sound, or
-    if a triangle has a wrong number of entries.
+    They are as `pmr.files.npz.record_from_arrays` reads them, whose errors are raised; a ValueError is raised if tables
+    are missing and carriers are not sound, or if a triangle has a wrong number of entries.
     """
     content = dict[str, NDArray[Any]]()
     for name, array in data.items():
@@ -71,7 +71,7 @@ def unpack(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, NDAr
     if any(f"{name}.coefficients" not in content for name in tables) and any(
         name.startswith(TRIANGLES) for name in content
     ):
-        carriers = npz.record(CarrierRows, content, TRIANGLES)
+        carriers = npz.record_from_arrays(CarrierRows, content, TRIANGLES)
         if wrong := _describe_fault(carriers):
             raise ValueError(wrong)
         for name, table in _path_tables(carriers, content).items():

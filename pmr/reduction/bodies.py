@@ -206,7 +206,7 @@ def reduce_bodies(
                 try:
                     by_model[key] = _reduce_section(scene, member, built[name].model, caches.get(name))
                 except InputError as error:
-                    raise error.called(scene.key_of(member.number, error.key)) from None
+                    raise error.with_key(scene.section_key(member.number, error.key)) from None
             reduced_bodies[name] = _name_section(scene, member, by_model[key])
     return reduced_bodies
 

@@ -112,7 +112,7 @@ def _csr(A: sp.csr_matrix) -> tuple[NDArray[Any], ...]:
 @cache
 def _code() -> str:
     """Digest of the package's code, without the modules `NOT_COMPUTING`."""
-    return environment.code_digest(environment.sources(), NOT_COMPUTING)
+    return environment.code_digest(environment.source_texts(), NOT_COMPUTING)
 
 
 #: Parts of the package that no reduction depends on.
@@ -243,7 +243,7 @@ class Cache:
         if self.model.comm.rank == 0 and file.is_file():
             try:
                 arrays = npz.read(file)
-                if npz.without_header(arrays) != {"format": FORMAT}:
+                if npz.pop_header(arrays) != {"format": FORMAT}:
                     raise npz.DamagedError("another format")
             except npz.DamagedError as error:
                 _log.warning("%s is made again: %s", file, error)

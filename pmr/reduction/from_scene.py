@@ -81,7 +81,7 @@ def vectors_from_package(model: FullModel, choice: Reduction) -> Snapshots:
     It gets the model and the scene's `choice` of a reduction, and returns this rank's rows (n_local, k) of vectors.  An
     InputError is raised if there is no such function, it fails, or it returns anything else.
     """
-    make = environment.one_of("pmr.bases", choice.basis, frozenset(get_args(OwnBasis)))
+    make = environment.plugin_object("pmr.bases", choice.basis, frozenset(get_args(OwnBasis)))
     if not callable(make):
         raise environment.plugin_error("pmr.bases", choice.basis)
     first, last = model.M.getOwnershipRange()
@@ -171,7 +171,7 @@ def take_snapshots(
         return vectors_from_array(model, vectors)
     if scene.reduction.file is not None:
         return vectors_from_file(model, scene.reduction.file)
-    if scene.reduction.given:
+    if scene.reduction.is_external:
         return vectors_from_package(model, scene.reduction)
     if not scene.reduction.uses_pod:
         choice = scene.reduction
@@ -187,7 +187,7 @@ def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
     is raised if the snapshots span too little.
     """
     choice = scene.reduction
-    if choice.given:
+    if choice.is_external:
         return basis_of_vectors(model, snapshots, choice, None if choice.basis == ARRAY else choice.coordinates)
     if not choice.uses_pod:
         return modal_basis(snapshots)
@@ -201,17 +201,17 @@ def provenance(scene: Scene, basis: Basis, number: int = 0) -> dict[str, Any]:
     member, recorded = member_at(scene, number), scene.provenance
     if member.part.reduction.basis == ARRAY:  # the scene's own reduction does not describe the model
         recorded = recorded | {"scene": {key: value for key, value in recorded["scene"].items() if key != "reduction"}}
-    if member.jointed:  # as a body alone is described, with the pads of its joints
+    if member.has_joint:  # as a body alone is described, with the pads of its joints
         described = recorded["scene"]
         section = described.pop("sections")[number] | {"pads": [ring.model_dump(mode="json") for ring in member.pads]}
         section = {key: value for key, value in section.items() if key not in ("name", "joint", "slider")}
         title = {"title": f"{scene.title}: {member.part.name}"}
-        recorded = recorded | {"scene": described | section | title, "files": member.part.digests}
+        recorded = recorded | {"scene": described | section | title, "files": member.part.file_digests}
     return {
         **recorded,
         "basis": description(member.part.reduction, basis),
         "kappa": basis.kappa(),
-        "versions": environment.versions() | versions(),
+        "versions": environment.package_versions() | versions(),
     }
 
 
@@ -288,7 +288,7 @@ def may_be_stressed(scene: Scene) -> bool:
 
 def description(choice: Reduction, basis: Basis) -> str:
     """The basis in words, with the unit of the coordinates."""
-    if choice.given:
+    if choice.is_external:
         rigid = "rigid-body modes and " if choice.flexibility else ""
         of = {"file": "from a file", ARRAY: "given as an array"}.get(choice.basis, f"of {choice.basis}")
         kind = f"{rigid}vectors {of}, orthonormal in the {basis.product} product"

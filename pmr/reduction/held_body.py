@@ -76,7 +76,7 @@ def held_body(scene: Scene, s: float, count: int) -> NodalBody:
         modes=q[order],
         omega=modes.omega,
         damping=symmetric_part(full.rayleigh.matrix(*projected)),
-        places=_places(structure, q),
+        frames=_places(structure, q),
     )
 
 
@@ -114,7 +114,7 @@ def nodes_of(model: StructuralModel) -> Indices:
             of_cells = model.element_coordinates(np.arange(len(model.mesh.cells)))
             return np.unique(np.column_stack([part.ravel() for part in of_cells]), axis=0)
     if isinstance(model, Matrices):
-        matrices = model.given
+        matrices = model.body_matrices
         order = np.lexsort((matrices.direction, matrices.node))
         if np.array_equal(matrices.direction[order], np.tile(np.arange(3), len(matrices.points))):
             return np.asarray(order.reshape(-1, 3), dtype=np.int64)
@@ -199,7 +199,7 @@ def framed_body(scene: Scene, s: float, count: int) -> FramedBody:
     damped = (w.T @ times(A, w) for A in (built.model.M, built.model.K))
     body = FramedBody(
         s=s,
-        places=Frames(
+        frames=Frames(
             ("ground", *(place if isinstance(place, str) else f"at {place:g} m" for place in places)),
             np.array([np.zeros(3), *(model.centroid(place) for place in places)]),
         ),

@@ -29,7 +29,15 @@ from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import local_csr
 from pmr.fields.series import Fields
-from pmr.fields.stress import FORCES, Envelope, Running, StressHistory, StressPeak, peaks_by_region, stress_history
+from pmr.fields.stress import (
+    FORCES,
+    Envelope,
+    RunningEnvelope,
+    StressHistory,
+    StressPeak,
+    peaks_by_region,
+    stress_history,
+)
 from pmr.fullmodel.assembly import share
 from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.model import FullModel
@@ -183,14 +191,14 @@ class BodyFields:
         values = self._sum_over_ranks(self._stresses, q) if along is None else along @ self.stress_rows.rows.T
         return Stresses(along, self.stress_rows.split_by_point(values))
 
-    def empty_envelope(self) -> Running | None:
+    def empty_envelope(self) -> RunningEnvelope | None:
         """Empty envelope for `Stresses.along_beam`; None for bodies without section forces."""
         if self.forces is None:
             return None
         names, x, rows = self.forces.names, self.forces.x, self.stress_rows
         if rows is None:
-            return Running(names, x)
-        return Running((*names, *[AXIAL_STRESS] * len(rows.points)), np.concatenate([x, rows.points[:, 0]]))
+            return RunningEnvelope(names, x)
+        return RunningEnvelope((*names, *[AXIAL_STRESS] * len(rows.points)), np.concatenate([x, rows.points[:, 0]]))
 
     def _sum_over_ranks(self, rows: sp.csr_matrix, q: Array) -> Array:
         """Values (S, k) of rows (k, n_local) on q (S, n_local), summed over all ranks."""

@@ -132,7 +132,7 @@ class _Views:
 
         Without a frame that moves both are the same.
         """
-        return points if self.pose is None else self.pose.at(frame, points)
+        return points if self.pose is None else self.pose.positions_at(frame, points)
 
     def _peak_view(self, moment: Moment) -> View:
         """Build the view of the largest stress, seen from the side it is on, the body's axis level."""
@@ -144,7 +144,7 @@ class _Views:
         direction, up = (SIDE[0], -SIDE[1] if from_left else SIDE[1], 0.45 if above else -0.45), (0.0, 0.0, 1.0)
         if self.pose is not None:
             (ahead, aside, high_up), (x, y, z) = (
-                (float(c) for c in self.pose.turned(moment.frame, way)) for way in (direction, up)
+                (float(c) for c in self.pose.rotate_at(moment.frame, way)) for way in (direction, up)
             )
             direction, up = (ahead, aside, high_up), (x, y, z)
         pieces = (*self._body_pieces(moment, edges=0.8), *self._surrounding_pieces(moment, opacity=0.08))

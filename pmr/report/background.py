@@ -90,7 +90,7 @@ def has_free_core() -> bool:
 
     Processes that MPI started together with this one count as users of the cores.
     """
-    return environment.cores() > 1 and environment.launched() == 1
+    return environment.available_cores() > 1 and environment.launched_process_count() == 1
 
 
 def _follow_parent() -> None:

@@ -115,7 +115,7 @@ def _tube(fields: Fields, box: Box | None) -> Surface:
     thin = np.array([(-_THIN, -_THIN), (_THIN, -_THIN), (_THIN, _THIN), (-_THIN, _THIN)]) / 2.0
     count = len(fields.points)
     corners = np.tile([side.start for side in box.sides] if box else thin, (count, 1, 1))
-    if box and box.variations:
+    if box and box.varying_keys:
         corners = np.array([[side.start for side in box.profile_at(float(x)).sides] for x in fields.points[:, 0]])
     around = corners.shape[1]
     vertex, lever = np.repeat(np.arange(count), around), corners.reshape(-1, 2)
@@ -173,7 +173,7 @@ def build_surroundings(result: RunResult, body: Surface) -> Surroundings:
 def _pads(ring: PadRing, low: Array, high: Array, box: Box | None) -> list[Block]:
     """Build a block for each pad of a ring; `low` and `high` (3,) in m are opposite corners of the body."""
     body = np.array([low, high])
-    return [Block(pad_corners(ring, place, body, box, _CUBE + 0.5), _SIDES) for place in ring.places]
+    return [Block(pad_corners(ring, place, body, box, _CUBE + 0.5), _SIDES) for place in ring.named_pads]
 
 
 def _block(start: Array, end: Array, sides: NDArray[np.int64]) -> Block:

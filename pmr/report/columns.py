@@ -16,9 +16,9 @@ from pmr.results import Response, RunResult
 from pmr.results.response import outputs_of
 from pmr.results.tables import FORCE_OF
 from pmr.scene.built import PadRing
-from pmr.scene.frame import rotation
-from pmr.scene.keys import named
-from pmr.scene.members import as_pads
+from pmr.scene.frame import boom_rotation
+from pmr.scene.keys import qualified_name
+from pmr.scene.members import body_ring
 
 PLAYING = 30.0  # s in which the whole motion plays at the first speed
 _FULL_SCALE = 32767
@@ -265,7 +265,7 @@ def forces_by_group(result: RunResult, kind: str = "pad") -> dict[str, list[Forc
     if kind == "pad" and is_alone(result) and result.scene.pads:
         groups = dict[str, list[Force]]()
         for ring in sorted(result.scene.pads, key=lambda ring: bool(ring.moving)):
-            for name, _, _ in ring.places:
+            for name, _, _ in ring.named_pads:
                 if (called := FORCE_OF + name) in numbers:
                     pad = Force(numbers[called], name.removeprefix(f"{ring.name} "), called)
                     groups.setdefault(ring.name, []).append(pad)
@@ -276,9 +276,9 @@ def forces_by_group(result: RunResult, kind: str = "pad") -> dict[str, list[Forc
     else:
         names = [called.removeprefix(FORCE_OF) for _, called in chosen]
     units = {
-        named(body, FORCE_OF + support): unit
+        qualified_name(body, FORCE_OF + support): unit
         for body, part in result.scene.bodies.items()
-        for support, unit in part.springs.items()
+        for support, unit in part.spring_units.items()
     }
     group = [Force(k, name, called, units.get(called, "N")) for (k, called), name in zip(chosen, names, strict=True)]
     return {"": group} if group else {}
@@ -297,7 +297,7 @@ def ring_forces(result: RunResult) -> Iterator[RingForces]:
             for end, ring, at in at_ends:
                 called = " ".join(filter(None, (body, end, ring.name)))
                 places.append(
-                    (_force_names_by_face(as_pads(ring, called)) if ring.faces else _point_force_names(called), at)
+                    (_force_names_by_face(body_ring(ring, called)) if ring.faces else _point_force_names(called), at)
                 )
         for faces, at in places:
             for face, names in faces.items():
@@ -308,7 +308,7 @@ def ring_forces(result: RunResult) -> Iterator[RingForces]:
 
 def _force_names_by_face(ring: PadRing) -> dict[str, list[str]]:
     """Names of the forces of a ring's pads on the faces ``bottom`` and ``top``, by face."""
-    return {side: [FORCE_OF + name for name, face, _ in ring.places if face == side] for side in ("bottom", "top")}
+    return {side: [FORCE_OF + name for name, face, _ in ring.named_pads if face == side] for side in ("bottom", "top")}
 
 
 def _point_force_names(contact: str) -> dict[str, list[str]]:
@@ -345,7 +345,7 @@ def body_axes(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale:
     turned, positions = frame_rotations(result, response.t[chosen]), []
     sine, cosine = turned[:, 2, 0, None], turned[:, 2, 2, None]  # of the luffing angle
     for line in axis_points(result, response):
-        places_in_boom = np.zeros((len(chosen), len(line.x), 3)) + (0.0 if frame is None else frame.place)
+        places_in_boom = np.zeros((len(chosen), len(line.x), 3)) + (0.0 if frame is None else frame.tail_position)
         places_in_boom[:, :, 0] += line.tail[chosen, None] + line.x
         for direction, of in ((1, aside.get(line.body)), (2, line)):
             if of is not None:
@@ -364,5 +364,5 @@ def frame_rotations(result: RunResult, t: Array) -> Array:
     if result.scene.frame is not None:
         return result.scene.frame.rotation(t)
     gravity = result.scene.gravity
-    raised = np.full(len(t), 0.0 if gravity is None else np.deg2rad(gravity.raised))
-    return rotation(raised, np.zeros(len(t)))
+    raised = np.full(len(t), 0.0 if gravity is None else np.deg2rad(gravity.inclination))
+    return boom_rotation(raised, np.zeros(len(t)))

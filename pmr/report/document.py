@@ -14,9 +14,9 @@ from typing import Any
 import jinja2
 
 from pmr.errors import InputError
-from pmr.errors.environment import needed
-from pmr.errors.text import visible
-from pmr.files.whole import fresh
+from pmr.errors.environment import import_package
+from pmr.errors.text import escape_controls
+from pmr.files.whole import replacement_folder
 from pmr.report.blocks import END_OF_SCREEN, REPORT_FILES, SCREEN, Chapter, Figures, ReportFiles
 from pmr.report.figures.canvas import FONT, drawn_text, font_face_rule
 from pmr.report.sections import chapter, figures_of
@@ -67,7 +67,7 @@ def _anchor(number: int) -> str:
 
 def write_page(text: str, folder: Path) -> ReportFiles:
     """Write a page of HTML into a folder as report.html and report.pdf; return their paths."""
-    with fresh(folder, REPORT_FILES) as new:
+    with replacement_folder(folder, REPORT_FILES) as new:
         (new / "report.html").write_text(text, encoding="utf-8")
         write_pdf(text, new / "report.pdf")
     _log.info("report written to %s", folder)
@@ -113,16 +113,16 @@ def templates() -> jinja2.Environment:
     return jinja2.Environment(
         loader=jinja2.PackageLoader("pmr.report"),
         autoescape=True,
-        finalize=escape_controls,
+        finalize=escape_plain_text,
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
 
 
-def escape_controls(value: object) -> object:
+def escape_plain_text(value: object) -> object:
     """Spell out characters that would steer the page, in plain text; markup and other values are returned unchanged."""
-    return visible(value) if type(value) is str else value
+    return escape_controls(value) if type(value) is str else value
 
 
 def write_pdf(text: str, file: Path) -> None:
@@ -146,10 +146,10 @@ def import_weasyprint() -> Any:
 
     ctypes.util.find_library = nowhere
     try:
-        return needed(name)
+        return import_package(name)
     except InputError:
         ctypes.util.find_library = find
-        return needed(name)
+        return import_package(name)
     finally:
         ctypes.util.find_library = find
 

@@ -18,7 +18,7 @@ from pmr.results import RunResult
 from pmr.results.quantities import QUANTITIES
 from pmr.results.response import Extreme, Extremes
 from pmr.results.tables import FORCE_OF
-from pmr.scene.keys import cylinder_of, named
+from pmr.scene.keys import cylinder_name, qualified_name
 from pmr.scene.mechanism import supports_at_lug
 
 Rows = Iterator[tuple[str, str]]
@@ -145,7 +145,7 @@ def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
             by_key["rope_force"][f"rope of {rope['name']}, all strands"] = extremes
         else:
             by_key["cylinder_force"][f"cylinder of {rope['name']}, {ROPES}"] = extremes
-    elsewhere = {*_luffing_names(result), *(cylinder_of(rope["name"]) for rope in summary.get("ropes", ()))}
+    elsewhere = {*_luffing_names(result), *(cylinder_name(rope["name"]) for rope in summary.get("ropes", ()))}
     for key, kind in (("pad_force", "pad"), ("cylinder_force", "cylinder"), ("support", "support")):
         if by_key[key]:
             continue
@@ -162,15 +162,15 @@ def _luffing_names(result: RunResult) -> set[str]:
     if frame is None or frame.cylinder is None or result.summary.get("luffing_cylinder") is None:
         return set()
     body = next(iter(result.scene.bodies))
-    return {named(body, name) for name in supports_at_lug(result.scene)}
+    return {qualified_name(body, name) for name in supports_at_lug(result.scene)}
 
 
 def _full_name(result: RunResult, name: str) -> str:
     """Name of a support's force, with its direction appended if the support holds only this one."""
     for body, part in result.scene.bodies.items():
         for support in part.supports:
-            if len(support.held) == 1 and name == named(body, support.name):
-                return f"{name} along {support.held[0]}"
+            if len(support.held_directions) == 1 and name == qualified_name(body, support.name):
+                return f"{name} along {support.held_directions[0]}"
     return name
 
 

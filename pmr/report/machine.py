@@ -26,10 +26,10 @@ from pmr.results import RunResult
 from pmr.scene import Body, Reduction, Scene
 from pmr.scene.box import Box
 from pmr.scene.built import Support
-from pmr.scene.choice import choose, model_of
+from pmr.scene.choice import choose_model, model_of
 from pmr.scene.frame import Frame
 from pmr.scene.joints import OneBody
-from pmr.scene.keys import ALONE, named
+from pmr.scene.keys import ALONE, qualified_name
 from pmr.scene.members import member_at, members
 from pmr.scene.signals import SignalBase
 from pmr.scene.structures import PointMass, Profile
@@ -49,7 +49,7 @@ def system_rows(result: RunResult) -> Rows:
     yield from _mass_rows(result)
     yield from _pad_rows(result)
     for load in scene_loads(result):
-        yield named(load.body, load.name), _load_text(load)
+        yield qualified_name(load.body, load.name), _load_text(load)
     scene = result.scene
     yield "weight of the boom", _describe_weight(result)
     if scene.frame is not None:
@@ -61,7 +61,7 @@ def system_rows(result: RunResult) -> Rows:
     elif scene.gravity is not None:
         yield (
             "raised by",
-            f"{format_input(round(scene.gravity.raised, 1))}°" if is_raised(result) else "0°, it lies level",
+            f"{format_input(round(scene.gravity.inclination, 1))}°" if is_raised(result) else "0°, it lies level",
         )
     if result.reach is not None:
         yield "reach along the boom", format_range(float(result.reach.min()), float(result.reach.max()), f"{SPACE}m")
@@ -115,17 +115,20 @@ def _machine_rows(frame: Frame, end: float) -> Rows:
         free = f"free along {', '.join(machine.free)}" if machine.free else "held"
         yield "machine", f"{format_input(machine.mass, 'kg')} with its centre at ({place}){SPACE}m, {free}"
         if springs := [
-            f"{key} {format_stiffness(value, key.startswith('r'))}" for key, value in machine.stiffness.given.items()
+            f"{key} {format_stiffness(value, key.startswith('r'))}" for key, value in machine.stiffness.nonzero.items()
         ]:
             yield "machine on springs", ", ".join(springs)
         for what, base, acting in (("force", "N", machine.force), ("moment", "N m", machine.moment)):
-            for axis, signal in acting.given.items():
+            for axis, signal in acting.signals.items():
                 bounds = np.array(signal.bounds(0.0, end))
                 yield (
                     f"{what} on the machine",
                     f"{_format_load(bounds, base)} {'along' if base == 'N' else 'about'} {axis}",
                 )
-        for what, values_by_key, per in (("displaced", machine.start.given, ""), ("moving", machine.rate.given, "/s")):
+        for what, values_by_key, per in (
+            ("displaced", machine.start.nonzero, ""),
+            ("moving", machine.rate.nonzero, "/s"),
+        ):
             if values_by_key:
                 texts = (
                     f"{key} {format_input(value)}{_coordinate_unit(key, frame.unit)}{per}"
@@ -196,7 +199,8 @@ def _box_parts(box: Box) -> Rows:
         places = ", ".join(map(format_input, box.frames))
         yield (
             "frames",
-            f"{len(box.frames)}, {format_input(1e3 * box.plate, 'mm')} thick, {deep}, at {places}{SPACE}m",
+            f"{len(box.frames)}, {format_input(1e3 * box.frame_plate_thickness, 'mm')} thick, {deep}, "
+            f"at {places}{SPACE}m",
         )
     for name, taper in (("tail taper", box.tail_taper), ("tip taper", box.tip_taper)):
         if taper is not None:
@@ -209,7 +213,7 @@ def _mass_rows(result: RunResult) -> Rows:
     """Yield a row for each point mass, and a row with the total mass of the bodies and of what is attached to them."""
     for name, part in result.scene.bodies.items():
         for mass in part.masses:
-            yield named(name, mass.name), _describe_mass(mass)
+            yield qualified_name(name, mass.name), _describe_mass(mass)
     if masses := result.summary.get("masses"):
         attached = ", ".join(mass.name for part in result.scene.bodies.values() for mass in part.masses)
         of = f" with {attached}" if attached else ""
@@ -240,7 +244,7 @@ def _describe_support(support: Support) -> str:
     """Describe a support: its kind or the directions it holds, its position and its stiffness."""
     where = f"on its {support.on}" if isinstance(support.on, str) else f"at {format_input(support.on, 'm')}"
     along = support.kind if support.directions is None else f"along {', '.join(support.directions)}"
-    turns = all(direction.startswith("r") for direction in support.held)
+    turns = all(direction.startswith("r") for direction in support.held_directions)
     return f"{along} {where}, {format_stiffness(support.stiffness, turns)}"
 
 
@@ -267,7 +271,7 @@ def body_tables(result: RunResult) -> list[Table]:
     """
     scene, damping = result.scene, tuple(_damping_rows(result.scene))
     tables_of_bodies = {
-        name: tuple(_structure_rows(of, choose(member_at(scene, number)).model))
+        name: tuple(_structure_rows(of, choose_model(member_at(scene, number)).model))
         for number, (name, of) in enumerate(scene.bodies.items())
     }
     if is_alone(result):
@@ -293,7 +297,7 @@ def method_table(result: RunResult) -> Table:
     ]
     released = "sliders released" if is_alone(result) else "joints released"
     for name, of in result.scene.bodies.items():
-        rows += [(named(name, key), value) for key, value in _reduction_rows(of.reduction, released)]
+        rows += [(qualified_name(name, key), value) for key, value in _reduction_rows(of.reduction, released)]
     if "ancf" in result.scene.compare.against:
         rows.append(("ANCF elements", str(result.scene.compare.ancf_elements)))
     return Table("Time stepping and reduction", tuple(rows))
@@ -424,7 +428,7 @@ def _ring_rows(result: RunResult) -> Rows:
             where = (f"s {with_sign(ring.at)}" if ring.at else "s") if ring.moving else format_input(ring.at)
             faces = ", ".join(f"{len(places)} {face}" for face, places in ring.faces.items())
             size = f"{format_input(ring.length)} × {format_input(ring.width, 'm')}"
-            called = named(body, f"pads at the {ring.name}")
+            called = qualified_name(body, f"pads at the {ring.name}")
             yield called, f"at {where}{SPACE}m, {faces}; {size}, {format_stiffness(ring.stiffness)}"
 
 
@@ -432,10 +436,12 @@ def _load_rows(result: RunResult) -> Rows:
     """Yield a row for each load with its signal and where it acts, and a row for gravity."""
     for load in scene_loads(result):
         unit = load.unit.replace(" ", SPACE)
-        yield named(load.body, f"load {load.name}"), f"{describe_signal(load.signal, unit)}; {load.where}"
+        yield qualified_name(load.body, f"load {load.name}"), f"{describe_signal(load.signal, unit)}; {load.where}"
     if (gravity := result.scene.gravity) is not None:
         along = ", ".join(format_input(round(c, 3) + 0.0) for c in gravity.direction)
-        raised = f", raised by {format_input(round(gravity.raised, 2))}°" if abs(gravity.raised) >= 0.01 else ""
+        raised = (
+            f", raised by {format_input(round(gravity.inclination, 2))}°" if abs(gravity.inclination) >= 0.01 else ""
+        )
         yield "gravity", f"{format_input(gravity.acceleration)}{SPACE}m/s² along ({along}){raised}"
 
 

@@ -102,7 +102,7 @@ def axis_motion(result: RunResult) -> dict[str, Any]:
         }
     drawn_axes = body_axes(result, spread_indices(len(t), 300), data["scale"])
     return data | {
-        "pivot": list(frame.place),
+        "pivot": list(frame.tail_position),
         "angles": [encode_array(angle.value(t[frames])) for angle in frame.angles],
         "side": _view_extent([drawn_axis.side for drawn_axis in drawn_axes]),
         "plan": _view_extent([drawn_axis.plan for drawn_axis in drawn_axes]) if slews(result) else None,
@@ -244,7 +244,7 @@ def _frame_motion(result: RunResult) -> dict[str, Any] | None:
         return None
     bodies, alongs = body_surfaces(result), body_shifts(result)
     ends = [
-        pose.places(
+        pose.positions(
             np.array([body_surface.points.min(axis=0), body_surface.points.max(axis=0)]) + _along_axis(alongs[name])
         )
         for name, body_surface in bodies.items()

@@ -8,7 +8,7 @@ from typing import Any
 from pmr.report.numbers import SPACE, format_input, format_quantity
 from pmr.report.subject import reduced_size
 from pmr.results import RunResult
-from pmr.scene.keys import named
+from pmr.scene.keys import qualified_name
 
 Rows = Iterator[tuple[str, str]]
 CELLS = {"line": "lines", "triangle": "triangles", "tetra": "tetrahedra", "hexahedron": "hexahedra"}
@@ -45,10 +45,10 @@ def size_rows(result: RunResult) -> Rows:
         yield f"coordinates of {part['name']}", f"{format_input(counts['full'])} → {format_input(counts['reduced'])}"
     for name, body in result.bodies.items():
         if (fields := body.fields) is not None:
-            yield named(name, "mesh"), f"{format_input(len(fields.cells))} {CELLS[fields.kind]}"
-            yield named(name, "vertices"), format_input(len(fields.points))
-            yield named(name, "recovered fields"), f"{format_input(len(fields.t))} times"
-    if pads := sum(len(ring.places) for of in result.scene.bodies.values() for ring in of.pads):
+            yield qualified_name(name, "mesh"), f"{format_input(len(fields.cells))} {CELLS[fields.kind]}"
+            yield qualified_name(name, "vertices"), format_input(len(fields.points))
+            yield qualified_name(name, "recovered fields"), f"{format_input(len(fields.t))} times"
+    if pads := sum(len(ring.named_pads) for of in result.scene.bodies.values() for ring in of.pads):
         yield "pads", format_input(pads)
     if contact := result.summary.get("contact"):
         parts_text = (

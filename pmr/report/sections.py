@@ -39,7 +39,7 @@ from pmr.report.figures.canvas import colour_scale, drawing
 from pmr.report.numbers import SPACE, format_input, significant
 from pmr.report.subject import direction_words, input_loads, is_alone, moving_part
 from pmr.results import RunResult
-from pmr.scene.keys import named
+from pmr.scene.keys import qualified_name
 
 Show = Callable[[RunResult, str], Block | None]
 
@@ -183,7 +183,7 @@ def basis_block(result: RunResult, prefix: str) -> Block | None:
     for number, (name, body) in enumerate(result.bodies.items()):
         if body.shapes is not None and set(tip_displacements(result)) == {"z"}:
             anchor, caption = f"{prefix}-basis{f'-{number}' if name else ''}", shapes.basis_caption(body.shapes)
-            rows.append((drawing(anchor, shapes.basis_figure, named(name, caption), result, body.shapes),))
+            rows.append((drawing(anchor, shapes.basis_figure, qualified_name(name, caption), result, body.shapes),))
     row, grids, of = [], tuple(_published_frequency_grids(result)), result.body.shapes
     if is_alone(result) and of is not None and result.scene.reduction.uses_pod:  # other bases have singular values of 1
         caption = "Singular values of the snapshots. κ is the share of the sum of their squares that the basis keeps."

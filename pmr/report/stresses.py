@@ -19,7 +19,7 @@ from pmr.results import Response, RunResult
 from pmr.results.fatigue import rainflow_cycles
 from pmr.results.response import Extremes
 from pmr.results.tables import probe_extremes, stress_peaks, summaries_by_section
-from pmr.scene.keys import ALONE, named
+from pmr.scene.keys import ALONE, qualified_name
 
 
 def stress_block(result: RunResult, prefix: str) -> Block | None:
@@ -58,7 +58,10 @@ def section_force_block(result: RunResult, prefix: str) -> Block | None:
         for what, force in part.get("section_forces", {}).get("reduced", {}).items():
             if what in shown and (force["min"] or force["max"]):
                 table_rows.append(
-                    (named(name, what), *(_extreme_cell(force, end, NOTHING * largest[what]) for end in ("min", "max")))
+                    (
+                        qualified_name(name, what),
+                        *(_extreme_cell(force, end, NOTHING * largest[what]) for end in ("min", "max")),
+                    )
                 )
     caption = "Forces and moments of sections along each beam, from the smallest to the largest over time."
     drawn = drawing(f"{prefix}-envelopes", figures.envelope_figure, caption, result, shown)

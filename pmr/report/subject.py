@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from pmr.report.numbers import format_input, format_percent
 from pmr.results import BodyResult, RunResult
 from pmr.scene.built import PadRing
-from pmr.scene.choice import choose, parts_of
+from pmr.scene.choice import choose_model, input_directions
 from pmr.scene.joints import JointPads
-from pmr.scene.keys import ALONE, input_of
+from pmr.scene.keys import ALONE, input_name
 from pmr.scene.members import member_at, members
-from pmr.scene.scene import Part
+from pmr.scene.scene import BoomSection
 from pmr.scene.signals import SignalBase
 
 Array = NDArray[np.float64]
@@ -69,7 +69,7 @@ def direction_words(result: RunResult, direction: str) -> str:
 def is_raised(result: RunResult) -> bool:
     """Whether gravity is turned as on a boom that is raised by 0.01 degrees at least."""
     gravity = result.scene.gravity
-    return gravity is not None and abs(gravity.raised) >= 0.01
+    return gravity is not None and abs(gravity.inclination) >= 0.01
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def structural_model(result: RunResult) -> Model:
         return Model(structural_model_words(scene.body.model, scene.body.walls), choice_clause(measured))
     if scene.body.model != "auto":
         return Model(structural_model_words(scene.body.model, scene.body.walls), "as the scene asks")
-    chosen = choose(member_at(scene))
+    chosen = choose_model(member_at(scene))
     return Model(structural_model_words(chosen.model), f"since {'; '.join(chosen.reasons)}")
 
 
@@ -175,10 +175,10 @@ def input_loads(result: RunResult) -> list[AppliedLoad]:
     acting, names = list[AppliedLoad](), result.loads.names
     for member, (body, section) in zip(members(result.scene), result.scene.bodies.items(), strict=True):
         end = reach(result) if body == ALONE else section.length
-        inputs = [(load, *part) for load in section.loads for part in parts_of(member, load).items()]
+        inputs = [(load, *part) for load in section.loads for part in input_directions(member, load).items()]
         for number, (load, name, direction) in enumerate(inputs):
-            if (input_name := input_of(body, name)) in names:
-                values = result.loads.values[:, names.index(input_name)]
+            if (full_name := input_name(body, name)) in names:
+                values = result.loads.values[:, names.index(full_name)]
             elif body == ALONE and not names:  # results of earlier versions name no loads
                 values = result.loads.values[:, number]
             else:
@@ -210,7 +210,7 @@ def scene_loads(result: RunResult) -> list[AppliedLoad]:
 
 def axial_supports(result: RunResult) -> list[str]:
     """Names of the supports that hold a body alone along its axis and nothing else."""
-    return [support.name for support in result.scene.supports if support.held == ("x",)]
+    return [support.name for support in result.scene.supports if support.held_directions == ("x",)]
 
 
 def changing_angles(result: RunResult) -> dict[str, SignalBase]:
@@ -230,7 +230,7 @@ def drive_of(rope: Mapping[str, Any]) -> str:
     return "rope" if rope["follows"] or "length" in rope else "cylinder"
 
 
-def rings_of(part: Part) -> list[PadRing | JointPads]:
+def rings_of(part: BoomSection) -> list[PadRing | JointPads]:
     """Rings of pads of a body: those on the ground and those in the next outer section."""
     return [*part.pads, *((*part.joint.tail, *part.joint.mouth) if part.joint is not None else ())]
 
@@ -249,7 +249,7 @@ def fixtures(result: RunResult) -> list[Fixture]:
         if isinstance(support.on, str)
         else Fixture(support.on, support.symbol)
         for support in of.supports
-        if {"y", "z"} & set(support.held)
+        if {"y", "z"} & set(support.held_directions)
     ]
     return supports + [Fixture(ring.at, "roller") for ring in of.pads if not ring.moving]
 

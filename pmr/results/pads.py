@@ -30,9 +30,9 @@ def pad_corners(ring: PadRing, place: tuple[str, Face, float], body: Array, box:
     size, local = np.array([ring.length, ring.width, THICK]), cube - [0.5, 0.5, 0.0]
     if box is not None and " " in face:  # it is slanted
         side = box.faces[face]
-        along, out = ([0.0, *pair] for pair in (side.across, side.normal))
+        along, out = ([0.0, *pair] for pair in (side.across_direction, side.normal))
         reach = float(side.normal @ side.start) + side.thickness / 2.0
-        centre = np.array([ring.at, *(across * side.across + reach * side.normal)])
+        centre = np.array([ring.at, *(across * side.across_direction + reach * side.normal)])
     else:
         normal, tangent = (2, 1) if face in ("bottom", "top") else (1, 2)
         outwards = -1.0 if face in ("bottom", "right") else 1.0
@@ -51,7 +51,7 @@ def pads_over_time(result: RunResult) -> Boxes | None:
     if ALONE not in (travelling := result.moving_fields):
         return None
     scene, (fields, along) = result.scene.bodies[ALONE], travelling[ALONE]
-    places = [(ring, *place) for ring in scene.pads for place in ring.places]
+    places = [(ring, *place) for ring in scene.pads for place in ring.named_pads]
     if not places:
         return None
     t, response, body = fields.t, result.responses["reduced"], _extent(fields, scene.body.box)
@@ -64,7 +64,7 @@ def pads_over_time(result: RunResult) -> Boxes | None:
         if FORCE_OF + name in response.force_names:
             force[:, k] = np.interp(t, response.t, response.force(FORCE_OF + name, 0))
     if (pose := result.pose(t)) is not None:
-        corners = pose.places(corners.reshape(len(t), -1, 3)).reshape(corners.shape)
+        corners = pose.positions(corners.reshape(len(t), -1, 3)).reshape(corners.shape)
     return Boxes(tuple(name for _, name, _, _ in places), corners, {"force": force})
 
 
@@ -72,6 +72,6 @@ def _extent(fields: Fields, box: Box | None) -> Array:
     """Return least and largest coordinates (2, 3) in m of the body at rest; a beam is as wide as its box."""
     extent = np.array([fields.points.min(axis=0), fields.points.max(axis=0)])
     if fields.kind == "line" and box is not None:
-        outside = np.array([corner.at for corner in box.corners])
+        outside = np.array([corner.position for corner in box.corners])
         extent += [[0.0, *outside.min(axis=0)], [0.0, *outside.max(axis=0)]]
     return extent

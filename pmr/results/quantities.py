@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.results.response import Extreme, Extremes, Response
-from pmr.scene.built import force_of, reaction_of
-from pmr.scene.keys import cylinder_of
+from pmr.scene.built import force_name, reaction_name
+from pmr.scene.keys import cylinder_name
 from pmr.scene.mechanism import AT_PIVOT, CYLINDER, drive_rows, rope_shares
 from pmr.scene.scene import Scene
 
@@ -32,7 +32,7 @@ Measure = Callable[[Array], Array]
 DIRECTION = re.compile(r" r?[xyz](?= (?:at|on) |$)")
 #: SI prefixes of values in sentences.
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
-REACTION, PIVOT, FORCE = reaction_of(""), reaction_of(f"{AT_PIVOT} "), force_of("")
+REACTION, PIVOT, FORCE = reaction_name(""), reaction_name(f"{AT_PIVOT} "), force_name("")
 #: Matrices A of the von Mises stress squared, s^T A s, by the stress components s that models have.
 MISES: Mapping[tuple[str, ...], Array] = {
     ("axial",): np.eye(1),
@@ -217,7 +217,7 @@ def _cylinder_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Meas
     force is that of `pmr.scene.mechanism.drive_rows`: of the cylinder or, for a section on ropes or that others follow,
     a sum over several cylinders.
     """
-    return _drive_measure([row for name, row in columns.drives.items() if looks_at(cylinder_of(name))])
+    return _drive_measure([row for name, row in columns.drives.items() if looks_at(cylinder_name(name))])
 
 
 def _rope_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:

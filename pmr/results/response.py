@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.scene import Scene
-from pmr.scene.built import force_of, reaction_of
-from pmr.scene.choice import felt_faces, transverse
+from pmr.scene.built import force_name, reaction_name
+from pmr.scene.choice import pad_faces, transverse_axes
 from pmr.scene.joints import OneBody
-from pmr.scene.keys import ALONE, cylinder_of, named
+from pmr.scene.keys import ALONE, cylinder_name, qualified_name
 from pmr.scene.members import member_at
 
 Array = NDArray[np.float64]
@@ -312,8 +312,12 @@ def outputs_of(scene: Scene, response: Response) -> tuple[Output, ...]:
 
 def _displacement_outputs(scene: Scene, response: Response) -> Iterator[Output]:
     """Yield the meaning of each displacement by its name."""
-    tips = {named(body, of.observe.tip_along(d)): ("tip", body, d) for body, of in scene.bodies.items() for d in "xyz"}
-    beams = {named(body, f"{d} at "): ("beam", body, d) for body in scene.bodies for d in "xyz"}
+    tips = {
+        qualified_name(body, of.observe.tip_along(d)): ("tip", body, d)
+        for body, of in scene.bodies.items()
+        for d in "xyz"
+    }
+    beams = {qualified_name(body, f"{d} at "): ("beam", body, d) for body in scene.bodies for d in "xyz"}
     names = response.output_names or _unnamed_displacements(scene, response)
     for name, x in zip(names, response.x.tolist(), strict=True):
         start = next((start for start in beams if name.startswith(start)), None)
@@ -324,7 +328,7 @@ def _displacement_outputs(scene: Scene, response: Response) -> Iterator[Output]:
 def _unnamed_displacements(scene: Scene, response: Response) -> tuple[str, ...]:
     """Return names of displacements for results without names: positions along each direction, then the tip."""
     (body,) = scene.bodies.values()
-    across = transverse(member_at(scene))
+    across = transverse_axes(member_at(scene))
     each = len(response.x) // len(across) - 1
     return (*(f"{d} at " for d in across for _ in range(each)), *(body.observe.tip_along(d) for d in across))
 
@@ -334,9 +338,9 @@ def _force_outputs(scene: Scene, response: Response) -> Iterator[Output]:
     count = response.slider_force.shape[1]
     outputs_of = {name: output for body, of in scene.bodies.items() for name, output in _body_outputs(body, of).items()}
     for body in scene.bodies:
-        name = force_of(cylinder_of(body))
+        name = force_name(cylinder_name(body))
         outputs_of[name] = Output(name, "cylinder", body, unit="N")
-    joints = {force_of(f"{body} {end}"): body for body in scene.bodies for end in ("tail", "mouth") if body}
+    joints = {force_name(f"{body} {end}"): body for body in scene.bodies for end in ("tail", "mouth") if body}
     for name in response.force_names or _unnamed_forces(scene) or ("",) * count:
         joint = next((start for start in joints if name.startswith(start)), None)
         if joint is not None:
@@ -350,11 +354,11 @@ def _body_outputs(body: str, part: OneBody) -> dict[str, Output]:
     """Return by name the forces of a body's pads on the ground and of its supports that give way."""
     outputs = dict[str, Output]()
     for ring in part.pads:
-        for pad, _, _ in ring.places:
-            for name in (named(body, force_of(pad)), force_of(f"{body} {pad}")):
+        for pad, _, _ in ring.named_pads:
+            for name in (qualified_name(body, force_name(pad)), force_name(f"{body} {pad}")):
                 outputs[name] = Output(name, "pad", body, unit="N")
-    for support, unit in part.springs.items():
-        name = named(body, force_of(support))
+    for support, unit in part.spring_units.items():
+        name = qualified_name(body, force_name(support))
         outputs[name] = Output(name, "support", body, unit=unit)
     return outputs
 
@@ -365,16 +369,16 @@ def _unnamed_forces(scene: Scene) -> list[str]:
     Pads that stay come first, those that only push after the others, then pads that move.
     """
     (body,) = scene.bodies.values()
-    faces = felt_faces(member_at(scene))
+    faces = pad_faces(member_at(scene))
     staying = [ring for ring in body.pads if not ring.moving and ring.stiffness != "rigid"]
     ordered = [*sorted(staying, key=lambda ring: ring.unilateral), *(ring for ring in body.pads if ring.moving)]
-    return [force_of(name) for ring in ordered for name, face, _ in ring.places if face in faces]
+    return [force_name(name) for ring in ordered for name, face, _ in ring.named_pads if face in faces]
 
 
 def _other_outputs(scene: Scene, response: Response) -> Iterator[Output]:
     """Yield the meaning of each other column by its name: reaction, friction, or else what a probe measures."""
     for name, unit in zip(response.other_names, response.other_units, strict=True):
         kind = next((kind for kind in ("reaction", "friction") if name.startswith(f"{kind} of ")), "probe")
-        place = name.removeprefix(reaction_of(""))
-        body = next((body for body in scene.bodies if body and place.startswith(named(body, ""))), "")
+        place = name.removeprefix(reaction_name(""))
+        body = next((body for body in scene.bodies if body and place.startswith(qualified_name(body, ""))), "")
         yield Output(name, kind, body, unit=unit)

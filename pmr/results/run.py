@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.errors.text import remarks
+from pmr.errors.text import non_finite_remarks
 from pmr.fields.series import Fields, Pose
 from pmr.fields.stress import Envelope
 from pmr.files import npz
@@ -166,7 +166,7 @@ def combine_parts(parts: Sequence[SummaryPart]) -> dict[str, Any]:
             raise ValueError(f"two parts of a summary have {', '.join(sorted(twice))}")
         summary |= part.figures
         warnings += part.warnings
-    return summary | {"warnings": [*grave_warnings(parts), *remarks(summary), *warnings]}
+    return summary | {"warnings": [*grave_warnings(parts), *non_finite_remarks(summary), *warnings]}
 
 
 def grave_warnings(parts: Iterable[SummaryPart]) -> list[str]:
@@ -244,7 +244,7 @@ class RunResult:
         frame = self.scene.frame
         if frame is None:
             return None
-        origin = np.zeros((len(t), 3)) + frame.place
+        origin = np.zeros((len(t), 3)) + frame.tail_position
         if self.reach is None and not self.scene.points:  # there the body slides by -s: its own tail is at the place
             origin[:, 0] += np.interp(t, self.responses["reduced"].t, self.paths.values[:, 0])
         return Pose(frame.rotation(t), origin)
@@ -279,21 +279,21 @@ class RunResult:
             arrays |= {"extensions": self.paths.values, "extension_rates": self.paths.rates, "reach": self.reach}
         arrays |= _frequency_arrays(self.frequencies, alone=self.reach is None)
         for simulator, response in self.responses.items():
-            arrays |= npz.arrays(response, f"{simulator}.")
+            arrays |= npz.record_arrays(response, f"{simulator}.")
         for name, body in self.bodies.items():
             arrays |= {
                 f"{_array_prefix(name)}peak_stress.{model}": stress for model, stress in body.peak_stress.items()
             }
             for model, envelope in body.envelopes.items():
-                arrays |= npz.arrays(envelope, f"{_array_prefix(name)}envelope.{model}.")
+                arrays |= npz.record_arrays(envelope, f"{_array_prefix(name)}envelope.{model}.")
             if body.shapes is not None:
-                arrays |= npz.arrays(body.shapes, f"{_array_prefix(name)}basis.")
+                arrays |= npz.record_arrays(body.shapes, f"{_array_prefix(name)}basis.")
             if body.fields is not None:
                 body.fields.save(folder / _fields_file(name))
         if self.tip_error is not None:
             arrays["estimate.tip"] = self.tip_error
         if self.frequency_response is not None:
-            arrays |= npz.arrays(self.frequency_response, "frequency_response.")
+            arrays |= npz.record_arrays(self.frequency_response, "frequency_response.")
         npz.write(folder / "trajectories.npz", arrays)
 
     def save_summary(self, folder: Path) -> None:
@@ -310,12 +310,14 @@ class RunResult:
         columns = json.loads(str(data["columns"])) if "columns" in data else {}
         simulators = sorted({key.split(".")[0] for key in data if key.endswith(".displacement")})
         response = (
-            npz.record(FrequencyResponse, data, "frequency_response.") if "frequency_response.s" in data else None
+            npz.record_from_arrays(FrequencyResponse, data, "frequency_response.")
+            if "frequency_response.s" in data
+            else None
         )
         return cls(
             scene=scene,
             summary=json.loads((folder / "summary.json").read_text(encoding="utf-8")),
-            responses={simulator: npz.record(Response, data, f"{simulator}.") for simulator in simulators},
+            responses={simulator: npz.record_from_arrays(Response, data, f"{simulator}.") for simulator in simulators},
             paths=_read_paths(data, columns),
             loads=_read_loads(data["loads"], columns),
             frequencies=_read_frequencies(data),
@@ -367,14 +369,14 @@ def _frequency_arrays(frequencies: Frequencies, alone: bool) -> dict[str, NDArra
             | circular
             | ({} if frequencies.t is None else {"frequencies.t": frequencies.t})
         )
-    arrays = npz.arrays(frequencies, "frequencies.")
+    arrays = npz.record_arrays(frequencies, "frequencies.")
     return npz.rename_keys(arrays, {new: old for old, new in _RENAMED.items()})
 
 
 def _read_frequencies(data: Data) -> Frequencies:
     """Return the frequencies in Hz from the arrays of trajectories.npz."""
     if "frequencies.s" not in data:
-        return npz.record(Frequencies, npz.rename_keys(data, _RENAMED), "frequencies.")
+        return npz.record_from_arrays(Frequencies, npz.rename_keys(data, _RENAMED), "frequencies.")
     s = data["frequencies.s"]
     in_hertz = {name: data[f"frequencies.{name}"] / TURN for name in _MODELS}
     models = {name: values for name, values in in_hertz.items() if values.shape[1]}
@@ -387,8 +389,8 @@ def _read_body(folder: Path, data: Data, name: str) -> BodyResult:
     stress, along = f"{of}peak_stress.", f"{of}envelope."
     models = sorted({key.removeprefix(along).split(".")[0] for key in data if key.startswith(along)})
     return BodyResult(
-        shapes=npz.record(Shapes, data, f"{of}basis.") if f"{of}basis.x" in data else None,
+        shapes=npz.record_from_arrays(Shapes, data, f"{of}basis.") if f"{of}basis.x" in data else None,
         fields=Fields.load(file) if file.is_file() else None,
         peak_stress={key.removeprefix(stress): values for key, values in data.items() if key.startswith(stress)},
-        envelopes={model: npz.record(Envelope, data, f"{along}{model}.") for model in models},
+        envelopes={model: npz.record_from_arrays(Envelope, data, f"{along}{model}.") for model in models},
     )

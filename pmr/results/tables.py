@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.errors.environment import needed
+from pmr.errors.environment import import_package
 from pmr.files.whole import finish_swap
 from pmr.results.fatigue import rainflow_cycles
 from pmr.results.response import ROUND_OFF, Extremes, Response
 from pmr.results.run import RunResult
-from pmr.scene.built import force_of, reaction_of
-from pmr.scene.keys import ALONE, named
+from pmr.scene.built import force_name, reaction_name
+from pmr.scene.keys import ALONE, qualified_name
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 Cell = str | float
 
 #: What a response calls the force of a pad, slider or support that gives way begins so; that of a rigid support so.
-FORCE_OF, REACTION_OF = force_of(""), reaction_of("")
+FORCE_OF, REACTION_OF = force_name(""), reaction_name("")
 
 
 #: What a body without regions is called where others have them.
@@ -138,7 +138,7 @@ def stress_peaks(result: RunResult) -> dict[str, dict[str, Mapping[str, Any]]]:
     peaks = dict[str, dict[str, Mapping[str, Any]]]()
     for name, part in summaries_by_section(result.summary).items():
         for model, regions in part.get("stress_by_region", {}).items():
-            peaks.setdefault(model, {}).update({named(name, region): peak for region, peak in regions.items()})
+            peaks.setdefault(model, {}).update({qualified_name(name, region): peak for region, peak in regions.items()})
     return peaks
 
 
@@ -154,7 +154,7 @@ def stress_by_part(summary: Mapping[str, Any]) -> dict[str, dict[str, Mapping[st
         for model, peak in part.get("stress_peak", {}).items():
             regions = part.get("stress_by_region", {}).get(model) or {WHOLE: peak}
             peaks.setdefault(model, {}).update(
-                {named(name, region): region_peak for region, region_peak in regions.items()}
+                {qualified_name(name, region): region_peak for region, region_peak in regions.items()}
             )
     return peaks
 
@@ -245,7 +245,7 @@ def load(folder: str | Path) -> dict[str, DataFrame]:
     InputError
         If there are no results in the folder, or pandas is not installed.
     """
-    folder, pandas = Path(folder), needed("pandas")
+    folder, pandas = Path(folder), import_package("pandas")
     finish_swap(folder)
     if not (folder / "summary.json").is_file():
         raise InputError(str(folder), "", None, "a folder that `pmr run` or `pmr study` wrote results to is allowed")

@@ -8,17 +8,17 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from pmr.scene.keys import Distance, Length, Section, Size, Thickness, Usual, of_key
+from pmr.scene.keys import Distance, Length, SceneTable, Size, Thickness, Usual, key_error
 from pmr.scene.profile import BoxProfile, Cut, Face, Half, WallName
 
 #: Least distance between breaks along a box as a share of its length: beams on shorter elements lose accuracy.
-APART = 1e-3
+LEAST_BREAK_DISTANCE = 1e-3
 #: Round-off of a user's arithmetic as a share of the box's length.
 SLACK = 1e-9
 HALVES: tuple[Half, ...] = ("bottom", "top")
 
 
-class Doubler(Section):
+class Doubler(SceneTable):
     """Plates on walls over a part of the length, which are thicker there with the same mid-surface."""
 
     start: Distance = Field(description="Where the plates begin along x")
@@ -31,7 +31,7 @@ class Doubler(Section):
     )
 
 
-class Taper(Section):
+class Taper(SceneTable):
     """Linear change of the profile towards an end of the box, about the same axis.
 
     Dimensions without a value at the end are constant.
@@ -58,16 +58,16 @@ class Stretch:
     first: BoxProfile
     last: BoxProfile
 
-    def at(self, x: float) -> BoxProfile:
+    def profile_at(self, x: float) -> BoxProfile:
         """Return the profile at x in m."""
         return interpolate_profile(self.first, self.last, (x - self.start) / (self.end - self.start))
 
-    def part(self, start: float, end: float) -> Stretch:
+    def sub_range(self, start: float, end: float) -> Stretch:
         """Return the sub-range of this stretch from `start` to `end`, m."""
-        return self if self.first is self.last else Stretch(start, end, self.at(start), self.at(end))
+        return self if self.first is self.last else Stretch(start, end, self.profile_at(start), self.profile_at(end))
 
     @property
-    def tapers(self) -> bool:
+    def is_tapered(self) -> bool:
         """Whether the mid-lines of the walls change along the stretch; a change of thickness alone does not count."""
         first, last = (
             [(side.start, side.end, side.centre) for side in profile.sides] for profile in (self.first, self.last)
@@ -110,41 +110,46 @@ class Box(BoxProfile):
     )
 
     @model_validator(mode="after")
-    def _varies_as_it_can(self) -> Box:
+    def _check_variation(self) -> Box:
         """Refuse tapers and doublers that do not fit the box, and positions along x that are too close together."""
         for key, taper in self._tapers.items():
             self._check_taper(key, taper)
         for i, doubler in enumerate(self.doublers):
             key = f"doublers[{i}]"
-            if not doubler.start + APART * self.length <= doubler.end <= (1.0 + SLACK) * self.length:
-                least = doubler.start + APART * self.length
-                raise of_key(
+            if not doubler.start + LEAST_BREAK_DISTANCE * self.length <= doubler.end <= (1.0 + SLACK) * self.length:
+                least = doubler.start + LEAST_BREAK_DISTANCE * self.length
+                raise key_error(
                     f"{key}.end", doubler.end, f"from {least:g} m up to the length, {self.length:g} m, is allowed"
                 )
-            strange = next((face for face in doubler.faces or () if face not in self._plates), None)
+            strange = next((face for face in doubler.faces or () if face not in self._face_names), None)
             if strange:
-                raise of_key(f"{key}.faces", strange, f"faces of this profile are allowed: {', '.join(self._plates)}")
+                raise key_error(
+                    f"{key}.faces", strange, f"faces of this profile are allowed: {', '.join(self._face_names)}"
+                )
         for a, b in pairwise(self.breaks):
-            if b - a < (1.0 - SLACK) * APART * self.length:
-                allowed = f"one place, or places {APART * self.length:g} m apart, a thousandth of the length, are"
-                raise of_key(self.variations[0], None, f"{allowed} allowed: something ends at {a:.6g} and at {b:.6g} m")
+            if b - a < (1.0 - SLACK) * LEAST_BREAK_DISTANCE * self.length:
+                least = LEAST_BREAK_DISTANCE * self.length
+                allowed = f"one place, or places {least:g} m apart, a thousandth of the length, are"
+                raise key_error(
+                    self.varying_keys[0], None, f"{allowed} allowed: something ends at {a:.6g} and at {b:.6g} m"
+                )
             self._stretch(a, b)
         return self
 
     @property
-    def plate(self) -> float:
+    def frame_plate_thickness(self) -> float:
         """Thickness of the frames in m."""
         return self.frame_thickness or max(self.walls.values())
 
     @property
-    def variations(self) -> tuple[str, ...]:
+    def varying_keys(self) -> tuple[str, ...]:
         """Keys of the box that make its section vary along x; empty for a uniform box."""
         return tuple(key for key in ("doublers", "tail_taper", "tip_taper") if getattr(self, key))
 
     @property
     def breaks(self) -> list[float]:
         """Positions along x in m, ascending, where a doubler or taper begins or ends, and both ends of the box."""
-        low, high = self.straight
+        low, high = self.untapered_range
         breaks = [0.0]
         for at in sorted([low, high, *(at for doubler in self.doublers for at in (doubler.start, doubler.end))]):
             if SLACK * self.length < at - breaks[-1] and at < (1.0 - SLACK) * self.length:
@@ -152,16 +157,16 @@ class Box(BoxProfile):
         return [*breaks, self.length]
 
     @property
-    def straight(self) -> tuple[float, float]:
+    def untapered_range(self) -> tuple[float, float]:
         """First and last position along x in m between which no taper changes the dimensions."""
         low, high = (0.0 if taper is None else taper.length for taper in (self.tail_taper, self.tip_taper))
         return low, self.length - high
 
     @property
-    def parallel(self) -> tuple[float, float]:
+    def parallel_range(self) -> tuple[float, float]:
         """First and last position along x in m between which all faces are parallel to the axis."""
-        low, high = self.straight
-        tapering = [stretch for stretch in self.stretches if stretch.tapers]
+        low, high = self.untapered_range
+        tapering = [stretch for stretch in self.stretches if stretch.is_tapered]
         behind, before = any(stretch.start < low for stretch in tapering), any(part.end > high for part in tapering)
         return low if behind else 0.0, high if before else self.length
 
@@ -173,7 +178,7 @@ class Box(BoxProfile):
     def profile_at(self, x: float) -> BoxProfile:
         """Return the profile at x in m with its doublers; at a break, the profile of the stretch that begins there."""
         pairs = list(pairwise(self.breaks))
-        return self._stretch(*next((pair for pair in pairs if x < pair[1]), pairs[-1])).at(x)
+        return self._stretch(*next((pair for pair in pairs if x < pair[1]), pairs[-1])).profile_at(x)
 
     @property
     def _tapers(self) -> dict[str, Taper]:
@@ -182,7 +187,7 @@ class Box(BoxProfile):
         return {key: taper for key, taper in tapers.items() if taper is not None}
 
     @property
-    def _plates(self) -> list[Face]:
+    def _face_names(self) -> list[Face]:
         """Names of the faces of the profile."""
         return [edge.face for edge in self.edges]
 
@@ -190,45 +195,45 @@ class Box(BoxProfile):
         """Refuse a taper without dimensions, too long, larger at its end than the box, or with other faces."""
         dimensions: dict[str, Any] = taper.model_dump(exclude={"length"}, exclude_none=True)
         if not dimensions:
-            raise of_key(key, None, "a dimension at the end is needed: width, height, wall, radius or chamfer")
-        low, high = self.straight
+            raise key_error(key, None, "a dimension at the end is needed: width, height, wall, radius or chamfer")
+        low, high = self.untapered_range
         if low > high + SLACK * self.length:
             allowed = f"tapers of up to the box's length, {self.length:g} m, are allowed together"
-            raise of_key(f"{key}.length", taper.length, allowed)
+            raise key_error(f"{key}.length", taper.length, allowed)
         for name in ("width", "height"):
             if dimensions.get(name, 0.0) > getattr(self, name):
                 allowed = f"up to the box's own {getattr(self, name):g} m is allowed"
-                raise of_key(f"{key}.{name}", dimensions[name], allowed)
+                raise key_error(f"{key}.{name}", dimensions[name], allowed)
         try:
-            end = self._end(taper)
+            end = self._end_profile(taper)
         except ValidationError as error:
             first_error = error.errors()[0]
             name = str(first_error.get("ctx", {}).get("key", "wall"))
-            raise of_key(f"{key}.{name}", dimensions.get(name), f"at the end, {first_error['msg']}") from None
+            raise key_error(f"{key}.{name}", dimensions.get(name), f"at the end, {first_error['msg']}") from None
         kinds = [[side.name if side.centre is None else None for side in profile.sides] for profile in (self, end)]
         if kinds[0] != kinds[1]:
             allowed = "the faces and rounded corners of the box are allowed at the end too: none may come or go"
-            raise of_key(f"{key}.{next(iter(dimensions))}", None, allowed)
+            raise key_error(f"{key}.{next(iter(dimensions))}", None, allowed)
 
-    def _end(self, taper: Taper) -> BoxProfile:
+    def _end_profile(self, taper: Taper) -> BoxProfile:
         """Return the profile at the end of a taper."""
         dimensions = {key: getattr(self, key) for key in BoxProfile.model_fields}
         return BoxProfile(**(dimensions | {k: v for k in dimensions if (v := getattr(taper, k)) is not None}))
 
-    def _shape(self, x: float) -> BoxProfile:
+    def _profile_without_doublers(self, x: float) -> BoxProfile:
         """Return the profile at x in m without doublers."""
-        low, high = self.straight
+        low, high = self.untapered_range
         if self.tail_taper is not None and x < low:
-            return interpolate_profile(self, self._end(self.tail_taper), 1.0 - x / low)
+            return interpolate_profile(self, self._end_profile(self.tail_taper), 1.0 - x / low)
         if self.tip_taper is not None and x > high:
-            return interpolate_profile(self, self._end(self.tip_taper), (x - high) / (self.length - high))
+            return interpolate_profile(self, self._end_profile(self.tip_taper), (x - high) / (self.length - high))
         return self
 
     def _stretch(self, start: float, end: float) -> Stretch:
         """Return the stretch between two neighbouring breaks, m, with the doublers that cover it."""
         middle = (start + end) / 2.0
         doublers = {i: doubler for i, doubler in enumerate(self.doublers) if doubler.start < middle < doubler.end}
-        first, last = self._shape(start), self._shape(end)
+        first, last = self._profile_without_doublers(start), self._profile_without_doublers(end)
         same = first is last
         if doublers:
             first = self._thicken(first, doublers)
@@ -240,7 +245,9 @@ class Box(BoxProfile):
 
         Raises an error of a doubler's thickness if the profile has no room for it.
         """
-        names: dict[WallName, None] = dict.fromkeys((*self._plates, *HALVES))  # corners are as thick as bottom or top
+        names: dict[WallName, None] = dict.fromkeys(
+            (*self._face_names, *HALVES)
+        )  # corners are as thick as bottom or top
         walls: dict[WallName, float] = {
             name: profile.thickness(name)
             + sum(doubler.thickness for doubler in doublers.values() if doubler.faces is None or name in doubler.faces)
@@ -252,4 +259,4 @@ class Box(BoxProfile):
         except ValidationError as error:
             (i, doubler), why = list(doublers.items())[-1], error.errors()[0]["msg"]
             allowed = f"plates that the profile has room for are allowed; with its walls: {why}"
-            raise of_key(f"doublers[{i}].thickness", doubler.thickness, allowed) from None
+            raise key_error(f"doublers[{i}].thickness", doubler.thickness, allowed) from None

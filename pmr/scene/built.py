@@ -23,15 +23,15 @@ from pmr.scene.keys import (
     PadStiffness,
     Place,
     Quantity,
-    Section,
+    SceneTable,
     Size,
     Stiffness,
     Switch,
     Thickness,
     Usual,
     Vector,
-    of_key,
-    or_offered,
+    key_error,
+    or_plugin_name,
 )
 from pmr.scene.profile import Face
 from pmr.scene.signals import Constant, Signal, SignalBase, SmoothRamp
@@ -41,7 +41,7 @@ GRAVITY = 9.80665  # m/s^2
 #: Name of the input of the weight of all bodies.
 WEIGHT = "gravity"
 OwnModel = Literal["auto", "beam2d", "beam3d", "shell", "solid", "matrices"]
-ModelName = Annotated[OwnModel, or_offered("pmr.models"), AS_WORD]
+ModelName = Annotated[OwnModel, or_plugin_name("pmr.models"), AS_WORD]
 #: Names of two pads on a face, by their side of its middle: on bottom and top, and on all other faces.
 SIDES, UPWARDS = dict.fromkeys(("bottom", "top"), ("right", "left")), ("lower", "upper")
 #: Directions that each kind of support holds; those that a model lacks have no effect.
@@ -54,14 +54,14 @@ SUPPORTED: dict[str, tuple[Direction, ...]] = {
 ENDS = {"tail": 0.0, "tip": 1.0}
 
 
-class Region(Section):
+class Region(SceneTable):
     """Material and thickness of a named region of the mesh, where they differ from those of the body."""
 
     material: Material | None = Field(default=None, description="Material of the region")
     thickness: Thickness | None = Field(default=None, description="Thickness of the region, in a shell")
 
 
-class Body(Section):
+class Body(SceneTable):
     """A section: a box boom, a beam given by its stiffnesses, or the mesh of a file.
 
     `model` ``auto`` takes the smallest model that is near enough to a shell; a run measures which one that is.
@@ -92,7 +92,7 @@ class Body(Section):
     )
 
     @model_validator(mode="after")
-    def _thickness_is_the_walls(self) -> Body:
+    def _check_thickness(self) -> Body:
         """Refuse a box beside a thickness or a profile, which describe the same."""
         if self.box is not None and self.thickness is not None:
             raise ValueError("give box.wall or thickness, one of them")
@@ -107,7 +107,7 @@ class Body(Section):
         return described.length if described else None
 
 
-class MeshChoice(Section):
+class MeshChoice(SceneTable):
     """How fine the mesh is, or a file that holds a mesh, in any format of meshio.
 
     A box boom takes `size` and `along`; beams take `elements`.  A file for a planar beam holds a chain of lines.  Any
@@ -136,7 +136,7 @@ class MeshChoice(Section):
     )
 
 
-class Support(Section):
+class Support(SceneTable):
     """A support that does not slide: it holds some directions of a group's mean motion, or every point of the group.
 
     On a beam a group is one point, so both are the same; only ``all`` removes the held coordinates from the model.
@@ -162,30 +162,36 @@ class Support(Section):
     )
 
     @model_validator(mode="after")
-    def _points_are_rigid(self) -> Support:
+    def _check_points(self) -> Support:
         """Refuse a stiffness of a support that holds every point."""
         if self.points == "all" and self.stiffness != "rigid":
             raise ValueError("points = 'all' is rigid: leave the stiffness out")
         return self
 
     @property
-    def held(self) -> tuple[Direction, ...]:
+    def held_directions(self) -> tuple[Direction, ...]:
         """Directions that the support holds; those that the body's model lacks have no effect."""
         return SUPPORTED[self.kind] if self.directions is None else self.directions
 
     @property
     def symbol(self) -> str:
         """Name of its symbol in drawings: ``clamped`` if ry or rz is held, ``pinned`` if x is, else ``roller``."""
-        return "clamped" if {"ry", "rz"} & set(self.held) else "pinned" if "x" in self.held else "roller"
+        return (
+            "clamped"
+            if {"ry", "rz"} & set(self.held_directions)
+            else "pinned"
+            if "x" in self.held_directions
+            else "roller"
+        )
 
     def row_name(self, direction: str) -> str:
         """Return the name of the support's row along one direction."""
         if not self.name:
             return f"support {direction} " + (f"on {self.on}" if isinstance(self.on, str) else f"at {self.on:g} m")
-        return self.name if len(self.held) == 1 else f"{self.name} {direction}"
+        return self.name if len(self.held_directions) == 1 else f"{self.name} {direction}"
 
 
-class Slider(Section):
+class Slider(SceneTable):
     """The path s(t) along which moving pads slide, or without such pads points of a planar beam, at s + `offsets`.
 
     A saved model can follow any path within the range that this path covers, or within all of `travel`
@@ -214,7 +220,7 @@ def clearance_on(clearances: float | Mapping[Face, float], face: str) -> float:
     )
 
 
-class PadRing(Section):
+class PadRing(SceneTable):
     """A ring of pads at one position along the axis, which is fixed on the body or moves along it.
 
     `faces` gives the coordinate of each pad across its face in m: y on bottom and top, z on left and right.  On slanted
@@ -246,7 +252,7 @@ class PadRing(Section):
         return clearance_on(self.clearance, face)
 
     @property
-    def places(self) -> list[tuple[str, Face, float]]:
+    def named_pads(self) -> list[tuple[str, Face, float]]:
         """Name, face and coordinate across the face in m of each pad."""
         pads = []
         for face, places in self.faces.items():
@@ -260,22 +266,22 @@ class PadRing(Section):
         return pads
 
 
-def force_of(name: str) -> str:
+def force_name(name: str) -> str:
     """Return the name of the force of a pad or slider, which is an output of the model or the multiplier of a row."""
     return f"force of {name}"
 
 
-def reaction_of(name: str) -> str:
+def reaction_name(name: str) -> str:
     """Return the name of the force or moment of a rigid support."""
     return f"reaction of {name}"
 
 
-def friction_of(section: str) -> str:
+def friction_name(section: str) -> str:
     """Return the name of the friction force along a section's joint, summed over all of its pads."""
     return f"friction of {section}"
 
 
-class Load(Section):
+class Load(SceneTable):
     """A force in N (moment in N m) along a direction, spread over a named group or at a position along the axis."""
 
     name: Name = Field(default="F", description="Name of the load in results and exports")
@@ -296,7 +302,7 @@ class Load(Section):
         return {"force": scales.get("weight", 0.0)}
 
 
-def _or_inclination(schema: dict[str, Any]) -> None:
+def _allow_inclination(schema: dict[str, Any]) -> None:
     """Allow in a JSON schema, which is changed in place, an inclination instead of a direction."""
     about = "Angle by which the boom is raised, in place of `direction`, which is then (-sin, 0, -cos) of it"
     degrees = {"type": "number", "minimum": -90.0, "maximum": 90.0, "unit": "degrees", "default": None}
@@ -304,7 +310,7 @@ def _or_inclination(schema: dict[str, Any]) -> None:
     schema["not"] = {"required": ["inclination", "direction"]}
 
 
-class Gravity(Section):
+class Gravity(SceneTable):
     """Weight of all parts; it rises smoothly from zero within the first `rise` seconds, or acts from the start (0).
 
     By default it rises within a second where the motion begins at rest, and acts from the start where it begins in
@@ -312,7 +318,7 @@ class Gravity(Section):
     raised boom; only one of the two is allowed.
     """
 
-    model_config = ConfigDict(json_schema_extra=_or_inclination)
+    model_config = ConfigDict(json_schema_extra=_allow_inclination)
 
     acceleration: Annotated[float, Field(gt=0.0, strict=True), Quantity("m/s^2", 1e-9, 1e6), Usual(1.2, 30.0)] = Field(
         default=GRAVITY, description="Acceleration of free fall"
@@ -343,14 +349,14 @@ class Gravity(Section):
         other_keys, angle = {key: value for key, value in data.items() if key != "inclination"}, data["inclination"]
         is_number = isinstance(angle, (int, float)) and not isinstance(angle, bool)
         if "direction" in other_keys or not is_number or not -90.0 <= angle <= 90.0:
-            raise of_key("inclination", angle, "a number from -90 to 90 in degrees, or direction, is allowed")
+            raise key_error("inclination", angle, "a number from -90 to 90 in degrees, or direction, is allowed")
         radians = math.radians(angle)
         gravity = handler(other_keys | {"direction": (0.0 - math.sin(radians), 0.0, 0.0 - math.cos(radians))})
         vars(gravity)["written_inclination"] = float(angle)  # no field: equal gravities are equal
         return gravity
 
     @property
-    def raised(self) -> float:
+    def inclination(self) -> float:
         """Angle in degrees by which the x axis points upwards."""
         return math.degrees(math.asin(0.0 - self.direction[0]))
 

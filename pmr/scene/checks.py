@@ -12,15 +12,23 @@ from dataclasses import replace
 import numpy as np
 
 from pmr.scene.built import Gravity
-from pmr.scene.choice import REFERENCE, Needs, fewest_rows, is_pinned_beam, model_of, parts_of, refuse
+from pmr.scene.choice import (
+    REFERENCE,
+    SimulatorNeeds,
+    fewest_rows,
+    input_directions,
+    is_pinned_beam,
+    model_of,
+    refuse_unsupported,
+)
 from pmr.scene.frame import Frame, Machine
 from pmr.scene.joint_checks import check_joints
-from pmr.scene.keys import LUFFING, check_sizes
+from pmr.scene.keys import LUFFING, check_bounds
 from pmr.scene.mechanism import supports_at_lug
 from pmr.scene.members import member_at, members
 from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase
-from pmr.scene.structure_checks import check_loads, check_proportions, check_structure, jump_of, refusal
+from pmr.scene.structure_checks import check_loads, check_proportions, check_structure, describe_jump, scene_error
 from pmr.scene.structures import Damping
 
 
@@ -30,22 +38,22 @@ def check_machine(scene: Scene, frame: Frame, machine: Machine) -> None:
     for direction in machine.free:
         if direction in motions and not machine.is_sprung(direction):
             allowed = f"a spring or a damper in {direction} is allowed on what moves: the machine is free there"
-            raise refusal(f"frame.base.{direction}", None, allowed)
+            raise scene_error(f"frame.base.{direction}", None, allowed)
     if frame.base is not None and frame.base.accelerations:
         allowed = "x, y and z are allowed beside frame.machine: where accelerations lead is not known"
-        raise refusal("frame.base.acceleration", None, allowed)
+        raise scene_error("frame.base.acceleration", None, allowed)
     if frame.second_order == "auto":
-        raise refusal("frame.second_order", "auto", "true or false is allowed beside frame.machine")
+        raise scene_error("frame.second_order", "auto", "true or false is allowed beside frame.machine")
     if scene.goal is not None:
         key = "accuracy" if scene.accuracy is not None else "budget"
-        raise refusal(key, None, "none is allowed beside frame.machine, whose motion depends on model and step")
+        raise scene_error(key, None, "none is allowed beside frame.machine, whose motion depends on model and step")
     for member in members(scene):
         if model_of(member) == "beam2d":
-            key = scene.key_of(member.number, "body.model")
-            raise refusal(key, "beam2d", "a model in space is allowed beside frame.machine")
+            key = scene.section_key(member.number, "body.model")
+            raise scene_error(key, "beam2d", "a model in space is allowed beside frame.machine")
     _check_contacts(scene)
     for name in scene.simulation.simulators:
-        refuse(name, Needs(machine=machine.free))
+        refuse_unsupported(name, SimulatorNeeds(free_machine_directions=machine.free))
 
 
 def _check_contacts(scene: Scene) -> None:
@@ -62,9 +70,9 @@ def _check_ring(key: str, unilateral: bool, friction: float) -> None:
     """Refuse a ring of pads, of the given key, that only pushes or has friction."""
     if unilateral:
         allowed = "false is allowed beside frame.machine: pads that hold both ways"
-        raise refusal(f"{key}.unilateral", True, allowed)
+        raise scene_error(f"{key}.unilateral", True, allowed)
     if friction:
-        raise refusal(f"{key}.friction", friction, "0 is allowed beside frame.machine")
+        raise scene_error(f"{key}.friction", friction, "0 is allowed beside frame.machine")
 
 
 #: Share of an angle's range that it may jump by, which round-off does.
@@ -83,7 +91,7 @@ def check_frame(scene: Scene) -> None:
     if frame is None:
         return
     angles = dict(zip(("luffing", "slewing"), frame.angles, strict=True))
-    angles |= dict(zip(("base.rx", "base.ry", "base.rz"), frame.rocking, strict=False))
+    angles |= dict(zip(("base.rx", "base.ry", "base.rz"), frame.base_angles, strict=False))
     for key, angle in angles.items():
         frame.refuse_without_unit(f"frame.{key}", angle.bounds(0.0, scene.time.end))
         _check_smooth(scene, key, "an angle", angle)
@@ -95,30 +103,32 @@ def check_frame(scene: Scene) -> None:
             _check_smooth(scene, f"base.{axis}", "a motion", motion)
     if scene.gravity is not None and scene.gravity.direction != Gravity().direction:
         allowed = "neither direction nor inclination is allowed beside a frame: frame.luffing says where down is"
-        raise refusal("gravity", None, allowed)
+        raise scene_error("gravity", None, allowed)
     for member in members(scene):
         if model_of(member) == "matrices":
             allowed = "models with a mesh are allowed in a frame: matrices do not say where their mass is"
-            raise refusal(scene.key_of(member.number, "body.model"), "matrices", allowed)
-        if model_of(member) == "beam2d" and (frame.leaves_plane or frame.place[1] != 0.0):
-            key = frame.leaves_plane or "pivot"
-            raise refusal(f"frame.{key}", None, "models in space are allowed with it: beam2d has no lateral motion")
+            raise scene_error(scene.section_key(member.number, "body.model"), "matrices", allowed)
+        if model_of(member) == "beam2d" and (frame.out_of_plane_key or frame.tail_position[1] != 0.0):
+            key = frame.out_of_plane_key or "pivot"
+            raise scene_error(f"frame.{key}", None, "models in space are allowed with it: beam2d has no lateral motion")
     for number in range(1, len(scene.sections) if frame.second_order else 1):
         least = scene.extension(number).bounds(0.0, scene.time.end)[0]
         if least <= 0.0:
             allowed = f"an extension above 0 is allowed with frame.second_order: here it is {least:g} m"
-            raise refusal(f"sections[{number}].joint", None, allowed)
+            raise scene_error(f"sections[{number}].joint", None, allowed)
     for support in scene.sections[0].supports if frame.second_order else ():
-        if "x" in support.held and scene.sections[0].place(support.on) not in (0.0, None):
+        if "x" in support.held_directions and scene.sections[0].position_of(support.on) not in (0.0, None):
             allowed = "the tail is allowed as the place that holds the base along with frame.second_order"
-            raise refusal(scene.key_of(0, "supports"), support.on, f"{allowed}: axial forces are those from there on")
+            raise scene_error(
+                scene.section_key(0, "supports"), support.on, f"{allowed}: axial forces are those from there on"
+            )
     for member in members(scene) if frame.second_order else ():
         for load in member.part.loads:
-            if load.on != "tip" and "x" in parts_of(member, load).values():
+            if load.on != "tip" and "x" in input_directions(member, load).values():
                 allowed = "the tip is allowed with frame.second_order as the place of a load along the boom"
-                raise refusal(scene.key_of(member.number, "loads"), load.on, allowed)
+                raise scene_error(scene.section_key(member.number, "loads"), load.on, allowed)
     if "ancf" in scene.compare.against:
-        raise refusal("compare.against", list(scene.compare.against), "['full'] or [] is allowed with a frame")
+        raise scene_error("compare.against", list(scene.compare.against), "['full'] or [] is allowed with a frame")
 
 
 def _check_cylinder(scene: Scene, frame: Frame) -> None:
@@ -126,18 +136,18 @@ def _check_cylinder(scene: Scene, frame: Frame) -> None:
     if frame.cylinder is None:
         return
     if frame.cylinder.stiffness is not None:
-        _check_holding(scene, frame)
+        _check_holding_cylinder(scene, frame)
     t = np.linspace(0.0, scene.time.end, SAMPLES)
     angle = frame.angles[0].value(t)
-    length, arm = frame.cylinder.length(angle)
+    length, arm = frame.cylinder.length_and_arm(angle)
     reach = float(np.hypot(*frame.cylinder.lug))
     k = int(np.argmin(np.abs(arm)))
     if np.abs(arm[k]) < IN_LINE * reach or arm.min() < 0.0 < arm.max() or reach == 0.0:
         at = f"at {t[k]:.4g} s, {np.rad2deg(angle[k]):.3g} degrees, a cylinder of {length[k]:.3g} m has {arm[k]:.2g} m"
-        raise refusal("frame.cylinder", None, f"hinges with an arm about the pivot are allowed: {at}")
+        raise scene_error("frame.cylinder", None, f"hinges with an arm about the pivot are allowed: {at}")
 
 
-def _check_holding(scene: Scene, frame: Frame) -> None:
+def _check_holding_cylinder(scene: Scene, frame: Frame) -> None:
     """Refuse a luffing cylinder with a stiffness unless it can hold the base.
 
     The base has to be a beam of a boom of several sections with a luffing angle; the lug is on it, and no support is at
@@ -145,31 +155,33 @@ def _check_holding(scene: Scene, frame: Frame) -> None:
     """
     key, base = "frame.cylinder.stiffness", members(scene)[0]
     assert frame.cylinder is not None
-    if not base.jointed or model_of(base) not in ("beam2d", "beam3d"):
-        raise refusal(key, None, "a boom of several sections whose base is a beam is allowed with it")
+    if not base.has_joint or model_of(base) not in ("beam2d", "beam3d"):
+        raise scene_error(key, None, "a boom of several sections whose base is a beam is allowed with it")
     if frame.luffing is None:
-        raise refusal("frame.luffing", None, f"the angle that the boom is raised by is needed with {key}")
+        raise scene_error("frame.luffing", None, f"the angle that the boom is raised by is needed with {key}")
     if LUFFING in scene.names:
-        raise refusal("sections.name", LUFFING, f"other names are allowed beside {key}: a path has this one")
-    at = frame.cylinder.lug[0] - frame.place[0]
+        raise scene_error("sections.name", LUFFING, f"other names are allowed beside {key}: a path has this one")
+    at = frame.cylinder.lug[0] - frame.tail_position[0]
     if not 0.0 <= at <= base.part.length:
-        raise refusal("frame.cylinder.lug", frame.cylinder.lug[0], "a place on the base is allowed with a stiffness")
+        raise scene_error(
+            "frame.cylinder.lug", frame.cylinder.lug[0], "a place on the base is allowed with a stiffness"
+        )
     if twice := supports_at_lug(scene):
         allowed = f"the cylinder's stiffness or the support {twice[0]!r} at its lug is allowed, one of both"
-        raise refusal(key, frame.cylinder.stiffness, allowed)
+        raise scene_error(key, frame.cylinder.stiffness, allowed)
 
 
 def _check_smooth(scene: Scene, key: str, what: str, motion: SignalBase) -> None:
     """Refuse a motion of the frame, called `what` in the message, whose value or rate jumps while it is simulated."""
     kinks = motion.kinks(scene.time.end)
-    jumps = [t for t in motion.breaks if 0.0 < t <= scene.time.end and _jumps(motion, t)]
+    jumps = [t for t in motion.breaks if 0.0 < t <= scene.time.end and _has_jump(motion, t)]
     if jumps or kinks:
         at, defect = (jumps[0], "a jump") if jumps else (min(kinks), "a kink")
         allowed = f"{what} with a rate that does not jump is allowed, here is {defect} at {at:g} s: a smooth_ramp"
-        raise refusal(f"frame.{key}", None, allowed)
+        raise scene_error(f"frame.{key}", None, allowed)
 
 
-def _jumps(angle: SignalBase, t: float) -> bool:
+def _has_jump(angle: SignalBase, t: float) -> bool:
     """Whether a signal jumps at t (s), by more than the share `JUMP` of its range from 0 to t."""
     low, high = angle.bounds(0.0, t)
     before, after = angle.value(np.array([np.nextafter(t, -np.inf), t]))
@@ -179,101 +191,105 @@ def _jumps(angle: SignalBase, t: float) -> bool:
 MOST_STEPS = 1_000_000
 
 
-def check(scene: Scene) -> None:
+def check_scene(scene: Scene) -> None:
     """Raise an InputError for the first key of a scene that contradicts another one; its file is ``"scene"``."""
-    check_sizes(scene)  # first: what others compute with is then finite
+    check_bounds(scene)  # first: what others compute with is then finite
     check_time(scene)
     _check_outputs(scene)
     if len(scene.sections) > 1:
         check_joints(scene)
     else:
-        _check_alone(scene)
+        _check_single_body(scene)
     check_frame(scene)
-    _fatigue(scene)
+    _check_fatigue(scene)
 
 
-def _check_alone(scene: Scene) -> None:
+def _check_single_body(scene: Scene) -> None:
     """Check the keys of a scene of one body."""
-    part = scene.alone
+    part = scene.only_section
     if part.joint is not None:
-        raise refusal("sections[0].joint", None, "a section alone slides in nothing: supports or pads hold it")
+        raise scene_error("sections[0].joint", None, "a section alone slides in nothing: supports or pads hold it")
     if part.slider is None:
         allowed = "a table slider with a path is needed: along it a section alone slides through its pads"
-        raise refusal("slider", None, allowed)
+        raise scene_error("slider", None, allowed)
     check_proportions(part)
     check_loads(part, scene.time.end)
-    _reduction(scene)
-    _accuracy(scene)
-    if jump := jump_of(scene.slider.path, 1e-9 * max(map(abs, scene.path_bounds))):
-        raise refusal("slider.path", None, f"the slider {jump}")
+    _check_reduction(scene)
+    _check_accuracy(scene)
+    if jump := describe_jump(scene.slider.path, 1e-9 * max(map(abs, scene.path_bounds))):
+        raise scene_error("slider.path", None, f"the slider {jump}")
     check_structure(member_at(scene))
-    _frequency_response(scene)
-    _comparison(scene)
-    _simulators(scene)
+    _check_frequency_response(scene)
+    _check_comparison(scene)
+    _check_simulators(scene)
 
 
-def _fatigue(scene: Scene) -> None:
+def _check_fatigue(scene: Scene) -> None:
     """Refuse fatigue without a probe that measures stress."""
     measured = [measure for part in scene.sections for probe in part.probes for measure in probe.measures]
     if scene.fatigue is not None and "stress" not in measured:
-        raise refusal("fatigue", None, "a probe with measures = ['stress'] is needed: damage is that of its stresses")
+        raise scene_error(
+            "fatigue", None, "a probe with measures = ['stress'] is needed: damage is that of its stresses"
+        )
 
 
 def check_time(scene: Scene) -> None:
     """Refuse time steps that do not add up to the simulated time, are too many, or do not divide `recovery.every`."""
     time, recovery = scene.time, scene.recovery
     if time.steps < 1 or abs(time.steps * time.step - time.end) > 1e-9 * time.end:
-        raise refusal("time.step", time.step, f"a whole number of steps must make up time.end = {time.end:g} s")
+        raise scene_error("time.step", time.step, f"a whole number of steps must make up time.end = {time.end:g} s")
     if time.steps > MOST_STEPS:
-        raise refusal("time.step", time.step, f"at most {MOST_STEPS:,} steps are allowed, all of them are stored")
+        raise scene_error("time.step", time.step, f"at most {MOST_STEPS:,} steps are allowed, all of them are stored")
     steps = time.steps if recovery is None else recovery.every / time.step
     if recovery is not None and (abs(steps - round(steps)) > 1e-6 or not 1 <= round(steps) <= time.steps):
         allowed = f"a multiple of time.step = {time.step:g} s up to time.end is allowed"
-        raise refusal("recovery.every", recovery.every, allowed)
+        raise scene_error("recovery.every", recovery.every, allowed)
 
 
-def _reduction(scene: Scene) -> None:
+def _check_reduction(scene: Scene) -> None:
     """Refuse settings of the reduction that exclude each other, and fewer coordinates than constraint rows."""
     choice = scene.reduction
     if choice.basis == "paper" and choice.flexibility:
         allowed = "'eigenmodes' or 'free_modes' is allowed with flexibility: supports then need no coordinates"
-        raise refusal("reduction.basis", choice.basis, allowed)
+        raise scene_error("reduction.basis", choice.basis, allowed)
     if (choice.basis == "file") != (choice.file is not None):
-        raise refusal("reduction.file", choice.file and str(choice.file), "a file is allowed with basis = 'file'")
+        raise scene_error("reduction.file", choice.file and str(choice.file), "a file is allowed with basis = 'file'")
     if choice.ports and (choice.basis != "free_modes" or not choice.flexibility):
         allowed = "free modes with flexibility are allowed to have ports"
-        raise refusal("reduction.ports", list(choice.ports), allowed)
+        raise scene_error("reduction.ports", list(choice.ports), allowed)
     if choice.ports and scene.goal is not None:
-        raise refusal(
+        raise scene_error(
             "reduction.ports", list(choice.ports), "a number of coordinates is allowed with them, no tolerance"
         )
     if choice.uses_pod:
-        _pool(scene)
+        _check_pod(scene)
     if not choice.flexibility and choice.coordinates < fewest_rows(member_at(scene)):
         points = len(scene.points)
         allowed = (
             f"at least as many as constraint rows are allowed: {fewest_rows(member_at(scene))} "
             f"({fewest_rows(member_at(scene)) - points} of supports, {points} of sliders)"
         )
-        raise refusal("reduction.coordinates", choice.coordinates, allowed)
+        raise scene_error("reduction.coordinates", choice.coordinates, allowed)
 
 
-def _pool(scene: Scene) -> None:
+def _check_pod(scene: Scene) -> None:
     """Refuse more coordinates than the POD has vectors, and positions off the body or not as many as snapshots."""
     choice = scene.reduction
     pool = choice.snapshots * choice.modes
     if choice.coordinates > pool:
-        raise refusal("reduction.coordinates", choice.coordinates, f"at most snapshots * modes = {pool} are allowed")
+        raise scene_error(
+            "reduction.coordinates", choice.coordinates, f"at most snapshots * modes = {pool} are allowed"
+        )
     if isinstance(choice.positions, str):
         return
     if len(choice.positions) != choice.snapshots:
-        raise refusal("reduction.snapshots", choice.snapshots, f"{len(choice.positions)} positions are given")
+        raise scene_error("reduction.snapshots", choice.snapshots, f"{len(choice.positions)} positions are given")
     for i, at in enumerate(choice.positions):
         if scene.body.length is not None and at > scene.body.length:
-            raise refusal(f"reduction.positions[{i}]", at, f"on the body, 0 to {scene.body.length:g} m, is allowed")
+            raise scene_error(f"reduction.positions[{i}]", at, f"on the body, 0 to {scene.body.length:g} m, is allowed")
 
 
-def _frequency_response(scene: Scene) -> None:
+def _check_frequency_response(scene: Scene) -> None:
     """Refuse a frequency response unless all contacts hold both ways and no rigid row constrains the coordinates."""
     choice = scene.reduction
     rigid = bool(scene.points) or any(ring.stiffness == "rigid" for ring in scene.pads)
@@ -282,10 +298,10 @@ def _frequency_response(scene: Scene) -> None:
         return
     if (rigid and not choice.flexibility) or any(ring.unilateral for ring in scene.pads):
         allowed = "true is allowed with reduction.flexibility and pads that hold both ways"
-        raise refusal("observe.frequency_response", True, allowed)
+        raise scene_error("observe.frequency_response", True, allowed)
 
 
-def _comparison(scene: Scene) -> None:
+def _check_comparison(scene: Scene) -> None:
     """Refuse the ANCF reference of a scene that it can't represent."""
     profile = scene.body.profile
     ancf_can = (
@@ -298,7 +314,7 @@ def _comparison(scene: Scene) -> None:
         and all(load.direction == "z" for load in scene.loads)
     )
     if "ancf" in scene.compare.against and not ancf_can:
-        raise refusal(
+        raise scene_error(
             "compare.against",
             list(scene.compare.against),
             "the ANCF reference needs body.profile with axial_stiffness, one slider without offset, no damping, one "
@@ -306,43 +322,43 @@ def _comparison(scene: Scene) -> None:
         )
 
 
-def _simulators(scene: Scene) -> None:
+def _check_simulators(scene: Scene) -> None:
     """Refuse simulators that do not support the scene's rows, as far as these are known before a model is made."""
     choice, (low, high) = scene.reduction, scene.path_bounds
     pushing = tuple(ring.name for ring in scene.pads if ring.unilateral)
     soft = {ring.name for ring in scene.pads if ring.stiffness != "rigid"}
     moving = tuple(ring.name for ring in scene.pads if ring.moving) or ("slider",)
-    full = Needs(
-        pushing=pushing,
-        giving=tuple(soft),
-        rigid_moving=tuple(name for name in moving if name not in soft) if high > low else (),
+    full = SimulatorNeeds(
+        pushing_rows=pushing,
+        flexible_rows=tuple(soft),
+        rigid_moving_rows=tuple(name for name in moving if name not in soft) if high > low else (),
         rho_inf=scene.time.rho_inf,
     )
     if "full" in scene.compare.against:
-        refuse("petsc" if scene.simulation.full == "auto" else scene.simulation.full, full, REFERENCE)
+        refuse_unsupported("petsc" if scene.simulation.full == "auto" else scene.simulation.full, full, REFERENCE)
     reduced = full
     if choice.flexibility:
-        reduced = replace(reduced, giving=("reduction.flexibility",), rigid_moving=())
+        reduced = replace(reduced, flexible_rows=("reduction.flexibility",), rigid_moving_rows=())
     else:
-        reduced = replace(reduced, rigid_pushing=tuple(name for name in pushing if name not in soft))
+        reduced = replace(reduced, rigid_pushing_rows=tuple(name for name in pushing if name not in soft))
     for name in scene.simulation.simulators:
-        refuse(name, reduced)
+        refuse_unsupported(name, reduced)
 
 
 def _check_outputs(scene: Scene) -> None:
     """Refuse accuracy beside budget, and an output that one of them lists twice."""
     ordered, key = scene.goal, "accuracy" if scene.accuracy is not None else "budget"
     if scene.accuracy is not None and scene.budget is not None:
-        raise refusal("budget", None, "accuracy or budget is allowed, not both")
+        raise scene_error("budget", None, "accuracy or budget is allowed, not both")
     if ordered is not None and len(set(ordered.outputs)) < len(ordered.outputs):
-        raise refusal(f"{key}.outputs", list(ordered.outputs), "each kind once is allowed")
+        raise scene_error(f"{key}.outputs", list(ordered.outputs), "each kind once is allowed")
 
 
-def _accuracy(scene: Scene) -> None:
+def _check_accuracy(scene: Scene) -> None:
     """Refuse accuracy or budget without free modes that have flexibility and an estimate."""
     choice, key = scene.reduction, "accuracy" if scene.accuracy is not None else "budget"
     if scene.goal is None:
         return
     if choice.basis != "free_modes" or not (choice.flexibility and choice.estimate):
         allowed = "free modes with flexibility and estimate = true are allowed: they hold all smaller models"
-        raise refusal(key, None, allowed)
+        raise scene_error(key, None, allowed)

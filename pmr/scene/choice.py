@@ -1,11 +1,11 @@
 """Choice of the structural model of each body, properties that follow from it, and capabilities of the simulators.
 
-`choose` takes the model that a scene names, or for ``auto`` the smallest one that can carry loads, pads and outputs
-of the scene.  Whether that model is accurate enough is measured by comparison with a shell (`pmr.pipeline.scenes`),
-not decided here.
+`choose_model` takes the model that a scene names, or for ``auto`` the smallest one that can carry loads, pads and
+outputs of the scene.  Whether that model is accurate enough is measured by comparison with a shell
+(`pmr.pipeline.scenes`), not decided here.
 
-`SIMULATORS` lists what each simulator supports, by the names that scenes use; `refuse` raises an InputError for
-everything else.
+`SIMULATORS` lists what each simulator supports, by the names that scenes use; `refuse_unsupported` raises an InputError
+for everything else.
 """
 
 from __future__ import annotations
@@ -29,24 +29,24 @@ SIDES: tuple[tuple[Face, Face], ...] = (("left", "right"), ("bottom left", "bott
 
 
 @dataclass(frozen=True)
-class Choice:
+class ModelChoice:
     """Name of a structural model, and the reasons for it, each a clause of a sentence."""
 
     model: str
     reasons: tuple[str, ...]
 
 
-def choose(member: Member) -> Choice:
+def choose_model(member: Member) -> ModelChoice:
     """Return the model that the scene names, or for ``auto`` the smallest of beam2d, beam3d and shell that suffices."""
     if member.part.body.model != "auto":
-        return Choice(member.part.body.model, ("the scene names it",))
+        return ModelChoice(member.part.body.model, ("the scene names it",))
     if member.part.body.profile is not None:
-        return Choice("beam2d", ("its stiffnesses are those of a planar beam",))
-    if shell := [*_stresses(member), *_walls(member)]:
-        return Choice("shell", tuple(shell))
-    if space := [*_lateral(member), *_other_models(member)]:
-        return Choice("beam3d", tuple(space))
-    return Choice("beam2d", ("all loads and masses lie in the vertical plane",))
+        return ModelChoice("beam2d", ("its stiffnesses are those of a planar beam",))
+    if shell := [*_stress_reasons(member), *_wall_reasons(member)]:
+        return ModelChoice("shell", tuple(shell))
+    if space := [*_lateral_reasons(member), *_other_model_reasons(member)]:
+        return ModelChoice("beam3d", tuple(space))
+    return ModelChoice("beam2d", ("all loads and masses lie in the vertical plane",))
 
 
 def is_undecided(member: Member) -> bool:
@@ -56,8 +56,8 @@ def is_undecided(member: Member) -> bool:
 
 
 def model_of(member: Member) -> str:
-    """Name of the structural model that `choose` returns for a body."""
-    return choose(member).model
+    """Name of the structural model that `choose_model` returns for a body."""
+    return choose_model(member).model
 
 
 def has_giving_walls(member: Member) -> bool:
@@ -71,7 +71,7 @@ def has_walls_that_could_give(member: Member) -> bool:
     return body.box is not None and body.walls == "rigid" and model_of(member) in ("beam2d", "beam3d")
 
 
-def directions(member: Member) -> tuple[Direction, ...]:
+def motion_directions(member: Member) -> tuple[Direction, ...]:
     """Return the displacements and rotations (x..rz) that a point of the body's model has."""
     if model_of(member) != "beam2d":
         return ("x", "y", "z", "rx", "ry", "rz")
@@ -79,7 +79,7 @@ def directions(member: Member) -> tuple[Direction, ...]:
     return ("x", "z", "ry") if profile is None or profile.axial else ("z", "ry")
 
 
-def parts_of(member: Member, load: Load) -> dict[str, Direction]:
+def input_directions(member: Member, load: Load) -> dict[str, Direction]:
     """Return the names of the inputs that a load becomes, and for each the axis of the body along which it acts.
 
     A load along an axis of the body is one input of the load's name.  A load along an axis of the ground becomes one
@@ -90,21 +90,21 @@ def parts_of(member: Member, load: Load) -> dict[str, Direction]:
         return {load.name: load.direction}
     planar = member.frame is not None and member.frame.slewing is None
     turned: tuple[Direction, ...]
-    if member.frame is not None and member.frame.rocking:
+    if member.frame is not None and member.frame.base_angles:
         turned = ("x", "y", "z")
     elif planar:
         turned = ("y",) if load.direction == "y" else ("x", "z")
     else:
         turned = ("x", "z") if load.direction == "z" else ("x", "y", "z")
-    return {f"{load.name} {axis}": axis for axis in turned if axis in directions(member)}
+    return {f"{load.name} {axis}": axis for axis in turned if axis in motion_directions(member)}
 
 
-def loads_of(member: Member) -> tuple[Load, ...]:
-    """Return one load along an axis of the body for each input that the loads of a body become (`parts_of`)."""
+def axis_loads(member: Member) -> tuple[Load, ...]:
+    """Return one load along an axis of the body for each input that the loads of a body become (`input_directions`)."""
     return tuple(
         load.model_copy(update={"name": name, "direction": direction, "axes": "body"})
         for load in member.part.loads
-        for name, direction in parts_of(member, load).items()
+        for name, direction in input_directions(member, load).items()
     )
 
 
@@ -114,7 +114,7 @@ def is_pinned_beam(member: Member) -> bool:
     It has no pads and no point masses.
     """
     held = [
-        (member.part.place(support.on), support.stiffness, set(support.held) & {"x", "z", "ry"})
+        (member.part.position_of(support.on), support.stiffness, set(support.held_directions) & {"x", "z", "ry"})
         for support in member.part.supports
     ]
     return (
@@ -125,26 +125,27 @@ def is_pinned_beam(member: Member) -> bool:
     )
 
 
-def is_axial(member: Member) -> bool:
+def has_axial_motion(member: Member) -> bool:
     """Whether the body's model has displacements along the boom, so that a cylinder can drive it."""
-    return "x" in directions(member)
+    return "x" in motion_directions(member)
 
 
-def has_tail(member: Member) -> bool:
+def has_driven_tail(member: Member) -> bool:
     """Whether a cylinder may act on the tail of a body of a boom: its own or, on the base, that of the next section.
 
     It may not where the body has no displacement along x, or a support holds every point of the base's tail along x.
     """
     # a support of every point removes the tail's coordinates along x from the model
     held = any(
-        support.on == "tail" and support.points == "all" and "x" in support.held for support in member.part.supports
+        support.on == "tail" and support.points == "all" and "x" in support.held_directions
+        for support in member.part.supports
     )
-    return member.jointed and is_axial(member) and (member.number > 0 or not held)
+    return member.has_joint and has_axial_motion(member) and (member.number > 0 or not held)
 
 
 def is_accelerated(member: Member) -> bool:
     """Whether a section other than the base is accelerated along the boom by extensions alone, without a frame."""
-    return member.number > 0 and has_tail(member) and member.frame is None
+    return member.number > 0 and has_driven_tail(member) and member.frame is None
 
 
 def inertia_fields(member: Member) -> tuple[str, ...]:
@@ -155,9 +156,9 @@ def inertia_fields(member: Member) -> tuple[str, ...]:
     """
     if member.frame is None:
         return ()
-    turning = "xyz" if member.frame.leaves_plane else "xz"
-    along = [axis for axis in turning if axis in directions(member)]
-    if not member.frame.turns:
+    turning = "xyz" if member.frame.out_of_plane_key else "xz"
+    along = [axis for axis in turning if axis in motion_directions(member)]
+    if not member.frame.has_angles:
         return tuple(along)
     if model_of(member) in ("beam2d", "beam3d") and not _has_rotary_inertia(member):
         torsion = ("yz", "zy") if model_of(member) == "beam3d" and "y" in turning else ()
@@ -179,17 +180,17 @@ def is_planar(member: Member) -> bool:
 
 def fewest_rows(member: Member) -> int:
     """Return the number of constraint rows of rigid supports of mean motions and of sliding points, without pads."""
-    moves = directions(member)
+    moves = motion_directions(member)
     rigid = [support for support in member.part.supports if support.stiffness == "rigid" and support.points == "mean"]
-    return sum(direction in moves for support in rigid for direction in support.held) + len(member.points)
+    return sum(direction in moves for support in rigid for direction in support.held_directions) + len(member.points)
 
 
-def felt_faces(member: Member) -> tuple[str, ...]:
+def pad_faces(member: Member) -> tuple[str, ...]:
     """Names of the faces whose pads act on the chosen model: bottom and top of a planar beam, else all faces."""
     return ("bottom", "top") if model_of(member) == "beam2d" else FACES
 
 
-def transverse(member: Member) -> tuple[str, ...]:
+def transverse_axes(member: Member) -> tuple[str, ...]:
     """Axes across the body along which the chosen model has displacements: z, and y unless it is a planar beam."""
     return ("z",) if model_of(member) == "beam2d" else ("y", "z")
 
@@ -208,14 +209,14 @@ def wall_frequency(box: Box, young: float, poisson: float, density: float) -> fl
     return float(np.pi / 2.0 * softest * np.sqrt(young / (12.0 * density * (1.0 - poisson**2))))
 
 
-def _stresses(member: Member) -> list[str]:
+def _stress_reasons(member: Member) -> list[str]:
     """Reason for a shell where the scene asks for stresses or strains; empty where it does not."""
     measured = {measure for probe in member.part.probes for measure in probe.measures}
     has_stresses = member.recovery is not None and member.recovery.stress or bool(measured & {"stress", "strain"})
     return ["stresses are asked for, which pads and walls decide"] * has_stresses
 
 
-def _walls(member: Member) -> list[str]:
+def _wall_reasons(member: Member) -> list[str]:
     """Reasons for a shell: loads near the walls' lowest frequency, or frames in the box; empty without any."""
     box, material = member.part.body.box, member.part.body.material
     if box is None:
@@ -226,13 +227,13 @@ def _walls(member: Member) -> list[str]:
     return [near] * (highest > QUASI_STATIC * of_walls) + ["the box has frames"] * bool(box.frames)
 
 
-def _other_models(member: Member) -> list[str]:
+def _other_model_reasons(member: Member) -> list[str]:
     """Reasons for a beam in space from other sections: if one of them is no planar beam, none may be one."""
-    models = {section.part.name: choose(section).model for section in member.others}
+    models = {section.part.name: choose_model(section).model for section in member.other_sections}
     return [f"section {name} is no planar beam" for name, model in models.items() if model != "beam2d"]
 
 
-def _lateral(member: Member) -> list[str]:
+def _lateral_reasons(member: Member) -> list[str]:
     """Reasons for a beam in space: what moves the body out of the vertical plane; empty without any."""
     reasons = [
         f"the load {load.name} acts along {load.direction}"
@@ -252,22 +253,22 @@ def _lateral(member: Member) -> list[str]:
         reasons.append("pads are on slanted faces")
     if member.gravity is not None and member.gravity.direction[1] != 0.0:
         reasons.append("the weight has a lateral part")
-    if member.frame is not None and (member.frame.leaves_plane or member.frame.place[1] != 0.0):
+    if member.frame is not None and (member.frame.out_of_plane_key or member.frame.tail_position[1] != 0.0):
         reasons.append("the boom slews, or its base moves sideways")
     return reasons
 
 
 @dataclass(frozen=True)
-class Needs:
+class SimulatorNeeds:
     """What a simulation needs of its simulator; rows (pads, supports, sliders) by their names."""
 
-    pushing: tuple[str, ...] = ()  #: Rows that only push
+    pushing_rows: tuple[str, ...] = ()  #: Rows that only push
     #: Rows that only push and are rigid: neither a pad's stiffness nor residual flexibility lets them give way
-    rigid_pushing: tuple[str, ...] = ()
-    giving: tuple[str, ...] = ()  #: Rows that give way
-    rigid_moving: tuple[str, ...] = ()  #: Rigid rows that travel along a path
-    rubbing: tuple[str, ...] = ()  #: Rows with friction
-    machine: tuple[str, ...] = ()  #: Directions in which the machine below the boom is free
+    rigid_pushing_rows: tuple[str, ...] = ()
+    flexible_rows: tuple[str, ...] = ()  #: Rows that give way
+    rigid_moving_rows: tuple[str, ...] = ()  #: Rigid rows that travel along a path
+    friction_rows: tuple[str, ...] = ()  #: Rows with friction
+    free_machine_directions: tuple[str, ...] = ()  #: Directions in which the machine below the boom is free
     rho_inf: float = 0.0  #: Spectral radius at infinite frequency
 
 
@@ -294,7 +295,7 @@ SIMULATORS = {
 
 
 @dataclass(frozen=True)
-class Asked:
+class SimulatorKey:
     """Key that names a simulator: the file (or ``"scene"``) in which the key is written, the key and its value."""
 
     source: str
@@ -303,20 +304,23 @@ class Asked:
 
 
 #: Key by which a scene asks for the simulation of its full model, as a reference.
-REFERENCE = Asked("scene", "compare.against", ["full"])
+REFERENCE = SimulatorKey("scene", "compare.against", ["full"])
 
 
-def refuse(name: str, needs: Needs, place: Asked | None = None) -> None:
+def refuse_unsupported(name: str, needs: SimulatorNeeds, place: SimulatorKey | None = None) -> None:
     """Raise an InputError for the first of the `needs` that the simulator `name` does not support.
 
     The error says what to change.  `place` is the key that names the simulator; None: ``simulation.simulators``.
     """
-    can, place = SIMULATORS[name], place or Asked("scene", "simulation.simulators", name)
+    can, place = SIMULATORS[name], place or SimulatorKey("scene", "simulation.simulators", name)
     lacking = {
-        "rows_that_push": (needs.pushing, f"knows no rows that only push ({', '.join(needs.pushing)})"),
-        "rows_that_give_way": (needs.giving, f"knows no rows that give way ({', '.join(needs.giving)})"),
-        "rows_that_rub": (needs.rubbing, f"knows no friction ({', '.join(needs.rubbing)})"),
-        "machine_that_moves": (needs.machine, f"knows no machine that moves by itself ({', '.join(needs.machine)})"),
+        "rows_that_push": (needs.pushing_rows, f"knows no rows that only push ({', '.join(needs.pushing_rows)})"),
+        "rows_that_give_way": (needs.flexible_rows, f"knows no rows that give way ({', '.join(needs.flexible_rows)})"),
+        "rows_that_rub": (needs.friction_rows, f"knows no friction ({', '.join(needs.friction_rows)})"),
+        "machine_that_moves": (
+            needs.free_machine_directions,
+            f"knows no machine that moves by itself ({', '.join(needs.free_machine_directions)})",
+        ),
     }
     for capability, (needed, reason) in lacking.items():
         if needed and not getattr(can, capability):
@@ -325,16 +329,16 @@ def refuse(name: str, needs: Needs, place: Asked | None = None) -> None:
             ]
             instead = "[]" if place is REFERENCE else " or ".join(able)
             raise InputError(place.source, place.key, place.value, f"{instead} is allowed: {name} {reason}")
-    if needs.rigid_pushing:
+    if needs.rigid_pushing_rows:
         allowed = (
-            f"{', '.join(needs.rigid_pushing)} only push and are rigid: true, or a stiffness in N/m of the pads, is "
-            "allowed; the force of an impact of rigid parts is no number"
+            f"{', '.join(needs.rigid_pushing_rows)} only push and are rigid: true, or a stiffness in N/m of the pads, "
+            "is allowed; the force of an impact of rigid parts is no number"
         )
         raise InputError("scene", "reduction.flexibility", False, allowed)
-    if needs.rho_inf == 1.0 and needs.rigid_moving:
+    if needs.rho_inf == 1.0 and needs.rigid_moving_rows:
         without = ", or compare.against = []" if place is REFERENCE else ""
         allowed = (
-            f"less than 1 is allowed while the rigid row {', '.join(needs.rigid_moving)} moves: an algebraic "
+            f"less than 1 is allowed while the rigid row {', '.join(needs.rigid_moving_rows)} moves: an algebraic "
             "constraint (index 3) has multipliers that nothing damps, and they grow without bound; pads that give "
             f"way, or a residual flexibility, allow 1{without}"
         )

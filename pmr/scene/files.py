@@ -19,11 +19,11 @@ from typing import Any
 from pydantic import ValidationError
 
 from pmr.errors import InputError
-from pmr.scene.checks import check
-from pmr.scene.choice import has_giving_walls, is_axial, model_of
+from pmr.scene.checks import check_scene
+from pmr.scene.choice import has_axial_motion, has_giving_walls, model_of
 from pmr.scene.members import Member, member_at, members
 from pmr.scene.scene import BodyFile, Scene
-from pmr.scene.structure_checks import refusal
+from pmr.scene.structure_checks import scene_error
 from pmr.scene.tomlfiles import OPTION, Change, Dialect, TomlFile, override, resolve_path
 
 #: Keys of earlier versions and their present names.
@@ -104,12 +104,12 @@ POOLED = ("reduction.snapshots", "reduction.modes", "reduction.positions")
 
 
 @dataclass(frozen=True)
-class Unused:
-    """A key without effect, the key `by` that decides so ("" if none does), and the reason in words."""
+class UnusedKey:
+    """A key without effect, the key `decided_by` that decides so ("" if none does), and the reason in words."""
 
     key: str
-    by: str
-    why: str
+    decided_by: str
+    reason: str
 
 
 def check_unused(file: TomlFile, scene: Scene) -> None:
@@ -120,27 +120,31 @@ def check_unused(file: TomlFile, scene: Scene) -> None:
     """
     compared = scene.compare.richer not in ("auto", "none")
     if "sections" not in file.data:
-        _refuse_any(file, "", file.data, _of_body(member_at(scene), compared))
+        _refuse_any(file, "", file.data, _unused_body_keys(member_at(scene), compared))
     else:
         for number, (member, section) in enumerate(zip(members(scene), file.data["sections"], strict=True)):
-            _refuse_any(file, f"sections[{number}].", section, _of_body(member, compared))
+            _refuse_any(file, f"sections[{number}].", section, _unused_body_keys(member, compared))
             if number:
-                _refuse_any(file, f"sections[{number}].", section, _of_joint(scene, number))
-    _refuse_any(file, "", file.data, _of_simulation(scene))
+                _refuse_any(file, f"sections[{number}].", section, _unused_joint_keys(scene, number))
+    _refuse_any(file, "", file.data, _unused_simulation_keys(scene))
 
 
-def _refuse_any(file: TomlFile, prefix: str, content: Mapping[str, Any], unused_keys: Iterator[Unused]) -> None:
+def _refuse_any(file: TomlFile, prefix: str, content: Mapping[str, Any], unused_keys: Iterator[UnusedKey]) -> None:
     """Refuse the first of `unused_keys` that `content` sets; `prefix` is the key of `content` in the file."""
     for unused in unused_keys:
-        if not _stands(content, unused.key):
+        if not _has_key(content, unused.key):
             continue
-        writer, decided = file.origin(prefix + unused.key), _stands(content, unused.by) or not prefix
-        decider = file.origin(prefix + unused.by if decided else f"section.{unused.by}") if unused.by else writer
+        writer, decided = file.origin(prefix + unused.key), _has_key(content, unused.decided_by) or not prefix
+        decider = (
+            file.origin(prefix + unused.decided_by if decided else f"section.{unused.decided_by}")
+            if unused.decided_by
+            else writer
+        )
         if writer == OPTION or writer == decider == str(file.path):
-            raise refusal(f"{prefix}{unused.key}", None, f"leave it out: {unused.why}")
+            raise scene_error(f"{prefix}{unused.key}", None, f"leave it out: {unused.reason}")
 
 
-def _stands(data: Any, key: str) -> bool:
+def _has_key(data: Any, key: str) -> bool:
     """Whether nested tables and lists have a dotted key, such as ``joint.tail.0.friction``; False for ""."""
     for word in filter(None, key.split(".")):
         if isinstance(data, list):
@@ -151,7 +155,7 @@ def _stands(data: Any, key: str) -> bool:
     return bool(key)
 
 
-def _of_body(member: Member, compared: bool) -> Iterator[Unused]:
+def _unused_body_keys(member: Member, compared: bool) -> Iterator[UnusedKey]:
     """Yield keys without effect on a body; `compared`: whether a richer model, which uses shell keys, is compared."""
     model = model_of(member)
     for key in UNUSED.get(model, ()) if member.part.body.model != "auto" else ():
@@ -159,44 +163,44 @@ def _of_body(member: Member, compared: bool) -> Iterator[Unused]:
             continue  # as it is
         if key in OF_WALLS and (compared or has_giving_walls(member)):
             continue
-        yield Unused(key, "body.model", f"it has no effect on {model}")
+        yield UnusedKey(key, "body.model", f"it has no effect on {model}")
     if model == "beam2d":
-        yield from (Unused(key, "", f"{model} knows of no frames; beam3d and shell do") for key in STIFFENERS)
+        yield from (UnusedKey(key, "", f"{model} knows of no frames; beam3d and shell do") for key in STIFFENERS)
     if member.part.mesh.file is not None:
-        yield from (Unused(f"mesh.{key}", "mesh.file", "the mesh is read from a file") for key in _CELLS)
+        yield from (UnusedKey(f"mesh.{key}", "mesh.file", "the mesh is read from a file") for key in _CELLS)
     if member.part.body.profile is not None:
-        yield Unused("body.material", "body.profile", "a profile holds stiffness and mass itself")
+        yield UnusedKey("body.material", "body.profile", "a profile holds stiffness and mass itself")
     if not member.part.reduction.uses_pod:
         why = f"basis = {member.part.reduction.basis!r} has no eigenmodes at several positions"
-        yield from (Unused(key, "reduction.basis", why) for key in POOLED)
+        yield from (UnusedKey(key, "reduction.basis", why) for key in POOLED)
     if member.part.observe.stations is None:
-        yield Unused("observe.count", "observe", "without observe.start and observe.end a beam's nodes are observed")
+        yield UnusedKey("observe.count", "observe", "without observe.start and observe.end a beam's nodes are observed")
 
 
-def _of_joint(scene: Scene, number: int) -> Iterator[Unused]:
+def _unused_joint_keys(scene: Scene, number: int) -> Iterator[UnusedKey]:
     """Yield keys without effect in the joint of section `number`."""
     joint, name = scene.joint(number), scene.names[number]
     if joint.follows is None:
-        yield from (Unused(f"joint.{key}", "", f"{name} follows no other section") for key in ("ratio", "offset"))
+        yield from (UnusedKey(f"joint.{key}", "", f"{name} follows no other section") for key in ("ratio", "offset"))
     for end in ("tail", "mouth"):
         for k, ring in enumerate(getattr(joint, end)):
             if not ring.friction:
-                yield Unused(f"joint.{end}.{k}.shear_stiffness", "", "without friction nothing sticks")
+                yield UnusedKey(f"joint.{end}.{k}.shear_stiffness", "", "without friction nothing sticks")
             if not ring.static_friction:
-                yield Unused(f"joint.{end}.{k}.stribeck_speed", "", "without static_friction it falls from nothing")
-    if not is_axial(member_at(scene, number)):
+                yield UnusedKey(f"joint.{end}.{k}.stribeck_speed", "", "without static_friction it falls from nothing")
+    if not has_axial_motion(member_at(scene, number)):
         yield from (
-            Unused(f"joint.{key}", "", f"{name} has no coordinates along the boom, and so no {key}")
+            UnusedKey(f"joint.{key}", "", f"{name} has no coordinates along the boom, and so no {key}")
             for key in ("cylinder", "rope")
         )
 
 
-def _of_simulation(scene: Scene) -> Iterator[Unused]:
+def _unused_simulation_keys(scene: Scene) -> Iterator[UnusedKey]:
     """Yield keys of comparison and simulation without effect."""
     if "ancf" not in scene.compare.against:
-        yield Unused("compare.ancf_elements", "compare.against", "compare.against names no ANCF reference")
+        yield UnusedKey("compare.ancf_elements", "compare.against", "compare.against names no ANCF reference")
     if not any(name.startswith("exudyn") for name in (*scene.simulation.simulators, scene.simulation.full)):
-        yield Unused(
+        yield UnusedKey(
             "simulation.newton", "simulation.simulators", "Exudyn, whose settings these are, does not simulate"
         )
 
@@ -204,14 +208,14 @@ def _of_simulation(scene: Scene) -> Iterator[Unused]:
 #: Rules of scene files; published results belong to one scene, not to those that extend it.
 DIALECT = Dialect(
     "scene file",
-    own=("published",),
+    not_inherited=("published",),
     alternatives={
         "damping": (("mass", "stiffness"), ("ratio", "frequencies")),
         "body": (("box",), ("profile",)),
         "gravity": (("direction",), ("inclination",)),
     },
-    moved=MOVED,
-    gone=GONE,
+    renamed_keys=MOVED,
+    removed_keys=GONE,
 )
 
 
@@ -227,9 +231,9 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
     """
     scene = load_any(path, overrides)
     try:
-        scene.alone  # noqa: B018
+        scene.only_section  # noqa: B018
     except InputError as error:
-        raise error.found_in(str(_file(path).path)) from None
+        raise error.with_source(str(_read_file(path).path)) from None
     return scene
 
 
@@ -243,20 +247,20 @@ def vary(path: str | Path, changes: Sequence[Change]) -> Scene:
 
     Published results stay only as far as they hold for the changed scene.
     """
-    file, as_it_stands = _file(path), ""
+    file, as_it_stands = _read_file(path), ""
     with suppress(InputError):  # a change may mend it
-        as_it_stands = _scene(file).hash if changes and "published" in file.data else ""
+        as_it_stands = _checked_scene(file).hash if changes and "published" in file.data else ""
     for change in changes:
         file.apply(change)
-    scene = _scene(file)
+    scene = _checked_scene(file)
     if as_it_stands and scene.hash != as_it_stands and scene.published is not None:
-        scene = scene.model_copy(update={"published": scene.published.of_any_motion})
+        scene = scene.model_copy(update={"published": scene.published.frequencies_only})
     return scene
 
 
 def has_sections(path: str | Path) -> bool:
     """Whether a scene file describes a boom of more than one section."""
-    sections = _file(path).data.get("sections")
+    sections = _read_file(path).data.get("sections")
     return isinstance(sections, list) and len(sections) > 1
 
 
@@ -268,12 +272,12 @@ def beam_scene(path: str | Path) -> Scene:
     return scene
 
 
-def _file(path: str | Path) -> TomlFile:
+def _read_file(path: str | Path) -> TomlFile:
     """Read a scene file, a folder's ``scene.toml`` or a workflow by its name, with the files that it extends."""
     return TomlFile.read(resolve_path(Path(path), "scene.toml"), DIALECT)
 
 
-def _scene(file: TomlFile) -> Scene:
+def _checked_scene(file: TomlFile) -> Scene:
     """Return the checked scene of a file in either form: a body at the top, or sections.
 
     Raises InputError with the file that set the key, and the key as it is written there.
@@ -285,11 +289,11 @@ def _scene(file: TomlFile) -> Scene:
     if "section" in file.data and not of_boom:
         allowed = "only a boom of several [[sections]] has this table: a scene of one [body] has its keys at the top"
         raise InputError(file.origin("section"), "section", None, allowed)
-    scene = file.validate(Scene) if of_boom else Scene.of(file.validate(BodyFile))
+    scene = file.validate(Scene) if of_boom else Scene.from_body(file.validate(BodyFile))
     try:
-        check(scene)
+        check_scene(scene)
         check_unused(file, scene)
     except InputError as error:
-        error = error.called(scene.spelled(error.key))
-        raise error.found_in(file.origin(error.key)) from None
+        error = error.with_key(scene.file_key(error.key))
+        raise error.with_source(file.origin(error.key)) from None
     return scene

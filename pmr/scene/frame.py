@@ -24,8 +24,8 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from pmr.errors import InputError
-from pmr.scene.joints import Linear
-from pmr.scene.keys import Direction, Mass, Place, Point, Quantity, Section, Stiffness, Switch, Usual, of_key
+from pmr.scene.joints import ScaledSignal
+from pmr.scene.keys import Direction, Mass, Place, Point, Quantity, SceneTable, Stiffness, Switch, Usual, key_error
 from pmr.scene.signals import Constant, Signal, SignalBase
 from pmr.scene.structures import ALLOWED_INERTIA, PrincipalMoments, is_inertia
 
@@ -38,16 +38,16 @@ Value = Annotated[float, Field(strict=True), Quantity("m, of angles frame.unit",
 Rate = Annotated[float, Field(strict=True), Quantity("m/s, of angles frame.unit/s", -1e6, 1e6)]
 
 
-class _ByDirection(Section):
+class _DirectionTable(SceneTable):
     """Base of tables with one number for each of the six directions of a machine."""
 
     @property
-    def given(self) -> dict[str, float]:
+    def nonzero(self) -> dict[str, float]:
         """Values that are not zero, by their directions."""
         return {key: value for key in DIRECTIONS if (value := getattr(self, key))}
 
 
-class Springs(_ByDirection):
+class Springs(_DirectionTable):
     """Springs between the machine and what it stands on, which moves as `[frame.base]` says.
 
     Angles are roll, pitch and yaw.
@@ -61,7 +61,7 @@ class Springs(_ByDirection):
     rz: Annotated[Spring, Usual(2e3, 1e15, unit="N m")] = Field(default=0.0, description="Of yaw")
 
 
-class Dampers(_ByDirection):
+class Dampers(_DirectionTable):
     """Dampers parallel to the springs."""
 
     x: Damper = Field(default=0.0, description="Along X of the ground")
@@ -72,7 +72,7 @@ class Dampers(_ByDirection):
     rz: Damper = Field(default=0.0, description="Of yaw")
 
 
-class Places(_ByDirection):
+class InitialDisplacements(_DirectionTable):
     """Initial displacements of the pivot and initial angles in free directions."""
 
     x: Value = Field(default=0.0, description="Of the pivot along X of the ground")
@@ -83,7 +83,7 @@ class Places(_ByDirection):
     rz: Value = Field(default=0.0, description="Yaw")
 
 
-class Rates(_ByDirection):
+class InitialRates(_DirectionTable):
     """Initial velocities of the pivot and initial angular rates in free directions."""
 
     x: Rate = Field(default=0.0, description="Of the pivot along X of the ground")
@@ -94,7 +94,7 @@ class Rates(_ByDirection):
     rz: Rate = Field(default=0.0, description="Of yaw")
 
 
-class OnMachine(Section):
+class PivotLoad(SceneTable):
     """A force at the pivot, or a moment, along axes of the ground."""
 
     x: Signal | None = Field(default=None, description="Along X of the ground, in N or N m")
@@ -102,12 +102,12 @@ class OnMachine(Section):
     z: Signal | None = Field(default=None, description="Upwards, in N or N m")
 
     @property
-    def given(self) -> dict[str, SignalBase]:
+    def signals(self) -> dict[str, SignalBase]:
         """Signals that the scene sets, by their axes."""
         return {axis: one for axis in "xyz" if (one := getattr(self, axis)) is not None}
 
 
-class Machine(Section):
+class Machine(SceneTable):
     """A rigid body that carries the pivot: a chassis, a ship, a cart."""
 
     mass: Annotated[Mass, Usual(0.2, 1e6, "boom")] = Field(description="Without the boom")
@@ -122,22 +122,22 @@ class Machine(Section):
     )
     stiffness: Springs = Field(default=Springs(), description="Of springs in free directions")
     damping: Dampers = Field(default=Dampers(), description="Of dampers in free directions")
-    force: OnMachine = Field(default=OnMachine(), description="Forces at the pivot, along axes of the ground")
-    moment: OnMachine = Field(default=OnMachine(), description="Moments, about axes of the ground")
-    start: Places = Field(default=Places(), description="Where free directions begin")
-    rate: Rates = Field(default=Rates(), description="How fast free directions move at the start")
+    force: PivotLoad = Field(default=PivotLoad(), description="Forces at the pivot, along axes of the ground")
+    moment: PivotLoad = Field(default=PivotLoad(), description="Moments, about axes of the ground")
+    start: InitialDisplacements = Field(default=InitialDisplacements(), description="Where free directions begin")
+    rate: InitialRates = Field(default=InitialRates(), description="How fast free directions move at the start")
 
     @model_validator(mode="after")
-    def _of_free_directions(self) -> Self:
+    def _check_free_directions(self) -> Self:
         """Refuse impossible moments of inertia, and values in directions that are not free."""
         if not is_inertia(self.inertia):
-            raise of_key("inertia", list(self.inertia), ALLOWED_INERTIA)
+            raise key_error("inertia", list(self.inertia), ALLOWED_INERTIA)
         if len(set(self.free)) < len(self.free):
-            raise of_key("free", list(self.free), "each direction once is allowed")
+            raise key_error("free", list(self.free), "each direction once is allowed")
         for key in ("stiffness", "damping", "start", "rate"):
-            for direction, value in getattr(self, key).given.items():
+            for direction, value in getattr(self, key).nonzero.items():
                 if direction not in self.free:
-                    raise of_key(f"{key}.{direction}", value, f"one of free is allowed: {list(self.free)}")
+                    raise key_error(f"{key}.{direction}", value, f"one of free is allowed: {list(self.free)}")
         return self
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
@@ -160,7 +160,7 @@ INERTIA = "inertia "
 MINUS_THE_ACCELERATION = "minus the acceleration of the frame, weight included"
 
 
-class GroundAcceleration(Section):
+class GroundAcceleration(SceneTable):
     """Recorded acceleration of the base."""
 
     x: Annotated[Signal, SHAKEN] | None = Field(
@@ -172,7 +172,7 @@ class GroundAcceleration(Section):
     z: Annotated[Signal, SHAKEN] | None = Field(default=None, description="Acceleration upwards, in m/s^2")
 
 
-class BaseMotion(Section):
+class BaseMotion(SceneTable):
     """Motion of the machine below the pivot: an earthquake, a travelling truck, a ship."""
 
     x: Annotated[Signal, MOVED] | None = Field(
@@ -217,7 +217,7 @@ class BaseMotion(Section):
         return {axis: signal for axis, signal in signals.items() if signal is not None}
 
 
-class LuffingCylinder(Section):
+class LuffingCylinder(SceneTable):
     r"""Hinges of the cylinder that raises the boom: x and z from the pivot, z upwards where the boom lies level.
 
     With the foot :math:`r_0` on the machine and the lug :math:`r_1` on the boom its length at the angle
@@ -237,7 +237,7 @@ class LuffingCylinder(Section):
         "without it supports of the base hold it",
     )
 
-    def raised(self, angle: ArrayLike) -> NDArray[np.float64]:
+    def lug_position(self, angle: ArrayLike) -> NDArray[np.float64]:
         """Return the lug's positions (..., 2) in m at luffing angles (...) in rad.
 
         They are x and z from the pivot, along the axes of the foot, which do not luff.
@@ -245,12 +245,12 @@ class LuffingCylinder(Section):
         sine, cosine, (x, z) = np.sin(angle), np.cos(angle), self.lug
         return np.stack([x * cosine - z * sine, x * sine + z * cosine], axis=-1)
 
-    def length(self, angle: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def length_and_arm(self, angle: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return length L and arm dL / dphi about the pivot, both (...) in m, at luffing angles phi (...) in rad.
 
         The arm is 0 where the length is 0.
         """
-        lug = self.raised(angle)
+        lug = self.lug_position(angle)
         from_foot = lug - self.foot
         length = np.linalg.norm(from_foot, axis=-1)
         turned = from_foot[..., 1] * lug[..., 0] - from_foot[..., 0] * lug[..., 1]
@@ -258,7 +258,7 @@ class LuffingCylinder(Section):
 
     def direction(self, angle: ArrayLike) -> NDArray[np.float64]:
         """Return unit vectors (..., 2) from foot to lug at luffing angles (...) in rad: x and z in axes of the boom."""
-        along_cylinder = self.raised(angle) - self.foot
+        along_cylinder = self.lug_position(angle) - self.foot
         along_cylinder = along_cylinder / np.linalg.norm(along_cylinder, axis=-1, keepdims=True)
         sine, cosine = np.sin(angle), np.cos(angle)
         return np.stack(
@@ -270,7 +270,7 @@ class LuffingCylinder(Section):
         )
 
 
-class Frame(Section):
+class Frame(SceneTable):
     """A frame that luffs and slews about a pivot: the whole boom moves with it, and gravity keeps pointing down."""
 
     pivot: Annotated[Point, Usual(0.0, 5.0, "reach")] | None = Field(
@@ -297,19 +297,19 @@ class Frame(Section):
     )
 
     @model_validator(mode="after")
-    def _complete(self) -> Self:
+    def _check_complete(self) -> Self:
         """Refuse a frame without a motion or without a pivot."""
         if self.luffing is None and self.slewing is None and self.base is None and self.machine is None:
             raise ValueError("an angle is needed: luffing or slewing, or a motion of the base, or a machine")
         if self.pivot is None:
-            raise of_key("pivot", None, "a place is needed, [0.0, 0.0, 0.0] for a base whose tail is at the pivot")
+            raise key_error("pivot", None, "a place is needed, [0.0, 0.0, 0.0] for a base whose tail is at the pivot")
         return self
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
         return {self.unit: 1.0}
 
     @property
-    def place(self) -> tuple[float, float, float]:
+    def tail_position(self) -> tuple[float, float, float]:
         """Position (3,) in m of the base's tail from the pivot, in the axes of the boom."""
         assert self.pivot is not None  # as the validator says
         return self.pivot
@@ -320,19 +320,19 @@ class Frame(Section):
         return self._in_rad(self.luffing), self._in_rad(self.slewing)
 
     @property
-    def rocking(self) -> tuple[SignalBase, ...]:
+    def base_angles(self) -> tuple[SignalBase, ...]:
         """Roll, pitch and yaw of the base in rad over time; empty where the base keeps its direction."""
         motions = {} if self.base is None else self.base.motions
         turned = tuple(self._in_rad(motions.get(axis)) for axis in ("rx", "ry", "rz"))
         return turned if self.machine is not None or {"rx", "ry", "rz"} & set(motions) else ()
 
     @property
-    def turns(self) -> bool:
+    def has_angles(self) -> bool:
         """Whether the frame has any angle: luffing, slewing, or one of the base."""
-        return self.luffing is not None or self.slewing is not None or bool(self.rocking)
+        return self.luffing is not None or self.slewing is not None or bool(self.base_angles)
 
     @property
-    def leaves_plane(self) -> str | None:
+    def out_of_plane_key(self) -> str | None:
         """Key within [frame] of the motion that moves the boom out of a vertical plane; None without one."""
         if self.machine is not None:
             return "machine"
@@ -345,17 +345,17 @@ class Frame(Section):
     def rotation(self, t: ArrayLike) -> NDArray[np.float64]:
         """Return the rotations (T, 3, 3) from axes of the boom to those of the base at times t (T,) in s."""
         luffing, slewing = (np.atleast_1d(angle.value(np.asarray(t))) for angle in self.angles)
-        return rotation(luffing, slewing)
+        return boom_rotation(luffing, slewing)
 
-    def on_ground(self, t: float) -> NDArray[np.float64]:
+    def rotation_to_ground(self, t: float) -> NDArray[np.float64]:
         """Return the rotation (3, 3) from axes of the boom to those of the ground at time t in s.
 
         It includes the rotation of the base.
         """
-        roll, pitch, yaw = ([angle.value(np.array([t])) for angle in self.rocking] or np.zeros((3, 1)))[:3]
+        roll, pitch, yaw = ([angle.value(np.array([t])) for angle in self.base_angles] or np.zeros((3, 1)))[:3]
         s, c = float(np.sin(roll[0])), float(np.cos(roll[0]))
         rolled = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-        return np.asarray(rotation(-pitch, yaw)[0] @ rolled @ self.rotation(t)[0])
+        return np.asarray(boom_rotation(-pitch, yaw)[0] @ rolled @ self.rotation(t)[0])
 
     def refuse_without_unit(self, key: str, angles: ArrayLike, source: str = "scene") -> None:
         """Raise an InputError of `key` in `source` if `angles` exceed a full turn and the frame sets no unit."""
@@ -368,10 +368,10 @@ class Frame(Section):
         """Return an angle of the scene as a signal in rad; a constant 0 for None."""
         if angle is None:
             return Constant(amount=0.0)
-        return angle if self.unit == "rad" else Linear(signal=angle, ratio=float(np.pi) / 180.0, offset=0.0)
+        return angle if self.unit == "rad" else ScaledSignal(signal=angle, ratio=float(np.pi) / 180.0, offset=0.0)
 
 
-def rotation(luffing: NDArray[np.float64], slewing: NDArray[np.float64]) -> NDArray[np.float64]:
+def boom_rotation(luffing: NDArray[np.float64], slewing: NDArray[np.float64]) -> NDArray[np.float64]:
     r"""Return :math:`R_Z(\psi) R_Y(-\varphi)` (T, 3, 3), from axes of the boom to those of the base.
 
     The angles (T,) in rad are :math:`\varphi`, `luffing`, and :math:`\psi`, `slewing`.  A base that does not rotate has

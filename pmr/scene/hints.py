@@ -20,15 +20,15 @@ from typing import Any
 from pydantic import BaseModel
 
 from pmr.scene.built import GRAVITY
-from pmr.scene.joints import Part
-from pmr.scene.keys import Hinted, Usual, quantity_of, usual_of
+from pmr.scene.joints import BoomSection
+from pmr.scene.keys import Hinted, Usual, quantity_of, usual_ranges
 from pmr.scene.scene import BodyFile, Scene
 from pmr.scene.signals import SignalBase
 
 Scales = Mapping[str, float]
 
 #: Units that a number may be meant in, by the unit of its key, likely ones first: one of them in the key's unit.
-OTHERS: Mapping[str, Mapping[str, float]] = {
+OTHER_UNITS: Mapping[str, Mapping[str, float]] = {
     "m": {"mm": 1e-3, "cm": 1e-2},
     "m^2": {"mm^2": 1e-6, "cm^2": 1e-4},
     "m^4": {"mm^4": 1e-12, "cm^4": 1e-8},
@@ -51,7 +51,7 @@ OTHERS: Mapping[str, Mapping[str, float]] = {
 
 
 @dataclass(frozen=True)
-class _Unusual:
+class _UnusualNumber:
     """A number outside of its usual range from `low` to `high`, which are in the number's unit."""
 
     key: str
@@ -74,7 +74,7 @@ class _Unusual:
             usual = f"{self.low:.3g}{unit} and more"
         meant = [
             f"{other} ({self.value * factor:.3g}{unit})"
-            for other, factor in OTHERS.get(self.unit, {}).items()
+            for other, factor in OTHER_UNITS.get(self.unit, {}).items()
             if self.low <= abs(self.value) * factor <= self.high
         ]
         question = f"is it in {' or '.join(meant[:2])}?" if meant else "is the unit right?"
@@ -83,24 +83,24 @@ class _Unusual:
 
 def hints(scene: Scene) -> list[str]:
     """Return a sentence for each key of a scene whose number is outside of its usual range."""
-    numbers = list(_of_table(scene, "", _scales(scene)))
+    numbers = list(_unusual_in_table(scene, "", _boom_scales(scene)))
     for number, part in enumerate(scene.sections):
         key = f"sections[{number}]." if scene.sections[0].name else ""
-        numbers += _of_table(part, key, _scales(scene) | _scales_of(part))
+        numbers += _unusual_in_table(part, key, _boom_scales(scene) | _section_scales(part))
     return _sentences(numbers)
 
 
-def hints_of(table: BaseModel, scene: Scene) -> list[str]:
+def table_hints(table: BaseModel, scene: Scene) -> list[str]:
     """Return a sentence for each key of `table` with an unusual number; scales are those of the scene.
 
     The table stands outside of the scene, such as a study of it.
     """
-    return _sentences(_of_table(table, "", _scales(scene)))
+    return _sentences(_unusual_in_table(table, "", _boom_scales(scene)))
 
 
-def _sentences(numbers: Iterable[_Unusual]) -> list[str]:
+def _sentences(numbers: Iterable[_UnusualNumber]) -> list[str]:
     """Return one sentence for each key, about its most unusual number; keys that differ in indices alone are one."""
-    by_key: dict[str, list[_Unusual]] = {}
+    by_key: dict[str, list[_UnusualNumber]] = {}
     for number in numbers:
         by_key.setdefault(re.sub(r"\[\d+\]", "", number.key), []).append(number)
     lines = []
@@ -110,41 +110,45 @@ def _sentences(numbers: Iterable[_Unusual]) -> list[str]:
     return lines
 
 
-def _of_table(table: BaseModel, key: str, scales: Scales) -> Iterator[_Unusual]:
+def _unusual_in_table(table: BaseModel, key: str, scales: Scales) -> Iterator[_UnusualNumber]:
     """Yield the unusual numbers of a table and of the tables within it; `key` is the table's key and a dot."""
     if isinstance(table, Hinted):
         scales = {**scales, **table.hint_scales(scales)}
         for name, (value, judged_by) in table.hint_numbers.items():
-            yield from _of_number(value, f"{key}{name}", (judged_by,), judged_by.unit, scales)
+            yield from _unusual_number(value, f"{key}{name}", (judged_by,), judged_by.unit, scales)
     for name in type(table).model_fields:
         if name == "sections" and isinstance(table, Scene):
             continue  # each has scales of its own
-        quantity, usual = quantity_of(type(table), name), usual_of(type(table), name)
+        quantity, usual = quantity_of(type(table), name), usual_ranges(type(table), name)
         unit = quantity.unit if quantity is not None else ""
-        yield from _of_value(getattr(table, name), f"{key}{name}", usual, unit, scales)
+        yield from _unusual_in_value(getattr(table, name), f"{key}{name}", usual, unit, scales)
 
 
-def _of_value(value: Any, key: str, usual: tuple[Usual, ...], unit: str, scales: Scales) -> Iterator[_Unusual]:
+def _unusual_in_value(
+    value: Any, key: str, usual: tuple[Usual, ...], unit: str, scales: Scales
+) -> Iterator[_UnusualNumber]:
     """Yield the unusual numbers of a field's value and of all lists and tables nested in it.
 
     Numbers and signals of the field have the `usual` ranges and the `unit`; tables within it have ranges of their own.
     """
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        yield from _of_number(float(value), key, usual, unit, scales)
+        yield from _unusual_number(float(value), key, usual, unit, scales)
     elif isinstance(value, (tuple, list)):
         for number, entry in enumerate(value):
-            yield from _of_value(entry, f"{key}[{number}]", usual, unit, scales)
+            yield from _unusual_in_value(entry, f"{key}[{number}]", usual, unit, scales)
     elif isinstance(value, Mapping):
         for name, entry in value.items():
-            yield from _of_value(entry, f"{key}.{name}", usual, unit, scales)
+            yield from _unusual_in_value(entry, f"{key}.{name}", usual, unit, scales)
     elif isinstance(value, BaseModel):
         if isinstance(value, SignalBase) and usual:
             largest = max(value.bounds(0.0, scales["time"]), key=abs)
-            yield from _of_number(largest, key, usual, unit, scales)
-        yield from _of_table(value, f"{key}.", scales)
+            yield from _unusual_number(largest, key, usual, unit, scales)
+        yield from _unusual_in_table(value, f"{key}.", scales)
 
 
-def _of_number(value: float, key: str, usual: tuple[Usual, ...], unit: str, scales: Scales) -> Iterator[_Unusual]:
+def _unusual_number(
+    value: float, key: str, usual: tuple[Usual, ...], unit: str, scales: Scales
+) -> Iterator[_UnusualNumber]:
     """Yield a number if its magnitude is outside of the range that its usual ranges have in common; never 0.
 
     Ranges in multiples of a scale that `scales` does not have, or has as 0, are passed over.
@@ -159,31 +163,31 @@ def _of_number(value: float, key: str, usual: tuple[Usual, ...], unit: str, scal
     ]
     low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
     if low <= high and not low <= abs(value) <= high:
-        yield _Unusual(key, value, ranges_of_key[-1].unit or unit, low, high)
+        yield _UnusualNumber(key, value, ranges_of_key[-1].unit or unit, low, high)
 
 
-def _scales(scene: Scene) -> dict[str, float]:
+def _boom_scales(scene: Scene) -> dict[str, float]:
     """Return the scales of the whole boom: reach in m, mass (``boom``) in kg, weight in N, time in s, gravity in m/s^2.
 
     Reach, mass or weight is 0 if that of a section is not known.
     """
-    sections = [_scales_of(part) for part in scene.sections]
+    sections = [_section_scales(part) for part in scene.sections]
     lengths, masses, weights = ([scales[name] for scales in sections] for name in ("length", "mass", "weight"))
     reach, mass, weight = (sum(sizes) if all(sizes) else 0.0 for sizes in (lengths, masses, weights))
     return {"reach": reach, "boom": mass, "weight": weight, "time": scene.time.end, "gravity": GRAVITY}
 
 
-def _scales_of(part: Part) -> dict[str, float]:
+def _section_scales(part: BoomSection) -> dict[str, float]:
     """Return length in m, mass in kg and weight in N of a section, by these names.
 
     All are 0 if its body has an unusual number; mass and weight are 0 if only a mesh file describes it.
     """
-    if any(_of_table(part.body, "", {"gravity": GRAVITY})):
+    if any(_unusual_in_table(part.body, "", {"gravity": GRAVITY})):
         return dict.fromkeys(("length", "mass", "weight"), 0.0)
     return {"length": part.length, "mass": _mass(part), "weight": GRAVITY * _mass(part)}
 
 
-def _mass(part: Part) -> float:
+def _mass(part: BoomSection) -> float:
     """Return the mass of a section's beam or box in kg without doublers and tapers; 0 for a mesh file."""
     body = part.body
     if body.profile is not None:
@@ -205,15 +209,15 @@ EXTENDS = {
 IN_PART = ", in part"
 
 
-def dialects() -> tuple[Schema, Schema]:
+def scene_form_schemas() -> tuple[Schema, Schema]:
     """Return the schemas of the two forms of a scene file: a body at the top of the file, and a list of sections."""
     return BodyFile.model_json_schema(), Scene.model_json_schema(mode="validation")
 
 
-def scenes() -> Schema:
+def scene_file_schema() -> Schema:
     """Return the schema of a scene file with one body or with several sections."""
-    body, several = dialects()
-    section = {"$ref": f"#/$defs/Part{IN_PART}"}  # what sections have in common is said once
+    body, several = scene_form_schemas()
+    section = {"$ref": f"#/$defs/BoomSection{IN_PART}"}  # what sections have in common is said once
     about = several["properties"]["section"]["description"]
     several["properties"]["section"] = {"allOf": [section], "description": about}
     several["properties"]["sections"]["items"] = {"allOf": [section, {"required": ["name"]}]}
@@ -225,23 +229,23 @@ def union_schema(schemas: Sequence[Schema], title: str) -> Schema:
     parts: Schema = {}
     complete, extending = [], []
     for schema in schemas:
-        spelled_schema = _spoken(schema)
+        spelled_schema = _in_draft_7(schema)
         parts |= spelled_schema.pop("$defs", {})
-        changed = _in_part(spelled_schema)
+        changed = _without_required_keys(spelled_schema)
         changed["properties"]["extends"] = EXTENDS
         complete.append(spelled_schema)
         extending.append(changed | {"required": ["extends"]})
-    parts |= {f"{name}{IN_PART}": _in_part(part) for name, part in parts.items()}
+    parts |= {f"{name}{IN_PART}": _without_required_keys(part) for name, part in parts.items()}
     return {"$schema": DRAFT, "title": title, "$defs": parts, "anyOf": [*complete, *extending]}
 
 
-def _spoken(node: Any) -> Any:
+def _in_draft_7(node: Any) -> Any:
     """Return a node of a pydantic schema in draft 7, with units in descriptions, and numbers allowed as signals."""
     if isinstance(node, list):
-        return [_spoken(entry) for entry in node]
+        return [_in_draft_7(entry) for entry in node]
     if not isinstance(node, dict):
         return node
-    spelled_node = {key: _spoken(value) for key, value in node.items() if key != "discriminator"}
+    spelled_node = {key: _in_draft_7(value) for key, value in node.items() if key != "discriminator"}
     if "prefixItems" in spelled_node:
         spelled_node["items"] = spelled_node.pop("prefixItems")
     if "constant" in node.get("discriminator", {}).get("mapping", {}):
@@ -251,13 +255,13 @@ def _spoken(node: Any) -> Any:
     return spelled_node
 
 
-def _in_part(node: Any) -> Any:
+def _without_required_keys(node: Any) -> Any:
     """Return a node of a schema with no key required, in which tables may change single entries of lists of tables."""
     if isinstance(node, list):
-        return [_in_part(entry) for entry in node]
+        return [_without_required_keys(entry) for entry in node]
     if not isinstance(node, dict):
         return node
-    part = {key: _in_part(value) for key, value in node.items()}
+    part = {key: _without_required_keys(value) for key, value in node.items()}
     if isinstance(part.get("required"), list):
         del part["required"]
     if isinstance(node.get("$ref"), str) and not node["$ref"].endswith(IN_PART):

@@ -9,9 +9,9 @@ import numpy as np
 
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.box import Box
-from pmr.scene.choice import Needs, has_tail, is_axial, is_planar, refuse
-from pmr.scene.joints import Linear, Part
-from pmr.scene.mechanism import Drive, longest, rope_length, rope_shares
+from pmr.scene.choice import SimulatorNeeds, has_axial_motion, has_driven_tail, is_planar, refuse_unsupported
+from pmr.scene.joints import BoomSection, ScaledSignal
+from pmr.scene.mechanism import Drive, longest_rope, rope_length, rope_shares
 from pmr.scene.members import EXTENSION, Seat, footprint, member_at, members, seats
 from pmr.scene.profile import gaps
 from pmr.scene.scene import Scene
@@ -21,8 +21,8 @@ from pmr.scene.structure_checks import (
     check_proportions,
     check_reserved,
     check_structure,
-    jump_of,
-    refusal,
+    describe_jump,
+    scene_error,
 )
 
 #: Round-off of a user's arithmetic.
@@ -45,22 +45,22 @@ def check_fit(scene: Scene, number: int) -> None:
                 f"outside {name} is {has:.6g} m, inside {around} there are {room:.6g} "
                 "m: a section has to fit into the one before it"
             )
-            raise refusal(f"sections[{number}].body.box.{side}", getattr(inner, side), allowed)
+            raise scene_error(f"sections[{number}].body.box.{side}", getattr(inner, side), allowed)
     beyond, face = min((room, face) for face, room in gaps(inner.sides, outer.sides).items())
     if beyond <= 0.0:
         allowed = f"{name} comes {-beyond:.6g} m too close to the {face} of {around}: a section has to fit into it"
-        raise refusal(f"sections[{number}].body.box", None, allowed)
-    _tail(scene, number, inner, outer)
-    _frames(scene, number, inner, outer)
+        raise scene_error(f"sections[{number}].body.box", None, allowed)
+    _check_tail(scene, number, inner, outer)
+    _check_frames(scene, number, inner, outer)
     for seat in seats(scene, number):
         if seat.joint == number:
-            _play(seat, f"sections[{number}].joint.{seat.key}", (name, inner), (around, outer))
+            _check_clearance(seat, f"sections[{number}].joint.{seat.key}", (name, inner), (around, outer))
 
 
-def _tail(scene: Scene, number: int, inner: Box, outer: Box) -> None:
+def _check_tail(scene: Scene, number: int, inner: Box, outer: Box) -> None:
     """Refuse an inner box whose tail does not fit into the outer box where this one tapers towards its own tail."""
     first, _ = scene.extension(number).bounds(0.0, scene.time.end)
-    low, _ = outer.parallel
+    low, _ = outer.parallel_range
     if first >= low:
         return
     ends = inner.profile_at(0.0), outer.profile_at(max(first, 0.0))
@@ -70,10 +70,10 @@ def _tail(scene: Scene, number: int, inner: Box, outer: Box) -> None:
             f"{scene.names[number]} gets {first:.6g} m near the tail of {scene.names[number - 1]}, which tapers over "
             f"{low:.6g} m: there it comes {-beyond:.6g} m too close"
         )
-        raise refusal(f"sections[{number - 1}].body.box.tail_taper.length", low, allowed)
+        raise scene_error(f"sections[{number - 1}].body.box.tail_taper.length", low, allowed)
 
 
-def _frames(scene: Scene, number: int, inner: Box, outer: Box) -> None:
+def _check_frames(scene: Scene, number: int, inner: Box, outer: Box) -> None:
     """Refuse frames of the outer box that the inner box slides past without enough room."""
     first, _ = scene.extension(number).bounds(0.0, scene.time.end)
     reached = [x for x in outer.frames if x >= first]
@@ -86,10 +86,10 @@ def _frames(scene: Scene, number: int, inner: Box, outer: Box) -> None:
             f"places of less than {first:.6g} m are allowed, or a frame_depth of less than {room:.6g} m: "
             f"{scene.names[number]} slides past {reached[0]:g} m"
         )
-        raise refusal(f"sections[{number - 1}].body.box.frames", list(outer.frames), allowed)
+        raise scene_error(f"sections[{number - 1}].body.box.frames", list(outer.frames), allowed)
 
 
-def _play(seat: Seat, key: str, inner: tuple[str, Box], outer: tuple[str, Box]) -> None:
+def _check_clearance(seat: Seat, key: str, inner: tuple[str, Box], outer: tuple[str, Box]) -> None:
     """Refuse pads on faces that are not parallel or that a box lacks, and clearances larger than the gap.
 
     `inner` and `outer` are name and box of the two sections, `key` that of the ring of pads.
@@ -99,73 +99,77 @@ def _play(seat: Seat, key: str, inner: tuple[str, Box], outer: tuple[str, Box]) 
     for face in seat.ring.faces or ():
         for body, faces in ((name, inner_faces), (around, outer_faces)):
             if face not in faces:
-                raise refusal(f"{key}.faces", face, f"faces that {body} has are allowed: {', '.join(faces) or 'none'}")
+                raise scene_error(
+                    f"{key}.faces", face, f"faces that {body} has are allowed: {', '.join(faces) or 'none'}"
+                )
         if inner_faces[face].normal @ outer_faces[face].normal < PARALLEL:
             allowed = f"faces that are parallel are allowed: the {face} of {name} and that of {around} are not"
-            raise refusal(f"{key}.faces", face, allowed)
+            raise scene_error(f"{key}.faces", face, allowed)
     room = gaps(section.sides, tube.sides)
     for face in seat.ring.faces or ("bottom", "top"):  # points stand above and below
         clearance, gap = seat.ring.clearance_on(face), room.get(face, np.inf)
         if clearance > gap * (1.0 + SLACK):
             allowed = f"at most {gap:.6g} m is allowed: so wide is the gap between {name} and {around} there"
-            raise refusal(f"{key}.clearance", clearance, allowed)
+            raise scene_error(f"{key}.clearance", clearance, allowed)
 
 
 def check_joints(scene: Scene) -> None:
     """Raise an InputError for the first key of a boom of several sections that contradicts another key."""
-    _names(scene)
+    _check_section_names(scene)
     for number in range(len(scene.sections)):
-        _reduction(scene, number)
+        _check_reduction(scene, number)
         if number:
             _check_drive(scene, number)
     for number in range(1, len(scene.sections)):
         check_fit(scene, number)
-        _slides(scene, number)
-        _gives_way(scene, number)
+        _check_extension(scene, number)
+        _check_flexible_drive(scene, number)
     for number in range(len(scene.sections)):
-        _held_while_sliding(scene, number)
-        _pads(scene, number)
-        _by_itself(scene, number)
+        _check_ground_supports(scene, number)
+        _check_pads(scene, number)
+        _check_section(scene, number)
     if scene.start == "equilibrium":
         for number in range(1, len(scene.sections)):
-            _held_at_the_start(scene, number)
+            _check_equilibrium_start(scene, number)
     planar = [is_planar(member) for member in members(scene)]
     if len(set(planar)) > 1:
         names = ", ".join(name for name, flat in zip(scene.names, planar, strict=True) if flat)
-        raise refusal("sections", None, f"planar beams ({names}) beside others are not allowed: all in plane, or none")
-    _rigid_overlaps_and_friction(scene)
-    _simulators(scene)
-    _check_nested(scene)
-    _frequency_response(scene)
+        raise scene_error(
+            "sections", None, f"planar beams ({names}) beside others are not allowed: all in plane, or none"
+        )
+    _check_overlaps_and_friction(scene)
+    _check_simulators(scene)
+    _check_accuracy(scene)
+    _check_frequency_response(scene)
 
 
-def _names(scene: Scene) -> None:
+def _check_section_names(scene: Scene) -> None:
     """Refuse equal names of sections or of rings at one end, a joint of the base, and sections without a joint."""
     check_names("sections", scene.names)
     if scene.sections[0].joint is not None:
-        raise refusal("sections[0].joint", None, "the base slides in nothing: supports or pads hold it")
+        raise scene_error("sections[0].joint", None, "the base slides in nothing: supports or pads hold it")
     for number, part in enumerate(scene.sections[1:], start=1):
         if part.joint is None:
-            raise refusal(f"sections[{number}].joint", None, f"a joint in which {part.name} slides is needed")
+            raise scene_error(f"sections[{number}].joint", None, f"a joint in which {part.name} slides is needed")
         for ends in (part.joint.tail, part.joint.mouth):
             if len({ring.name for ring in ends}) < len(ends):
-                raise refusal(f"sections[{number}].joint", None, "rings at one end need names that differ")
+                raise scene_error(f"sections[{number}].joint", None, "rings at one end need names that differ")
 
 
-def _reduction(scene: Scene, number: int) -> None:
+def _check_reduction(scene: Scene, number: int) -> None:
     """Refuse settings of the reduction, slider and length that a section of a boom can't have."""
     choice, key = scene.sections[number].reduction, f"sections[{number}].reduction"
     if choice.basis != "free_modes" or choice.file is not None:
         allowed = "'free_modes' is allowed, without a file: sections have no common path"
-        raise refusal(f"{key}.basis", choice.basis, allowed)
+        raise scene_error(f"{key}.basis", choice.basis, allowed)
     if choice.ports:
-        raise refusal(f"{key}.ports", list(choice.ports), "no ports are allowed for sections of a boom")
+        raise scene_error(f"{key}.ports", list(choice.ports), "no ports are allowed for sections of a boom")
     if scene.sections[number].slider is not None:
         allowed = "joints move sections that slide in one another: leave it out"
-        raise refusal(f"sections[{number}].slider", None, allowed)
+        raise scene_error(f"sections[{number}].slider", None, allowed)
     if scene.sections[number].length <= 0.0:
         allowed = "observe.start and observe.end are needed where a mesh that is read says how long a section is"
-        raise refusal(f"sections[{number}].observe", None, allowed)
+        raise scene_error(f"sections[{number}].observe", None, allowed)
 
 
 def _check_drive(scene: Scene, number: int) -> None:
@@ -183,53 +187,53 @@ def _check_drive(scene: Scene, number: int) -> None:
                 if allowed_names
                 else "a signal is needed"
             )
-            raise refusal(f"{key}.follows", joint.follows, allowed)
+            raise scene_error(f"{key}.follows", joint.follows, allowed)
         chain.append(follows)
     if joint.rope is not None and rope_length(scene, number) is None:
         allowed = (
             "a length is needed: by itself it is known of a rope from the head of the section before the one that "
             f"{scene.names[number]} slides in, over the head of that one, which it follows with a ratio of 1"
         )
-        raise refusal(f"{key}.rope.length", None, allowed)
+        raise scene_error(f"{key}.rope.length", None, allowed)
     path = scene.extension(number)
-    if joint.rope is not None and longest(scene, number) <= 0.0:
+    if joint.rope is not None and longest_rope(scene, number) <= 0.0:
         least = min(joint.rope.lengthens * s for s in path.bounds(0.0, scene.time.end))
         allowed = f"more than {-least:g} m is allowed: on the way it gets {-least:g} m shorter than where s = 0"
-        raise refusal(f"{key}.rope.length", joint.rope.length, allowed)
-    jump = jump_of(path, 1e-9 * max(1.0, *map(abs, path.bounds(0.0, scene.time.end))))
+        raise scene_error(f"{key}.rope.length", joint.rope.length, allowed)
+    jump = describe_jump(path, 1e-9 * max(1.0, *map(abs, path.bounds(0.0, scene.time.end))))
     if jump is not None:
-        raise refusal(f"{key}.extension", None, f"{scene.names[number]} {jump}")
+        raise scene_error(f"{key}.extension", None, f"{scene.names[number]} {jump}")
 
 
-def _gives_way(scene: Scene, number: int) -> None:
+def _check_flexible_drive(scene: Scene, number: int) -> None:
     """Refuse a rigid drive of a section that follows one with a flexible drive, and friction beside some drives.
 
     Friction is refused if the section's drive changes its length, or is flexible together with that of other sections.
     """
-    if not has_tail(member_at(scene, number)):
+    if not has_driven_tail(member_at(scene, number)):
         return  # nothing holds it along the boom
-    key, drive, name = f"sections[{number}].joint", Drive.of(scene, number), scene.names[number]
+    key, drive, name = f"sections[{number}].joint", Drive.of_section(scene, number), scene.names[number]
     carried = rope_shares(scene)
     leads = [other for other, shares in carried.items() if name in shares and other != name]
-    soft = next((leader for leader in leads if Drive.of(scene, scene.names.index(leader)).compliance), None)
+    soft = next((leader for leader in leads if Drive.of_section(scene, scene.names.index(leader)).compliance), None)
     if soft and not drive.compliance:
         allowed = (
             f"a rope with its EA, or cylinder.stiffness, is needed: what moves {soft}, which it follows, gives way"
         )
-        raise refusal(f"{key}.rope", None, allowed)
+        raise scene_error(f"{key}.rope", None, allowed)
     rings = ((end, k, ring) for end in ("tail", "mouth") for k, ring in enumerate(getattr(scene.joint(number), end)))
     rubs = next((f"{end}[{k}]" for end, k, ring in rings if ring.friction), "")
-    hangs = soft or drive.lengthening or (drive.compliance and len(carried.get(name, ())) > 1)
+    hangs = soft or drive.changes_length or (drive.compliance and len(carried.get(name, ())) > 1)
     if rubs and hangs:
         allowed = f"0 is allowed: what moves {name} changes its length, or gives way together with what moves others"
-        raise refusal(f"{key}.{rubs}.friction", None, allowed)
+        raise scene_error(f"{key}.{rubs}.friction", None, allowed)
 
 
-def _held_at_the_start(scene: Scene, number: int) -> None:
+def _check_equilibrium_start(scene: Scene, number: int) -> None:
     """Refuse, for runs that begin in equilibrium, play of pads that no load takes up at t = 0."""
     joint, beyond = scene.joint(number), scene.sections[number:]
     for axis, turn, faces in (("y", "rz", {"left", "right"}), ("z", "ry", {"bottom", "top"})):
-        if _pressed_at_the_start(scene, beyond, axis, turn) or (axis == "y" and is_planar(member_at(scene, number))):
+        if _is_loaded_at_start(scene, beyond, axis, turn) or (axis == "y" and is_planar(member_at(scene, number))):
             continue
         for end in ("tail", "mouth"):
             rings = {k: ring for k, ring in enumerate(getattr(joint, end)) if faces & set(ring.faces or ("top",))}
@@ -243,13 +247,15 @@ def _held_at_the_start(scene: Scene, number: int) -> None:
                     f"0 is allowed, here or in another ring: no load along {axis} takes up the play of "
                     f"{scene.names[number]} at t = 0, where motions begin in equilibrium"
                 )
-                raise refusal(f"sections[{number}].joint.{end}[{k}].clearance", ring.clearance, allowed)
+                raise scene_error(f"sections[{number}].joint.{end}[{k}].clearance", ring.clearance, allowed)
 
 
-def _pressed_at_the_start(scene: Scene, beyond: Sequence[Part], axis: str, turn: str) -> bool:
+def _is_loaded_at_start(scene: Scene, beyond: Sequence[BoomSection], axis: str, turn: str) -> bool:
     """Whether the weight or a load acts along `axis` (y or z) or about `turn` on the sections `beyond` at t = 0."""
     number, gravity, frame = "xyz".index(axis), scene.gravity, scene.frame
-    turned = np.eye(3) if frame is None else frame.on_ground(0.0)  # from axes of the boom into those of the ground
+    turned = (
+        np.eye(3) if frame is None else frame.rotation_to_ground(0.0)
+    )  # from axes of the boom into those of the ground
     if gravity is not None and gravity.rise == 0.0:
         along = gravity.direction if frame is None else turned[2]
         if abs(along[number]) > SLACK:
@@ -263,25 +269,25 @@ def _pressed_at_the_start(scene: Scene, beyond: Sequence[Part], axis: str, turn:
     return False
 
 
-def _held_while_sliding(scene: Scene, number: int) -> None:
+def _check_ground_supports(scene: Scene, number: int) -> None:
     """Refuse supports that hold a travelling section along the boom, and pads on the ground that move."""
     ranges = {name: path.bounds(0.0, scene.time.end) for name, path in list(scene.paths.items())[:number]}
     moves = next(
         (name for name, (low, high) in ranges.items() if high - low > SLACK * scene.sections[number].length), None
     )
     for i, support in enumerate(scene.sections[number].supports):
-        if moves and "x" in support.held:
+        if moves and "x" in support.held_directions:
             key = f"sections[{number}].supports[{i}]"
             key, value = (f"{key}.kind", support.kind) if support.directions is None else (f"{key}.directions", None)
             allowed = f"directions without x are allowed: {scene.names[number]} travels with the extension of {moves}"
-            raise refusal(key, value, allowed)
+            raise scene_error(key, value, allowed)
     for i, ring in enumerate(scene.sections[number].pads):
         if ring.moving:
             key, allowed = f"sections[{number}].pads[{i}].moving", "false is allowed: pads that move belong to a joint"
-            raise refusal(key, True, allowed)
+            raise scene_error(key, True, allowed)
 
 
-def _slides(scene: Scene, number: int) -> None:
+def _check_extension(scene: Scene, number: int) -> None:
     """Refuse extensions that bring a section behind the next outer one, out of it, or its pads off it.
 
     The conditions are those of `pmr.system.contacts.Joint.check`.
@@ -289,36 +295,36 @@ def _slides(scene: Scene, number: int) -> None:
     joint, name, outer = scene.joint(number), scene.names[number], scene.names[number - 1]
     path = scene.extension(number)
     (first, last), length = path.bounds(0.0, scene.time.end), scene.sections[number - 1].length
-    by = "overlap" if joint.overlap is not None else "follows" if isinstance(path, Linear) else "extension"
+    by = "overlap" if joint.overlap is not None else "follows" if isinstance(path, ScaledSignal) else "extension"
     key, slack = f"sections[{number}].joint.{by}", SLACK * length
     if first < -BEYOND_ENDS * length:
         allowed = (
             f"the tail of {name} gets {-first:.6g} m behind that of {outer}; an extension of 0 m or more is allowed"
         )
-        raise refusal(key, None, allowed)
+        raise scene_error(key, None, allowed)
     needed = max(ring.at for ring in joint.tail) + max(ring.at for ring in joint.mouth)
     if last >= length - slack:
         allowed = (
             f"it pulls {name} out of {outer}: an extension of {last:.6g} m leaves no overlap, "
             f"less than {length - needed:.6g} m is allowed"
         )
-        raise refusal(key, None, allowed)
+        raise scene_error(key, None, allowed)
     if not length - last > needed + slack:
         allowed = (
             f"the overlap of {name} and {outer} gets down to {length - last:.6g} m, and their pads reach "
             f"{needed:.6g} m from the tail and the mouth; an extension of less than {length - needed:.6g} m is allowed"
         )
-        raise refusal(key, None, allowed)
+        raise scene_error(key, None, allowed)
     ends = length - min(ring.at for ring in joint.mouth) - scene.sections[number].length
     if first < ends - slack:
         allowed = (
             f"at an extension of {first:.6g} m {name} ends before a pad at the mouth of {outer}; "
             f"{ends:.6g} m or more is allowed"
         )
-        raise refusal(key, None, allowed)
+        raise scene_error(key, None, allowed)
 
 
-def _pads(scene: Scene, number: int) -> None:
+def _check_pads(scene: Scene, number: int) -> None:
     """Refuse pads that do not lie on a section over their whole length at all times, or lie where its box tapers."""
     length = scene.sections[number].length
     touching = list(seats(scene, number))
@@ -326,31 +332,31 @@ def _pads(scene: Scene, number: int) -> None:
     if points:
         key = f"sections[{points[0].joint}].joint.{points[0].key}.faces"
         if not is_planar(member_at(scene, number)):
-            raise refusal(key, None, "faces are needed: only on planar beams pads are points")
+            raise scene_error(key, None, "faces are needed: only on planar beams pads are points")
         if len(points) < len(touching) or scene.sections[number].pads:
             some = f"faces are needed: other pads on {scene.names[number]} have some"
-            raise refusal(key, None, f"{some}; points alone, or none, are allowed")
+            raise scene_error(key, None, f"{some}; points alone, or none, are allowed")
     for seat in touching:
         half = seat.ring.length / 2.0 if seat.ring.faces is not None else 0.0
-        start, end = seat.at.first - half, seat.at.last + half
+        start, end = seat.positions.first - half, seat.positions.last + half
         box, name = scene.sections[number].body.box, scene.names[number]
-        first, last = (0.0, length) if box is None else box.parallel
+        first, last = (0.0, length) if box is None else box.parallel_range
         slack = BEYOND_ENDS * length
         if (first, last) != (0.0, length) and (start < first - slack or end > last + slack):
             allowed = (
                 f"these pads reach from {start:.6g} to {end:.6g} m along {name}, whose faces are parallel to the axis "
                 f"from {first:.6g} to {last:.6g} m: pads are allowed there, not where the box tapers"
             )
-            raise refusal(f"sections[{seat.joint}].joint.{seat.key}.at", seat.ring.at, allowed)
+            raise scene_error(f"sections[{seat.joint}].joint.{seat.key}.at", seat.ring.at, allowed)
         if start < -BEYOND_ENDS * length or end > (1.0 + BEYOND_ENDS) * length:
             allowed = (
                 f"these pads reach from {start:.6g} to {end:.6g} m along {scene.names[number]}, which has 0 to "
                 f"{length:.6g} m: all of a pad has to be on it"
             )
-            raise refusal(f"sections[{seat.joint}].joint.{seat.key}.at", seat.ring.at, allowed)
+            raise scene_error(f"sections[{seat.joint}].joint.{seat.key}.at", seat.ring.at, allowed)
 
 
-def _by_itself(scene: Scene, number: int) -> None:
+def _check_section(scene: Scene, number: int) -> None:
     """Check a section as a body of its own; errors name the key of the section, or of the joint of a ring of pads."""
     part, member = scene.sections[number], member_at(scene, number)
     try:
@@ -366,50 +372,50 @@ def _by_itself(scene: Scene, number: int) -> None:
             name = member.pads[int(ring[1])].name
             seat_of_ring = next(seat for seat in seats(scene, number) if footprint(scene, seat.ring) == name)
             key_in_ring = error.key[ring.end() :]
-            raise refusal(
+            raise scene_error(
                 f"sections[{seat_of_ring.joint}].joint.{seat_of_ring.key}{key_in_ring}", error.value, error.allowed
             ) from None
-        raise refusal(f"sections[{number}].{error.key}", error.value, error.allowed) from None
+        raise scene_error(f"sections[{number}].{error.key}", error.value, error.allowed) from None
 
 
-def _rigid_overlaps_and_friction(scene: Scene) -> None:
+def _check_overlaps_and_friction(scene: Scene) -> None:
     """Refuse rigid overlaps but of planar beams, and friction of sections that have no coordinates along the boom."""
     for number in range(1, len(scene.sections)):
         if scene.joint(number).rigid_overlap and not is_planar(member_at(scene, number)):
-            raise refusal(f"sections[{number}].joint.rigid_overlap", True, "false is allowed but for planar beams")
+            raise scene_error(f"sections[{number}].joint.rigid_overlap", True, "false is allowed but for planar beams")
     for number in range(1, len(scene.sections)):
         for seat in seats(scene, number):
-            if seat.joint == number and seat.ring.friction and not is_axial(member_at(scene, number)):
+            if seat.joint == number and seat.ring.friction and not has_axial_motion(member_at(scene, number)):
                 allowed = f"0 is allowed: {scene.names[number]} has no coordinates along the scene, and so no cylinder"
-                raise refusal(f"sections[{number}].joint.{seat.key}.friction", seat.ring.friction, allowed)
+                raise scene_error(f"sections[{number}].joint.{seat.key}.friction", seat.ring.friction, allowed)
 
 
-def _frequency_response(scene: Scene) -> None:
+def _check_frequency_response(scene: Scene) -> None:
     """Refuse a frequency response of other sections than the last, or beside pads that only push."""
     for number, part in enumerate(scene.sections):
         if not part.observe.frequency_response:
             continue
         key = f"sections[{number}].observe.frequency_response"
         if number < len(scene.sections) - 1:
-            raise refusal(key, True, f"false is allowed: the tip is that of {scene.names[-1]}")
+            raise scene_error(key, True, f"false is allowed: the tip is that of {scene.names[-1]}")
         rings = [ring for k in range(1, len(scene.sections)) for ring in scene.joint(k).rings]
         pads = [ring for section in scene.sections for ring in section.pads]
         if any(ring.unilateral for ring in rings) or any(ring.unilateral for ring in pads):
-            raise refusal(key, True, "true is allowed with pads that hold both ways: some only push")
+            raise scene_error(key, True, "true is allowed with pads that hold both ways: some only push")
 
 
-def _check_nested(scene: Scene) -> None:
+def _check_accuracy(scene: Scene) -> None:
     """Refuse accuracy or budget unless all reductions have flexibility and an estimate."""
     for number, part in enumerate(scene.sections):
         if scene.goal is not None and not part.reduction.estimable:
             allowed = "flexibility and estimate = true are allowed: such models hold all smaller ones"
-            raise refusal(f"sections[{number}].reduction", None, allowed)
+            raise scene_error(f"sections[{number}].reduction", None, allowed)
 
 
-def _simulators(scene: Scene) -> None:
+def _check_simulators(scene: Scene) -> None:
     """Refuse the ANCF reference, and simulators that do not support the scene's rows."""
     if "ancf" in scene.compare.against:
-        raise refusal("compare.against", list(scene.compare.against), "['full'] or [] is allowed for sections")
+        raise scene_error("compare.against", list(scene.compare.against), "['full'] or [] is allowed for sections")
     pushing = tuple(
         " ".join(filter(None, (part.name, ring.name)))
         for part in scene.sections
@@ -417,6 +423,8 @@ def _simulators(scene: Scene) -> None:
         for ring in rings
         if ring.unilateral
     )
-    needs = Needs(pushing=pushing, giving=tuple(part.name for part in scene.sections if part.reduction.flexibility))
+    needs = SimulatorNeeds(
+        pushing_rows=pushing, flexible_rows=tuple(part.name for part in scene.sections if part.reduction.flexibility)
+    )
     for name in scene.simulation.simulators:
-        refuse(name, needs)
+        refuse_unsupported(name, needs)

@@ -26,7 +26,7 @@ from pmr.scene.keys import (
     PadStiffness,
     Place,
     Quantity,
-    Section,
+    SceneTable,
     Size,
     Speed,
     Stiffness,
@@ -43,7 +43,7 @@ SHEAR_STIFFNESS = 1e8
 STRIBECK_SPEED = 0.01
 
 
-class JointPads(Section):
+class JointPads(SceneTable):
     """A ring of pads at one end of a joint, between a section and the next outer one.
 
     Without `faces`, on planar beams alone, a ring is a point on the axis; if it only pushes, there is one above and one
@@ -79,7 +79,7 @@ class JointPads(Section):
     )
 
     @model_validator(mode="after")
-    def _only_what_pushes_has_play(self) -> JointPads:
+    def _check_friction_and_clearance(self) -> JointPads:
         """Refuse a clearance of pads that hold both ways, or on faces without pads, and too small a static friction."""
         if self.clearance and not self.unilateral:
             raise ValueError("a clearance goes with unilateral = true")
@@ -99,13 +99,13 @@ class JointPads(Section):
         return clearance_on(self.clearance, face)
 
 
-class Cylinder(Section):
+class Cylinder(SceneTable):
     """Hydraulic cylinder or rope from the section's tail to that of the next outer one; it holds the section."""
 
     stiffness: Stiffness | Literal["rigid"] = Field(default="rigid", description="Stiffness along the axis")
 
 
-class Rope(Section):
+class Rope(SceneTable):
     """Rope or chain that moves a section; its stiffness is strands * EA over the length under tension.
 
     Of section k which `follows` section k-1 it is fixed at the head of section k-2, runs over a sheave at the head of
@@ -126,7 +126,7 @@ class Rope(Section):
     )
 
 
-class Joint(Section):
+class Joint(SceneTable):
     """Joint in which a section slides in the next outer one: by `extension`, `overlap`, or as it `follows` another."""
 
     extension: Annotated[Signal, Usual(0.0, 2.0, "reach", "m")] | None = Field(
@@ -163,7 +163,7 @@ class Joint(Section):
     )
 
     @model_validator(mode="after")
-    def _driven_once(self) -> Joint:
+    def _check_drive(self) -> Joint:
         """Refuse a joint unless exactly one key drives it, and a rope beside a cylinder with a stiffness."""
         if sum(signal is not None for signal in (self.extension, self.overlap, self.follows)) != 1:
             raise ValueError("give extension, overlap or follows, one of them")
@@ -176,12 +176,12 @@ class Joint(Section):
         """Rings of pads of the joint, those at the section's tail first."""
         return (*self.tail, *self.mouth)
 
-    def first_at(self, rings: tuple[JointPads, ...]) -> float:
+    def least_distance(self, rings: tuple[JointPads, ...]) -> float:
         """Return the least distance in m of `rings` from the end of the joint (tail or mouth) at which they sit."""
         return min(ring.at for ring in rings)
 
 
-class Linear(SignalBase):
+class ScaledSignal(SignalBase):
     """Signal ``offset + ratio * signal``."""
 
     signal: SignalBase
@@ -220,7 +220,7 @@ class Linear(SignalBase):
 FileName = Annotated[str, Field(pattern=r"^\w[\w -]*$", max_length=LONGEST_NAME)]
 
 
-class OneBody(Section):
+class OneBody(SceneTable):
     """A body with x along it and z up, and everything that holds, loads, observes or reduces it."""
 
     body: Body = Field(description="Shape, material and structural model of the section")
@@ -246,20 +246,22 @@ class OneBody(Section):
         return {section: file for section, file in named.items() if file is not None}
 
     @property
-    def digests(self) -> dict[str, str]:
+    def file_digests(self) -> dict[str, str]:
         """SHA-256 of the content of each of `files`."""
         return {section: hashlib.sha256(file.read_bytes()).hexdigest() for section, file in self.files.items()}
 
     @property
-    def springs(self) -> dict[str, str]:
+    def spring_units(self) -> dict[str, str]:
         """Unit of the force or moment in each direction of each support with a stiffness, by the name of its row."""
-        held = [(support, d) for support in self.supports if support.stiffness != "rigid" for d in support.held]
+        held = [
+            (support, d) for support in self.supports if support.stiffness != "rigid" for d in support.held_directions
+        ]
         return {support.row_name(d): "N m" if d.startswith("r") else "N" for support, d in held}
 
     @property
-    def load_places(self) -> dict[str, float]:
+    def load_positions(self) -> dict[str, float]:
         """Positions of loads along the axis in m, by name; loads on groups of a mesh file are left out."""
-        places = {load.name: self.place(load.on) for load in self.loads}
+        places = {load.name: self.position_of(load.on) for load in self.loads}
         return {name: at for name, at in places.items() if at is not None}
 
     @property
@@ -268,14 +270,14 @@ class OneBody(Section):
         observed = self.observe.stations or (0.0,)
         return self.body.length or observed[-1] - min(observed[0], 0.0)
 
-    def place(self, on: str | float) -> float | None:
+    def position_of(self, on: str | float) -> float | None:
         """Return the position along the axis in m of a group or number; None for a group that only the mesh defines."""
         if isinstance(on, str):
             return ENDS[on] * self.body.length if on in ENDS and self.body.length else None
         return on
 
 
-class Part(OneBody):
+class BoomSection(OneBody):
     """A section of a boom; the first one is the base, all others have a joint."""
 
     name: FileName = Field(description="Name of the section")

@@ -5,7 +5,7 @@ units pass, and a slip of the pen beyond the bounds is refused before it leads t
 
 What pydantic refuses is reported with key, value and what is allowed, or which key was probably meant.
 
-Some keys take one of pmr's own words or the name of an object that an installed package offers (`or_offered`).
+Some keys take one of pmr's own words or the name of an object that an installed package offers (`or_plugin_name`).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from pmr.errors import InputError, environment
-from pmr.errors.text import NAMED, hint, is_name, no_file, visible
+from pmr.errors.text import NAMED, escape_controls, is_name, missing_file_reason, similar_name_hint
 
 Location = Sequence[str | int]
 Schema = dict[str, Any]
@@ -44,7 +44,7 @@ _OF_A_KEY = "of_a_key"
 _FEW, _NAMED = 12, 8
 
 
-def of_key(key: str, value: Any, allowed: str) -> PydanticCustomError:
+def key_error(key: str, value: Any, allowed: str) -> PydanticCustomError:
     """Return the error that a validator of a whole table raises about one of its keys."""
     return PydanticCustomError(_OF_A_KEY, "{allowed}", {"key": key, "value": value, "allowed": allowed})
 
@@ -58,7 +58,7 @@ class Refusal:
     allowed: str
 
     @classmethod
-    def of(cls, error: ValidationError, model: type[BaseModel], data: Any) -> Refusal:
+    def from_validation(cls, error: ValidationError, model: type[BaseModel], data: Any) -> Refusal:
         """Return the refusal of the first error that pydantic found in `data`; unknown keys come first."""
         errors = error.errors()
         of_table = isinstance(errors[0]["input"], (dict, list)) and errors[0]["type"] == "float_type"
@@ -66,7 +66,7 @@ class Refusal:
             e for e in errors if of_table and e["input"] is not errors[0]["input"]
         ]  # a number, or a table of them
         first = next((e for e in errors if e["type"] == "extra_forbidden"), [*within, errors[0]][0])
-        spelled = {key for _, _, key, _ in keys_of(data)} | {""}  # not the branches of unions
+        spelled = {key for _, _, key, _ in iterate_keys(data)} | {""}  # not the branches of unions
         location: list[str | int] = [part for part in first["loc"] if isinstance(part, int) or part in spelled]
         value, allowed, about = first["input"], first["msg"].removeprefix("Value error, "), first.get("ctx", {})
         match first["type"]:
@@ -74,14 +74,16 @@ class Refusal:
                 location += [part for part in first["loc"][-1:] if part not in location]
                 value = None
             case "extra_forbidden":
-                allowed = _unknown(str(first["loc"][-1]), value, model.model_json_schema(), first["loc"][:-1])
+                allowed = _explain_unknown_key(
+                    str(first["loc"][-1]), value, model.model_json_schema(), first["loc"][:-1]
+                )
                 value = None if isinstance(value, (Mapping, list)) else value
             case "union_tag_invalid":
                 tags = re.findall(r"'(\w+)'", about["expected_tags"])
                 location, value = [*location, "kind"], about["tag"]
-                allowed = f"{hint(value, tags)}{', '.join(tags)} are allowed"
+                allowed = f"{similar_name_hint(value, tags)}{', '.join(tags)} are allowed"
             case "literal_error":
-                close = hint(value, re.findall(r"'([\w-]+)'", about["expected"]))
+                close = similar_name_hint(value, re.findall(r"'([\w-]+)'", about["expected"]))
                 allowed = f"{close}{about['expected']} is allowed"
             case "value_error" if isinstance(value, (dict, list)):
                 value = None
@@ -92,7 +94,7 @@ class Refusal:
         return cls(location, value, allowed[:1].lower() + allowed[1:])
 
 
-def keys_of(data: Any, location: str = "", name: str = "") -> Iterator[tuple[str, str, str, Any]]:
+def iterate_keys(data: Any, location: str = "", name: str = "") -> Iterator[tuple[str, str, str, Any]]:
     """Yield location, name, key and value of each key of nested tables.
 
     The location has the indices of lists (``loads[0].signal``), the name has none (``loads.signal``); the key is the
@@ -100,12 +102,12 @@ def keys_of(data: Any, location: str = "", name: str = "") -> Iterator[tuple[str
     """
     if isinstance(data, list):
         for i, part in enumerate(data):
-            yield from keys_of(part, f"{location}[{i}]", name)
+            yield from iterate_keys(part, f"{location}[{i}]", name)
     elif isinstance(data, Mapping):
         for key, value in data.items():
             place, dotted_name = (f"{prefix}.{key}" if prefix else str(key) for prefix in (location, name))
             yield place, dotted_name, key, None if isinstance(value, (Mapping, list)) else value
-            yield from keys_of(value, place, dotted_name)
+            yield from iterate_keys(value, place, dotted_name)
 
 
 def dotted_key(location: Location) -> str:
@@ -113,7 +115,7 @@ def dotted_key(location: Location) -> str:
     return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).removeprefix(".")
 
 
-def _unknown(key: str, value: Any, schema: Schema, location: Location) -> str:
+def _explain_unknown_key(key: str, value: Any, schema: Schema, location: Location) -> str:
     """Return an explanation of an unknown key: which key may be meant, and which keys are allowed in its table.
 
     `location` is that of the table.  A key may be meant that is spelled alike, in the table or elsewhere in the file;
@@ -122,15 +124,17 @@ def _unknown(key: str, value: Any, schema: Schema, location: Location) -> str:
     parts, tables = schema.get("$defs", {}), [schema]
     for part in location:
         of_kind = [table for table in tables if table["properties"].get("kind", {}).get("const") == part]
-        within = [inner for table in tables for inner in _tables(table["properties"].get(part, {}), parts)]
+        within = [inner for table in tables for inner in _table_schemas(table["properties"].get(part, {}), parts)]
         tables = of_kind or within or tables  # a name in a table of names leads no further
     allowed_keys = [*dict.fromkeys(key for table in tables for key in table["properties"])]
     allowed_keys += ["extends"] * (tables[0] is schema)
-    paths = _paths(schema) | {name: name for name in allowed_keys}
+    paths = _unique_key_paths(schema) | {name: name for name in allowed_keys}
     near = [*get_close_matches(key, allowed_keys, cutoff=0.8), *get_close_matches(key, paths, cutoff=0.8)]
     holds = isinstance(value, (Mapping, list))
     below = {
-        f"{name}.{key}" for name, table in _inner(tables, parts) if any(_tables(table["properties"].get(key), parts))
+        f"{name}.{key}"
+        for name, table in _nested_tables(tables, parts)
+        if any(_table_schemas(table["properties"].get(key), parts))
     }
     only = below if holds and len(below) == 1 else ()
     guesses = [*(paths[name] for name in near), *only, *get_close_matches(key, allowed_keys)]
@@ -141,18 +145,18 @@ def _unknown(key: str, value: Any, schema: Schema, location: Location) -> str:
     return f"unknown key; {meant}allowed: {', '.join(named)} and {len(allowed_keys) - len(named)} more"
 
 
-def _inner(tables: Sequence[Schema], parts: Schema) -> Iterator[tuple[str, Schema]]:
+def _nested_tables(tables: Sequence[Schema], parts: Schema) -> Iterator[tuple[str, Schema]]:
     """Yield key and schema of each table that may stand directly in `tables`; `parts` are the named definitions."""
     for table in tables:
         for name, node in table["properties"].items():
-            yield from ((name, inner) for inner in _tables(node, parts))
+            yield from ((name, inner) for inner in _table_schemas(node, parts))
 
 
-def _paths(schema: Schema) -> dict[str, str]:
+def _unique_key_paths(schema: Schema) -> dict[str, str]:
     """Return the dotted path of each key that exactly one table of a file's schema has."""
     prefixes_of, visited, ahead = dict[str, list[str]](), list[Schema](), [("", schema)]
     for prefix, node in ahead:  # which grows meanwhile
-        for table in _tables(node, schema.get("$defs", {})):
+        for table in _table_schemas(node, schema.get("$defs", {})):
             if not any(table is visited_table for visited_table in visited):
                 visited.append(table)
                 for key, inner in table["properties"].items():
@@ -161,7 +165,7 @@ def _paths(schema: Schema) -> dict[str, str]:
     return {key: paths[0] for key, paths in prefixes_of.items() if len(paths) == 1}
 
 
-def _tables(node: Any, parts: Schema) -> Iterator[Schema]:
+def _table_schemas(node: Any, parts: Schema) -> Iterator[Schema]:
     """Yield the schemas of all tables with keys that a node of a schema allows; `parts` are the named definitions."""
     if isinstance(node, dict):
         if "properties" in node:
@@ -170,7 +174,7 @@ def _tables(node: Any, parts: Schema) -> Iterator[Schema]:
         for key in ("anyOf", "oneOf", "allOf", "prefixItems"):
             within += node.get(key, [])
         for inner in (*within, node.get("items"), node.get("additionalProperties")):
-            yield from _tables(inner, parts)
+            yield from _table_schemas(inner, parts)
 
 
 @dataclass(frozen=True)
@@ -201,7 +205,7 @@ class Hinted(BaseModel):
         return {}
 
 
-class Section(Hinted):
+class SceneTable(Hinted):
     """A table of a scene file: frozen, without unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
@@ -261,7 +265,7 @@ Name = Annotated[str, AfterValidator(_check_name)]
 #: The same where nothing need be said.
 NameOrNone = Annotated[str, AfterValidator(lambda text: _check_name(text) if text else text)]
 #: Free text, for people: what steers a terminal is spelled out.
-Text = Annotated[str, AfterValidator(visible)]
+Text = Annotated[str, AfterValidator(escape_controls)]
 
 Vector = tuple[Component, Component, Component]
 Point = tuple[Place, Place, Place]
@@ -273,7 +277,7 @@ Switch = Annotated[bool, Field(strict=True)]
 RECORDED = {"files": "names"}
 
 
-def _exists(file: Path, info: ValidationInfo) -> Path:
+def _check_file(file: Path, info: ValidationInfo) -> Path:
     """Return the path of a file that can be read; raises ValueError for another one.
 
     Names in a recorded scene (`RECORDED`) are returned unchecked.
@@ -281,7 +285,7 @@ def _exists(file: Path, info: ValidationInfo) -> Path:
     if info.context == RECORDED:
         return file
     if not isfile(file):
-        raise ValueError(f"{no_file(file)}: {file}")
+        raise ValueError(f"{missing_file_reason(file)}: {file}")
     try:
         with file.open("rb") as stream:
             stream.read(1)  # a file may open and still not be read
@@ -290,7 +294,7 @@ def _exists(file: Path, info: ValidationInfo) -> Path:
     return file
 
 
-ExistingFile = Annotated[Path, AfterValidator(_exists)]
+ExistingFile = Annotated[Path, AfterValidator(_check_file)]
 
 
 @cache
@@ -300,7 +304,7 @@ def quantity_of(section: type[BaseModel], key: str) -> Quantity | None:
 
 
 @cache
-def usual_of(section: type[BaseModel], key: str) -> tuple[Usual, ...]:
+def usual_ranges(section: type[BaseModel], key: str) -> tuple[Usual, ...]:
     """Return the usual ranges of the numbers in a key of a table; a usual number is in all of them."""
     return tuple(part for part in _declarations(section, key) if isinstance(part, Usual))
 
@@ -318,16 +322,16 @@ def _annotations(parts: tuple[Any, ...]) -> Iterator[Any]:
         yield from _annotations((*getattr(part, "__metadata__", ()), *get_args(part)))
 
 
-def check_sizes(part: Section) -> None:
+def check_bounds(part: SceneTable) -> None:
     """Raise an InputError for the first number of a table, or of the tables within it, that is out of its bounds."""
-    for key, value, quantity in _quantities(part, ""):
+    for key, value, quantity in _bounded_numbers(part, ""):
         if not quantity.low <= value <= quantity.high:
             raise InputError(
                 "scene", key, value, f"a number from {quantity.low:g} to {quantity.high:g} is allowed (SI units)"
             )
 
 
-def _quantities(part: Any, key: str, quantity: Quantity | None = None) -> Iterator[tuple[str, float, Quantity]]:
+def _bounded_numbers(part: Any, key: str, quantity: Quantity | None = None) -> Iterator[tuple[str, float, Quantity]]:
     """Yield dotted key, value, and unit and bounds of every number in a table and in the tables within it.
 
     `key` and `quantity` are those of `part` itself.
@@ -336,14 +340,14 @@ def _quantities(part: Any, key: str, quantity: Quantity | None = None) -> Iterat
         yield key, part, quantity
     elif isinstance(part, (tuple, list)):
         for i, entry in enumerate(part):
-            yield from _quantities(entry, f"{key}[{i}]", quantity)
+            yield from _bounded_numbers(entry, f"{key}[{i}]", quantity)
     elif isinstance(part, dict):
         for name, entry in part.items():
-            yield from _quantities(entry, f"{key}.{name}", quantity)
-    elif isinstance(part, Section):
+            yield from _bounded_numbers(entry, f"{key}.{name}", quantity)
+    elif isinstance(part, SceneTable):
         for name in type(part).model_fields:
             entry_key = f"{key}.{name}" if key else name
-            yield from _quantities(getattr(part, name), entry_key, quantity_of(type(part), name))
+            yield from _bounded_numbers(getattr(part, name), entry_key, quantity_of(type(part), name))
 
 
 #: What a body alone is called in a system, and the path on which its moving rows travel.
@@ -353,17 +357,17 @@ ALONE, SLIDER = "", "slider"
 LUFFING, LUFFING_CYLINDER = "luffing", "luffing cylinder"
 
 
-def input_of(body: str, what: str) -> str:
+def input_name(body: str, what: str) -> str:
     """Return the name of a body's input in a system, ``"BODY.WHAT"``; `what` itself for a body alone."""
     return what if body == ALONE else f"{body}.{what}"
 
 
-def named(body: str, what: str) -> str:
+def qualified_name(body: str, what: str) -> str:
     """Return the name of something of a body in a system, ``"BODY: WHAT"``; `what` itself for a body alone."""
     return what if body == ALONE else f"{body}: {what}"
 
 
-def cylinder_of(section: str) -> str:
+def cylinder_name(section: str) -> str:
     """Return the name of the contact that drives a section along the boom."""
     return f"cylinder of {section}"
 
@@ -372,7 +376,7 @@ def cylinder_of(section: str) -> str:
 AS_WORD = PlainSerializer(str)
 
 
-def or_offered(group: str) -> WrapValidator:
+def or_plugin_name(group: str) -> WrapValidator:
     """Return a validator that allows names of a group's entry points beside those of the type itself.
 
     It is used as ``Annotated[Literal[...], or_offered(group), AS_WORD]``.

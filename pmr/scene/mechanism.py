@@ -30,10 +30,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.scene.built import force_of, reaction_of
-from pmr.scene.choice import directions, has_tail, is_axial, loads_of, transverse
+from pmr.scene.built import force_name, reaction_name
+from pmr.scene.choice import axis_loads, has_axial_motion, has_driven_tail, motion_directions, transverse_axes
 from pmr.scene.frame import LuffingCylinder
-from pmr.scene.keys import LUFFING, LUFFING_CYLINDER, SLIDER, cylinder_of, named
+from pmr.scene.keys import LUFFING, LUFFING_CYLINDER, SLIDER, cylinder_name, qualified_name
 from pmr.scene.members import Member, member_at, members
 from pmr.scene.scene import Scene
 
@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 
 #: Prefix of the names of force and moment at the pivot; names of the luffing moment and of the cylinder's force.
 AT_PIVOT = "pivot"
-MOMENT, CYLINDER = reaction_of(f"{AT_PIVOT} ry"), reaction_of(f"{AT_PIVOT} cylinder")
+MOMENT, CYLINDER = reaction_name(f"{AT_PIVOT} ry"), reaction_name(f"{AT_PIVOT} cylinder")
 #: Greatest distance in m of a support from a luffing cylinder's lug that it stands for, and of a pin from the pivot.
 NEAR = 1e-6
 #: Axis and sign of the outward normal of the faces that every body has.
@@ -49,7 +49,7 @@ OUTWARDS = {"bottom": ("z", -1.0), "top": ("z", 1.0), "left": ("y", 1.0), "right
 
 
 @dataclass(frozen=True)
-class Pressed:
+class ContactWrench:
     """Force and moment (T, 6) on the ground per unit of the force of a contact between a body and the ground.
 
     They are along the boom's axes and about the frame's pivot, at T times.  The force has one of the `names` in the
@@ -60,13 +60,13 @@ class Pressed:
     wrench: Array
 
 
-def pressed_on_ground(scene: Scene, along: Mapping[str, Array]) -> list[Pressed]:
+def ground_contact_wrenches(scene: Scene, along: Mapping[str, Array]) -> list[ContactWrench]:
     """Return force and moment per unit of each contact between bodies and the ground.
 
     `along` are the scene's paths by name at T times: (T,) m, and the luffing angle (T,) rad of a cylinder with a
     stiffness.
     """
-    return [pressed for member in members(scene) for pressed in _ground_contacts(scene, member, along)]
+    return [pressed for member in members(scene) for pressed in _body_wrenches(scene, member, along)]
 
 
 @dataclass(frozen=True)
@@ -84,82 +84,84 @@ def supports_at_lug(scene: Scene) -> tuple[str, ...]:
     """Return the names of the base's supports along z alone at the luffing cylinder's lug; empty without a cylinder."""
     if scene.frame is None or scene.frame.cylinder is None:
         return ()
-    part, lug = members(scene)[0].part, scene.frame.cylinder.lug[0] - scene.frame.place[0]
-    places = {support.name: part.place(support.on) for support in part.supports if support.held == ("z",)}
+    part, lug = members(scene)[0].part, scene.frame.cylinder.lug[0] - scene.frame.tail_position[0]
+    places = {
+        support.name: part.position_of(support.on) for support in part.supports if support.held_directions == ("z",)
+    }
     return tuple(name for name, x in places.items() if x is not None and abs(x - lug) <= NEAR)
 
 
-def forces_of_cylinder(scene: Scene) -> tuple[str, ...]:
+def cylinder_force_names(scene: Scene) -> tuple[str, ...]:
     """Return the names that the force of a luffing cylinder with a stiffness may have."""
-    return _names(scene.names[0], LUFFING_CYLINDER)
+    return _force_names(scene.names[0], LUFFING_CYLINDER)
 
 
 def pin_and_cylinder(scene: Scene) -> PinAndCylinder | None:
     """Return the rigid pin at the pivot and the only support at the lug; None if anything else holds the base."""
     at_lug, base = supports_at_lug(scene), members(scene)[0]
-    if len(at_lug) != 1 or base.part.pads or (base.points and not base.jointed):
+    if len(at_lug) != 1 or base.part.pads or (base.points and not base.has_joint):
         return None
     assert scene.frame is not None
-    name, place = scene.names[0], scene.frame.place
+    name, place = scene.names[0], scene.frame.tail_position
     other_supports = [support for support in base.part.supports if support.name not in at_lug]
-    rows = {d: [support for support in other_supports if d in support.held] for d in ("x", "z", "ry")}
+    rows = {d: [support for support in other_supports if d in support.held_directions] for d in ("x", "z", "ry")}
     if [len(rows[d]) for d in ("x", "z", "ry")] != [1, 1, 0]:
         return None
     for support in (rows["x"][0], rows["z"][0]):
-        at = base.part.place(support.on)
+        at = base.part.position_of(support.on)
         if at is None or np.hypot(at + place[0], place[2]) > NEAR or support.stiffness != "rigid":
             return None
-    x, z = (reaction_of(named(name, rows[d][0].row_name(d))) for d in ("x", "z"))
+    x, z = (reaction_name(qualified_name(name, rows[d][0].row_name(d))) for d in ("x", "z"))
     across = next(support for support in base.part.supports if support.name in at_lug)
-    return PinAndCylinder((x, z), _names(name, across.row_name("z")))
+    return PinAndCylinder((x, z), _force_names(name, across.row_name("z")))
 
 
-def _ground_contacts(scene: Scene, member: Member, along: Mapping[str, Array]) -> Iterator[Pressed]:
+def _body_wrenches(scene: Scene, member: Member, along: Mapping[str, Array]) -> Iterator[ContactWrench]:
     """Yield force and moment per unit of each contact of one body with the ground.
 
-    `along` are paths by name at T times, as in `pressed_on_ground`.
+    `along` are paths by name at T times, as in `ground_contact_wrenches`.
     """
-    body, moves = scene.names[member.number], directions(member)
+    body, moves = scene.names[member.number], motion_directions(member)
     count = len(next(iter(along.values())))
-    travelled = np.zeros(count) if member.jointed else along[SLIDER]
-    tail = np.array(scene.frame.place if scene.frame else (0.0, 0.0, 0.0)) + np.zeros((count, 3))
+    travelled = np.zeros(count) if member.has_joint else along[SLIDER]
+    tail = np.array(scene.frame.tail_position if scene.frame else (0.0, 0.0, 0.0)) + np.zeros((count, 3))
     for name in scene.names[1 : member.number + 1]:
         tail[:, 0] += along[name]
     if member.cylinder is not None:
-        yield _along_cylinder(body, member.cylinder, along[LUFFING])
+        yield _cylinder_wrench(body, member.cylinder, along[LUFFING])
     for support in member.part.supports:
-        at = member.part.place(support.on)
-        for held in support.held:
+        at = member.part.position_of(support.on)
+        for held in support.held_directions:
             if at is None:
-                yield Pressed((), tail)  # a position that only a mesh file defines
+                yield ContactWrench((), tail)  # a position that only a mesh file defines
             elif held in moves:
                 place = tail + [at, 0.0, 0.0]
-                yield Pressed(_names(body, support.row_name(held)), _wrench(place, held))
+                yield ContactWrench(_force_names(body, support.row_name(held)), _wrench(place, held))
     for ring in member.part.pads:
-        for name, face, across in ring.places:
+        for name, face, across in ring.named_pads:
             place = tail + [ring.at, 0.0, 0.0]
             place[:, 0] += travelled * ring.moving
             if face in OUTWARDS:
                 direction, sign = OUTWARDS[face]
                 place[:, 1 if direction == "z" else 2] += across
                 if direction in moves:
-                    yield Pressed(_names(body, name), sign * _wrench(place, direction))
+                    yield ContactWrench(_force_names(body, name), sign * _wrench(place, direction))
                 continue
             box = member.part.body.box
             if box is None:
-                yield Pressed((), tail)  # a face that only a mesh file defines
+                yield ContactWrench((), tail)  # a face that only a mesh file defines
                 continue
             side = box.faces[face]
-            place[:, 1:] += across * side.across
-            yield Pressed(
-                _names(body, name), sum(n * _wrench(place, d) for n, d in zip(side.normal, "yz", strict=True))
+            place[:, 1:] += across * side.across_direction
+            yield ContactWrench(
+                _force_names(body, name), sum(n * _wrench(place, d) for n, d in zip(side.normal, "yz", strict=True))
             )
-    for name, ahead in zip(member.point_names, member.points, strict=True) if not member.jointed else ():
+    for name, ahead in zip(member.point_names, member.points, strict=True) if not member.has_joint else ():
         place = tail + np.outer(travelled + ahead, [1.0, 0.0, 0.0])
-        yield Pressed(_names(body, name), _wrench(place, "z"))
+        yield ContactWrench(_force_names(body, name), _wrench(place, "z"))
 
 
-def _along_cylinder(body: str, cylinder: LuffingCylinder, angle: Array) -> Pressed:
+def _cylinder_wrench(body: str, cylinder: LuffingCylinder, angle: Array) -> ContactWrench:
     """Return force and moment per unit of a luffing cylinder's force at luffing angles (T,) in rad.
 
     The force on the ground points from lug to foot: a cylinder that pushes the boom up pushes the ground down.
@@ -167,15 +169,15 @@ def _along_cylinder(body: str, cylinder: LuffingCylinder, angle: Array) -> Press
     wrench = np.zeros((len(angle), 6))
     wrench[:, [0, 2]] = -cylinder.direction(angle)
     wrench[:, 3:] = np.cross(np.array([cylinder.lug[0], 0.0, cylinder.lug[1]]), wrench[:, :3])
-    return Pressed(_names(body, LUFFING_CYLINDER), wrench)
+    return ContactWrench(_force_names(body, LUFFING_CYLINDER), wrench)
 
 
-def _names(body: str, what: str) -> tuple[str, ...]:
+def _force_names(body: str, what: str) -> tuple[str, ...]:
     """Return the names that a force between a body and the ground may have: of a body, a contact or a permanent row."""
     return (
-        named(body, force_of(what)),
-        force_of(f"{body} {what}"),
-        reaction_of(named(body, what)),
+        qualified_name(body, force_name(what)),
+        force_name(f"{body} {what}"),
+        reaction_name(qualified_name(body, what)),
     )
 
 
@@ -190,7 +192,7 @@ def _wrench(place: Array, direction: str) -> Array:
 
 
 #: Matrix of axial forces per unit of a section's acceleration, by the field of the acceleration.
-OF_FIELD = {"x": "axial uniform", "xx": "axial linear"}
+FIELD_MATRICES = {"x": "axial uniform", "xx": "axial linear"}
 
 
 @dataclass(frozen=True)
@@ -200,10 +202,10 @@ class FrameTerm:
     name: str
     bodies: tuple[str, ...]  # one body, or the inner and the outer body of a cylinder
     matrix: str  # name of a matrix of the body, or for a cylinder of the body `carried`
-    of: str  # `rotation`, `turning`, `carried`, `field`, `load`, `cylinder` (inertia) or `cylinder load`
+    kind: str  # `rotation`, `turning`, `carried`, `field`, `load`, `cylinder` (inertia) or `cylinder load`
     component: str  # axis of a rotation; axes ``xz`` of `carried`; a field; the name of a load
     number: int = 0  # index of the section that is accelerated
-    carried: str = ""  # name of the section that a cylinder carries
+    carried_section: str = ""  # name of the section that a cylinder carries
 
 
 #: Kinds of terms that change the stiffness: all of them, and those by axial forces.
@@ -216,75 +218,77 @@ STRESSES, AXIAL = (
 def frame_terms(scene: Scene) -> Iterator[FrameTerm]:
     """Yield all terms of a scene's moving frame; none without a frame or without second order."""
     if scene.frame is not None and scene.frame.second_order:
-        yield from _all(scene)
+        yield from _all_terms(scene)
 
 
 def stress_terms(scene: Scene) -> Iterator[FrameTerm]:
     """Yield the terms that change the stiffness, with or without second order; none without a frame."""
     if scene.frame is not None:
-        yield from (term for term in _all(scene) if term.of in STRESSES)
+        yield from (term for term in _all_terms(scene) if term.kind in STRESSES)
 
 
-def _all(scene: Scene) -> Iterator[FrameTerm]:
+def _all_terms(scene: Scene) -> Iterator[FrameTerm]:
     """Yield the terms of each section, then those of cylinders between the tails of sections."""
     for member in members(scene):
-        yield from _of_section(scene, member)
+        yield from _section_terms(scene, member)
     for number, member in enumerate(members(scene)):
-        if number and has_tail(member):
+        if number and has_driven_tail(member):
             for beyond in range(number, len(scene.sections)):
-                for field in _fields(scene):
-                    yield _of_cylinder(scene, number, beyond, field)
+                for field in _field_matrices(scene):
+                    yield _cylinder_term(scene, number, beyond, field)
                 for load in _axial_inputs(member_at(scene, beyond)):
-                    yield replace(_of_cylinder(scene, number, beyond, load), of="cylinder load")
+                    yield replace(_cylinder_term(scene, number, beyond, load), kind="cylinder load")
 
 
-def _fields(scene: Scene) -> dict[str, str]:
+def _field_matrices(scene: Scene) -> dict[str, str]:
     """Return the matrix of each field of axial acceleration of a frame; without an angle only the uniform field."""
-    return OF_FIELD if scene.frame is not None and scene.frame.turns else {"x": OF_FIELD["x"]}
+    return FIELD_MATRICES if scene.frame is not None and scene.frame.has_angles else {"x": FIELD_MATRICES["x"]}
 
 
-def _of_section(scene: Scene, member: Member) -> Iterator[FrameTerm]:
+def _section_terms(scene: Scene, member: Member) -> Iterator[FrameTerm]:
     """Yield the terms that act on one section: rotation, inertia, acceleration along the boom and loads at the tip."""
     assert scene.frame is not None  # of a scene that has terms
-    body, slews, turns = scene.names[member.number], scene.frame.leaves_plane is not None, scene.frame.turns
+    body, slews, turns = scene.names[member.number], scene.frame.out_of_plane_key is not None, scene.frame.has_angles
     turning = "xyz" if slews else "y"
-    for axis in turning if is_axial(member) and turns else ():
+    for axis in turning if has_axial_motion(member) and turns else ():
         matrix = f"rotating {axis}"
-        yield FrameTerm(named(body, matrix), (body,), matrix, "rotation", axis)
-        yield FrameTerm(named(body, f"turning {axis}"), (body,), matrix, "turning", axis)
+        yield FrameTerm(qualified_name(body, matrix), (body,), matrix, "rotation", axis)
+        yield FrameTerm(qualified_name(body, f"turning {axis}"), (body,), matrix, "turning", axis)
     pairs = ("xx", "yy", "zz", "xy", "xz", "yz") if slews else ("xx", "zz")
     for pair in pairs if turns else ():
-        if set(pair) <= set(directions(member)):
-            yield FrameTerm(named(body, f"carried {pair}"), (body,), f"carried {pair}", "carried", pair)
-    for field, matrix in _fields(scene).items():
-        yield FrameTerm(named(body, matrix), (body,), matrix, "field", field, member.number)
-    for load in loads_of(member):
+        if set(pair) <= set(motion_directions(member)):
+            yield FrameTerm(qualified_name(body, f"carried {pair}"), (body,), f"carried {pair}", "carried", pair)
+    for field, matrix in _field_matrices(scene).items():
+        yield FrameTerm(qualified_name(body, matrix), (body,), matrix, "field", field, member.number)
+    for load in axis_loads(member):
         if load.direction == "x" and load.on == "tip":
-            yield FrameTerm(named(body, f"axial {load.name}"), (body,), "axial tip", "load", load.name, member.number)
+            yield FrameTerm(
+                qualified_name(body, f"axial {load.name}"), (body,), "axial tip", "load", load.name, member.number
+            )
 
 
 def _axial_inputs(member: Member) -> Iterator[str]:
     """Return the names of the inputs that act along a section."""
-    return (load.name for load in loads_of(member) if load.direction == "x")
+    return (load.name for load in axis_loads(member) if load.direction == "x")
 
 
-def _of_cylinder(scene: Scene, number: int, beyond: int, field: str) -> FrameTerm:
+def _cylinder_term(scene: Scene, number: int, beyond: int, field: str) -> FrameTerm:
     """Return the term of the axial force in section `number`'s cylinder as it accelerates section `beyond`.
 
     `field` is the field of the acceleration, or the name of the load against which the cylinder accelerates.
     """
     inner, outer, carried = (scene.names[k] for k in (number, number - 1, beyond))
-    name = f"{cylinder_of(inner)} that carries {carried}, {field}"
-    return FrameTerm(name, (inner, outer), OF_FIELD.get(field, "axial tip"), "cylinder", field, number, carried)
+    name = f"{cylinder_name(inner)} that carries {carried}, {field}"
+    return FrameTerm(name, (inner, outer), FIELD_MATRICES.get(field, "axial tip"), "cylinder", field, number, carried)
 
 
-def tails(member: Member) -> tuple[str, ...]:
+def tail_outputs(member: Member) -> tuple[str, ...]:
     """Return the names of the outputs of the tail's displacements across the boom.
 
     They exist in a moving frame where a cylinder acts on the tail; else the result is empty.
     """
-    leans = member.frame is not None and member.jointed and has_tail(member)
-    return tuple(f"tail {axis}" for axis in transverse(member)) if leans else ()
+    leans = member.frame is not None and member.has_joint and has_driven_tail(member)
+    return tuple(f"tail {axis}" for axis in transverse_axes(member)) if leans else ()
 
 
 def rope_shares(scene: Scene) -> dict[str, dict[str, float]]:
@@ -320,8 +324,8 @@ def drive_rows(scene: Scene, forces: Sequence[str]) -> dict[str, Array]:
     rows = {name: np.zeros(len(forces)) for name in shares}
     for name, row in rows.items():
         for section, share in shares[name].items():
-            if cylinder_of(section) in forces:
-                row[forces.index(cylinder_of(section))] += share
+            if cylinder_name(section) in forces:
+                row[forces.index(cylinder_name(section))] += share
             else:
                 row[:] = np.nan
     return rows
@@ -341,7 +345,7 @@ def rope_length(scene: Scene, number: int) -> float | None:
     return length if length > 0.0 else None
 
 
-def longest(scene: Scene, number: int) -> float:
+def longest_rope(scene: Scene, number: int) -> float:
     """Return the greatest length in m of a section's rope over the simulated time.
 
     If the rope runs out it is the least length instead, which is 0 or negative.
@@ -357,10 +361,10 @@ class Drive:
     """Compliance of the cylinder or rope that holds a section along the boom."""
 
     compliance: float  # m/N, where the section's extension is 0
-    lengthening: float = 0.0  # 1/N: growth of the compliance per m of extension
+    changes_length: float = 0.0  # 1/N: growth of the compliance per m of extension
 
     @classmethod
-    def of(cls, scene: Scene, number: int) -> Drive:
+    def of_section(cls, scene: Scene, number: int) -> Drive:
         """Return the compliance of the cylinder or rope that moves section `number` (1 or more)."""
         joint = scene.joint(number)
         if joint.rope is not None:

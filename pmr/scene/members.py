@@ -9,7 +9,7 @@ import numpy as np
 
 from pmr.scene.built import WEIGHT, Gravity, PadRing
 from pmr.scene.frame import Frame, LuffingCylinder
-from pmr.scene.joints import JointPads, Part
+from pmr.scene.joints import BoomSection, JointPads
 from pmr.scene.run_settings import Recovery
 from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase
@@ -26,15 +26,15 @@ EXTENSION = "extension"
 
 
 @dataclass(frozen=True)
-class Ends:
+class PositionRange:
     """First and last position in m of a range along a section."""
 
     first: float
     last: float
 
-    def with_(self, other: Ends) -> Ends:
+    def union(self, other: PositionRange) -> PositionRange:
         """Return the smallest range that contains this one and another one."""
-        return Ends(min(self.first, other.first), max(self.last, other.last))
+        return PositionRange(min(self.first, other.first), max(self.last, other.last))
 
 
 @dataclass(frozen=True)
@@ -48,14 +48,14 @@ class Seat:
     joint: int
     ring: JointPads
     key: str
-    at: Ends
+    positions: PositionRange
 
 
 @dataclass(frozen=True)
 class Member:
     """A body of a scene with all inputs of its full model."""
 
-    part: Part
+    part: BoomSection
     number: int  # index of the section in the scene
     pads: tuple[PadRing, ...]  # pads at fixed positions and pads that move along it, also of both joints
     points: tuple[float, ...]  # distances in m of sliding points ahead of s
@@ -66,15 +66,15 @@ class Member:
     frame: Frame | None
     damping: Damping
     recovery: Recovery | None
-    jointed: bool = False  # whether it slides in another body, or another body in it
+    has_joint: bool = False  # whether it slides in another body, or another body in it
     # range of s in m where a moving ring has rows, by name; rings that are not in have the range `travel`
-    stretches: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    ring_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     # for rings on walls that give way: the section of their joint, and first and last position in m of their centres
-    ways: Mapping[str, tuple[int, float, float]] = field(default_factory=dict)
+    flexible_ring_ranges: Mapping[str, tuple[int, float, float]] = field(default_factory=dict)
     # position in m of the fixed end of each rigid overlap, by the names of its two rows
-    straight: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    overlap_ends: Mapping[tuple[str, str], float] = field(default_factory=dict)
     cylinder: LuffingCylinder | None = None  # luffing cylinder that holds the base
-    others: tuple[Member, ...] = ()  # all other sections (with no `others`), if its model is ``auto``
+    other_sections: tuple[Member, ...] = ()  # all other sections (with no `others`), if its model is ``auto``
 
     @property
     def signals(self) -> dict[str, SignalBase]:
@@ -93,19 +93,19 @@ class Member:
     def content(self) -> str:
         """Text that is equal for bodies with equal full models: it leaves out names and the signals of loads."""
         part = self.part.model_dump_json(exclude={"name": True, "joint": True, "loads": {"__all__": {"signal"}}})
-        extended = self.jointed and self.number > 0  # which accelerates it
-        moving = sorted(self.stretches.items()), sorted(self.ways.items())
-        rows = self.pads, self.points, self.bounds, self.travel, *moving, self.straight, self.cylinder
-        of_frame = self.frame and (self.frame.leaves_plane is None, self.frame.turns, self.frame.second_order)
+        extended = self.has_joint and self.number > 0  # which accelerates it
+        moving = sorted(self.ring_ranges.items()), sorted(self.flexible_ring_ranges.items())
+        rows = self.pads, self.points, self.bounds, self.travel, *moving, self.overlap_ends, self.cylinder
+        of_frame = self.frame and (self.frame.out_of_plane_key is None, self.frame.has_angles, self.frame.second_order)
         return repr(
-            (part, extended, self.jointed, rows, self.gravity and self.gravity.direction, of_frame, self.damping)
+            (part, extended, self.has_joint, rows, self.gravity and self.gravity.direction, of_frame, self.damping)
         )
 
     @property
     def joint_rows(self) -> frozenset[str]:
         """Names of the rows between this body and other bodies; all other rows are between it and the ground."""
-        pads = [name for ring in self.pads if ring.name in self.stretches for name, _, _ in ring.places]
-        return frozenset((*pads, POINT, TAIL, *STRAIGHT)) if self.jointed else frozenset()
+        pads = [name for ring in self.pads if ring.name in self.ring_ranges for name, _, _ in ring.named_pads]
+        return frozenset((*pads, POINT, TAIL, *STRAIGHT)) if self.has_joint else frozenset()
 
 
 def member_at(scene: Scene, number: int = 0) -> Member:
@@ -115,7 +115,7 @@ def member_at(scene: Scene, number: int = 0) -> Member:
     member = _section(scene, number)
     if member.part.body.model != "auto":
         return member
-    return replace(member, others=tuple(_section(scene, k) for k in range(len(scene.sections)) if k != number))
+    return replace(member, other_sections=tuple(_section(scene, k) for k in range(len(scene.sections)) if k != number))
 
 
 def members(scene: Scene) -> tuple[Member, ...]:
@@ -127,7 +127,7 @@ def _only_member(scene: Scene) -> Member:
     """Return the only body of a scene with all inputs of its full model."""
     points, about = scene.points, (scene.gravity, scene.frame, scene.damping, scene.recovery)
     names = tuple(_slider_name(points, at) for at in points)
-    return Member(scene.alone, 0, scene.pads, points, names, scene.path_bounds, scene.travel, *about)
+    return Member(scene.only_section, 0, scene.pads, points, names, scene.path_bounds, scene.travel, *about)
 
 
 def _slider_name(points: tuple[float, ...], at: float) -> str:
@@ -146,7 +146,7 @@ def _section(scene: Scene, number: int) -> Member:
     part, seats_here = scene.sections[number], list(seats(scene, number))
     faced = [seat for seat in seats_here if seat.ring.faces is not None]
     longest = max((seat.ring.length for seat in faced), default=0.0) / 2.0
-    everywhere = _everywhere(seats_here)
+    everywhere = _common_range(seats_here)
     reach = max(everywhere.first, longest), min(everywhere.last, part.length - longest)
     points = (0.0,) if len(faced) < len(seats_here) else ()
     rings, stretches = dict[str, PadRing](), dict[str, tuple[float, float]]()
@@ -154,12 +154,12 @@ def _section(scene: Scene, number: int) -> Member:
     for seat in faced:
         name, half = footprint(scene, seat.ring), seat.ring.length / 2.0
         if name not in rings:
-            rings[name] = as_pads(seat.ring, name)
-            of_footprint = _everywhere(
+            rings[name] = body_ring(seat.ring, name)
+            of_footprint = _common_range(
                 [seat_of_footprint for seat_of_footprint in faced if footprint(scene, seat_of_footprint.ring) == name]
             )
-            taken, last = _everywhere(faced), part.length - half
-            travel = of_footprint.with_(Ends(max(taken.first, half), min(taken.last, last)))
+            taken, last = _common_range(faced), part.length - half
+            travel = of_footprint.union(PositionRange(max(taken.first, half), min(taken.last, last)))
             stretches[name] = travel.first, travel.last
             if part.body.walls == "give":
                 ways[name] = seat.joint, of_footprint.first, of_footprint.last
@@ -175,10 +175,10 @@ def _section(scene: Scene, number: int) -> Member:
         frame=scene.frame,
         damping=scene.damping,
         recovery=scene.recovery,
-        jointed=True,
-        stretches=stretches,
-        ways=ways,
-        straight=_straight_rows(scene, number),
+        has_joint=True,
+        ring_ranges=stretches,
+        flexible_ring_ranges=ways,
+        overlap_ends=_straight_rows(scene, number),
         cylinder=None if number else scene.holding_cylinder,
     )
 
@@ -189,11 +189,11 @@ def seats(scene: Scene, number: int) -> Iterator[Seat]:
         joint, outer = scene.joint(k), scene.sections[k - 1].length
         first, last = scene.extension(k).bounds(0.0, scene.time.end)
         for i, ring in enumerate(joint.tail):
-            at = Ends(ring.at, ring.at) if k == number else Ends(ring.at + first, ring.at + last)
+            at = PositionRange(ring.at, ring.at) if k == number else PositionRange(ring.at + first, ring.at + last)
             yield Seat(k, ring, f"tail[{i}]", at)
         for i, ring in enumerate(joint.mouth):
             mouth = outer - ring.at
-            at = Ends(mouth - last, mouth - first) if k == number else Ends(mouth, mouth)
+            at = PositionRange(mouth - last, mouth - first) if k == number else PositionRange(mouth, mouth)
             yield Seat(k, ring, f"mouth[{i}]", at)
 
 
@@ -208,8 +208,8 @@ def footprint(scene: Scene, ring: JointPads) -> str:
     rings = [other for joint in joints for other in joint.rings if other.faces is not None]
     if any(part.body.walls == "give" for part in scene.sections):  # each dents a wall where it is
         return f"pads {[other is ring for other in rings].index(True) + 1}"
-    patterns = list(dict.fromkeys(_pattern(other) for other in rings))
-    return f"pads {patterns.index(_pattern(ring)) + 1}"
+    patterns = list(dict.fromkeys(_ring_key(other) for other in rings))
+    return f"pads {patterns.index(_ring_key(ring)) + 1}"
 
 
 def _straight_rows(scene: Scene, number: int) -> dict[tuple[str, str], float]:
@@ -219,13 +219,13 @@ def _straight_rows(scene: Scene, number: int) -> dict[tuple[str, str], float]:
     """
     ends = {}
     if number and (joint := scene.joint(number)).rigid_overlap:
-        ends[WITHIN] = joint.first_at(joint.tail)
+        ends[WITHIN] = joint.least_distance(joint.tail)
     if number + 1 < len(scene.sections) and (following := scene.joint(number + 1)).rigid_overlap:
-        ends[AROUND] = scene.sections[number].length - following.first_at(following.mouth)
+        ends[AROUND] = scene.sections[number].length - following.least_distance(following.mouth)
     return ends
 
 
-def as_pads(ring: JointPads, name: str) -> PadRing:
+def body_ring(ring: JointPads, name: str) -> PadRing:
     """Return a joint's ring as a ring called `name` that moves along a body."""
     assert ring.faces is not None
     return PadRing(
@@ -233,12 +233,14 @@ def as_pads(ring: JointPads, name: str) -> PadRing:
     )
 
 
-def _pattern(ring: JointPads) -> tuple[object, ...]:
+def _ring_key(ring: JointPads) -> tuple[object, ...]:
     """Return faces, positions, length and width of a ring as a key that is equal for rings that may share a name."""
     assert ring.faces is not None
     return (tuple((face, tuple(places)) for face, places in sorted(ring.faces.items())), ring.length, ring.width)
 
 
-def _everywhere(taken: list[Seat]) -> Ends:
+def _common_range(taken: list[Seat]) -> PositionRange:
     """Return the smallest range that contains the ranges of all seats."""
-    return Ends(float(np.min([seat.at.first for seat in taken])), float(np.max([seat.at.last for seat in taken])))
+    return PositionRange(
+        float(np.min([seat.positions.first for seat in taken])), float(np.max([seat.positions.last for seat in taken]))
+    )

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pmr.errors import InputError
-from pmr.scene.checks import check
+from pmr.scene.checks import check_scene
 from pmr.scene.choice import is_undecided, model_of
-from pmr.scene.joints import Part
+from pmr.scene.joints import BoomSection
 from pmr.scene.members import members
 from pmr.scene.run_settings import Observe, Reduction, Simulation
 from pmr.scene.scene import Scene
@@ -30,26 +30,26 @@ def model_comparison(scene: Scene) -> tuple[Scene, Scene, str]:
     Raises an InputError that says why there is no richer model, or none is asked for.
     """
     if scene.compare.richer == "none":
-        raise _none("none", "not measured: compare.richer = 'none' leaves it out")
+        raise _no_comparison("none", "not measured: compare.richer = 'none' leaves it out")
     if scene.compare.richer == "auto":
         return _default_comparison(scene)
     richer_model, models_of_scene = scene.compare.richer, [model_of(member) for member in members(scene)]
     ranks = [ORDER.index(model) for model in models_of_scene if model in ORDER]
     if len(ranks) < len(models_of_scene) or max(ranks) == len(ORDER) - 1:
         models = " and ".join(dict.fromkeys(models_of_scene))
-        raise _none(
+        raise _no_comparison(
             richer_model, f"a shell is the richest model there is to compare with, beams are less; this is {models}"
         )
     richer = ORDER[max(ranks) + 1] if richer_model == "next" else richer_model
     if ORDER.index(richer) <= max(ranks):
-        raise _none(richer_model, f"{' and '.join(dict.fromkeys(models_of_scene))} knows as much")
+        raise _no_comparison(richer_model, f"{' and '.join(dict.fromkeys(models_of_scene))} knows as much")
     if any(part.body.box is None for part in scene.sections):
-        raise _none(richer_model, "a box is needed to make one of")
+        raise _no_comparison(richer_model, "a box is needed to make one of")
     if richer == "shell" and any(part.body.section is not None for part in scene.sections):
-        raise _none(richer_model, "body.section gives stiffnesses that a shell of the box does not have")
+        raise _no_comparison(richer_model, "body.section gives stiffnesses that a shell of the box does not have")
     if richer == "beam3d" and any(part.body.walls == "give" for part in scene.sections):
-        raise _none(richer_model, "walls that give way are to be compared with a shell")
-    return comparable_scene(scene), _with(scene, [richer] * len(models_of_scene)), richer
+        raise _no_comparison(richer_model, "walls that give way are to be compared with a shell")
+    return comparable_scene(scene), _scene_with_models(scene, [richer] * len(models_of_scene)), richer
 
 
 def _default_comparison(scene: Scene) -> tuple[Scene, Scene, str]:
@@ -63,9 +63,11 @@ def _default_comparison(scene: Scene) -> tuple[Scene, Scene, str]:
     compare = scene.compare.model_copy(update={"richer": ORDER[-1]})
     of_scene, shells, called = model_comparison(scene.model_copy(update={"compare": compare}))
     by = 1.0 if any(part.body.walls == "give" for part in scene.sections) else COARSE
-    if sum(rectangles(part, by) for part in shells.sections) > MOST_RECTANGLES:
-        minutes = (FIXED + EACH * sum(rectangles(part, 1.0) for part in shells.sections)) / 60.0
-        raise _none("auto", f"not measured; compare.richer = 'shell' measures it, in some {minutes:.2g} minutes")
+    if sum(shell_cell_count(part, by) for part in shells.sections) > MOST_RECTANGLES:
+        minutes = (FIXED + EACH * sum(shell_cell_count(part, 1.0) for part in shells.sections)) / 60.0
+        raise _no_comparison(
+            "auto", f"not measured; compare.richer = 'shell' measures it, in some {minutes:.2g} minutes"
+        )
     if by == 1.0:
         return of_scene, shells, called
     parts = []
@@ -76,14 +78,14 @@ def _default_comparison(scene: Scene) -> tuple[Scene, Scene, str]:
     return of_scene, shells.model_copy(update={"sections": tuple(parts)}), f"coarse {called}"
 
 
-def rectangles(part: Part, by: float) -> float:
+def shell_cell_count(part: BoomSection, by: float) -> float:
     """Return the number of cells of a section's shell if cells are `by` times as long as the scene's."""
     assert part.body.box is not None  # as `model_comparison` says
     around, along = by * part.mesh.size, by * (part.mesh.along or part.mesh.size)
     return sum(max(2.0, side.length / around) for side in part.body.box.sides) * part.length / along
 
 
-def candidates(scene: Scene) -> list[Scene]:
+def candidate_scenes(scene: Scene) -> list[Scene]:
     """Return the scenes among which measurements choose a model, from the smallest models to shells.
 
     They have planar beams, beams in space, each with rigid and with flexible walls, and shells, as far as these can
@@ -99,12 +101,12 @@ def candidates(scene: Scene) -> list[Scene]:
         -1
     ]
     beam_scenes = [_choose_models(scene, model, walls) for walls, model in beams if walls_of_scene in ("rigid", walls)]
-    return [*filter(_sound, beam_scenes), _choose_models(scene, ORDER[-1], "rigid")]
+    return [*filter(_passes_checks, beam_scenes), _choose_models(scene, ORDER[-1], "rigid")]
 
 
 def comparable_scene(scene: Scene) -> Scene:
     """Return the scene with its own models, but with positions and a reduction by which models can be compared."""
-    return _with(scene, [model_of(member) for member in members(scene)])
+    return _scene_with_models(scene, [model_of(member) for member in members(scene)])
 
 
 def _choose_models(scene: Scene, model: str, walls: str) -> Scene:
@@ -119,21 +121,21 @@ def _choose_models(scene: Scene, model: str, walls: str) -> Scene:
     return scene.model_copy(update={"sections": tuple(parts)})
 
 
-def _sound(scene: Scene) -> bool:
+def _passes_checks(scene: Scene) -> bool:
     """Whether a scene passes all checks."""
     try:
-        check(scene)
+        check_scene(scene)
     except InputError:
         return False
     return True
 
 
-def _none(value: str, why: str) -> InputError:
+def _no_comparison(value: str, why: str) -> InputError:
     """Return the error that says why there is no comparison; `value` is that of ``compare.richer``."""
     return InputError("scene", "compare.richer", value, why)
 
 
-def _with(scene: Scene, models: list[str]) -> Scene:
+def _scene_with_models(scene: Scene, models: list[str]) -> Scene:
     """Return the scene with one model for each body, positions that all models have, and an accurate reduction.
 
     It is simulated once by ``march``; stresses, probes, accuracy and budget are left out.

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from pmr.scene.keys import Distance, Length, Section, Thickness, Usual, of_key
+from pmr.scene.keys import Distance, Length, SceneTable, Thickness, Usual, key_error
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
@@ -77,7 +77,7 @@ class Side:
         return np.array([z, -y]) + 0.0
 
     @property
-    def across(self) -> Array:
+    def across_direction(self) -> Array:
         """Unit vector (2,) in y and z along which the coordinate across a flat plate grows."""
         along = self.direction
         return np.asarray(np.abs(along) if abs(along).max() > 1.0 - NOTHING else along * np.sign(along[1]))
@@ -85,7 +85,7 @@ class Side:
     @property
     def span(self) -> Pair:
         """Least and largest coordinate in m across a flat plate; 0 is the point of its plane nearest to the axis."""
-        low, high = sorted(float(self.across @ end) for end in (self.start, self.end))
+        low, high = sorted(float(self.across_direction @ end) for end in (self.start, self.end))
         return low, high
 
     @property
@@ -99,7 +99,7 @@ class Corner:
     """Outer corner in which two neighbouring flat plates would meet if it were not rounded."""
 
     name: str
-    at: Pair  # (y, z) m
+    position: Pair  # (y, z) m
     thickness: float  # of the thinner plate, m
 
 
@@ -121,46 +121,46 @@ class Edge:
         return math.hypot(*(self.end - self.start))
 
     @cached_property
-    def along(self) -> Array:
+    def direction(self) -> Array:
         """Unit vector (2,) in y and z from start to end."""
         return np.asarray((self.end - self.start) / self.length)
 
     @property
-    def out(self) -> Array:
+    def normal(self) -> Array:
         """Outward unit normal (2,) in y and z."""
-        return np.array([self.along[1], -self.along[0]])
+        return np.array([self.direction[1], -self.direction[0]])
 
     def turn(self, before: Edge) -> float:
         """Return the angle in rad between the directions of the edge `before` and of this one, at this one's start."""
-        return math.acos(max(-1.0, min(1.0, float(before.along @ self.along))))
+        return math.acos(max(-1.0, min(1.0, float(before.direction @ self.direction))))
 
     def trim(self, before: Edge) -> float:
         """Length in m by which the arc at this edge's start shortens this edge and the edge `before`."""
         return self.radius * math.tan(self.turn(before) / 2.0)
 
 
-def sides_of(edges: Sequence[Edge], nothing: float) -> tuple[Side, ...]:
+def rounded_sides(edges: Sequence[Edge], nothing: float) -> tuple[Side, ...]:
     """Return the flat plates and arcs of a profile in order; flat plates not longer than `nothing` (m) are left out."""
     sides = list[Side]()
     for k, edge in enumerate(edges):
         after = edges[(k + 1) % len(edges)]
-        a, b = edge.start + edge.trim(edges[k - 1]) * edge.along, edge.end - after.trim(edge) * edge.along
-        if (b - a) @ edge.along > nothing:
+        a, b = edge.start + edge.trim(edges[k - 1]) * edge.direction, edge.end - after.trim(edge) * edge.direction
+        if (b - a) @ edge.direction > nothing:
             sides.append(Side(edge.face, _pair(a), _pair(b), edge.thickness))
         if after.radius:
-            end, centre = after.start + after.trim(edge) * after.along, b - after.radius * edge.out
+            end, centre = after.start + after.trim(edge) * after.direction, b - after.radius * edge.normal
             angle = after.turn(edge)
             sides.append(Side(after.arc, _pair(b), _pair(end), after.arc_thickness, _pair(centre), angle))
     return tuple(sides)
 
 
-def corners_of(edges: Sequence[Edge]) -> tuple[Corner, ...]:
+def sharp_corners(edges: Sequence[Edge]) -> tuple[Corner, ...]:
     """Return the outer corners of a profile in order, as if all were sharp."""
     corners = list[Corner]()
     for k, edge in enumerate(edges):
         before = edges[k - 1]
         walls = np.array([before.thickness, edge.thickness])
-        at = edge.start + np.linalg.solve(np.array([before.out, edge.out]), walls / 2.0)
+        at = edge.start + np.linalg.solve(np.array([before.normal, edge.normal]), walls / 2.0)
         up, side = sorted((before.face, edge.face), key=lambda face: face not in ("bottom", "top"))
         name = f"{before.face} - {edge.face}" if " " in up + side else f"{up} {side}"
         corners.append(Corner(name, _pair(at), float(walls.min())))
@@ -173,20 +173,20 @@ def gaps(inner: Sequence[Side], outer: Sequence[Side]) -> dict[str, float]:
     Keys are the names of the outer profile's faces and rounded corners.  A negative gap is an overlap; it is infinite
     where no point of the inner profile faces a rounded corner.
     """
-    places = [place for k in range(len(inner)) for place in _outside(inner, k)]
+    places = [place for k in range(len(inner)) for place in _outer_points(inner, k)]
     gap_of_face = dict[str, float]()
     for side in outer:
         if side.centre is None:
             room = [float(side.normal @ (np.array(side.start) - p)) - side.thickness / 2.0 for p in places]
         else:
             arms = [p - side.centre for p in places]
-            within = [float(np.hypot(*arm)) for arm in arms if _faces(side, arm)]
+            within = [float(np.hypot(*arm)) for arm in arms if _is_within_arc(side, arm)]
             room = [side.radius - side.thickness / 2.0 - distance for distance in within]
         gap_of_face[side.name] = min(room, default=np.inf)
     return gap_of_face
 
 
-def _outside(sides: Sequence[Side], k: int) -> list[Array]:
+def _outer_points(sides: Sequence[Side], k: int) -> list[Array]:
     """Return points (2,) in m on the outside of side number k of a profile.
 
     Those of an arc are 33 along it.  A flat plate has the mitred corner with the next plate, or both of its ends if an
@@ -204,7 +204,7 @@ def _outside(sides: Sequence[Side], k: int) -> list[Array]:
     return [np.array(end) + side.normal * out for end in (side.start, side.end)]
 
 
-def _faces(arc: Side, arm: Array) -> bool:
+def _is_within_arc(arc: Side, arm: Array) -> bool:
     """Whether the vector `arm` (2,) from an arc's centre lies within the arc's angle."""
     middle = np.add(arc.start, arc.end) / 2.0 - np.asarray(arc.centre)
     return bool(middle @ arm >= np.cos(arc.angle / 2.0) * np.hypot(*middle) * np.hypot(*arm) - 1e-12)
@@ -220,7 +220,7 @@ Cut = tuple[Distance, Distance]
 CORNERS = "corners"
 
 
-class BoxProfile(Section):
+class BoxProfile(SceneTable):
     """A closed profile of plates, by the dimensions of its mid-surface; width along y, height along z."""
 
     width: Annotated[Length, Usual(0.002, 10.0)] = Field(description="Width along y")
@@ -238,7 +238,7 @@ class BoxProfile(Section):
     )
 
     @model_validator(mode="after")
-    def _closes(self) -> BoxProfile:
+    def _check_closed(self) -> BoxProfile:
         """Refuse chamfers, walls and radii with which the profile does not close."""
         _check_chamfers(self)
         _check_walls(self)
@@ -263,7 +263,7 @@ class BoxProfile(Section):
     @property
     def sides(self) -> tuple[Side, ...]:
         """Flat plates and arcs in counter-clockwise order."""
-        return sides_of(self.edges, self.negligible)
+        return rounded_sides(self.edges, self.negligible)
 
     @property
     def faces(self) -> dict[str, Side]:
@@ -273,7 +273,7 @@ class BoxProfile(Section):
     @property
     def corners(self) -> tuple[Corner, ...]:
         """Outer corners in counter-clockwise order; rounded ones as if they were sharp."""
-        return corners_of(self.edges)
+        return sharp_corners(self.edges)
 
     @property
     def walls(self) -> dict[str, float]:
@@ -316,7 +316,7 @@ def _check_chamfers(profile: BoxProfile) -> None:
             f"0 is allowed, or up to {profile.width / 2.0:g} m along y, half the width, and along z as much as leaves "
             f"bottom and top {profile.height:g} m together, the height"
         )
-        raise of_key("chamfer", profile.chamfer, allowed)
+        raise key_error("chamfer", profile.chamfer, allowed)
 
 
 def _check_walls(profile: BoxProfile) -> None:
@@ -328,14 +328,14 @@ def _check_walls(profile: BoxProfile) -> None:
         strange = [name for name in profile.wall if name not in (*faces, "sides", "bottom", "top")]
         if missing or strange:
             allowed = f"the faces of this profile are allowed, and all of them needed: {', '.join(faces)}"
-            raise of_key("wall", ", ".join(strange or missing), f"{allowed}; sides are left and right")
+            raise key_error("wall", ", ".join(strange or missing), f"{allowed}; sides are left and right")
     if max(edge.thickness for edge in edges) >= half:
-        raise of_key("wall", profile.wall, f"less than {half:g} m, half of width and height, is allowed")
+        raise key_error("wall", profile.wall, f"less than {half:g} m, half of width and height, is allowed")
     for k, edge in enumerate(edges):
         before, after = edges[k - 1], edges[(k + 1) % len(edges)]
         inside = edge.length - _mitre(edge, before, edge.turn(before)) - _mitre(edge, after, after.turn(edge))
         if inside <= profile.negligible:
-            raise of_key("wall", profile.wall, f"thinner walls are allowed: {edge.face} has no room inside")
+            raise key_error("wall", profile.wall, f"thinner walls are allowed: {edge.face} has no room inside")
 
 
 def _mitre(edge: Edge, other: Edge, angle: float) -> float:
@@ -359,4 +359,4 @@ def _check_radii(profile: BoxProfile) -> None:
             most = min(most, max(straight, 0.0) / tangents) if tangents else most
         if r and not wall / 2.0 < r <= most + profile.negligible:
             allowed = f"0 is allowed, or more than {wall / 2.0:g} m, half the wall, and at most {most:g} m"
-            raise of_key("radius", profile.radius, allowed)
+            raise key_error("radius", profile.radius, allowed)

@@ -19,22 +19,22 @@ from pmr.scene.keys import (
     Positive,
     Pressure,
     Quantity,
-    Section,
+    SceneTable,
     Share,
     Switch,
     Time,
     Usual,
-    or_offered,
+    or_plugin_name,
 )
 
 Pair = Literal["reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf"]
 OutputKind = Literal["beam", "tip", "pad_force", "cylinder_force", "velocity", "probe"]
 OwnBasis = Literal["free_modes", "eigenmodes", "paper", "file"]
-BasisName = Annotated[OwnBasis, or_offered("pmr.bases"), AS_WORD]
+BasisName = Annotated[OwnBasis, or_plugin_name("pmr.bases"), AS_WORD]
 SimulatorName = Literal["march", "exudyn", "exudyn-multiplier", "exudyn-callback"]
 
 
-class TimeChoice(Section):
+class TimeChoice(SceneTable):
     """Simulated time and steps of the generalized-alpha method (index 3, constant step)."""
 
     end: Annotated[float, Field(gt=0.0, strict=True), Quantity("s", 1e-9, 1e9), Usual(1e-4, 4e3)] = Field(
@@ -52,7 +52,7 @@ class TimeChoice(Section):
         return round(self.end / self.step)
 
 
-class Observe(Section):
+class Observe(SceneTable):
     """Positions along the axis at which the motion is compared and drawn, and the tip: the mean of a group at the end.
 
     Without `start` and `end` the positions are a beam's nodes; of more than a thousand nodes every second, third and so
@@ -74,7 +74,7 @@ class Observe(Section):
     )
 
     @model_validator(mode="after")
-    def _both_ends(self) -> Observe:
+    def _check_ends(self) -> Observe:
         """Refuse one end of the observed range without the other."""
         if (self.start is None) != (self.end is None):
             raise ValueError("start and end are allowed together; without them a beam's nodes are observed")
@@ -92,7 +92,7 @@ class Observe(Section):
         return f"{self.tip} {direction}"
 
 
-class Recovery(Section):
+class Recovery(SceneTable):
     """Fields of displacement and stress on the whole mesh, computed from the reduced coordinates at some times."""
 
     every: Time = Field(default=0.02, description="Time between two fields")
@@ -105,14 +105,14 @@ class Recovery(Section):
     series: Switch = Field(default=True, description="Whether the fields are written as a series for ParaView")
 
 
-class Repeated(Section):
+class SpectrumLine(SceneTable):
     """A line of a load spectrum: a number of cycles with one factor on the stresses."""
 
     cycles: Positive = Field(description="How often the simulated cycle occurs with its stresses times `factor`")
     factor: Positive = Field(default=1.0, description="Factor on all stresses")
 
 
-class Fatigue(Section):
+class Fatigue(SceneTable):
     """Fatigue damage at each probe that measures stress, from an S-N line and the number of simulated cycles."""
 
     slope: Positive = Field(description="Exponent m of the S-N line, N proportional to range^-m")
@@ -121,25 +121,25 @@ class Fatigue(Section):
         default=None, description="Stress range below which a cycle does no damage"
     )
     cycles: Positive = Field(default=1.0, description="How often the simulated cycle occurs")
-    spectrum: tuple[Repeated, ...] = Field(
+    spectrum: tuple[SpectrumLine, ...] = Field(
         default=(),
         description="Load spectrum, in place of `cycles`: a number of cycles for each factor on the stresses",
     )
 
     @model_validator(mode="after")
-    def _one_of_both(self) -> Fatigue:
+    def _check_cycles(self) -> Fatigue:
         """Refuse cycles beside a spectrum."""
         if self.spectrum and "cycles" in self.model_fields_set:
             raise ValueError("give cycles or spectrum, one of them")
         return self
 
     @property
-    def lines(self) -> tuple[Repeated, ...]:
+    def spectrum_lines(self) -> tuple[SpectrumLine, ...]:
         """Lines of the load spectrum; without one, a single line with the number of cycles."""
-        return self.spectrum or (Repeated(cycles=self.cycles),)
+        return self.spectrum or (SpectrumLine(cycles=self.cycles),)
 
 
-class Reduction(Section):
+class Reduction(SceneTable):
     """The basis of the reduced model and the number of its `coordinates`.
 
     `basis` ``free_modes`` takes the lowest eigenmodes without sliders and moving pads (free-interface modes).
@@ -191,7 +191,7 @@ class Reduction(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _flexibility_goes_with_free_modes(cls, data: Any) -> Any:
+    def _fill_in_flexibility(cls, data: Any) -> Any:
         """Fill in the defaults of free modes: flexibility, and with it 6 coordinates."""
         if isinstance(data, dict) and data.get("residual_inertia") is False:  # of a scene that a file records
             data = {key: value for key, value in data.items() if key != "residual_inertia"}
@@ -206,7 +206,7 @@ class Reduction(Section):
         return self.basis in ("eigenmodes", "paper")
 
     @property
-    def given(self) -> bool:
+    def is_external(self) -> bool:
         """Whether the basis comes from a file or from a function of an installed package."""
         return self.basis != "free_modes" and not self.uses_pod
 
@@ -221,7 +221,7 @@ class Reduction(Section):
         return self.extendable and self.estimate
 
 
-class Simulation(Section):
+class Simulation(SceneTable):
     """Programs that simulate the models.
 
     The reduced model is simulated by each of `simulators`.  The results are those of the first one; of the others the
@@ -247,14 +247,14 @@ class Simulation(Section):
 
     @field_validator("simulators")
     @classmethod
-    def _different(cls, simulators: tuple[str, ...]) -> tuple[str, ...]:
+    def _check_duplicates(cls, simulators: tuple[str, ...]) -> tuple[str, ...]:
         """Refuse a simulator that is listed twice."""
         if len(set(simulators)) < len(simulators):
             raise ValueError("each simulator once is allowed")
         return simulators
 
 
-class Compare(Section):
+class Compare(SceneTable):
     """References to compare the reduced model with."""
 
     against: tuple[Literal["full", "ancf"], ...] = Field(
@@ -274,7 +274,7 @@ class Compare(Section):
     )
 
 
-class _Ordered(Section):
+class _Target(SceneTable):
     """Base of `Accuracy` and `Budget`: the outputs whose errors count."""
 
     outputs: tuple[OutputKind, ...] = Field(
@@ -285,7 +285,7 @@ class _Ordered(Section):
     )
 
 
-class Accuracy(_Ordered):
+class Accuracy(_Target):
     """An allowed error; number of coordinates and time step are chosen so that it holds.
 
     `tolerance` is the allowed error of reduction and step together, in each of the `outputs`.  With `mesh` the error of
@@ -297,7 +297,7 @@ class Accuracy(_Ordered):
     )
 
 
-class Budget(_Ordered):
+class Budget(_Target):
     """The allowed cost of the reduced model, by one of three keys; the best model within it is chosen, with its error.
 
     `coordinates` counts those of all bodies together.  `microseconds_per_step` and `real_time` (simulated over
@@ -313,21 +313,21 @@ class Budget(_Ordered):
     )
 
     @model_validator(mode="after")
-    def _one(self) -> Budget:
+    def _check_one_limit(self) -> Budget:
         """Refuse a budget unless exactly one limit is set."""
         if sum(limit is not None for limit in (self.coordinates, self.microseconds_per_step, self.real_time)) != 1:
             raise ValueError("give coordinates, microseconds_per_step or real_time, one of them")
         return self
 
 
-class PublishedFrequency(Section):
+class PublishedFrequency(SceneTable):
     """Published first natural frequency of a boom at one reach."""
 
     reach: Length = Field(description="Distance of the tip from the base's tail")
     first: Frequency = Field(description="Lowest natural frequency")
 
 
-class Published(Section):
+class Published(SceneTable):
     """Results from a publication, shown beside ours."""
 
     source: str = Field(description="The publication")
@@ -344,7 +344,7 @@ class Published(Section):
     remarks: tuple[str, ...] = Field(default=(), description="Where and why our figures differ, for the report")
 
     @property
-    def of_any_motion(self) -> Published | None:
+    def frequencies_only(self) -> Published | None:
         """Published frequencies without errors, which hold for one motion alone; None without frequencies."""
         without_errors: dict[str, Any] = {"errors": {}, "max_displacement": None, "max_error": None}
         return self.model_copy(update=without_errors) if self.frequencies else None

@@ -17,15 +17,15 @@ from pmr.errors import InputError
 from pmr.scene import run_settings
 from pmr.scene.built import WEIGHT, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
 from pmr.scene.frame import Frame, LuffingCylinder
-from pmr.scene.joints import Joint, Linear, OneBody, Part
-from pmr.scene.keys import ALONE, LUFFING, SLIDER, Section, Text, of_key
+from pmr.scene.joints import BoomSection, Joint, OneBody, ScaledSignal
+from pmr.scene.keys import ALONE, LUFFING, SLIDER, SceneTable, Text, key_error
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.signals.base import Array
 from pmr.scene.structures import Damping, PointMass
-from pmr.scene.tomlfiles import laid_over
+from pmr.scene.tomlfiles import merge_tables
 
 
-class Whole(Section):
+class CommonTables(SceneTable):
     """Tables about all bodies together."""
 
     title: Text = Field(description="Title of the report")
@@ -71,7 +71,7 @@ class Whole(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _begun(cls, data: Any) -> Any:
+    def _fill_in_start(cls, data: Any) -> Any:
         """Fill in the default start, and for a start in equilibrium a weight that acts from t = 0."""
         if not isinstance(data, Mapping):
             return data
@@ -84,16 +84,16 @@ class Whole(Section):
         return {**data, "start": start, "gravity": gravity}
 
 
-class Listed(Whole):
+class SectionTables(CommonTables):
     """Bodies from the base outwards; properties such as `body` and `loads` are those of the only body.
 
     They raise InputError if there are several bodies.
     """
 
-    sections: Annotated[tuple[Part, ...], Field(min_length=1)] = Field(description="From the base out")
+    sections: Annotated[tuple[BoomSection, ...], Field(min_length=1)] = Field(description="From the base out")
 
     @property
-    def alone(self) -> Part:
+    def only_section(self) -> BoomSection:
         """The only body of the scene; raises InputError if there are several."""
         if len(self.sections) > 1:
             allowed = "a scene of one body is allowed here; pmr run takes booms of several sections"
@@ -102,39 +102,39 @@ class Listed(Whole):
 
     @property
     def body(self) -> Body:
-        return self.alone.body
+        return self.only_section.body
 
     @property
     def mesh(self) -> MeshChoice:
-        return self.alone.mesh
+        return self.only_section.mesh
 
     @property
     def supports(self) -> tuple[Support, ...]:
-        return self.alone.supports
+        return self.only_section.supports
 
     @property
     def pads(self) -> tuple[PadRing, ...]:
-        return self.alone.pads
+        return self.only_section.pads
 
     @property
     def masses(self) -> tuple[PointMass, ...]:
-        return self.alone.masses
+        return self.only_section.masses
 
     @property
     def loads(self) -> tuple[Load, ...]:
-        return self.alone.loads
+        return self.only_section.loads
 
     @property
     def observe(self) -> run_settings.Observe:
-        return self.alone.observe
+        return self.only_section.observe
 
     @property
     def reduction(self) -> run_settings.Reduction:
-        return self.alone.reduction
+        return self.only_section.reduction
 
     @property
     def slider(self) -> Slider:
-        slider = self.alone.slider
+        slider = self.only_section.slider
         assert slider is not None  # as the checks say
         return slider
 
@@ -166,75 +166,75 @@ class Listed(Whole):
 OF_A_BODY = frozenset(OneBody.model_fields)
 
 
-class BodyFile(OneBody, Whole):
+class BodyFile(OneBody, CommonTables):
     """A body that slides, x along it and z up."""
 
     slider: Slider = Field(description="Path along which the body slides")
 
 
-def _with_common(schema: dict[str, Any]) -> None:
+def _describe_common_keys(schema: dict[str, Any]) -> None:
     """Describe in a JSON schema, which is changed in place, the table of keys that all sections share."""
     about = "Keys that every section has unless it has its own"
     schema["properties"]["section"] = {"type": "object", "description": about, "default": {}}
 
 
-class Scene(Listed):
+class Scene(SectionTables):
     """Sections from the base outwards, each of which slides in the one before it; a single body is one section.
 
     Keys that several sections share are written once, in the table `section`.
     """
 
-    model_config = ConfigDict(json_schema_extra=_with_common)
+    model_config = ConfigDict(json_schema_extra=_describe_common_keys)
 
     @model_validator(mode="before")
     @classmethod
-    def _of_either_dialect(cls, data: Any) -> Any:
+    def _from_either_form(cls, data: Any) -> Any:
         """Return the fields of a scene, from a body at the top of a file or from sections and their shared keys."""
         if not isinstance(data, Mapping):
             return data
         if "sections" not in data:
-            return cls._fields_of(BodyFile.model_validate(data))
+            return cls._single_body_fields(BodyFile.model_validate(data))
         common, sections = data.get("section", {}), data["sections"]
         content = {key: value for key, value in data.items() if key != "section"}
         if not isinstance(common, dict):
-            raise of_key("section", None, "a table of keys is allowed")
+            raise key_error("section", None, "a table of keys is allowed")
         if not isinstance(sections, list):
             return content
         base = {key: value for key, value in common.items() if key != "joint"}  # which slides in nothing
         return content | {
             "sections": [
-                _lay_over(common if number else base, part) if isinstance(part, dict) else part
+                _merge_section(common if number else base, part) if isinstance(part, dict) else part
                 for number, part in enumerate(sections)
             ]
         }
 
     @classmethod
-    def of(cls, written: BodyFile) -> Self:
+    def from_body(cls, written: BodyFile) -> Self:
         """Return the scene of a body that a file describes at its top."""
-        return cls.model_validate(cls._fields_of(written))
+        return cls.model_validate(cls._single_body_fields(written))
 
     @staticmethod
-    def _fields_of(written: BodyFile) -> dict[str, Any]:
+    def _single_body_fields(written: BodyFile) -> dict[str, Any]:
         """Return the fields of a scene of one body without a name."""
         # a body that is alone has no name
-        part = Part.model_construct(name=ALONE, **{key: getattr(written, key) for key in OneBody.model_fields})
-        return {key: getattr(written, key) for key in Whole.model_fields} | {"sections": (part,)}
+        part = BoomSection.model_construct(name=ALONE, **{key: getattr(written, key) for key in OneBody.model_fields})
+        return {key: getattr(written, key) for key in CommonTables.model_fields} | {"sections": (part,)}
 
     def __hash__(self) -> int:
         return hash(self.hash)  # some sections hold tables
 
     @model_serializer(mode="wrap")
-    def _written(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    def _file_content(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Return the content of the scene for files; a body without a name has its keys at the top."""
         content: dict[str, Any] = handler(self)
-        return content if self.sections[0].name else _at_the_top(content)
+        return content if self.sections[0].name else _lift_body_keys(content)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a copy with some fields changed; keys of a body change the only body."""
         changed = dict(update or {})
         of_body = {key: changed.pop(key) for key in OF_A_BODY & set(changed)}
         if of_body:
-            changed["sections"] = (self.alone.model_copy(update=of_body),)
+            changed["sections"] = (self.only_section.model_copy(update=of_body),)
         return super().model_copy(update=changed, deep=deep)
 
     @property
@@ -246,9 +246,9 @@ class Scene(Listed):
         left_out = {"title", "published", "simulation"}
         content = self.model_dump(mode="json", exclude=left_out, exclude_defaults=True)
         if len(self.sections) == 1:
-            content = _at_the_top(content)
+            content = _lift_body_keys(content)
         for part, written in zip(self.sections, content.get("sections", [content]), strict=True):
-            for section, digest in part.digests.items():
+            for section, digest in part.file_digests.items():
                 written[section]["file"] = digest
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
@@ -270,14 +270,14 @@ class Scene(Listed):
         """
         content = self.model_dump(mode="json", exclude={"published"})
         if len(self.sections) == 1:
-            content = _at_the_top(content)
+            content = _lift_body_keys(content)
         for part, written in zip(self.sections, content.get("sections", [content]), strict=True):
             for table, file in part.files.items():
                 written[table]["file"] = file.name
         files = {table: hashlib.sha256(file.read_bytes()).hexdigest() for table, file in self.files_read.items()}
         return {"scene": content, "scene_hash": self.hash, "files": files}
 
-    def spelled(self, key: str) -> str:
+    def file_key(self, key: str) -> str:
         """Return a key of the scene as its file spells it: keys of the only body at the top, or in its section."""
         if len(self.sections) > 1:
             return key
@@ -285,9 +285,9 @@ class Scene(Listed):
             return re.sub(r"^sections\[0\]\.", "", key)
         return f"sections[0].{key}" if re.split(r"\W", key)[0] in OF_A_BODY else key
 
-    def key_of(self, number: int, key: str) -> str:
+    def section_key(self, number: int, key: str) -> str:
         """Return a key of section `number` as its file spells it; keys about all bodies are at the top."""
-        return self.spelled(f"sections[{number}].{key}") if re.split(r"\W", key)[0] in OF_A_BODY else key
+        return self.file_key(f"sections[{number}].{key}") if re.split(r"\W", key)[0] in OF_A_BODY else key
 
     # -- all bodies
 
@@ -297,7 +297,7 @@ class Scene(Listed):
         return (ALONE,) if len(self.sections) == 1 else tuple(part.name for part in self.sections)
 
     @property
-    def bodies(self) -> Mapping[str, Part]:
+    def bodies(self) -> Mapping[str, BoomSection]:
         """Bodies of the scene by name, from the base outwards."""
         return dict(zip(self.names, self.sections, strict=True))
 
@@ -338,16 +338,16 @@ class Scene(Listed):
         if joint.extension is not None:
             return joint.extension
         if joint.overlap is not None:
-            return Linear(signal=joint.overlap, ratio=-1.0, offset=self.sections[number - 1].length)
+            return ScaledSignal(signal=joint.overlap, ratio=-1.0, offset=self.sections[number - 1].length)
         followed = self.extension(self.names.index(str(joint.follows)))
-        return Linear(signal=followed, ratio=joint.ratio, offset=joint.offset)
+        return ScaledSignal(signal=followed, ratio=joint.ratio, offset=joint.offset)
 
     def reach(self, t: ArrayLike) -> Array:
         """Return the distances in m along the boom from the base's tail to the tip at the times t in s; shape of t."""
         tails = [self.extension(number).value(t) for number in range(1, len(self.sections))]
         return np.asarray(np.sum([np.zeros_like(np.asarray(t, float)), *tails], axis=0) + self.sections[-1].length)
 
-    def along(self, t: ArrayLike) -> Array:
+    def path_positions(self, t: ArrayLike) -> Array:
         """Return s of the only body, or `reach` of several sections, in m at the times t in s; shape of t."""
         return self.reach(t) if len(self.sections) > 1 else np.asarray(self.slider.path.value(t))
 
@@ -362,7 +362,7 @@ class Scene(Listed):
         return self.model_copy(update={"sections": tuple(parts), "gravity": gravity, "recovery": None})
 
 
-def _at_the_top(content: dict[str, Any]) -> dict[str, Any]:
+def _lift_body_keys(content: dict[str, Any]) -> dict[str, Any]:
     """Return the content of a scene of one body with the keys of the body at the top; `content` is changed."""
     sections = content.pop("sections", [])
     for section in sections:
@@ -370,7 +370,7 @@ def _at_the_top(content: dict[str, Any]) -> dict[str, Any]:
     return content
 
 
-def _lay_over(common: Mapping[str, Any], part: Mapping[str, Any]) -> dict[str, Any]:
+def _merge_section(common: Mapping[str, Any], part: Mapping[str, Any]) -> dict[str, Any]:
     """Return the tables of a section laid over those common to all sections.
 
     If the section drives its joint itself it takes over no extension, overlap or follows, and if it follows none also
@@ -382,4 +382,4 @@ def _lay_over(common: Mapping[str, Any], part: Mapping[str, Any]) -> dict[str, A
         ways |= {"rope"}
     if isinstance(joint, Mapping) and ways & {*joint} - {"rope"} and isinstance(common.get("joint"), Mapping):
         common = {**common, "joint": {key: value for key, value in common["joint"].items() if key not in ways}}
-    return laid_over(common, part)
+    return merge_tables(common, part)

@@ -16,7 +16,7 @@ import numpy as np
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.box import Box
 from pmr.scene.built import WEIGHT, Face, PadRing
-from pmr.scene.choice import directions, inertia_fields, loads_of, model_of
+from pmr.scene.choice import axis_loads, inertia_fields, model_of, motion_directions
 from pmr.scene.frame import INERTIA
 from pmr.scene.joints import OneBody
 from pmr.scene.members import Member
@@ -35,226 +35,232 @@ SLACK = 1e-9
 
 def check_structure(member: Member) -> None:
     """Raise an InputError for the first key of a body, or of what is on it, that contradicts another key."""
-    _body(member)
-    check_names("pads", (name for ring in member.pads for name, _, _ in ring.places))
+    _check_body(member)
+    check_names("pads", (name for ring in member.pads for name, _, _ in ring.named_pads))
     for key in ("loads", "masses", "probes"):
         check_names(key, (part.name for part in getattr(member.part, key)))
     for i, mass in enumerate(member.part.masses if model_of(member) != "beam2d" else ()):  # which turns about y alone
         if not is_inertia(mass.inertia):
-            raise refusal(f"masses[{i}].inertia", list(mass.inertia), ALLOWED_INERTIA)
+            raise scene_error(f"masses[{i}].inertia", list(mass.inertia), ALLOWED_INERTIA)
     fields = (INERTIA + field for field in inertia_fields(member))
     check_reserved("loads", (load.name for load in member.part.loads), (WEIGHT, *fields))
-    _along_the_ground(member)
-    check_names("loads", (load.name for load in loads_of(member)))
-    check_names("supports", (support.row_name(d) for support in member.part.supports for d in support.held))
+    _check_ground_loads(member)
+    check_names("loads", (load.name for load in axis_loads(member)))
+    check_names("supports", (support.row_name(d) for support in member.part.supports for d in support.held_directions))
     for i, ring in enumerate(member.pads):
         if ring.clearance and not ring.unilateral:
-            raise refusal(f"pads[{i}].clearance", ring.clearance, "0 is allowed unless unilateral = true")
-    _travel(member)
-    _pads(member)
-    _places(member)
-    _points(member)
+            raise scene_error(f"pads[{i}].clearance", ring.clearance, "0 is allowed unless unilateral = true")
+    _check_travel(member)
+    _check_pads(member)
+    _check_places(member)
+    _check_sliding_points(member)
     if not (member.signals or member.frame):
-        raise refusal("loads", None, "a load or [gravity] is allowed: nothing moves the structure")
+        raise scene_error("loads", None, "a load or [gravity] is allowed: nothing moves the structure")
 
 
-def _along_the_ground(member: Member) -> None:
+def _check_ground_loads(member: Member) -> None:
     """Refuse moments about ground axes, and loads along them without a moving frame or motion of the body along x."""
     for i, load in enumerate(member.part.loads):
         if load.axes == "body":
             continue
         if member.frame is None:
-            raise refusal(f"loads[{i}].axes", load.axes, "'body' is allowed without a frame that moves")
+            raise scene_error(f"loads[{i}].axes", load.axes, "'body' is allowed without a frame that moves")
         if load.direction.startswith("r"):
-            raise refusal(f"loads[{i}].direction", load.direction, "x, y and z are allowed with axes = 'ground'")
-        if "x" not in directions(member):
-            raise refusal(f"loads[{i}].axes", load.axes, "'body' is allowed without body.profile.axial = true")
+            raise scene_error(f"loads[{i}].direction", load.direction, "x, y and z are allowed with axes = 'ground'")
+        if "x" not in motion_directions(member):
+            raise scene_error(f"loads[{i}].axes", load.axes, "'body' is allowed without body.profile.axial = true")
 
 
-def _places(member: Member) -> None:
+def _check_places(member: Member) -> None:
     """Refuse loads, supports and observed positions off the body; models other than beams need observed positions."""
     observe, length = member.part.observe, member.part.body.length
     if observe.stations is None and model_of(member) not in BEAMS:
         allowed = "places in m are needed, from observe.start to observe.end: nodes are observed of beams only"
-        raise refusal("observe.start", None, allowed)
+        raise scene_error("observe.start", None, allowed)
     places = [(f"loads[{i}].on", load.on) for i, load in enumerate(member.part.loads)]
     places += [(f"supports[{i}].on", support.on) for i, support in enumerate(member.part.supports)]
     if observe.start is not None and observe.end is not None:
         if observe.end < observe.start:
-            raise refusal("observe.end", observe.end, f"observe.start = {observe.start:g} m or more is allowed")
+            raise scene_error("observe.end", observe.end, f"observe.start = {observe.start:g} m or more is allowed")
         places += [("observe.start", observe.start), ("observe.end", observe.end)]
     for key, at in places:
         if length is not None and not isinstance(at, str) and not -1e-9 * length <= at <= (1.0 + 1e-9) * length:
-            raise refusal(key, at, f"on the body, 0 to {length:g} m, is allowed")
+            raise scene_error(key, at, f"on the body, 0 to {length:g} m, is allowed")
 
 
-def _points(member: Member) -> None:
+def _check_sliding_points(member: Member) -> None:
     """Refuse sliding points of other models than planar beams, beside moving pads, off the body, or at a support."""
     model, length = model_of(member), member.part.body.length
     if not member.points:
         return
     if any(ring.moving for ring in member.pads):
-        raise refusal("slider.offsets", list(member.points), "pads have an `at` of their own: leave it out")
+        raise scene_error("slider.offsets", list(member.points), "pads have an `at` of their own: leave it out")
     if model != "beam2d" or length is None:
-        raise refusal("pads", None, "at least one ring of pads with moving = true is allowed: nothing slides")
+        raise scene_error("pads", None, "at least one ring of pads with moving = true is allowed: nothing slides")
     if len(set(member.points)) != len(member.points):
-        raise refusal("slider.offsets", list(member.points), "sliders must not share an offset")
+        raise scene_error("slider.offsets", list(member.points), "sliders must not share an offset")
     (low, high), slack = member.bounds, SLACK * length
-    held = [member.part.place(support.on) for support in member.part.supports if "z" in support.held]
+    held = [member.part.position_of(support.on) for support in member.part.supports if "z" in support.held_directions]
     for offset in member.points:
         which = f" (offset {offset:g} m)" if offset else ""
         for s in (low + offset, high + offset):
             if not -BEYOND_ENDS * length <= s <= (1.0 + BEYOND_ENDS) * length:
                 allowed = f"the slider reaches {s:g} m{which}; on the beam, 0 to {length:g} m, is allowed"
-                raise refusal("slider.path", None, allowed)
+                raise scene_error("slider.path", None, allowed)
         for at in held:
             if at is not None and low + offset - slack <= at <= high + offset + slack:
                 allowed = (
                     f"the slider reaches the support at {at:g} m{which}, where its row repeats the support's; "
                     "paths that keep clear of it are allowed"
                 )
-                raise refusal("slider.path", None, allowed)
+                raise scene_error("slider.path", None, allowed)
 
 
-def _travel(member: Member) -> None:
+def _check_travel(member: Member) -> None:
     """Refuse a travel of sliding points, or one that does not contain the slider's path."""
     slider = member.part.slider
     if slider is None or slider.travel is None:
         return
     (low, high), (first, last) = slider.travel, member.bounds
     if member.points:
-        raise refusal("slider.travel", [low, high], "points have the whole beam: leave it out")
+        raise scene_error("slider.travel", [low, high], "points have the whole beam: leave it out")
     slack = BEYOND_ENDS * (high - low)
     if not low < high or first < low - slack or last > high + slack:
         allowed = f"two places in m, the first one less, around the path's {first:.6g} to {last:.6g} are allowed"
-        raise refusal("slider.travel", [low, high], allowed)
+        raise scene_error("slider.travel", [low, high], allowed)
 
 
-def _body(member: Member) -> None:
+def _check_body(member: Member) -> None:
     """Refuse keys of body and mesh that contradict each other or the body's model."""
     body, file, model = member.part.body, member.part.mesh.file, model_of(member)
     if body.profile is not None and model != "beam2d":
-        raise refusal("body.model", model, "auto or beam2d is allowed with body.profile")
+        raise scene_error("body.model", model, "auto or beam2d is allowed with body.profile")
     if body.profile is None and (body.box is None) == (file is None):
-        raise refusal("body.box", None, "a box, a profile or mesh.file, one of them is allowed")
+        raise scene_error("body.box", None, "a box, a profile or mesh.file, one of them is allowed")
     if file is not None and model in BEAMS and body.profile is None:
-        raise refusal("mesh.file", str(file), "a beam of a box is divided into mesh.elements; others read files")
+        raise scene_error("mesh.file", str(file), "a beam of a box is divided into mesh.elements; others read files")
     if file is not None and body.model == "auto" and body.profile is None:
-        raise refusal("body.model", "auto", "shell or solid is allowed for a mesh that is read")
+        raise scene_error("body.model", "auto", "shell or solid is allowed for a mesh that is read")
     if model == "matrices" and file is None:
-        raise refusal("mesh.file", None, "body.model = 'matrices' needs a file that pmr matrices wrote")
+        raise scene_error("mesh.file", None, "body.model = 'matrices' needs a file that pmr matrices wrote")
     if model == "matrices" and member.recovery is not None:
-        raise refusal("recovery", None, "given matrices have no cells and no stresses: leave it out")
+        raise scene_error("recovery", None, "given matrices have no cells and no stresses: leave it out")
     if file is not None and model == "shell" and body.thickness is None:
-        raise refusal("body.thickness", None, "a thickness in m is needed for a shell that is read")
+        raise scene_error("body.thickness", None, "a thickness in m is needed for a shell that is read")
     if body.section is not None and body.model != "beam3d":
-        raise refusal("body.section", None, "a section goes with body.model = 'beam3d'")
+        raise scene_error("body.section", None, "a section goes with body.model = 'beam3d'")
     if body.section is not None and body.shear and None in (body.section.shear_area_y, body.section.shear_area_z):
         allowed = "shear_area_y and shear_area_z in m^2 are needed, or body.shear = false"
-        raise refusal("body.section", None, allowed)
+        raise scene_error("body.section", None, allowed)
     if body.walls == "give":
-        _walls(member)
+        _check_flexible_walls(member)
     if body.box is not None:
-        _along_the_box(member, body.box)
+        _check_box_variation(member, body.box)
     for name, region in body.regions.items():
         if model in BEAMS:
-            raise refusal(f"body.regions.{name}", None, "regions are for shells and solids")
+            raise scene_error(f"body.regions.{name}", None, "regions are for shells and solids")
         if model == "solid" and region.thickness is not None:
-            raise refusal(f"body.regions.{name}.thickness", region.thickness, "a solid has none")
+            raise scene_error(f"body.regions.{name}.thickness", region.thickness, "a solid has none")
     if model == "beam3d" and member.part.mesh.elements > MOST_ELEMENTS:
-        raise refusal("mesh.elements", member.part.mesh.elements, f"at most {MOST_ELEMENTS} are allowed for beam3d")
+        raise scene_error("mesh.elements", member.part.mesh.elements, f"at most {MOST_ELEMENTS} are allowed for beam3d")
     if member.part.mesh.grading != 1.0 and model != "beam2d":
-        raise refusal("mesh.grading", member.part.mesh.grading, "1 is allowed: elements of beam2d alone can be graded")
+        raise scene_error(
+            "mesh.grading", member.part.mesh.grading, "1 is allowed: elements of beam2d alone can be graded"
+        )
     if member.part.reduction.positions == "nodes" and member.part.reduction.uses_pod and model not in BEAMS:
-        raise refusal("reduction.positions", "nodes", "'path' or a list of places in m is allowed: nodes are a beam's")
+        raise scene_error(
+            "reduction.positions", "nodes", "'path' or a list of places in m is allowed: nodes are a beam's"
+        )
     if model == "beam2d":
-        _planar(member)
+        _check_planar_beam(member)
 
 
-def _along_the_box(member: Member, box: Box) -> None:
+def _check_box_variation(member: Member, box: Box) -> None:
     """Refuse variations and frames of a box beside models and keys that can't represent them."""
-    model, key = model_of(member), "body.box." + " and ".join(box.variations)
-    if box.variations and model not in VARYING:
-        raise refusal("body.model", model, f"{', '.join(VARYING[:-1])} and {VARYING[-1]} are allowed with {key}")
-    if box.variations and member.part.body.section is not None:
-        raise refusal("body.section", None, f"none is allowed with {key}, which says what the section is")
-    if box.variations and member.part.mesh.grading != 1.0:
-        raise refusal("mesh.grading", member.part.mesh.grading, f"1 is allowed with {key}, which says where nodes are")
+    model, key = model_of(member), "body.box." + " and ".join(box.varying_keys)
+    if box.varying_keys and model not in VARYING:
+        raise scene_error("body.model", model, f"{', '.join(VARYING[:-1])} and {VARYING[-1]} are allowed with {key}")
+    if box.varying_keys and member.part.body.section is not None:
+        raise scene_error("body.section", None, f"none is allowed with {key}, which says what the section is")
+    if box.varying_keys and member.part.mesh.grading != 1.0:
+        raise scene_error(
+            "mesh.grading", member.part.mesh.grading, f"1 is allowed with {key}, which says where nodes are"
+        )
     if box.frames and model == "beam2d":  # inherited ones too: their mass would be missing
-        raise refusal("body.model", model, "beam3d and shell are allowed with body.box.frames; [] has none")
+        raise scene_error("body.model", model, "beam3d and shell are allowed with body.box.frames; [] has none")
     if box.frames and model == "beam3d":
-        _frames(box)
+        _check_frames(box)
 
 
-def _frames(box: Box) -> None:
+def _check_frames(box: Box) -> None:
     """Refuse frames of a beam that are not in order within the box, or do not fit into its profile."""
     places = (0.0, *box.frames, box.length)
     if any(b <= a for a, b in pairwise(places)):
         allowed = f"ascending places within 0 and {box.length:g} m are allowed"
-        raise refusal("body.box.frames", list(box.frames), allowed)
+        raise scene_error("body.box.frames", list(box.frames), allowed)
     radii = [side.radius for side in box.sides if side.centre is not None]
     room = min(radii, default=min(box.width, box.height) / 2.0)
     if box.frame_depth != "full" and not 0.0 < box.frame_depth < room:
         allowed = f"more than 0 and less than {room:g} m, or 'full', is allowed: corners' radius, or half the width"
-        raise refusal("body.box.frame_depth", box.frame_depth, allowed)
+        raise scene_error("body.box.frame_depth", box.frame_depth, allowed)
 
 
-def _walls(member: Member) -> None:
+def _check_flexible_walls(member: Member) -> None:
     """Refuse walls that give way without a box, or of a beam without pads on faces."""
     box, key = member.part.body.box, "body.walls"
     if box is None:
-        raise refusal(key, "give", "'rigid' is allowed without body.box: nothing says how thick the walls are")
+        raise scene_error(key, "give", "'rigid' is allowed without body.box: nothing says how thick the walls are")
     if model_of(member) not in BEAMS:
         return  # where walls give way anyway
     if member.points or not member.pads:
-        raise refusal(key, "give", "'rigid' is allowed without pads that have faces: walls give way under those")
+        raise scene_error(key, "give", "'rigid' is allowed without pads that have faces: walls give way under those")
 
 
-def _planar(member: Member) -> None:
+def _check_planar_beam(member: Member) -> None:
     """Refuse loads, pads and weight that a planar beam can't feel: it has x, z and the rotation about y alone."""
-    planar_directions = directions(member)
+    planar_directions = motion_directions(member)
     for i, load in enumerate(member.part.loads):
         if load.direction not in planar_directions:
             allowed = f"{', '.join(planar_directions[:-1])} and {planar_directions[-1]} are allowed for beam2d, z is up"
             if load.direction == "x":
                 allowed = "an axial load needs body.profile.axial = true"
-            raise refusal(f"loads[{i}].direction", load.direction, allowed)
+            raise scene_error(f"loads[{i}].direction", load.direction, allowed)
     slanted = [(i, face) for i, ring in enumerate(member.pads) for face in ring.faces if " " in face]
     for i, face in slanted:
         key, allowed = (
             f"pads[{i}].faces.{face}",
             "bottom, top, left and right are allowed for beam2d, or body.model = 'beam3d'",
         )
-        raise refusal(key, None, allowed)
+        raise scene_error(key, None, allowed)
     if any(ring.moving for ring in member.pads) and not any(
         ring.moving and {"bottom", "top"} & set(ring.faces) for ring in member.pads
     ):
         allowed = "a ring with moving = true at bottom or top is needed: a planar beam does not feel pads on its sides"
-        raise refusal("pads", None, allowed)
+        raise scene_error("pads", None, allowed)
     if member.gravity is not None and member.gravity.direction[1] != 0.0:
-        raise refusal("gravity.direction", list(member.gravity.direction), "x and z are allowed for beam2d")
+        raise scene_error("gravity.direction", list(member.gravity.direction), "x and z are allowed for beam2d")
 
 
-def _pads(member: Member) -> None:
+def _check_pads(member: Member) -> None:
     """Refuse pads beside their face, or that leave it at any time; faces of a mesh file are checked with the mesh."""
     length, box = member.part.body.length, member.part.body.box
     for i, ring in enumerate(member.pads):
         if length is not None:
-            _check_along(member, length, ring, f"pads[{i}].at")
-        for place in ring.places:
+            _check_pad_range(member, length, ring, f"pads[{i}].at")
+        for place in ring.named_pads:
             if box is not None:
-                _check_across(box, ring, place, f"pads[{i}].faces.{place[1]}")
+                _check_pad_width(box, ring, place, f"pads[{i}].faces.{place[1]}")
 
 
-def _check_along(member: Member, length: float, ring: PadRing, key: str) -> None:
+def _check_pad_range(member: Member, length: float, ring: PadRing, key: str) -> None:
     """Refuse a ring of pads, of the given key, that leaves its faces along the axis at some position of the slider."""
     low, high = member.travel if ring.moving else (0.0, 0.0)
     start, end = low + ring.at - ring.length / 2.0, high + ring.at + ring.length / 2.0
     slack, box = SLACK * length, member.part.body.box
-    first, last = (0.0, length) if box is None else box.parallel
+    first, last = (0.0, length) if box is None else box.parallel_range
     if start >= first - slack and end <= last + slack:
         return
-    name, face, _ = ring.places[0] if ring.places else (ring.name, "any", 0.0)
+    name, face, _ = ring.named_pads[0] if ring.named_pads else (ring.name, "any", 0.0)
     while_moving = f" as s goes from {low:.6g} to {high:.6g} m" if ring.moving else ""
     allowed = (
         f"the pad {name} reaches from {start:.6g} to {end:.6g} m along the axis{while_moving}; "
@@ -263,17 +269,17 @@ def _check_along(member: Member, length: float, ring: PadRing, key: str) -> None
     )
     if ring.moving:
         slider = member.part.slider
-        raise refusal("slider.travel" if slider and slider.travel else "slider.path", None, allowed)
-    raise refusal(key, ring.at, allowed)
+        raise scene_error("slider.travel" if slider and slider.travel else "slider.path", None, allowed)
+    raise scene_error(key, ring.at, allowed)
 
 
-def _check_across(box: Box, ring: PadRing, place: tuple[str, Face, float], key: str) -> None:
+def _check_pad_width(box: Box, ring: PadRing, place: tuple[str, Face, float], key: str) -> None:
     """Refuse a pad (name, face, coordinate across in m), of the given key, that is not within a flat face."""
     name, face, across = place
     faces = box.faces
     if face not in faces:
         offered = f"{', '.join(faces)} are allowed, which are flat" if faces else "no pads are allowed: nothing is flat"
-        raise refusal(key, None, f"this profile has no flat face {face}: {offered}")
+        raise scene_error(key, None, f"this profile has no flat face {face}: {offered}")
     (low, high), slack = faces[face].span, SLACK * max(box.width, box.height)
     start, end = across - ring.width / 2.0, across + ring.width / 2.0
     if low - slack <= start and end <= high + slack:
@@ -282,24 +288,26 @@ def _check_across(box: Box, ring: PadRing, place: tuple[str, Face, float], key: 
         f"the pad {name} reaches from {start:.6g} to {end:.6g} m across; "
         f"the flat face {face} offers {low:.6g} to {high:.6g} m, all of a pad has to be on it"
     )
-    raise refusal(key, across, allowed)
+    raise scene_error(key, across, allowed)
 
 
 def check_names(key: str, names: Iterable[str]) -> None:
     """Raise an InputError of `key` if two of the names are equal."""
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
-        raise refusal(key, twice[0], "names that differ are allowed")
+        raise scene_error(key, twice[0], "names that differ are allowed")
 
 
 def check_reserved(key: str, names: Iterable[str], reserved: Iterable[str]) -> None:
     """Raise an InputError if one of the names in the list `key` is reserved for an input that pmr adds."""
     for i, name in enumerate(names):
         if name in reserved:
-            raise refusal(f"{key}[{i}].name", name, "another name is allowed: this one is that of an input built in")
+            raise scene_error(
+                f"{key}[{i}].name", name, "another name is allowed: this one is that of an input built in"
+            )
 
 
-def refusal(key: str, value: Any, allowed: str) -> InputError:
+def scene_error(key: str, value: Any, allowed: str) -> InputError:
     """Return the error of a key of a scene; the reader of the file adds the file's name."""
     return InputError("scene", key, value, allowed)
 
@@ -318,7 +326,7 @@ def check_loads(part: OneBody, end: float) -> None:
             largest = float(np.abs(load.signal.bounds(0.0, end)).max())
         if not largest <= LARGEST_LOAD:
             allowed = f"at most {LARGEST_LOAD:g} N or N m are allowed, here it is {largest:.3g}"
-            raise refusal(f"loads[{i}].signal", None, allowed)
+            raise scene_error(f"loads[{i}].signal", None, allowed)
 
 
 def check_proportions(part: OneBody) -> None:
@@ -343,10 +351,10 @@ def _check_ratio(key: str, ratio: float, allowed: tuple[float, float], what: str
     """Refuse a ratio outside of the range `allowed`; `what` names it in the message."""
     if not allowed[0] <= ratio <= allowed[1]:
         ratio_allowed = f"a ratio of {what} from {allowed[0]:g} to {allowed[1]:g} is allowed, here it is {ratio:.3g}"
-        raise refusal(key, None, ratio_allowed)
+        raise scene_error(key, None, ratio_allowed)
 
 
-def jump_of(path: SignalBase, least: float) -> str | None:
+def describe_jump(path: SignalBase, least: float) -> str | None:
     """Return a description of a signal's first jump by more than `least`, both in m; None without one."""
     at = np.array(path.breaks)
     # All at once: one call costs as much as the signal has knots, and a file of them has thousands.

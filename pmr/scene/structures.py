@@ -21,8 +21,8 @@ from pmr.scene.keys import (
     Point,
     Pressure,
     Quantity,
+    SceneTable,
     SecondMoment,
-    Section,
     Switch,
     Usual,
 )
@@ -59,7 +59,7 @@ def unit_vector(direction: tuple[float, float, float]) -> tuple[float, float, fl
     return x / length, y / length, z / length
 
 
-class Material(Section):
+class Material(SceneTable):
     """Isotropic and linear elastic; structural steel by default."""
 
     young: Annotated[Pressure, Usual(1e6, 2e12)] = Field(default=210.0e9, description="Young's modulus E")
@@ -77,7 +77,7 @@ class Material(Section):
         return self.young / (2.0 * (1.0 + self.poisson))
 
 
-def _or_ratio(schema: dict[str, Any]) -> None:
+def _allow_ratio(schema: dict[str, Any]) -> None:
     """Allow in a JSON schema, which is changed in place, a ratio at two frequencies instead of mass and stiffness."""
     hertz = {"type": "number", "exclusiveMinimum": 0.0, "unit": "Hz"}
     about = "Damping ratio at the two frequencies"
@@ -91,7 +91,7 @@ def _or_ratio(schema: dict[str, Any]) -> None:
     schema["not"] = {"required": ["ratio"], "anyOf": [{"required": ["mass"]}, {"required": ["stiffness"]}]}
 
 
-class Damping(Section):
+class Damping(SceneTable):
     """Rayleigh damping D = a M + b K: `mass` is a and `stiffness` is b, or both follow from a damping `ratio`.
 
     The ratio holds at two `frequencies` in Hz; in between it is lower, outside it is higher.  With zeta = (a / omega +
@@ -100,7 +100,7 @@ class Damping(Section):
     other pair of keys: those of the first pair are then dropped.
     """
 
-    model_config = ConfigDict(json_schema_extra=_or_ratio)
+    model_config = ConfigDict(json_schema_extra=_allow_ratio)
 
     mass: Annotated[float, Field(ge=0.0, strict=True), Quantity("1/s", 0.0, 1e9)] = Field(
         default=0.0, description="Factor of the mass matrix M in D"
@@ -120,7 +120,7 @@ class Damping(Section):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _ratio(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+    def _resolve_ratio(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
         """Validate a table with `ratio` and `frequencies` as one with the factors of mass and stiffness that follow."""
         if not (isinstance(data, dict) and {"ratio", "frequencies"} & set(data)):
             return handler(data)
@@ -142,14 +142,14 @@ class Damping(Section):
         return damping
 
 
-class Plate(Section):
+class Plate(SceneTable):
     """Material and thickness of a region of a shell."""
 
     material: Material = Field(default=Material(), description="Of the plate")
     thickness: Length = Field(description="Of the plate")
 
 
-class PointMass(Section):
+class PointMass(SceneTable):
     """A rigid body attached to a named group, or on a beam to a position along it.
 
     With `coupling` `average` it follows the mean motion of the group, which may deform.  With `rigid` the group moves
@@ -174,7 +174,7 @@ class PointMass(Section):
         return {"inertia": self.mass * scales.get("length", 0.0) ** 2}
 
 
-class Probe(Section):
+class Probe(SceneTable):
     """Quantities recorded at the model's point that is nearest to a given point, or as the mean over a group.
 
     Probes are signed outputs at every step, of the full and of the reduced model; they need no further simulation.
@@ -197,7 +197,7 @@ class Probe(Section):
     )
 
     @model_validator(mode="after")
-    def _one_place(self) -> Probe:
+    def _check_place(self) -> Probe:
         """Refuse a probe unless it has a point or a group, not both, and measures that differ."""
         if (self.at is None) == (self.on is None):
             raise ValueError("give at or on, one of them")
@@ -206,7 +206,7 @@ class Probe(Section):
         return self
 
 
-class Profile(Section):
+class Profile(SceneTable):
     """A straight planar beam by its stiffnesses, along x from 0 to `length`."""
 
     length: Length = Field(description="Length along x")
@@ -230,14 +230,14 @@ class Profile(Section):
         }
 
     @model_validator(mode="after")
-    def _axial_needs_stiffness(self) -> Profile:
+    def _check_axial_stiffness(self) -> Profile:
         """Refuse axial coordinates without an axial stiffness."""
         if self.axial and self.axial_stiffness is None:
             raise ValueError("axial = true needs axial_stiffness in N")
         return self
 
 
-class ShellBody(Section):
+class ShellBody(SceneTable):
     """A shell: its plate, and other ones in named regions of the mesh."""
 
     plate: Plate = Field(description="Of all that no region says otherwise of")
@@ -247,14 +247,14 @@ class ShellBody(Section):
     )
 
 
-class SolidBody(Section):
+class SolidBody(SceneTable):
     """A solid: its material, and other ones in named regions of the mesh."""
 
     material: Material = Field(default=Material(), description="Of all that no region says otherwise of")
     regions: dict[Name, Material] = Field(default={}, description="Named regions of the mesh that differ")
 
 
-class BeamSection(Section):
+class BeamSection(SceneTable):
     """Properties of a cross-section about its centroid, with y across and z up.
 
     Centroid and shear centre are measured from the axis of the beam, on which supports, loads and pads act.
@@ -282,7 +282,7 @@ class BeamSection(Section):
         return self.second_moment_y + self.second_moment_z
 
 
-class Beam3DBody(Section):
+class Beam3DBody(SceneTable):
     """A straight beam in space, along x; `shear` adds shear deformation and rotary inertia."""
 
     length: Length = Field(description="Length along x")
@@ -293,7 +293,7 @@ class Beam3DBody(Section):
     elements: Count = Field(default=60, description="Over the whole length")
 
     @model_validator(mode="after")
-    def _described_once(self) -> Beam3DBody:
+    def _check_description(self) -> Beam3DBody:
         """Refuse a beam unless it has a section or a profile, not both, and shear areas if shear deforms it."""
         if (self.section is None) == (self.profile is None):
             raise ValueError("give section or profile, one of them")

@@ -16,8 +16,8 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from pmr.errors import InputError
-from pmr.errors.text import hint, no_file
-from pmr.scene.keys import Refusal, dotted_key, keys_of
+from pmr.errors.text import missing_file_reason, similar_name_hint
+from pmr.scene.keys import Refusal, dotted_key, iterate_keys
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -79,13 +79,13 @@ class Dialect:
     #: Keys, at any depth, that hold the name of a file (or a list of names), relative to the file they stand in.
     references: tuple[str, ...] = ("file",)
     #: Keys that a file which extends this one does not take over.
-    own: tuple[str, ...] = ()
+    not_inherited: tuple[str, ...] = ()
     #: Alternative keys of a table for the same setting: a file that sets some of one takes over none of the others.
     alternatives: Mapping[str, tuple[tuple[str, ...], ...]] = field(default_factory=dict)
     #: Dotted keys of earlier versions, without indices of lists, and their present names.
-    moved: Mapping[str, str] = field(default_factory=dict)
+    renamed_keys: Mapping[str, str] = field(default_factory=dict)
     #: Dotted keys of earlier versions without a present name, and the message about each.
-    gone: Mapping[str, str] = field(default_factory=dict)
+    removed_keys: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -126,16 +126,16 @@ class TomlFile:
         Raises InputError for the first key that has moved or gone, else for the first value that is refused, unknown
         keys first.
         """
-        for location, name, _, value in keys_of(self.data):
-            if name in self.dialect.moved:
-                allowed = f"this key is called {self.dialect.moved[name]} now"
+        for location, name, _, value in iterate_keys(self.data):
+            if name in self.dialect.renamed_keys:
+                allowed = f"this key is called {self.dialect.renamed_keys[name]} now"
                 raise InputError(self.origin(location), location, value, allowed)
-            if name in self.dialect.gone:
-                raise InputError(self.origin(location), location, value, self.dialect.gone[name])
+            if name in self.dialect.removed_keys:
+                raise InputError(self.origin(location), location, value, self.dialect.removed_keys[name])
         try:
             return model.model_validate(self.data)
         except ValidationError as error:
-            refused = Refusal.of(error, model, self.data)
+            refused = Refusal.from_validation(error, model, self.data)
             raise InputError(
                 self.origin(refused.location), dotted_key(refused.location), refused.value, refused.allowed
             ) from None
@@ -152,12 +152,12 @@ class TomlFile:
     def _with_base(self, path: Path, extending: tuple[Path, ...]) -> dict[str, Any]:
         """Return the tables of a file merged over those that it extends; `extending` are the files that lead to it."""
         what = self.dialect.name
-        data = tables(path, what)
+        data = read_tables(path, what)
         if path.resolve() in extending:
             raise InputError(str(path), "extends", None, "a file must not extend itself")
         if len(extending) > DEEPEST:
             raise InputError(str(path), "extends", None, f"at most {DEEPEST} files that extend one another are allowed")
-        _anchor(data, path.parent, self.dialect.references)
+        _resolve_references(data, path.parent, self.dialect.references)
         base: dict[str, Any] = {}
         if "extends" in data:
             extends = data.pop("extends")
@@ -166,11 +166,11 @@ class TomlFile:
             file_beside = path.parent / extends
             base_file = file_beside if isfile(file_beside) else workflow(extends)
             if base_file is None:
-                allowed = f"{hint(extends, workflows())}the name of a {what} is allowed; there is none"
+                allowed = f"{similar_name_hint(extends, workflows())}the name of a {what} is allowed; there is none"
                 allowed += ", but a folder" * (extends != "" and isdir(file_beside))
                 raise InputError(str(path), "extends", extends, allowed)
             base = self._with_base(base_file, (*extending, path.resolve()))
-            for key in self.dialect.own:
+            for key in self.dialect.not_inherited:
                 base.pop(key, None)
         self._forget_alternatives(base, data)
         _merge(base, data, str(path), self.origins)
@@ -208,22 +208,22 @@ def override(text: str) -> Change:
     return Change(nested, OPTION)
 
 
-def laid_over(base: Mapping[str, Any], update: Mapping[str, Any]) -> dict[str, Any]:
+def merge_tables(base: Mapping[str, Any], update: Mapping[str, Any]) -> dict[str, Any]:
     """Return the tables of `base` with those of `update` merged over them; both arguments stay unchanged."""
     merged = deepcopy(dict(base))
     _merge(merged, deepcopy(dict(update)), "scene", {})
     return merged
 
 
-def tables(path: Path, what: str) -> dict[str, Any]:
+def read_tables(path: Path, what: str) -> dict[str, Any]:
     """Return the tables of one file as it is, without the files that it extends.
 
     Raises InputError if it is missing or not TOML; `what` names the kind of file in the message.
     """
     if not isfile(path):
-        close = hint(path.stem, workflows()) if path.name == str(path) else ""
+        close = similar_name_hint(path.stem, workflows()) if path.name == str(path) else ""
         close = f"a change of a key stands behind {OPTION}" if "=" in path.name else close
-        raise InputError(str(path), "", None, f"{no_file(path, what)}; {close}".removesuffix("; ").rstrip())
+        raise InputError(str(path), "", None, f"{missing_file_reason(path, what)}; {close}".removesuffix("; ").rstrip())
     try:
         if path.stat().st_size > LARGEST:
             raise ValueError(f"a file of at most {LARGEST // 10**6} MB is allowed")
@@ -255,10 +255,10 @@ def _is_too_deep(data: Any, depth: int = DEEPEST) -> bool:
     return inner is not None and (depth < 0 or any(_is_too_deep(entry, depth - 1) for entry in inner))
 
 
-def _anchor(data: Any, folder: Path, references: tuple[str, ...]) -> None:
+def _resolve_references(data: Any, folder: Path, references: tuple[str, ...]) -> None:
     """Make names of files absolute or relative to `folder`, in place, for all keys called as one of `references`."""
     for value in data.values() if isinstance(data, dict) else data if isinstance(data, list) else ():
-        _anchor(value, folder, references)
+        _resolve_references(value, folder, references)
     for key in set(references) & set(data if isinstance(data, dict) else ()):
         if isinstance(data[key], str):
             data[key] = str(folder / data[key])
@@ -280,7 +280,7 @@ def _merge(
             _merge(old, value, source, origins, location)
         elif isinstance(value, Mapping) and isinstance(old, list):
             for name, part in value.items():
-                number = _entry(old, name, (source, *_leaf(dotted_key([*location, name]), part)))
+                number = _entry(old, name, (source, *_innermost_key(dotted_key([*location, name]), part)))
                 if isinstance(part, Mapping):
                     _merge(old[number], part, source, origins, (*location, str(number)))
                 else:
@@ -315,7 +315,7 @@ def _entry(entries: list[Any], name: str, place: tuple[str, str, Any]) -> int:
     raise InputError(source, key, value, allowed)
 
 
-def _leaf(key: str, value: Any) -> tuple[str, Any]:
+def _innermost_key(key: str, value: Any) -> tuple[str, Any]:
     """Return dotted key and value of the innermost table, of tables that hold one key each."""
     while isinstance(value, Mapping) and len(value) == 1:
         ((part, value),) = value.items()

@@ -2,7 +2,8 @@
 
 Every simulator is a `SystemSimulator`: all have the same arguments, and return a `SystemTrajectory` with all steps, t =
 0 included; a single body is a system of one.  For full models, whose steps are too large to store, there is
-`petsc.observe`.  A simulator refuses what it can't do (`pmr.scene.choice.refuse`), and names the key to change.
+`petsc.observe`.  A simulator refuses what it can't do (`pmr.scene.choice.refuse_unsupported`), and names the key to
+change.
 """
 
 from __future__ import annotations

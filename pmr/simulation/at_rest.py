@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.results import Energy, Response
 from pmr.results.response import Output
 from pmr.scene import Scene
-from pmr.scene.built import force_of
+from pmr.scene.built import force_name
 from pmr.scene.frame import BaseMotion
 from pmr.scene.keys import SLIDER
 from pmr.scene.mechanism import frame_terms
@@ -28,7 +28,7 @@ from pmr.simulation.reactions import column_names, is_reaction, with_forces_on_m
 from pmr.system.assembly import Assembly
 from pmr.system.body import Trajectory, force_outputs
 from pmr.system.contact_rows import ContactRows
-from pmr.system.contacts import named
+from pmr.system.contacts import qualified_name
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 
@@ -228,7 +228,7 @@ def _response_at_rest(
         residual_position=none,
         residual_velocity=none,
         seconds=0.0,
-        force_names=(*names, *(force_of(system.contact_names[k]) for k in held)),
+        force_names=(*names, *(force_name(system.contact_names[k]) for k in held)),
         kinds=(*kinds, *(system.contacts[k].kind for k in held)),
         bodies=(*owners, *(system.contacts[k].inner.body for k in held)),
     )
@@ -243,7 +243,7 @@ def _spring_outputs(
     for name, body in system.bodies.items():
         of = column_names(body)
         numbers += (assembly.output_slices[name].start + np.flatnonzero(force_outputs(body))).tolist()
-        names += [named(name, spring) for spring in of.forces]
+        names += [qualified_name(name, spring) for spring in of.forces]
         kinds += of.kinds[1]
         owners += [name] * len(of.forces)
     return np.array(numbers, dtype=np.int64), names, kinds, owners

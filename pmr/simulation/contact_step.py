@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
-from pmr.errors.text import rounded, rounded_down
+from pmr.errors.text import two_digits, two_digits_below
 from pmr.kernel.laws import SchemeFactors
 from pmr.simulation import contact_step
 from pmr.simulation.excitation import Excitation, side_positions
@@ -142,9 +142,10 @@ def warnings(omega: float, stepping: TimeStepping) -> list[str]:
     in_all = stepping.end * omega / RESOLVED  # parts of all steps, whatever the step
     enough = RESOLVED / omega * (MOST_PARTS if in_all <= MOST_IN_ALL and not stepping.parts else 1)
     return [
-        f"pads that only push: their contact has h omega = {rounded(reached)} in each of the {count} parts of a step, "
+        f"pads that only push: their contact has h omega = {two_digits(reached)} in each of the {count} parts of a "
+        "step, "
         f"{RESOLVED:g} resolves an impact: peak forces are too small and rebounds lose energy; "
-        f"time.step = {rounded_down(enough)} s, or less stiffness, is enough"
+        f"time.step = {two_digits_below(enough)} s, or less stiffness, is enough"
     ]
 
 

@@ -14,7 +14,7 @@ from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene import Scene
 from pmr.scene.choice import is_accelerated
 from pmr.scene.keys import SLIDER as SLIDER
-from pmr.scene.keys import input_of
+from pmr.scene.keys import input_name
 from pmr.scene.members import EXTENSION, members
 from pmr.scene.run_settings import Simulation
 from pmr.scene.signals import SignalBase
@@ -59,7 +59,7 @@ class Excitation:
             signals = load_signals(scene, member) | member.weight | inertia_loads(scene, member)
             if is_accelerated(member):
                 signals[EXTENSION] = Acceleration(paths=tuple(paths.values())[: member.number], step=stepping.step)
-            loads |= {input_of(name, load): signal for load, signal in signals.items()}
+            loads |= {input_name(name, load): signal for load, signal in signals.items()}
         loads |= computed_inputs(scene)
         terms = term_signals(scene)
         return cls(scene.driven_paths, loads, stepping, scene.simulation, scene.start, terms=terms)

@@ -25,9 +25,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pmr.scene import Scene
 from pmr.scene.built import Load
-from pmr.scene.choice import inertia_fields, parts_of
+from pmr.scene.choice import inertia_fields, input_directions
 from pmr.scene.frame import INERTIA, Frame
-from pmr.scene.keys import Direction, input_of
+from pmr.scene.keys import Direction, input_name
 from pmr.scene.mechanism import FrameTerm, frame_terms
 from pmr.scene.members import Member, member_at
 from pmr.scene.signals import Constant, SignalBase
@@ -266,7 +266,7 @@ def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
     """Signals of a section's loads by the names of the body's inputs; forces along ground axes by their components."""
     signals = dict[str, SignalBase]()
     for load in member.part.loads:
-        for name, part in parts_of(member, load).items():
+        for name, part in input_directions(member, load).items():
             signals[name] = load.signal if load.axes == "body" else _ground_force_component(scene, member, load, part)
     return signals
 
@@ -274,7 +274,7 @@ def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
 def _ground_force_component(scene: Scene, member: Member, load: Load, part: Direction) -> GroundForceComponent:
     """Component `part` (an axis of the body) of a load along a ground axis."""
     assert scene.frame is not None  # as the checks say
-    name = input_of(scene.names[member.number], load.name)
+    name = input_name(scene.names[member.number], load.name)
     about = {"name": name, "along": load.direction, "part": part, "step": scene.time.step}
     return GroundForceComponent(force=load.signal, **_angle_signals(scene.frame), **about)
 
@@ -282,7 +282,7 @@ def _ground_force_component(scene: Scene, member: Member, load: Load, part: Dire
 def _angle_signals(frame: Frame) -> dict[str, Any]:
     """Luffing, slewing and rocking angles of a frame, as arguments of `AngleAmplitude`."""
     luffing, slewing = frame.angles
-    return {"luffing": luffing, "slewing": slewing, "rocking": frame.rocking}
+    return {"luffing": luffing, "slewing": slewing, "rocking": frame.base_angles}
 
 
 def base_accelerations(scene: Scene) -> tuple[SignalBase, ...]:
@@ -308,7 +308,7 @@ def section_acceleration(scene: Scene, number: int, field: str, factor: float = 
         **_angle_signals(frame),
         base=base_accelerations(scene),
         gravity=scene.gravity.signal if scene.gravity else Constant(amount=0.0),
-        pivot=frame.place,
+        pivot=frame.tail_position,
         paths=tuple(scene.extension(k) for k in range(1, number + 1)),
         step=scene.time.step,
         field=field,
@@ -331,16 +331,16 @@ def term_signals(scene: Scene, which: Iterable[FrameTerm] | None = None) -> dict
 def _term_signal(scene: Scene, term: FrameTerm) -> SignalBase:
     """Amplitude of one term of the scene."""
     assert scene.frame is not None  # of a scene that has terms
-    if term.of == "field":
+    if term.kind == "field":
         return section_acceleration(scene, term.number, term.component)
-    if term.of == "load":
+    if term.kind == "load":
         return load_signals(scene, member_at(scene, term.number))[term.component]
-    if term.of in ("cylinder", "cylinder load"):
-        carried = scene.names.index(term.carried)
+    if term.kind in ("cylinder", "cylinder load"):
+        carried = scene.names.index(term.carried_section)
         length = {"length": scene.extension(term.number), "number": term.number, "step": scene.time.step}
-        if term.of == "cylinder":
+        if term.kind == "cylinder":
             return CylinderAmplitude(factor=-1.0, of=section_acceleration(scene, carried, term.component), **length)
         load = load_signals(scene, member_at(scene, carried))[term.component]
-        return CylinderAmplitude(factor=1.0, of=load, name=input_of(term.carried, term.component), **length)
-    about = {"of": term.of, "component": term.component, "step": scene.time.step}
+        return CylinderAmplitude(factor=1.0, of=load, name=input_name(term.carried_section, term.component), **length)
+    about = {"of": term.kind, "component": term.component, "step": scene.time.step}
     return Rotation(**_angle_signals(scene.frame), **about)

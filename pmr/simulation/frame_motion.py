@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import SkipValidation
 
 from pmr.scene import Scene
-from pmr.scene.frame import DIRECTIONS, BaseMotion, rotation
+from pmr.scene.frame import DIRECTIONS, BaseMotion, boom_rotation
 from pmr.scene.signals import SignalBase
 from pmr.scene.signals.base import Floats, Strand
 
@@ -137,7 +137,7 @@ class FrameRotation:
         )
         ones, none = np.ones_like(a), np.zeros_like(a)
         roll = np.moveaxis(np.array([[ones, none, none], [none, ca, -sa], [none, sa, ca]]), -1, 0)
-        return cls(velocity, acceleration, rotation(-b, c) @ roll)
+        return cls(velocity, acceleration, boom_rotation(-b, c) @ roll)
 
     @classmethod
     def _on_fixed_base(cls, luffing: Angle, slewing: Angle) -> FrameRotation:
@@ -150,7 +150,7 @@ class FrameRotation:
                 [faster * sine + turn * rise * cosine, -second, faster * cosine - turn * rise * sine],
                 axis=-1,
             ),
-            rotation(phi, psi),
+            boom_rotation(phi, psi),
         )
 
     @property

@@ -41,9 +41,9 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
-from pmr.scene.choice import directions
+from pmr.scene.choice import motion_directions
 from pmr.scene.frame import INERTIA
-from pmr.scene.keys import LUFFING, input_of
+from pmr.scene.keys import LUFFING, input_name
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.members import member_at
 from pmr.simulation.floating import (
@@ -83,7 +83,7 @@ class FreeBase:
 
     def __init__(self, scene: Scene, system: System, assembly: Assembly | None = None) -> None:
         assembly = Assembly(system) if assembly is None else assembly
-        if scene.frame is None or scene.frame.leaves_plane is None or not scene.frame.turns:
+        if scene.frame is None or scene.frame.out_of_plane_key is None or not scene.frame.has_angles:
             allowed = "a frame with a pivot that luffs and slews is allowed, for it makes all fields of inertia"
             raise InputError("scene", "frame", None, allowed)
         n = assembly.size
@@ -99,22 +99,24 @@ class FreeBase:
         self._scene, self._terms = scene, {term.name: term.stiffness for term in assembly.terms}
         for frame_term in frame_terms(scene):
             term = terms[frame_term.name]
-            if frame_term.of == "rotation":
+            if frame_term.kind == "rotation":
                 rotating["xyz".index(frame_term.component)] += term.damping.toarray()
-            elif frame_term.of == "carried":
+            elif frame_term.kind == "carried":
                 j, k = ("xyz".index(axis) for axis in frame_term.component)
                 for at in {(j, k), (k, j)}:
                     carried[at] += term.stiffness.toarray()
-            elif frame_term.of in ("field", "cylinder"):
-                section = scene.names.index(frame_term.carried) if frame_term.carried else frame_term.number
-                cylinder = frame_term.number if frame_term.of == "cylinder" else None
+            elif frame_term.kind in ("field", "cylinder"):
+                section = (
+                    scene.names.index(frame_term.carried_section) if frame_term.carried_section else frame_term.number
+                )
+                cylinder = frame_term.number if frame_term.kind == "cylinder" else None
                 shortened.append(Shortening(section, len(frame_term.component) - 1, term.stiffness.toarray(), cylinder))
         self.size, self._count = n, len(sections)
         B = self.moments(assembly.B.toarray())
         #: names of paths that move no section: a slider's
         self.aside = tuple(name for name in system.paths if name not in (*scene.names, LUFFING))
         moments = Moments(B, np.zeros((*B.shape, len(sections) + len(self.aside))), 0.0 * B)
-        self.boom = Boom(np.array(scene.frame.place), sections, moments, shortened, rotating, carried)
+        self.boom = Boom(np.array(scene.frame.tail_position), sections, moments, shortened, rotating, carried)
 
     def moments(self, B: Array) -> Array:
         """Moments beta (..., S, 4, 3, n) from the matrix B (..., n, i) of inputs on coordinates.
@@ -153,9 +155,9 @@ class FreeBase:
         `cylinder` is None, or the number of the extension by whose length q^T G q / 2 has to be divided.
         """
         for term in frame_terms(self._scene):
-            if term.of in ("load", "cylinder load"):
-                if input_of(term.carried or term.bodies[0], term.component) == load:
-                    yield (term.number if term.of == "cylinder load" else None), self._terms[term.name].toarray()
+            if term.kind in ("load", "cylinder load"):
+                if input_name(term.carried_section or term.bodies[0], term.component) == load:
+                    yield (term.number if term.kind == "cylinder load" else None), self._terms[term.name].toarray()
 
     def loads(self, f: Array, extended: Extensions) -> Array:
         """Force and moment about O (6,) of loads f (i,) on the undeformed boom, without inertia."""
@@ -196,9 +198,9 @@ def _rigid_section(scene: Scene, number: int, body: ReducedModel, assembly: Asse
     Raises InputError for planar sections, and if the rigid motions are not known.
     """
     name, W = scene.names[number], body.rigid_work
-    if set(directions(member_at(scene, number))) != {"x", "y", "z", "rx", "ry", "rz"}:
+    if set(motion_directions(member_at(scene, number))) != {"x", "y", "z", "rx", "ry", "rz"}:
         allowed = "a model in space is allowed on a base that moves freely"
-        raise InputError("scene", scene.key_of(number, "body.model"), None, allowed)
+        raise InputError("scene", scene.section_key(number, "body.model"), None, allowed)
     if W is None:
         allowed = "a body none of whose points is clamped (supports of points = 'mean') is allowed on a free base"
         raise InputError("system", f"bodies.{name}.rigid_work", None, allowed)

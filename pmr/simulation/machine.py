@@ -25,7 +25,7 @@ from pmr.kernel.kernel import Kernel
 from pmr.kernel.machine import Machine, MachineSimulation
 from pmr.kernel.state import Settings, State, StepError
 from pmr.scene import Scene
-from pmr.scene.choice import refuse
+from pmr.scene.choice import refuse_unsupported
 from pmr.scene.frame import DIRECTIONS, INERTIA, BaseMotion
 from pmr.scene.keys import LUFFING
 from pmr.scene.signals import Constant
@@ -179,7 +179,7 @@ class MachineRun:
         self._x, modal = side_positions(system, self._excitation), self.form.modal
         x = side_positions(modal, self._excitation)
         stepping = self._excitation.stepping
-        refuse("march", needs_of(modal, Assembly(modal).contact_rows(x[0]).rigid, x, stepping.rho_inf))
+        refuse_unsupported("march", needs_of(modal, Assembly(modal).contact_rows(x[0]).rigid, x, stepping.rho_inf))
         moving = MovingFrame.in_scene(resting, system)
         self._kernel = Kernel.of(system, self.form.forms, moving)
         modes = modes_in_bodies(self.form, self._kernel.modes)
@@ -189,7 +189,7 @@ class MachineRun:
         self._angles = [moving.drivers.index(angle) for angle in OF_BASE]
         self._free, self._sprung = np.isin(DIRECTIONS, frame.machine.free), machine.stiffness > 0.0
         begun = [[getattr(of, axis) for axis in DIRECTIONS] for of in (frame.machine.start, frame.machine.rate)]
-        self._begun = np.array(begun) * direction_units(scene)  # (2, 6): of free directions, with rates
+        self._fill_in_start = np.array(begun) * direction_units(scene)  # (2, 6): of free directions, with rates
         self._inertial = [system.input_names[k] for k in machine.inertial] if self._free.any() else []
         self.simulation, self._in_balance = MachineSimulation(state, machine), scene.start == "equilibrium"
 
@@ -217,7 +217,7 @@ class MachineRun:
     def _start(self) -> None:
         """Set the initial state: as given, or in equilibrium on the machine's springs."""
         motion, states = self._given.copy(), dict[str, InitialState]()
-        motion[:2, self._free] += self._begun[:, self._free]
+        motion[:2, self._free] += self._fill_in_start[:, self._free]
         if self._in_balance:
             motion = self._balance_springs(motion)
             states = self._rest_states(motion[0])

@@ -19,13 +19,13 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import TypeAdapter
 
 from pmr.errors import InputError
-from pmr.errors.text import visible
+from pmr.errors.text import escape_controls
 from pmr.kernel.further import ANGLES, AXES
 from pmr.scene import Scene
 from pmr.scene.built import Gravity
 from pmr.scene.checks import MOST_STEPS
 from pmr.scene.files import stored_scene
-from pmr.scene.keys import RECORDED, input_of
+from pmr.scene.keys import RECORDED, input_name
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.signals import Signal, SignalBase
 from pmr.simulation.excitation import SLIDER, Excitation
@@ -90,7 +90,7 @@ def _read_body_scene(scene: Mapping[str, Any], system: System) -> StoredScene:
     first_loads = excitation.f[0].copy()
     if weight is not None:
         first_loads[-1] = weight.acceleration
-    return StoredScene(visible(str(scene.get("title", "Sliding body"))), excitation, first_loads)
+    return StoredScene(escape_controls(str(scene.get("title", "Sliding body"))), excitation, first_loads)
 
 
 def _read_boom_scene(scene: Any, system: System) -> StoredScene:
@@ -190,13 +190,13 @@ class MovingFrame:
         frame = scene.frame
         assert frame is not None  # of those who ask
         excitation = Excitation.from_scene(scene)
-        of_terms = {term.name: input_of(scene.names[term.number], term.component) for term in frame_terms(scene)}
+        of_terms = {term.name: input_name(scene.names[term.number], term.component) for term in frame_terms(scene)}
         angles = {"luffing": frame.luffing, "slewing": frame.slewing}
         return cls(
             scene=scene,
             paths=tuple(scene.paths),
             loads=tuple(_loads(scene)),
-            angles=(*(name for name in OF_FRAME if angles[name] is not None), *(OF_BASE if frame.rocking else ())),
+            angles=(*(name for name in OF_FRAME if angles[name] is not None), *(OF_BASE if frame.base_angles else ())),
             axes=AXES if base_accelerations(scene) else (),
             inputs=_products(system.input_names, excitation.loads, {name: name for name in excitation.loads}),
             terms=_products(system.term_names, excitation.terms, of_terms),
@@ -266,7 +266,7 @@ class MovingFrame:
         """Signals of the n drivers in the scene."""
         frame = self.scene.frame
         assert frame is not None
-        angles = dict(zip(ANGLES, (*frame.angles, *frame.rocking), strict=False))
+        angles = dict(zip(ANGLES, (*frame.angles, *frame.base_angles), strict=False))
         shaken = dict(zip(AXES, base_accelerations(self.scene), strict=False))
         signals = dict(self.scene.paths) | _loads(self.scene) | angles | shaken
         return tuple(signals[name] for name in self.drivers)
@@ -300,6 +300,6 @@ def _loads(scene: Scene) -> dict[str, SignalBase]:
     """Signals of the loads by input name, as the scene gives them, and of the gravity."""
     sections = zip(scene.names, scene.sections, strict=True)
     signals: dict[str, SignalBase] = {
-        input_of(name, load.name): load.signal for name, part in sections for load in part.loads
+        input_name(name, load.name): load.signal for name, part in sections for load in part.loads
     }
     return signals if scene.gravity is None else signals | {GRAVITY: scene.gravity.signal}

@@ -23,10 +23,17 @@ from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.results.response import Output
 from pmr.scene import Scene
-from pmr.scene.built import reaction_of
-from pmr.scene.choice import directions
+from pmr.scene.built import reaction_name
+from pmr.scene.choice import motion_directions
 from pmr.scene.keys import ALONE
-from pmr.scene.mechanism import AT_PIVOT, CYLINDER, MOMENT, forces_of_cylinder, pin_and_cylinder, pressed_on_ground
+from pmr.scene.mechanism import (
+    AT_PIVOT,
+    CYLINDER,
+    MOMENT,
+    cylinder_force_names,
+    ground_contact_wrenches,
+    pin_and_cylinder,
+)
 from pmr.scene.members import members
 from pmr.simulation.modal import forces_without_rows, inertia_share, support_forces
 from pmr.system.body import (
@@ -41,7 +48,7 @@ from pmr.system.body import (
     other_outputs,
     units_of,
 )
-from pmr.system.contacts import Contact, named
+from pmr.system.contacts import Contact, qualified_name
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 
@@ -127,7 +134,7 @@ def with_reactions(response: Response, of_bodies: Mapping[str, Supports], forces
     if not forces:
         return response
     supports = [
-        Output(reaction_of(named(body, name)), "reaction", body, unit=unit)
+        Output(reaction_name(qualified_name(body, name)), "reaction", body, unit=unit)
         for body, of in of_bodies.items()
         for name, unit in of
     ]
@@ -140,17 +147,17 @@ def with_pivot_force(scene: Scene, response: Response) -> Response:
         return response
     total, parts = np.zeros((len(response.t), 6)), dict(zip(response.force_names, response.slider_force.T, strict=True))
     parts |= {} if response.others is None else dict(zip(response.other_names, response.others.T, strict=True))
-    for reaction in pressed_on_ground(
+    for reaction in ground_contact_wrenches(
         scene, {name: path.value(response.t) for name, path in scene.driven_paths.items()}
     ):
         name = next((name for name in reaction.names if name in parts), None)
         if name is None:
             return response
         total += parts[name][:, None] * reaction.wrench
-    axes = directions(members(scene)[0])
+    axes = motion_directions(members(scene)[0])
     numbers = ["xyz".index(axis) if len(axis) == 1 else 3 + "xyz".index(axis[1]) for axis in axes]
     forces = [
-        Output(reaction_of(f"{AT_PIVOT} {axis}"), "reaction", scene.names[0], unit="N" if len(axis) == 1 else "N m")
+        Output(reaction_name(f"{AT_PIVOT} {axis}"), "reaction", scene.names[0], unit="N" if len(axis) == 1 else "N m")
         for axis in axes
     ]
     return response.with_others(total[:, numbers], forces)
@@ -161,11 +168,11 @@ def with_luffing_cylinder(scene: Scene, response: Response) -> Response:
     if scene.frame is None or scene.frame.cylinder is None:
         return response
     if scene.holding_cylinder is not None:
-        force = _first_stored_force(response, forces_of_cylinder(scene))
+        force = _first_stored_force(response, cylinder_force_names(scene))
     elif MOMENT not in response.other_names:
         return response
     else:
-        _, arm = scene.frame.cylinder.length(scene.frame.angles[0].value(response.t))
+        _, arm = scene.frame.cylinder.length_and_arm(scene.frame.angles[0].value(response.t))
         force = response.other(MOMENT) / arm
     return response.with_others(force[:, None], [Output(CYLINDER, "reaction", scene.names[0], unit="N")])
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.scene.choice import Needs
+from pmr.scene.choice import SimulatorNeeds
 from pmr.system.body import Body
 from pmr.system.contacts import Contact, Friction, friction_joints
 from pmr.system.definite import dependence_of_rows
@@ -46,7 +46,7 @@ def describe_divergence(term_names: Sequence[str], contacts: Sequence[Contact], 
     )
 
 
-def needs_of(system: BodySystem[Body], rigid: NDArray[np.bool_], x: Array, rho_inf: float) -> Needs:
+def needs_of(system: BodySystem[Body], rigid: NDArray[np.bool_], x: Array, rho_inf: float) -> SimulatorNeeds:
     """Needs of a system that a simulator has to support: contacts that push, are rigid, give way, move or rub.
 
     Parameters
@@ -68,11 +68,11 @@ def needs_of(system: BodySystem[Body], rigid: NDArray[np.bool_], x: Array, rho_i
         """Names of the contacts of a mask (m,)."""
         return tuple(name for name, chosen in zip(system.contact_names, which, strict=True) if chosen)
 
-    return Needs(
-        pushing=names(pushing),
-        rigid_pushing=names(pushing & rigid),
-        giving=names(~rigid),
-        rigid_moving=names(rigid & moving),
-        rubbing=() if rubs is None else tuple(system.contact_names[k] for k in rubs.pads),
+    return SimulatorNeeds(
+        pushing_rows=names(pushing),
+        rigid_pushing_rows=names(pushing & rigid),
+        flexible_rows=names(~rigid),
+        rigid_moving_rows=names(rigid & moving),
+        friction_rows=() if rubs is None else tuple(system.contact_names[k] for k in rubs.pads),
         rho_inf=rho_inf,
     )

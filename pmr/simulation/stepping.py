@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.errors.text import rounded, rounded_down
+from pmr.errors.text import two_digits, two_digits_below
 from pmr.scene.signals import SignalBase, Table
 from pmr.system.states import SystemTrajectory
 
@@ -125,7 +125,7 @@ def _describe_loss(signal: SignalBase, stepping: TimeStepping) -> Iterator[str]:
     if share > UNSEEN:
         yield (
             f"what it does about t = {at:.6g} s passes between two steps of {h:.4g} s, "
-            f"{rounded(100.0 * share)} % of its whole range; smaller steps see it"
+            f"{two_digits(100.0 * share)} % of its whole range; smaller steps see it"
         )
 
 
@@ -140,14 +140,14 @@ def _describe_table_overshoot(part: SignalBase, stepping: TimeStepping) -> Itera
     if beyond > UNSEEN * (most - least):
         yield (
             f"the curve through its table ({part.interpolation}) goes from {low:.6g} to {high:.6g}, "
-            f"{rounded(100.0 * beyond / (most - least))} % of the table's range beyond it; interpolation = "
+            f"{two_digits(100.0 * beyond / (most - least))} % of the table's range beyond it; interpolation = "
             "'linear', or more rows where it turns, keep to the table"
         )
 
 
 def _describe_needed_step(f: float) -> str:
     """Text with the step that follows a tone of f Hz."""
-    return f"steps of {rounded_down(1.0 / (STEPS_A_PERIOD * f))} s or less follow it"
+    return f"steps of {two_digits_below(1.0 / (STEPS_A_PERIOD * f))} s or less follow it"
 
 
 def _overshoot(signal: SignalBase, stepping: TimeStepping) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from pmr.errors import environment
-from pmr.errors.text import duration
+from pmr.errors.text import duration_text
 from pmr.studies.files import Project
 from pmr.studies.results import RunRecord, Store, StudyResults
 from pmr.studies.study import StudyBase
@@ -44,7 +44,7 @@ class Progress:
         """The progress in one line."""
         failed = f", {self.failed} failed or skipped" if self.failed else ""
         time_left = (
-            f", about {duration(self.remaining)} left"
+            f", about {duration_text(self.remaining)} left"
             if self.remaining and self.done + self.failed < self.total
             else ""
         )
@@ -53,7 +53,7 @@ class Progress:
             if self.running
             else ""
         )
-        return f"{self.done} of {self.total} tasks done{failed} after {duration(self.elapsed)}{time_left}{now}"
+        return f"{self.done} of {self.total} tasks done{failed} after {duration_text(self.elapsed)}{time_left}{now}"
 
 
 Watch = Callable[[Progress], None]
@@ -86,7 +86,7 @@ def compute_results(project: Project, folder: Path, pool: Pool, watch: Watch) ->
 
     Results of tasks are stored in ``folder / "tasks"``.  `watch` is called as in `run_tasks`.
     """
-    store, code = Store(folder / "tasks"), environment.code_digest(environment.sources(), NOT_IN_DIGEST)
+    store, code = Store(folder / "tasks"), environment.code_digest(environment.source_texts(), NOT_IN_DIGEST)
     store.prepare()
     nodes = open_nodes([part.plan for part in project.parts], code, store.is_sound)
     failures = run_tasks(nodes, store, pool, watch)
@@ -205,8 +205,8 @@ def _summary_head(title: str, kind: str) -> dict[str, Any]:
     return {
         "title": title,
         "kind": kind,
-        "versions": environment.versions(),
-        "commit": environment.commit(),
+        "versions": environment.package_versions(),
+        "commit": environment.checkout_commit(),
         "date": environment.today(),
-        "machine": environment.machine(),
+        "machine": environment.describe_machine(),
     }

@@ -8,13 +8,13 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from pmr.errors import InputError
-from pmr.scene.keys import Section, Usual
+from pmr.scene.keys import SceneTable, Usual
 
 #: Hoisting classes of EN 13001-2: phi2,min of drives HD1, and beta2 in s/m.
 CLASSES = {"HC1": (1.05, 0.17), "HC2": (1.10, 0.34), "HC3": (1.15, 0.51), "HC4": (1.20, 0.68)}
 
 
-class Exposed(Section):
+class Exposed(SceneTable):
     """Area on which wind blows."""
 
     load: str = Field(description="Name of a load of the scene that acts where the wind does, and along it")
@@ -22,7 +22,7 @@ class Exposed(Section):
     shape: float = Field(description="Shape factor; negative where the load of the scene points against the wind")
 
 
-class Wind(Section):
+class Wind(SceneTable):
     r"""A wind that blows steadily, with a force on each area: :math:`F = q A c`, :math:`q = \rho v^2 / 2`.
 
     A is the area, c its shape factor, :math:`\rho` the density of the air and v the speed.
@@ -48,7 +48,7 @@ class Wind(Section):
         return by_load
 
 
-class LoadCase(Section):
+class LoadCase(SceneTable):
     """Loads that act at once, with factors that the user chooses."""
 
     name: str = Field(description="What it is called")

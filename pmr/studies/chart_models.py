@@ -75,19 +75,19 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
     reduced = PostureMatrices.from_scene(scene, system, at)
     reach = at.boom_length(scene)
     arrays = {
-        **npz.arrays(DeflectionOutputs.from_system(system, at), "bent."),
+        **npz.record_arrays(DeflectionOutputs.from_system(system, at), "bent."),
         "reach": reach,
         "contacts": np.array(CONTACTS.dump_json(system.contacts).decode()),
         "tip": at.ground_positions(scene, reach),
-        **npz.arrays(reduced, "reduced."),
+        **npz.record_arrays(reduced, "reduced."),
         **{f"turned.{angle}": acceleration_loads(scene, system, at, angle) for angle in arguments.get("turned", ())},
     }
     if arguments["error"]:
         better = richer_system(scene, system, at, arguments["up_to"])
-        arrays |= npz.arrays(PostureMatrices.from_scene(scene, better, at), "richer.")
-        arrays |= npz.arrays(postures_with_tip_mass(scene, at, arguments["up_to"]), "mass.")
+        arrays |= npz.record_arrays(PostureMatrices.from_scene(scene, better, at), "richer.")
+        arrays |= npz.record_arrays(postures_with_tip_mass(scene, at, arguments["up_to"]), "mass.")
         if (finer := finer_mesh_system(scene)) is not None:
-            arrays |= npz.arrays(PostureMatrices.from_scene(scene, finer, at), "finer.")
+            arrays |= npz.record_arrays(PostureMatrices.from_scene(scene, finer, at), "finer.")
             arrays["mended"] = np.array(1.0 - FINER**-ORDER)
         full = shared.full_system(scene)
         arrays["too_stiff"] = np.array(stiffness_excess(scene, better, full, at, arguments["up_to"]))
@@ -200,7 +200,7 @@ def compute_richer_postures(arguments: Arguments, needs: Needs) -> TaskResult:
         postures = PostureMatrices.from_scene(other, shared.reduced_system(other), at)
     except UNKNOWN as error:
         return _missing_model(error.allowed if isinstance(error, InputError) else str(error))
-    return TaskResult(arrays={**npz.arrays(postures, "model."), "called": np.array(called)})
+    return TaskResult(arrays={**npz.record_arrays(postures, "model."), "called": np.array(called)})
 
 
 def _missing_model(reason: str) -> TaskResult:
@@ -239,7 +239,7 @@ class ChartModels:
     def from_needs(cls, needs: Needs) -> ChartModels:
         """Collect the models from the results of `compute_postures` and, if there is one, `compute_richer_postures`."""
         arrays, model_arrays = needs["postures"].arrays, needs["model"].arrays if "model" in needs else {}
-        reduced = npz.record(PostureMatrices, arrays, "reduced.")
+        reduced = npz.record_from_arrays(PostureMatrices, arrays, "reduced.")
         enriched, with_tip_mass, finer = (_read_postures(arrays, name) for name in ("richer", "mass", "finer"))
         mended, above = (float(arrays.get(name, np.nan)) for name in ("mended", "too_stiff"))
         structural = _read_postures(model_arrays, "model")
@@ -270,4 +270,4 @@ class ChartModels:
 
 def _read_postures(arrays: Mapping[str, NDArray[Any]], model: str) -> PostureMatrices | None:
     """Return the postures of a model from a task's arrays; None where the task has not stored any."""
-    return npz.record(PostureMatrices, arrays, f"{model}.") if f"{model}.K" in arrays else None
+    return npz.record_from_arrays(PostureMatrices, arrays, f"{model}.") if f"{model}.K" in arrays else None

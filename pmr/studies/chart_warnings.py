@@ -15,7 +15,7 @@ from pmr.compare.trust import budget_warnings, large_motion_warnings
 from pmr.results import Energy, Response
 from pmr.results.run import SummaryPart, grave_warnings
 from pmr.scene import Scene
-from pmr.scene.built import force_of
+from pmr.scene.built import force_name
 from pmr.simulation.statics.loaded import LoadedState
 from pmr.simulation.statics.postures import HOOK, PostureMatrices
 from pmr.studies.allowed import JUST_BELOW, Place
@@ -136,7 +136,7 @@ def _response_at_equilibria(equilibria: Sequence[Equilibrium]) -> RestingRespons
         residual_velocity=nothing,
         seconds=0.0,
         output_names=tuple(at.output_names[n] for n in tip),
-        force_names=tuple(map(force_of, at.force_names)),
+        force_names=tuple(map(force_name, at.force_names)),
         words=tuple(at_rest.description for at_rest in equilibria),
     )
 

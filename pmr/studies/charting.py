@@ -175,7 +175,7 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     record = {"load.least": float(finite.min()), "load.most": float(finite.max())} if len(finite) else {}
     tip, slewing = needs["postures"].arrays["tip"][first:last], at.slewing[first:last]
     radius = tip[:, 0] * np.cos(slewing) + tip[:, 1] * np.sin(slewing)
-    bent = npz.record(DeflectionOutputs, needs["postures"].arrays, "bent.")
+    bent = npz.record_from_arrays(DeflectionOutputs, needs["postures"].arrays, "bent.")
     stops = [
         StopMotion(stop["of"], stop["speed"], stop["within"], needs["postures"].arrays[f"turned.{stop['of']}"])
         for stop in arguments.get("stops", ())

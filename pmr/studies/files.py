@@ -12,8 +12,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, Field
 
 from pmr.errors import InputError
-from pmr.errors.text import hint
-from pmr.scene.keys import Section
+from pmr.errors.text import similar_name_hint
+from pmr.scene.keys import SceneTable
 from pmr.scene.tomlfiles import Change, Dialect, TomlFile, override
 from pmr.studies import kinds
 from pmr.studies.study import StudyBase
@@ -25,7 +25,7 @@ COLLECTION = "collection"
 EXPERIMENTS = ("combinations", "error_map", "histories", "residual", "speed")
 
 
-class Collection(Section):
+class Collection(SceneTable):
     """Several studies in one call: `files`, and what to `change` in each, by the file's name without suffix."""
 
     kind: Literal["collection"] = Field(description="Several studies in one call")
@@ -62,7 +62,7 @@ class Project:
         """Return the project with the named runs alone; raises InputError if there is no run of a name."""
         unknown = sorted(set(names) - set(self.runs))
         if unknown:
-            close = hint(unknown[0], self.runs)
+            close = similar_name_hint(unknown[0], self.runs)
             raise InputError("command line", "--only", unknown[0], f"no such run; {close}--list shows them all")
         parts = [
             replace(part, plan=replace(part.plan, runs=tuple(r for r in part.plan.runs if _run_name(part, r) in names)))
@@ -132,7 +132,7 @@ def _read(path: str | Path, changes: Sequence[Change]) -> TomlFile:
         allowed = f"the paper's experiments are scripts: `pmr study {kind}` runs workflows/paper/{kind}.py"
         raise InputError(file.origin("kind"), "kind", kind, allowed)
     if kind not in kind_names():
-        allowed = f"{hint(kind, kind_names())}one of {', '.join(kind_names())} is allowed"
+        allowed = f"{similar_name_hint(kind, kind_names())}one of {', '.join(kind_names())} is allowed"
         raise InputError(file.origin("kind"), "kind", kind, allowed)
     return file
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from pmr.results.quantities import von_mises_stress
-from pmr.scene.keys import Section, Usual
+from pmr.scene.keys import SceneTable, Usual
 from pmr.simulation.statics.loaded import LoadedStates
 from pmr.simulation.statics.postures import HOOK, DeflectionOutputs, PostureMatrices
 from pmr.simulation.statics.swings import DecelerationLoads, stopping_swing
@@ -21,7 +21,7 @@ from pmr.studies.limits import FIELD, Limit
 Array = NDArray[np.float64]
 
 
-class Stop(Section):
+class Stop(SceneTable):
     """A stop of luffing or slewing, whose speed falls to zero at a constant rate."""
 
     of: Literal["luffing", "slewing"] = Field(description="Motion that is stopped")

@@ -25,7 +25,7 @@ from pmr.errors import InputError
 from pmr.results.quantities import LIMITED, Columns, Measure, matches_pattern
 from pmr.scene import Scene
 from pmr.scene.choice import model_of
-from pmr.scene.keys import Section, Usual, named
+from pmr.scene.keys import SceneTable, Usual, qualified_name
 from pmr.scene.mechanism import rope_shares
 from pmr.scene.members import members
 from pmr.scene.structures import Probe
@@ -136,7 +136,7 @@ def _share_of_overturning(limit: Limit, at: PostureMatrices, k: int, amounts: Se
 def _stress_probes(scene: Scene) -> list[str]:
     """Names of a scene's probes that measure stress."""
     bodies = scene.bodies.items()
-    return [named(body, p.name) for body, part in bodies for p in part.probes if "stress" in p.measures]
+    return [qualified_name(body, p.name) for body, part in bodies for p in part.probes if "stress" in p.measures]
 
 
 def _force_names_of(kind: str) -> Callable[[Scene], Sequence[str]]:
@@ -170,7 +170,7 @@ else:
     KindName = Literal[tuple(KINDS)]
 
 
-class Limit(Section):
+class Limit(SceneTable):
     """Limit of a load chart, with its safety factor."""
 
     name: str = Field(min_length=1, description="Name of the limit, and of its column")
@@ -305,7 +305,7 @@ class Limit(Section):
             return not separator and matches_pattern(self.which, name)
         body, region = body.removesuffix(": "), suffix.rpartition(" ")[0]
         return bool(separator) and (
-            matches_pattern(self.which, body or WHOLE) or matches_pattern(self.which, named(body, region))
+            matches_pattern(self.which, body or WHOLE) or matches_pattern(self.which, qualified_name(body, region))
         )
 
     def _unknown_name(self, names: Sequence[str]) -> InputError:
@@ -359,7 +359,7 @@ def _field_probes(name: str, model: Any, patterns: Sequence[str]) -> Iterator[Pr
         return
     faces = [face for face in FACES if face in rows.faces] or list(rows.faces)
     for region, cells in (dict(model.grid.regions) or {WHOLE: np.unique(rows.cell)}).items():
-        if not (matches_pattern(patterns, name or WHOLE) or matches_pattern(patterns, named(name, region))):
+        if not (matches_pattern(patterns, name or WHOLE) or matches_pattern(patterns, qualified_name(name, region))):
             continue
         for face in faces:
             at = rows.on(face)

@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.errors.text import kind_of
+from pmr.errors.text import warning_kind
 from pmr.files import npz
-from pmr.files.whole import finish_swap, fresh
+from pmr.files.whole import finish_swap, replacement_folder
 from pmr.studies.tasks import Failure, Plan, Scalar, TaskResult, digests
 
 FORMAT = "pmr-task-result"
@@ -94,7 +94,7 @@ class Store:
         file = self.path(digest)
         try:
             data = npz.read(file, only=only)
-            header = npz.without_header(data)
+            header = npz.pop_header(data)
             if (header["format"], header["digest"]) != (FORMAT, digest) or not 1 <= header["version"] <= FORMAT_VERSION:
                 raise ValueError("another file's header")
             arrays = {name.removeprefix("array."): array for name, array in data.items()}
@@ -210,7 +210,7 @@ class StudyResults:
         of_kind = dict[str, dict[str, str]]()
         for run in self.runs:
             for text in run.warnings:
-                of_kind.setdefault(kind_of(text), {}).setdefault(run.key, text)
+                of_kind.setdefault(warning_kind(text), {}).setdefault(run.key, text)
         counted = [CountedWarning(next(iter(of.values())), tuple(of)) for of in of_kind.values()]
         return sorted(counted, key=lambda warning: -len(warning.runs))
 
@@ -237,7 +237,7 @@ class StudyResults:
         """
         rows = [run.row for run in self.runs]
         names = _column_names(rows)
-        with fresh(self.folder, (*TABLES, *REPORT, *(tables or {}))) as new:
+        with replacement_folder(self.folder, (*TABLES, *REPORT, *(tables or {}))) as new:
             for name, text in (tables or {}).items():
                 if text:
                     _write(new / name, text)
@@ -249,7 +249,7 @@ class StudyResults:
 
     def save_summary(self, summary: Mapping[str, object]) -> None:
         """Write summary.json alone, with `summary` and the runs, and delete an existing report."""
-        with fresh(self.folder, ("summary.json", *REPORT)) as new:
+        with replacement_folder(self.folder, ("summary.json", *REPORT)) as new:
             _write(new / "summary.json", self._text(summary))
 
     def _text(self, summary: Mapping[str, object]) -> str:

@@ -114,7 +114,7 @@ def modes_tasks(scene: Scene) -> dict[str, Task]:
     A basis of free modes has one task; vectors from a file or from a package's function have none.
     """
     choice = scene.reduction
-    if choice.given:
+    if choice.is_external:
         return {}
     deciding = Reduction(
         basis=choice.basis,
@@ -177,7 +177,7 @@ def snapshots_from(scene: Scene, needs: Needs) -> Snapshots:
 
 def response_from(result: TaskResult) -> Response:
     """Return the response from the result of a `reference_task`."""
-    return npz.record(Response, result.arrays)
+    return npz.record_from_arrays(Response, result.arrays)
 
 
 def compute_held_modes(arguments: Arguments, needs: Needs) -> TaskResult:
@@ -214,7 +214,7 @@ def simulate_reference(arguments: Arguments, needs: Needs) -> TaskResult:
     scene = scene_of(arguments)
     response = FullOrder.join(scene, {ALONE: model_of(scene)}).reference(arguments["simulator"])
     assert response is not None
-    return TaskResult(arrays=npz.arrays(response), seconds={"simulate": response.seconds})
+    return TaskResult(arrays=npz.record_arrays(response), seconds={"simulate": response.seconds})
 
 
 def compute_frequencies(arguments: Arguments, needs: Needs) -> TaskResult:

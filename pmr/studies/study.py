@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
-from pmr.scene.keys import Section
+from pmr.scene.keys import SceneTable
 from pmr.studies.tasks import Plan, Scalar
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 Count = Annotated[int, Field(ge=1, strict=True)]
 
 
-class Statement(Section):
+class Statement(SceneTable):
     """Published statement that is compared with a figure of the study."""
 
     figure: str = Field(description="Name of the study's own figure")
@@ -34,7 +34,7 @@ class Statement(Section):
     why: str = Field(default="", description="Why the two differ, as far as is known")
 
 
-class StudyBase(Section):
+class StudyBase(SceneTable):
     """A study: settings of its runs, validated and frozen.
 
     A kind is a module of `pmr.studies.kinds` with a class ``Study`` derived from this one, whose ``kind`` is a Literal

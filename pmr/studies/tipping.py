@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from pmr.errors import InputError
-from pmr.scene.frame import rotation
-from pmr.scene.keys import Section, Usual
+from pmr.scene.frame import boom_rotation
+from pmr.scene.keys import SceneTable, Usual
 from pmr.simulation.statics.loaded import LoadedStates
 from pmr.simulation.statics.postures import HOOK, WEIGHT, PostureMatrices
 
@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
-class Mass(Section):
+class Mass(SceneTable):
     """A mass of the machine below the boom."""
 
     name: str = Field(description="Name of the mass, for the report")
@@ -67,7 +67,7 @@ class TippingMoments:
         which the w parts ``at.parts`` (weight, load, loads of the scene) act.  Raises InputError if a force or moment
         at the pivot is not among the outputs.
         """
-        turned = rotation(at.luffing[k : k + 1], at.slewing[k : k + 1])[0]
+        turned = boom_rotation(at.luffing[k : k + 1], at.slewing[k : k + 1])[0]
         edges = _edge_rows(tuple(polygon), height)
         about = np.hstack([edges[:, :3] @ turned, edges[:, 3:] @ turned])  # of a wrench in the axes of the boom
         weight, up = amounts[at.parts.index(WEIGHT)] * at.gravity, turned @ at.up[k]

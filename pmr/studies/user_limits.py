@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError, environment
-from pmr.errors.text import hint
+from pmr.errors.text import similar_name_hint
 from pmr.scene import Scene
-from pmr.scene.keys import named
+from pmr.scene.keys import qualified_name
 from pmr.simulation.statics.loaded import LoadedStates
 from pmr.simulation.statics.postures import PostureMatrices
 from pmr.system.from_scene import force_names
@@ -178,12 +178,12 @@ def expression_function(text: str) -> LimitFunction:
 def check_names(limit: str, text: str, scene: Scene) -> None:
     """Raise InputError for a force, tip or probe that the expression `text` of a limit uses and the scene lacks."""
     forces = [name for names in force_names(scene).values() for name in names]
-    tip = named(scene.names[-1], scene.sections[-1].observe.tip)
-    probes = [named(body, probe.name) for body, part in scene.bodies.items() for probe in part.probes]
+    tip = qualified_name(scene.names[-1], scene.sections[-1].observe.tip)
+    probes = [qualified_name(body, probe.name) for body, part in scene.bodies.items() for probe in part.probes]
     for table, columns in (("force", forces), ("output", [*forces, tip, *probes])):
         for name in entry_names(text, table):
             if not any(name == column or (table == "output" and name.startswith(f"{column} ")) for column in columns):
-                allowed = f"{hint(name, columns)}{table} has {', '.join(columns)}"
+                allowed = f"{similar_name_hint(name, columns)}{table} has {', '.join(columns)}"
                 raise InputError("study", f"limits.{limit}.expression", name, allowed)
 
 
@@ -203,7 +203,7 @@ def amounts_of_states(
             value = float(limit_function(AtRest(load, luffing, slewing, outputs, forces)))
         except KeyError as error:
             name, names = str(error.args[0]), [*outputs, *forces]
-            allowed = f"it asks for {name!r}: {hint(name, names)}{', '.join(names)} are allowed"
+            allowed = f"it asks for {name!r}: {similar_name_hint(name, names)}{', '.join(names)} are allowed"
             raise InputError("study", key, text, allowed) from None
         except (ArithmeticError, TypeError, ValueError) as error:
             raise InputError("study", key, text, f"it failed: {error!r}") from None

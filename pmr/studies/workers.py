@@ -64,7 +64,7 @@ class Order:
 
 def code_of_tasks() -> str:
     """Return the digest of the code that tasks compute with, as its files are now."""
-    return environment.code_digest(environment.sources(), NOT_COMPUTING)
+    return environment.code_digest(environment.source_texts(), NOT_COMPUTING)
 
 
 class Worker:
@@ -184,7 +184,7 @@ def count_ranks() -> int:
     Raises InputError if the launcher belongs to another MPI than mpi4py, so that each process would take itself for the
     only one.
     """
-    ranks = environment.launched()
+    ranks = environment.launched_process_count()
     if ranks == 1:
         return 1
     from mpi4py import MPI

@@ -121,7 +121,7 @@ class _BodyRows:
             _pad_to_shape(row.coefficients, self._powers, row.coefficients.shape[1], d) for row in rows
         ]
         # shape of the weights of all sides (contacts, k d), and the indices of each side's weights in it
-        self._shape = (len(system.contacts), k * d)
+        self._profile_without_doublers = (len(system.contacts), k * d)
         self._at = self._contacts[:, None], np.arange(k * d).reshape(k, d)
 
     def _weights(self, s: Array) -> tuple[Indices, Array]:
@@ -151,7 +151,11 @@ class _BodyRows:
         assert self._carriers is not None
         touched, weights = self._weights(s)
         flexibility, P = self._carriers.flexibility, len(s)
-        b, b_s, b_ss = np.zeros(self._shape), np.zeros((P, *self._shape)), np.zeros((P, *self._shape))
+        b, b_s, b_ss = (
+            np.zeros(self._profile_without_doublers),
+            np.zeros((P, *self._profile_without_doublers)),
+            np.zeros((P, *self._profile_without_doublers)),
+        )
         b[self._at] = weights[0]
         for path in set(self._path.tolist()) - {-1}:
             for by_path, derivative in ((b_s, weights[1]), (b_ss, weights[2])):

@@ -53,9 +53,9 @@ from pmr.errors import InputError
 from pmr.scene.joints import SHEAR_STIFFNESS, STRIBECK_SPEED
 from pmr.scene.keys import ALONE as ALONE
 from pmr.scene.keys import SLIDER as SLIDER
-from pmr.scene.keys import cylinder_of
-from pmr.scene.keys import input_of as input_of
-from pmr.scene.keys import named as named
+from pmr.scene.keys import cylinder_name
+from pmr.scene.keys import input_name as input_name
+from pmr.scene.keys import qualified_name as qualified_name
 
 Array = NDArray[np.float64]
 
@@ -291,7 +291,7 @@ class Friction:
         if not joints:
             return None
         pads = [k for of_joint in pads_of_joints for k in of_joint]
-        cylinders = [numbers.get(cylinder_of(name), -1) for name in joints]
+        cylinders = [numbers.get(cylinder_name(name), -1) for name in joints]
         return cls(
             joints,
             np.array(pads, np.int64),

@@ -30,12 +30,12 @@ from pmr.constraints.rows import Row, dense_entries
 from pmr.reduced.carriers import CarrierFlexibility, CarrierRows
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
-from pmr.scene.built import force_of
-from pmr.scene.choice import directions, felt_faces, has_tail
-from pmr.scene.joints import JointPads, Part
-from pmr.scene.keys import ALONE, LUFFING, LUFFING_CYLINDER, cylinder_of, named
+from pmr.scene.built import force_name
+from pmr.scene.choice import has_driven_tail, motion_directions, pad_faces
+from pmr.scene.joints import BoomSection, JointPads
+from pmr.scene.keys import ALONE, LUFFING, LUFFING_CYLINDER, cylinder_name, qualified_name
 from pmr.scene.mechanism import Drive, rope_shares
-from pmr.scene.members import AROUND, POINT, TAIL, WITHIN, as_pads, footprint, member_at, members
+from pmr.scene.members import AROUND, POINT, TAIL, WITHIN, body_ring, footprint, member_at, members
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import FRICTION, Contact, Joint, JointPad, Place
 from pmr.system.system import Body, System, ground_contacts
@@ -76,25 +76,25 @@ def force_names(scene: Scene) -> Mapping[str, Sequence[str]]:
     names: dict[str, list[str]] = {"pad": [], "cylinder": [], "support": []}
     for number, (name, member) in enumerate(zip(scene.names, members(scene), strict=True)):
         if number:
-            joint, felt = member.part.joint, set(felt_faces(member)) & set(felt_faces(member_at(scene, number - 1)))
+            joint, felt = member.part.joint, set(pad_faces(member)) & set(pad_faces(member_at(scene, number - 1)))
             assert joint is not None  # as the scene's checks say
             for at in ("tail", "mouth"):
                 for ring in getattr(joint, at):
-                    faces = as_pads(ring, footprint(scene, ring)).places if ring.faces else ()
+                    faces = body_ring(ring, footprint(scene, ring)).named_pads if ring.faces else ()
                     rows = {row for row, face, _ in faces if face in felt}
                     names["pad"] += [pad.name for pad in _pads(scene, number, ring, f"{name} {at}", rows)]
-            if has_tail(member):
-                names["cylinder"].append(cylinder_of(name))
-        body_pads = [(pad, face) for ring in member.part.pads for pad, face, _ in ring.places]
+            if has_driven_tail(member):
+                names["cylinder"].append(cylinder_name(name))
+        body_pads = [(pad, face) for ring in member.part.pads for pad, face, _ in ring.named_pads]
         prefix = name if name == ALONE else f"{name} "
-        names["pad"] += [f"{prefix}{pad}" for pad, face in body_pads if face in felt_faces(member)]
+        names["pad"] += [f"{prefix}{pad}" for pad, face in body_pads if face in pad_faces(member)]
         if name == ALONE:
             names["pad"] += member.point_names
         for support in member.part.supports:
-            rows_of = [support.row_name(d) for d in support.held if d in directions(member)]
+            rows_of = [support.row_name(d) for d in support.held_directions if d in motion_directions(member)]
             names["support"] += [f"{prefix}{row}" for row in rows_of]
             if support.stiffness != "rigid":
-                names["support"] += [named(name, force_of(row)) for row in rows_of]
+                names["support"] += [qualified_name(name, force_name(row)) for row in rows_of]
         if member.cylinder is not None:
             names["support"].append(f"{prefix}{LUFFING_CYLINDER}")
     return names
@@ -115,25 +115,25 @@ def _contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator
         tuple(pad for ring in joint.mouth for pad in _pads(scene, number, ring, f"{inner} mouth", rows)),
     ).contacts
     if joint.rigid_overlap:
-        within = Place(inner, "", scene.sections[number - 1].length - joint.first_at(joint.mouth), inner, -1.0)
-        around = Place(outer, "", joint.first_at(joint.tail), inner)
+        within = Place(inner, "", scene.sections[number - 1].length - joint.least_distance(joint.mouth), inner, -1.0)
+        around = Place(outer, "", joint.least_distance(joint.tail), inner)
         for place, names in ((within, WITHIN), (around, AROUND)):
             yield from (Contact(f"{place.body} {name}", replace(place, row=name), kind="straight") for name in names)
     if TAIL in bodies[inner].row_names:
         at = _first_break(bodies[inner], TAIL)
         held = Place(outer, TAIL, _first_break(bodies[outer], TAIL)) if TAIL in bodies[outer].row_names else None
-        drive, shares = Drive.of(scene, number), rope_shares(scene).get(inner, {})
+        drive, shares = Drive.of_section(scene, number), rope_shares(scene).get(inner, {})
         yield Contact(
-            cylinder_of(inner),
+            cylinder_name(inner),
             Place(inner, TAIL, at),
             held,
             -1.0,
             drive.compliance,
             kind="cylinder",
-            lengthening=drive.lengthening,
-            path=inner if drive.lengthening else None,
+            lengthening=drive.changes_length,
+            path=inner if drive.changes_length else None,
             bears=tuple(
-                (cylinder_of(name), share)
+                (cylinder_name(name), share)
                 for name, share in shares.items()
                 if name != inner and TAIL in bodies[name].row_names
             ),
@@ -154,27 +154,27 @@ def _pads(scene: Scene, number: int, ring: JointPads, prefix: str, rows: set[str
             arm = _arm(scene.sections[number], "top") if ring.friction else 0.0
             yield JointPad(prefix + way, POINT, ring.at, direction, compliance, clearance, arm=arm, **law)
         return
-    pads = as_pads(ring, footprint(scene, ring))
+    pads = body_ring(ring, footprint(scene, ring))
     named = pads.model_copy(update={"name": prefix})  # so are their contacts
-    for (row, *_), (name, face, _) in zip(pads.places, named.places, strict=True):
+    for (row, *_), (name, face, _) in zip(pads.named_pads, named.named_pads, strict=True):
         if row in rows:
             clearance = ring.clearance_on(face) if ring.unilateral else None
             arm = _arm(scene.sections[number], face) if ring.friction else 0.0
             yield JointPad(name, row, ring.at, 1.0, compliance, clearance, arm=arm, **law)
 
 
-def _arm(part: Part, face: str) -> float:
+def _arm(part: BoomSection, face: str) -> float:
     """Distance in m of a face from the axis; 0 for a body without faces in the scene."""
     side = None if part.body.box is None else part.body.box.faces.get(face)
     return 0.0 if side is None else float(side.normal @ side.start)
 
 
-def _ground_contacts(name: str, body: Body, joined_rows: set[tuple[str, str]], part: Part) -> Iterator[Contact]:
+def _ground_contacts(name: str, body: Body, joined_rows: set[tuple[str, str]], part: BoomSection) -> Iterator[Contact]:
     """Contacts of a body with the ground: its pads, and its supports except those that hold a single coordinate.
 
     `joined_rows` (body, row), and rows of tails and points, are left out.
     """
-    pads = {pad for ring in part.pads for pad, _, _ in ring.places}
+    pads = {pad for ring in part.pads for pad, _, _ in ring.named_pads}
     for number, row in enumerate(body.row_names):
         if (name, row) not in joined_rows and number not in body.held and row not in (TAIL, POINT):
             compliance, clearance = float(body.row_compliance[number]), float(body.row_clearance[number])

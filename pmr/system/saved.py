@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
 from pmr.errors import InputError
-from pmr.errors.text import no_file
+from pmr.errors.text import missing_file_reason
 from pmr.files import npz
 from pmr.reduced import stored
 from pmr.reduced.model import FORMAT as ONE_BODY
@@ -108,10 +108,10 @@ def read(path: Path) -> StoredSystem | ReducedModel:
     An InputError that names the file is raised under the conditions of `ReducedModel.load`.
     """
     if not isfile(path):
-        allowed = f"{no_file(path)}; `pmr run` writes system.npz, or reduced.npz of one body"
+        allowed = f"{missing_file_reason(path)}; `pmr run` writes system.npz, or reduced.npz of one body"
         raise InputError(str(path), "", None, allowed)
     try:
-        header = npz.without_header(npz.read(path, *ROOM, only={npz.HEADER, npz.OLD_HEADER}))
+        header = npz.pop_header(npz.read(path, *ROOM, only={npz.HEADER, npz.OLD_HEADER}))
         if header["format"] == ONE_BODY:
             return ReducedModel.load(path)
         if header["format"] != FORMAT:
@@ -125,7 +125,7 @@ def read(path: Path) -> StoredSystem | ReducedModel:
         data = {key: data[place] for key, place in file_header.same.items()} | data
         models, on_modes = (
             [
-                npz.record(ReducedModel, stored.unpack(data, f"{kind}.{number}."), f"{kind}.{number}.")
+                npz.record_from_arrays(ReducedModel, stored.unpack(data, f"{kind}.{number}."), f"{kind}.{number}.")
                 for number in range(len(names))
             ]
             for kind, names in {"bodies": file_header.bodies, "on_modes": file_header.on_modes}.items()

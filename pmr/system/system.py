@@ -25,7 +25,17 @@ from pmr.errors import BEYOND_ENDS, InputError
 from pmr.reduced.model import ReducedModel
 from pmr.system import saved
 from pmr.system.body import Body, SlidingBody, names_of, units_of
-from pmr.system.contacts import ALONE, SLIDER, Compliance, Contact, Friction, Place, contact_error, input_of, named
+from pmr.system.contacts import (
+    ALONE,
+    SLIDER,
+    Compliance,
+    Contact,
+    Friction,
+    Place,
+    contact_error,
+    input_name,
+    qualified_name,
+)
 from pmr.system.terms import Term, term_error
 
 Array = NDArray[np.float64]
@@ -147,7 +157,7 @@ class BodySystem(Generic[AnyBody]):
     def input_names(self) -> tuple[str, ...]:
         """Names of the inputs of all bodies: ``body.input``, or ``input`` if there is a single body."""
         return tuple(
-            input_of(name, input_name) for name, body in self.bodies.items() for input_name in body.input_names
+            input_name(name, body_input) for name, body in self.bodies.items() for body_input in body.input_names
         )
 
     @property
@@ -287,7 +297,7 @@ class System(BodySystem[SlidingBody]):
     @property
     def output_names(self) -> tuple[str, ...]:
         """Names of the outputs of all bodies: ``body: output``, or ``output`` if there is a single body."""
-        return tuple(named(name, output) for name, body in self.bodies.items() for output in names_of(body))
+        return tuple(qualified_name(name, output) for name, body in self.bodies.items() for output in names_of(body))
 
     @property
     def output_units(self) -> tuple[str, ...]:

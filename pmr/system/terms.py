@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
-from pmr.scene.mechanism import FrameTerm, frame_terms, tails
+from pmr.scene.mechanism import FrameTerm, frame_terms, tail_outputs
 from pmr.scene.members import member_at
 from pmr.system.body import SlidingBody
 
@@ -138,9 +138,9 @@ def _term(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> T
     A rotation gives a damping, all others give a stiffness: of the term's matrix on one body, or of the distance
     between the tails of two sections, times the mass or first moment that the cylinder between them carries.
     """
-    if term.of in ("cylinder", "cylinder load"):
+    if term.kind in ("cylinder", "cylinder load"):
         apart = sp.csr_matrix(_distance_rows(scene, term, bodies))
-        mass = carried_inertia(bodies[term.carried], term.component) if term.of == "cylinder" else 1.0
+        mass = carried_inertia(bodies[term.carried_section], term.component) if term.kind == "cylinder" else 1.0
         support_parts = {name: mass * (_distance_change(scene, term, bodies, name).T @ apart) for name in term.bodies}
         supports = {name: A for name, A in support_parts.items() if A.size}
         return Term(term.name, term.bodies, stiffness=mass * (apart.T @ apart), supports=supports)
@@ -149,7 +149,7 @@ def _term(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> T
     reactions = bodies[name].reactions
     on = None if reactions is None else reactions.matrices.get(term.matrix)
     supports = {} if on is None else {name: on[:, : bodies[name].size]}
-    if term.of == "rotation":
+    if term.kind == "rotation":
         return Term(term.name, term.bodies, damping=_clear_without_inertia(bodies[name], matrix), supports=supports)
     return Term(term.name, term.bodies, stiffness=matrix, supports=supports)
 
@@ -166,7 +166,7 @@ def _clear_without_inertia(body: SlidingBody, matrix: sp.csr_matrix | Array) -> 
 def _distance_change(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody], name: str) -> Array:
     """Changes (d, h) of the d distances of `_distance_rows` by unit motions of one body's h rigid supports."""
     reactions, sign = bodies[name].reactions, 1.0 if name == term.bodies[0] else -1.0
-    rows = tails(member_at(scene, term.number))
+    rows = tail_outputs(member_at(scene, term.number))
     if reactions is None or not reactions.ports:
         return np.zeros((len(rows), 0))
     nothing = np.zeros(len(reactions.names))
@@ -176,7 +176,7 @@ def _distance_change(scene: Scene, term: FrameTerm, bodies: Mapping[str, Sliding
 def _distance_rows(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Array:
     """Rows (d, n) of the d lateral distances between the tails of two sections, on the stacked coordinates of both."""
     distance_rows = []
-    for row in tails(member_at(scene, term.number)):
+    for row in tail_outputs(member_at(scene, term.number)):
         parts = []
         for sign, name in zip((1.0, -1.0), term.bodies, strict=True):
             body = bodies[name]

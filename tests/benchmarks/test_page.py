@@ -23,8 +23,8 @@ def test_a_page_of_what_was_measured_needs_nothing_else(tmp_path: Path) -> None:
         "sections": sections,
         "requirements": judged,
         "about": dict.fromkeys(sections, about),
-        "machine": environment.machine(),
-        "versions": environment.versions(),
+        "machine": environment.describe_machine(),
+        "versions": environment.package_versions(),
     }
     page = report.write(results, tmp_path).read_text()
     for name, times in sections["latency"]["ns"].items():

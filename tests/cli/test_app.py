@@ -14,8 +14,8 @@ from oracle import flexible, full_body
 from processes import called, python
 from rich.console import Console
 
-from pmr.cli.console import broken, tell
-from pmr.cli.info import described_model
+from pmr.cli.console import print_sentences, wrap_at_spaces
+from pmr.cli.info import describe_model
 
 SIMPLE = "workflows/paper_simple.toml"
 SHORT = [
@@ -89,9 +89,9 @@ def test_info_says_what_a_file_holds(folder: Path, monkeypatch, capsys) -> None:
 
 
 def test_info_says_which_rows_only_push() -> None:
-    rows = described_model(modes_on_pads(beam_on_pads(1e-3), 4))["rows"]
-    assert "mouth top (only pushes)" in rows and described_model(flexible(full_body(4), 3))["rows"].startswith("slider")
-    assert "only pushes" not in described_model(flexible(full_body(4), 3))["rows"]
+    rows = describe_model(modes_on_pads(beam_on_pads(1e-3), 4))["rows"]
+    assert "mouth top (only pushes)" in rows and describe_model(flexible(full_body(4), 3))["rows"].startswith("slider")
+    assert "only pushes" not in describe_model(flexible(full_body(4), 3))["rows"]
 
 
 def test_info_names_inputs_and_outputs_with_units() -> None:
@@ -102,10 +102,10 @@ def test_info_names_inputs_and_outputs_with_units() -> None:
         output_names=("a", "b", "c", "d", "turned"),
         output_units=(*("m",) * 4, "rad"),
     )
-    rows = described_model(model)
+    rows = describe_model(model)
     assert rows["inputs"] == "turn in N m" and rows["outputs"] == "4 in m (a, b, c, d); 1 in rad (turned)"
     lifted = replace(model, input_names=("gravity",), provenance={"scene": {"loads": "F"}})
-    assert described_model(lifted)["inputs"] == "gravity in m/s^2"
+    assert describe_model(lifted)["inputs"] == "gravity in m/s^2"
 
 
 @pytest.mark.slow
@@ -139,8 +139,8 @@ def test_a_report_that_cant_be_drawn_loses_no_results(tmp_path: Path, monkeypatc
 
 def test_lines_on_a_terminal_keep_a_number_with_its_unit() -> None:
     text = "92.8\u00a0kN, middle mouth bottom, reach 14.28\u00a0m"
-    assert broken(text, 42) == "92.8\u00a0kN, middle mouth bottom, reach\n14.28\u00a0m"
-    assert broken("sliders-and-pads \x1b[31m", 12, "  ") == "sliders-and-pads\n  \\x1b[31m"
+    assert wrap_at_spaces(text, 42) == "92.8\u00a0kN, middle mouth bottom, reach\n14.28\u00a0m"
+    assert wrap_at_spaces("sliders-and-pads \x1b[31m", 12, "  ") == "sliders-and-pads\n  \\x1b[31m"
 
 
 BAD = [
@@ -307,6 +307,6 @@ def test_sentences_break_between_words_on_a_terminal_alone(terminal: bool) -> No
     """A line elsewhere, where another program reads it; what is one word stays whole."""
     text = "the error of the time step itself is " + 20 * "0.00254 % at the tip and " + "all sections"
     screen = Console(file=io.StringIO(), width=80, force_terminal=terminal, color_system=None)
-    tell(screen, text)
+    print_sentences(screen, text)
     lines = screen.file.getvalue().rstrip("\n").split("\n")
     assert " ".join(map(str.strip, lines)) == text and (max(map(len, lines)) <= 80) == (len(lines) > 1) == terminal

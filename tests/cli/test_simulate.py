@@ -151,7 +151,7 @@ def test_a_file_of_another_content_than_the_models_is_refused(tmp_path: Path) ->
     np.savez(basis, V=np.eye(153, 6, k=-3))
     reduction = f"reduction={{basis='file',file='{basis}',coordinates=6}}"
     asked = scene.load(ROOT / "workflows" / "paper_simple.toml", [*OURS, reduction])
-    made = {"scene": asked.model_dump(mode="json"), "files": asked.alone.digests}
+    made = {"scene": asked.model_dump(mode="json"), "files": asked.only_section.file_digests}
     made["scene"]["reduction"]["file"] = basis.name
     model = replace(ReducedModel.load(EARLIER), provenance=made)
     check_same_scene(model, asked)

@@ -18,7 +18,7 @@ from pmr import __version__
 from pmr import scene as scenes
 from pmr.cli.app import app
 from pmr.cli.console import scene_file, study_file
-from pmr.cli.new import TEMPLATES, kinds
+from pmr.cli.new import TEMPLATES, scene_kinds
 from pmr.errors import InputError
 from pmr.scene.members import member_at
 from pmr.simulation.frame import load_signals
@@ -26,7 +26,7 @@ from pmr.simulation.frame import load_signals
 RUN = CliRunner()
 
 
-@pytest.mark.parametrize("kind", kinds())
+@pytest.mark.parametrize("kind", scene_kinds())
 def test_a_new_scene_is_accepted_and_has_the_folders_name(kind: str, tmp_path: Path) -> None:
     assert RUN.invoke(app, ["new", kind, str(tmp_path / "mine")]).exit_code == 0
     assert scenes.load_any(scene_file(tmp_path / "mine")).title == "mine"

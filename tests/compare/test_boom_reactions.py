@@ -21,7 +21,7 @@ from pmr.reduction.cache import ReducedBody
 from pmr.reduction.recovery import Recovery
 from pmr.results import Response
 from pmr.scene import Scene
-from pmr.scene.built import force_of, reaction_of
+from pmr.scene.built import force_name, reaction_name
 from pmr.scene.members import TAIL
 from pmr.simulation import Excitation, SystemSimulator, exudyn
 from pmr.simulation.native import systems
@@ -142,11 +142,11 @@ def balance(found: Run) -> dict[str, Array]:
         acceleration = np.linalg.solve(body.M, force.T).T
         add("loads", f @ (R.T @ full.B).T)
         add("inertia", -acceleration @ (R.T @ full.M @ V).T - motion.v @ (R.T @ full.D @ V).T)
-        held = [(reaction_of(f"{name}: {row.name}"), row.at(row.breaks[0])) for row in full.rows.rows if row.is_fixed]
+        held = [(reaction_name(f"{name}: {row.name}"), row.at(row.breaks[0])) for row in full.rows.rows if row.is_fixed]
         for said, c in held:
             add("ground", -response.other(said)[:, None] * (c @ R))
         pads = built.structure.pads
-        stiffness = {force_of(one.name): one.stiffness for one in (*pads.supports, *pads.fixed)}
+        stiffness = {force_name(one.name): one.stiffness for one in (*pads.supports, *pads.fixed)}
         for k in np.flatnonzero(force_outputs(full)):
             said = full.output_names[k]
             add("ground", -response.force(f"{name}: {said}", 0)[:, None] * (full.outputs[k] @ R) / stiffness[said])

@@ -8,7 +8,7 @@ import pytest
 import pmr
 from pmr.errors import InputError
 from pmr.scene import Scene
-from pmr.scene.checks import check
+from pmr.scene.checks import check_scene
 
 LENGTH, FORCE, CYCLES = 6.0, 2e4, 5
 WIDTH, HEIGHT, WALL = 0.22, 0.32, 0.006
@@ -66,7 +66,7 @@ def test_damage_without_a_stress_is_refused() -> None:
     scene = shaken()
     part = scene.sections[0].model_copy(update={"probes": ()})
     with pytest.raises(InputError, match="fatigue.*a probe with measures"):
-        check(scene.model_copy(update={"sections": (part,)}))
+        check_scene(scene.model_copy(update={"sections": (part,)}))
 
 
 def test_cycles_beside_a_spectrum_are_refused() -> None:

@@ -11,7 +11,7 @@ import pmr
 from pmr.compare.forces import turning_warnings
 from pmr.errors import InputError
 from pmr.scene import Scene
-from pmr.scene.checks import check
+from pmr.scene.checks import check_scene
 from pmr.scene.frame import LuffingCylinder
 from pmr.scene.mechanism import CYLINDER
 
@@ -69,7 +69,7 @@ def test_it_carries_the_moment_with_its_arm_about_the_pivot(angle: float) -> Non
 def test_its_work_raises_the_mass() -> None:
     scene = raised({"kind": "smooth_ramp", "times": [0.2, 1.8], "values": [0.1, 1.0]})
     found, force = simulated(scene)
-    length, arm = scene.frame.cylinder.length(scene.frame.angles[0].value(found.t))
+    length, arm = scene.frame.cylinder.length_and_arm(scene.frame.angles[0].value(found.t))
     power = force * arm * scene.frame.angles[0].rate(found.t)
     work = np.sum(power[1:] + power[:-1]) * scene.time.step / 2.0
     assert work == pytest.approx(MASS * G * LENGTH * (np.sin(1.0) - np.sin(0.1)), rel=1e-4)
@@ -78,8 +78,8 @@ def test_its_work_raises_the_mass() -> None:
 
 def test_its_arm_is_what_the_length_grows_by() -> None:
     one, angle, h = LuffingCylinder(foot=(0.5, -1.0), lug=(1.5, -0.2)), np.linspace(-0.5, 1.4, 7), 1e-4
-    grown = (one.length(angle + h)[0] - one.length(angle - h)[0]) / (2.0 * h)
-    assert one.length(angle)[1] == pytest.approx(grown, rel=1e-7)
+    grown = (one.length_and_arm(angle + h)[0] - one.length_and_arm(angle - h)[0]) / (2.0 * h)
+    assert one.length_and_arm(angle)[1] == pytest.approx(grown, rel=1e-7)
 
 
 def test_a_support_in_its_place_has_a_warning_where_the_arm_changes() -> None:
@@ -112,4 +112,4 @@ def test_a_support_in_its_place_has_a_warning_where_the_arm_changes() -> None:
 @pytest.mark.parametrize(("foot", "lug"), [([-1.0, 0.0], [1.0, 0.0]), ([0.5, -1.0], [0.0, 0.0])])
 def test_a_cylinder_in_line_with_the_pivot_is_refused(foot: list[float], lug: list[float]) -> None:
     with pytest.raises(InputError, match=r"frame\.cylinder.*an arm about the pivot"):
-        check(raised({"kind": "constant", "amount": 0.0}, foot, lug))
+        check_scene(raised({"kind": "constant", "amount": 0.0}, foot, lug))

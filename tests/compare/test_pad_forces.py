@@ -22,7 +22,7 @@ from pmr.pipeline import reduce, run
 from pmr.report.columns import forces_by_group, tip_displacements
 from pmr.results import Energy, Response, RunResult
 from pmr.scene import Scene
-from pmr.scene.built import GRAVITY, force_of
+from pmr.scene.built import GRAVITY, force_name
 from pmr.scene.members import member_at
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -109,7 +109,9 @@ def test_names_stand_for_columns_whatever_their_order(at_rest: RunResult) -> Non
 
 def test_results_without_names_are_read_in_the_order_they_were_written(at_rest: RunResult) -> None:
     response = at_rest.responses["reduced"]
-    old = npz.record(Response, {k: v for k, v in npz.arrays(response).items() if not k.endswith(("_names", "_units"))})
+    old = npz.record_from_arrays(
+        Response, {k: v for k, v in npz.record_arrays(response).items() if not k.endswith(("_names", "_units"))}
+    )
     assert (old.force_names, old.output_names, old.output_units) == ((), (), ())
     unnamed = replace(at_rest, responses={"reduced": old})
     for pads, others in zip(forces_by_group(at_rest).values(), forces_by_group(unnamed).values(), strict=True):
@@ -123,8 +125,8 @@ def test_a_response_names_displacements_and_forces(at_rest: RunResult) -> None:
     response, model = at_rest.responses["reduced"], structural_model(structure_of(member_at(at_rest.scene)))
     assert response.output_names == model.output_names[:60] and response.output_units == ("m",) * 60
     assert response.output_names[-2:] == ("tip y", "tip z")
-    assert response.force_names == (*model.output_names[60:], *map(force_of, model.rows.names[:6]),
-                                    *map(force_of, model.rows.names[7:]))  # fmt: skip
+    assert response.force_names == (*model.output_names[60:], *map(force_name, model.rows.names[:6]),
+                                    *map(force_name, model.rows.names[7:]))  # fmt: skip
     assert model.rows.names[6] == "cylinder"  # which is no pad
 
 
@@ -156,7 +158,7 @@ def test_pads_that_are_pulled_are_named(at_rest: RunResult) -> None:
     assert set(pads["aft left"].values()) == {"aft left", 0.0, 1.8}  # no force, and the path rests
     response = at_rest.responses["reduced"]
     for name, pad in pads.items():
-        force = response.force(force_of(name), unnamed=0)
+        force = response.force(force_name(name), unnamed=0)
         assert (pad["min"], pad["max"]) == (force.min(), force.max())
         assert (
             force[response.t == pad["t_min"]][0] == force.min() and force[response.t == pad["t_max"]][0] == force.max()
@@ -167,7 +169,7 @@ def response_with(forces: dict[str, Callable[[np.ndarray], np.ndarray]]) -> Resp
     """A response that holds these forces alone."""
     t = np.linspace(0.0, 1.0, 101)
     columns = np.stack([force(t) for force in forces.values()], axis=1)
-    nothing, names = np.zeros((101, 0)), tuple(map(force_of, forces))
+    nothing, names = np.zeros((101, 0)), tuple(map(force_name, forces))
     return Response(t, np.zeros(0), nothing, Energy(t, t, t), columns, t, t, 0.0, force_names=names)
 
 
@@ -199,7 +201,7 @@ def test_rigid_pads_that_stay_are_said_to_be_unknown() -> None:
     scene = boom(rigid)
     (line,) = unknown_force_warnings(scene, response_with({"mouth left": np.cos}))
     assert line.startswith("the pads tail bottom right, tail bottom left, ") and "their forces are unknown" in line
-    names = [name for ring in scene.pads for name, _, _ in ring.places]
+    names = [name for ring in scene.pads for name, _, _ in ring.named_pads]
     assert not unknown_force_warnings(scene, response_with(dict.fromkeys(names, np.cos)))
     assert not unknown_force_warnings(boom(), response_with({"mouth left": np.cos}))
 
@@ -245,6 +247,6 @@ def test_forces_stand_under_their_pads_in_rings_of_any_kind_and_order() -> None:
         pads, shares = rings(rng)
         scene = scenes.load(WORKFLOWS / "boom_beam.toml", [*AT_REST, pads, "reduction.estimate=false"])
         response = simulate(scene, reduce(scene).reduced)
-        for name in (name for ring in scene.pads for name, _, _ in ring.places):
+        for name in (name for ring in scene.pads for name, _, _ in ring.named_pads):
             exact = shares.get(name, 0.0) * of_ring.get(name.split()[0], 0.0)
-            assert response.force(force_of(name), 0)[-1] == pytest.approx(exact, rel=5e-3, abs=2.0), (name, pads)
+            assert response.force(force_name(name), 0)[-1] == pytest.approx(exact, rel=5e-3, abs=2.0), (name, pads)

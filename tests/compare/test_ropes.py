@@ -23,10 +23,10 @@ from pmr.pipeline.full_order import FullOrder
 from pmr.report import forces as reported
 from pmr.results.response import Extremes
 from pmr.scene import Scene
-from pmr.scene.built import force_of
-from pmr.scene.checks import check
+from pmr.scene.built import force_name
+from pmr.scene.checks import check_scene
 from pmr.scene.joints import Cylinder, Rope
-from pmr.scene.keys import cylinder_of
+from pmr.scene.keys import cylinder_name
 from pmr.simulation import Excitation
 from pmr.simulation.moving import read_scene
 from pmr.simulation.native import systems
@@ -62,7 +62,7 @@ def boom() -> Scene:
             "compare": {"against": []},
         }
     )
-    check(found)
+    check_scene(found)
     return found
 
 
@@ -70,7 +70,7 @@ def boom() -> Scene:
 def simulated() -> tuple[Scene, pmr.Response, np.ndarray]:
     scene = boom()
     system = pmr.reduce(scene).system
-    masses = np.array([7850.0 * part.body.box.length * 0.006 * 2 * (2 * height - 0.1)
+    masses = np.array([7850.0 * part.body.box.length_and_arm * 0.006 * 2 * (2 * height - 0.1)
                        for part, height in zip(scene.sections[1:], (0.45, 0.4, 0.35), strict=True)])  # fmt: skip
     masses[-1] += TIP
     return scene, pmr.simulate(scene, system), masses
@@ -125,7 +125,7 @@ def elastic(lengths: tuple[float, float, float], offset: float, **rope: object) 
         one["body"]["box"]["length"] = length
     rest = {"time": {"end": 3.0, "step": 1e-3}, "compare": {"against": []}}
     found = Scene.model_validate({"title": "rope", "sections": [base, first, fly], **rest})
-    check(found)
+    check_scene(found)
     return found
 
 
@@ -160,7 +160,7 @@ def test_a_rope_that_is_not_known_is_refused_in_one_line(joint, said) -> None:
     content = elastic((6.0, 6.0, 6.0), 0.0).model_dump(exclude_unset=True)
     content["sections"][2]["joint"] = {"tail": PADS, "mouth": PADS} | joint
     with pytest.raises((ValidationError, InputError)) as caught:
-        check(Scene.model_validate(content))
+        check_scene(Scene.model_validate(content))
     assert said in str(caught.value)
 
 
@@ -199,7 +199,7 @@ def winch(simulator: str = "march") -> Scene:
             "compare": {"against": []},
         }
     )
-    check(found)
+    check_scene(found)
     return found
 
 
@@ -233,7 +233,7 @@ def test_a_section_swings_on_a_winchs_rope_as_its_equation_says(simulator: str) 
     else:
         scene = winch(simulator)
         found = pmr.simulate(scene, pmr.reduce(scene).system)
-    force, known = -found.force(force_of(cylinder_of("fly")), 0), swinging(scene, found.t)
+    force, known = -found.force(force_name(cylinder_name("fly")), 0), swinging(scene, found.t)
     late = np.sqrt(2e6 / 2.0 / fly_mass()) ** 3 * 1e-3**2 / 12.0 * 1.2  # rad: of the trapezoidal rule, at the shortest
     assert force == pytest.approx(known, abs=late * np.ptp(known) / 2.0) and late < 0.006
     assert found.surplus < 1e-4
@@ -253,7 +253,7 @@ def test_the_drums_work_closes_the_balance_of_energy() -> None:
     scene = winch()
     system = pmr.reduce(scene).system
     ran = systems.simulate(system, Excitation.from_scene(scene))
-    left, force = ran.energy - ran.work, ran.forces[:, system.contact_names.index(cylinder_of("fly"))]
+    left, force = ran.energy - ran.work, ran.forces[:, system.contact_names.index(cylinder_name("fly"))]
     shorter = np.diff(scene.paths["fly"].value(ran.t)) / 2e6
     drum = np.cumsum(((force[1:] + force[:-1]) / 2.0) ** 2 * shorter) / 2.0
     assert drum[-1] > 5.0
@@ -273,7 +273,7 @@ def test_a_rope_and_what_pulls_it_give_way_together() -> None:
     system = pmr.reduce(scene.model_copy(update={"sections": tuple(sections)})).system
     S = np.array([[1.0, r], [0.0, 1.0]])
     A, masses = S.T @ np.diag(1.0 / k) @ S, 7850.0 * 0.006 * 2 * np.array([0.8 * 5.5, 0.7 * 5.0]) + [0.0, TIP]
-    numbers = [system.contact_names.index(cylinder_of(name)) for name in ("first", "fly")]
+    numbers = [system.contact_names.index(cylinder_name(name)) for name in ("first", "fly")]
     x = system.side_coordinates({"first": np.array([1.7]), "fly": np.array([r * 1.7])})
     assert Assembly(system).contact_rows_over_time(x).F[0][np.ix_(numbers, numbers)] == pytest.approx(A, rel=1e-9)
     moved = np.array([[1.0, 0.0], [1.0, 1.0]])  # of both sections, by what their drives give way
@@ -296,11 +296,11 @@ def test_a_chain_of_ropes_gives_way_alike_in_all_simulators(tmp_path: Path) -> N
     content["time"]["end"], found = 0.2, []
     for name in ("march", "exudyn"):
         asked = Scene.model_validate(content | {"simulation": {"simulators": [name]}})
-        check(asked)
+        check_scene(asked)
         system = found[0][0] if found else pmr.reduce(asked).system
         found.append((system, pmr.simulate(asked, system)))
     for name in ("first", "second", "fly"):
-        one, other = (response.force(force_of(cylinder_of(name)), 0) for _, response in found)
+        one, other = (response.force(force_name(cylinder_name(name)), 0) for _, response in found)
         assert np.ptp(one) > 100.0
         assert one == pytest.approx(other, abs=1e-6 * np.abs(other).max())
     changing = system.save(tmp_path / "changing.npz")
@@ -328,7 +328,7 @@ def test_where_nothing_follows_there_are_none(simulated) -> None:
 def test_a_rope_that_bears_round_off_does_not_push(simulated) -> None:
     """1.8e-15 N beside pads that bear kilonewtons was "the rope would have to push"."""
     scene, response, _ = simulated
-    drives = [response.force_names.index(force_of(cylinder_of(name))) for name in scene.names[1:]]
+    drives = [response.force_names.index(force_name(cylinder_name(name))) for name in scene.names[1:]]
     for size, said in ((-1e-15, 0), (-1.0, 2)):
         forces = response.slider_force.copy()
         forces[:, drives] = size

@@ -132,7 +132,7 @@ def test_a_study_takes_no_such_reference(load_scene) -> None:
 
 def test_responses_keep_their_surplus() -> None:
     found = response(np.sin(T), 0.25)
-    assert npz.record(Response, npz.arrays(found)).surplus == 0.25
-    older = {name: array for name, array in npz.arrays(found).items() if name != "surplus"}
-    assert np.isnan(npz.record(Response, older).surplus)
+    assert npz.record_from_arrays(Response, npz.record_arrays(found)).surplus == 0.25
+    older = {name: array for name, array in npz.record_arrays(found).items() if name != "surplus"}
+    assert np.isnan(npz.record_from_arrays(Response, older).surplus)
     assert replace(found, surplus=np.inf).surplus == np.inf

@@ -44,12 +44,12 @@ def test_every_blas_computes_by_the_kernel_that_was_asked_for() -> None:
 @pytest.mark.parametrize("launched", [1, 2])
 def test_what_lets_mpi_start_alone_is_gone_afterwards(monkeypatch: pytest.MonkeyPatch, launched: int) -> None:
     """A launcher that is started later would hand it on to processes that do need networks."""
-    monkeypatch.setattr(environment, "launched", lambda: launched)
+    monkeypatch.setattr(environment, "launched_process_count", lambda: launched)
     monkeypatch.setenv("OMPI_MCA_pml", "as the user has it")
     for name in environment.UNLAUNCHED.keys() - {"OMPI_MCA_pml"}:
         monkeypatch.delenv(name, raising=False)
     before = dict(os.environ)
-    with environment.without_launcher():
+    with environment.mpi_without_launcher():
         assert os.environ == (before if launched > 1 else environment.UNLAUNCHED | before)
     assert os.environ == before
 
@@ -71,7 +71,7 @@ def test_a_launchers_variable_that_holds_no_number_of_processes_is_refused(
 ) -> None:
     monkeypatch.setenv(variable, text)
     with pytest.raises(InputError, match=rf"environment: {variable} = .*the number of processes"):
-        environment.launched()
+        environment.launched_process_count()
 
 
 def test_where_temporary_files_can_not_be_written_one_line_says_so(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pmr import scene as scenes
-from pmr.errors import GrowthError, InputError, on_first
+from pmr.errors import GrowthError, InputError, call_on_first_rank
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fullmodel.from_scene import structure_of
@@ -136,7 +136,7 @@ def test_what_rank_0_refuses_is_refused_on_all(error: Exception) -> None:
         raise error
 
     with pytest.raises(type(error)) as caught:
-        on_first(MPI.COMM_WORLD, fail)
+        call_on_first_rank(MPI.COMM_WORLD, fail)
     assert str(caught.value) == str(error)
     assert getattr(caught.value, "rigid_rows", ("pin",)) == ("pin",)
-    assert on_first(MPI.COMM_WORLD, lambda: 1) == (1 if MPI.COMM_WORLD.rank == 0 else None)
+    assert call_on_first_rank(MPI.COMM_WORLD, lambda: 1) == (1 if MPI.COMM_WORLD.rank == 0 else None)

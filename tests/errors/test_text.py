@@ -10,7 +10,7 @@ from rich.console import Console
 
 from pmr.cli import console
 from pmr.errors import InputError
-from pmr.errors.text import kind_of, visible
+from pmr.errors.text import escape_controls, warning_kind
 
 PLAIN = ["[/red]", "[bold]x", "root:x:0", ":smile:", "$x^2$", "\\frac", "<b>&amp;", "ä ß 漢 שלום 😀 F²", "{0} %s", "_F"]
 STEERING = {
@@ -26,26 +26,26 @@ STEERING = {
 
 @pytest.mark.parametrize("text", PLAIN)
 def test_text_without_control_stays_as_it_is(text: str) -> None:
-    assert visible(text) == text
+    assert escape_controls(text) == text
 
 
 @pytest.mark.parametrize("text", STEERING)
 def test_what_steers_is_spelled_out(text: str) -> None:
-    assert visible(text) == STEERING[text]
-    ElementTree.fromstring(f"<t>{visible(text)}</t>")
+    assert escape_controls(text) == STEERING[text]
+    ElementTree.fromstring(f"<t>{escape_controls(text)}</t>")
 
 
 @pytest.mark.parametrize("text", [*PLAIN, *STEERING])
 def test_the_terminal_shows_text_as_it_is(text: str) -> None:
     shown = io.StringIO()
-    console.say(Console(file=shown, force_terminal=True, color_system="truecolor", **console.PLAIN), text)
-    assert shown.getvalue() == visible(text) + "\n"
+    console.print_text(Console(file=shown, force_terminal=True, color_system="truecolor", **console.PLAIN), text)
+    assert shown.getvalue() == escape_controls(text) + "\n"
 
 
 @pytest.mark.parametrize("text", [*PLAIN, *STEERING])
 def test_an_error_is_one_line_whatever_is_quoted(text: str) -> None:
     line = str(InputError(f"{text}.toml", f"a.{text}", text, f"no {text}"))
-    assert len(line.splitlines()) == 1 and visible(line) == line
+    assert len(line.splitlines()) == 1 and escape_controls(line) == line
 
 
 BEAM = Path("workflows/paper_simple.toml").resolve()
@@ -59,13 +59,15 @@ def test_info_shows_a_title_as_it_is(text: str, tmp_path: Path, monkeypatch, cap
     if any(0xD800 <= ord(letter) < 0xE000 for letter in text):  # halves of a pair are not text, says TOML
         assert done.returncode == 2 and "not valid TOML" in done.stderr
     else:
-        assert done.returncode == 0 and done.stdout.splitlines()[0].split(maxsplit=1)[1].strip() == visible(text)
+        assert done.returncode == 0 and done.stdout.splitlines()[0].split(maxsplit=1)[1].strip() == escape_controls(
+            text
+        )
 
 
 @pytest.mark.parametrize("name", ["[/red]", ":smile:", "\x1b[31m", "\u202e", "\udcff"])
 def test_a_files_name_is_shown_as_it_is(name: str, monkeypatch, capsys) -> None:
     done = called(monkeypatch, capsys, "run", f"{name}.toml")
-    assert done.returncode == 2 and done.stderr == f"pmr: {visible(name)}.toml: no such scene file\n"
+    assert done.returncode == 2 and done.stderr == f"pmr: {escape_controls(name)}.toml: no such scene file\n"
 
 
 KINDS = {
@@ -78,4 +80,4 @@ KINDS = {
 
 @pytest.mark.parametrize("warning", KINDS)
 def test_a_kind_of_warning_is_the_same_whatever_its_numbers(warning: str) -> None:
-    assert kind_of(warning) == KINDS[warning]
+    assert warning_kind(warning) == KINDS[warning]

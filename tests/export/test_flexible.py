@@ -70,12 +70,12 @@ def test_a_sid_file_read_back_has_all_digits(body: NodalBody, tmp_path: Path) ->
     np.testing.assert_allclose(found["Ke"]["M0"], np.diag(body.omega**2), rtol=1e-15)
     np.testing.assert_array_equal(found["De"]["M0"], body.damping)
     assert np.all(np.diag(body.damping) < 0.5 + 1e-5 * body.omega**2)  # nothing damps what gives way at moving pads
-    for k in range(len(body.places.names)):
-        np.testing.assert_array_equal(found[f"{k + 1} origin"]["M0"][:, 0], body.places.points[k])
-        np.testing.assert_array_equal(found[f"{k + 1} origin"]["M1"][:, :, 0], body.places.displacement[k])
-        np.testing.assert_array_equal(found[f"{k + 1} psi"]["M0"], body.places.rotation[k])
+    for k in range(len(body.frames.names)):
+        np.testing.assert_array_equal(found[f"{k + 1} origin"]["M0"][:, 0], body.frames.points[k])
+        np.testing.assert_array_equal(found[f"{k + 1} origin"]["M1"][:, :, 0], body.frames.displacement[k])
+        np.testing.assert_array_equal(found[f"{k + 1} psi"]["M0"], body.frames.rotation[k])
         turned = np.cross(
-            np.eye(3)[:, None], body.places.rotation[k].T[None]
+            np.eye(3)[:, None], body.frames.rotation[k].T[None]
         )  # rows e_i x psi, of which -psi~ consists
         np.testing.assert_array_equal(found[f"{k + 1} AP"]["M1"].transpose(2, 1, 0), -turned)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmr.fields.stress import FORCES, Running
+from pmr.fields.stress import FORCES, RunningEnvelope
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
 from pmr.scene.structures import Beam3DBody, BoxProfile, Profile
@@ -57,7 +57,7 @@ def test_moments_make_the_stress_in_the_corners() -> None:
         name: {x: values[k] for k, x in enumerate(forces.x) if forces.names[k] == name}
         for name in ("normal force", "bending moment y", "bending moment z")
     }
-    axial = stresses.of(q[None])[0, :, 0]
+    axial = stresses.evaluate(q[None])[0, :, 0]
     for (x, y, z), stress in zip(stresses.points, axial, strict=True):
         N, M_y, M_z = (of[x] for of in at.values())
         known = N / section.area + M_y * z / section.second_moment_y - M_z * y / section.second_moment_z
@@ -83,14 +83,16 @@ def test_a_planar_beam_has_the_forces_of_one_in_space_and_of_a_profile_its_stres
     if stresses is not None:
         z = stresses.points[:, 2]
         navier = PULL / section.area - UP * (LENGTH - stresses.points[:, 0]) * z / section.second_moment_y
-        assert stresses.of(flat[None])[0, :, 0] == pytest.approx(navier, rel=1e-8, abs=1.0)
-        assert stresses.von_mises(stresses.of(flat[None])) == pytest.approx(np.abs(navier)[None], rel=1e-8, abs=1.0)
+        assert stresses.evaluate(flat[None])[0, :, 0] == pytest.approx(navier, rel=1e-8, abs=1.0)
+        assert stresses.von_mises(stresses.evaluate(flat[None])) == pytest.approx(
+            np.abs(navier)[None], rel=1e-8, abs=1.0
+        )
 
 
 def test_envelopes_have_the_extremes_of_all_blocks_and_when_they_are() -> None:
     """Two quantities, of which one has two values at one place; round-off beside the largest of a unit is zero."""
     names = ("normal force", "normal force", "normal force", "torque", "torque")
-    running = Running(names, np.array([0.0, 1.0, 1.0, 0.0, 1.0]))
+    running = RunningEnvelope(names, np.array([0.0, 1.0, 1.0, 0.0, 1.0]))
     running.add(np.array([0.0, 0.1]), np.array([[1.0, 5.0, -2.0, 1e-12, 0.1], [2.0, 4.0, 0.0, 0.5, 0.1]]))
     running.add(np.array([0.2]), np.array([[-3e-12, 4.5, 6.0, 0.2, -0.3]]))
     found = running.envelope(FORCES)
@@ -104,7 +106,7 @@ def test_envelopes_have_the_extremes_of_all_blocks_and_when_they_are() -> None:
 
 def test_what_is_round_off_all_the_time_is_zero_from_the_start() -> None:
     """When round-off is largest says nothing; a force that comes down to zero has its time."""
-    running = Running(("torque", "torque"), np.array([0.0, 1.0]))
+    running = RunningEnvelope(("torque", "torque"), np.array([0.0, 1.0]))
     running.add(np.array([0.1, 0.2]), np.array([[1e-13, 5.0], [-2e-13, 3.0]]))
     running.add(np.array([0.3, 0.4]), np.array([[3e-13, 0.0], [1e-13, 2.0]]))
     found = running.envelope(FORCES)

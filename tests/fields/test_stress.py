@@ -25,7 +25,7 @@ def test_von_mises_of_tension_and_of_shear(form: str) -> None:
     q = np.zeros((2, 3, len(mises)))
     q[0, 0, 0], q[1, 1, shear], q[1, 2, [0, shear]] = -7.0, 2.0, [3.0, 4.0]
     expected = [[7.0, 0.0, 0.0], [0.0, np.sqrt(12.0), np.sqrt(9.0 + 48.0)]]
-    assert found.von_mises(found.of(q.reshape(2, -1))) == pytest.approx(np.array(expected))
+    assert found.von_mises(found.evaluate(q.reshape(2, -1))) == pytest.approx(np.array(expected))
 
 
 def test_pressure_from_all_sides_is_no_stress_of_von_mises() -> None:

@@ -7,18 +7,18 @@ from pathlib import Path
 import pytest
 
 from pmr.fem.compat import MPI
-from pmr.files.whole import stored
+from pmr.files.whole import complete_folder
 
 #: Takes the lock of a folder, begins to make it, and is killed.
 KILLED = """
 import os, sys, signal
 from pathlib import Path
-from pmr.files.whole import stored
+from pmr.files.whole import complete_folder
 from pmr.fem.compat import MPI
 def make(folder):
     (folder / "half").write_text("")
     os.kill(os.getpid(), signal.SIGKILL)
-stored(Path(sys.argv[1]), Path.is_dir, make, MPI.COMM_SELF)
+complete_folder(Path(sys.argv[1]), Path.is_dir, make, MPI.COMM_SELF)
 """
 
 
@@ -36,8 +36,8 @@ def filled(folder: Path) -> str:
 
 def test_a_folder_is_made_once_and_read_from_then_on(tmp_path: Path) -> None:
     folder = tmp_path / "deep" / "folder"
-    assert stored(folder, whole, filled, MPI.COMM_SELF) == "made"
-    assert stored(folder, whole, filled, MPI.COMM_SELF) == "made once"
+    assert complete_folder(folder, whole, filled, MPI.COMM_SELF) == "made"
+    assert complete_folder(folder, whole, filled, MPI.COMM_SELF) == "made once"
 
 
 def test_nothing_is_left_of_what_fails(tmp_path: Path) -> None:
@@ -46,7 +46,7 @@ def test_nothing_is_left_of_what_fails(tmp_path: Path) -> None:
         raise RuntimeError("no compiler")
 
     with pytest.raises(RuntimeError, match="no compiler"):
-        stored(tmp_path / "folder", whole, fail, MPI.COMM_SELF)
+        complete_folder(tmp_path / "folder", whole, fail, MPI.COMM_SELF)
     assert [path.name for path in tmp_path.iterdir()] == ["folder.lock"]
 
 
@@ -56,7 +56,7 @@ def test_what_a_dead_process_left_is_removed_and_its_lock_is_free(tmp_path: Path
     died = subprocess.run([sys.executable, "-c", KILLED, str(folder)], check=False)
     assert died.returncode < 0
     assert list(tmp_path.glob("*.part"))
-    assert stored(folder, whole, filled, MPI.COMM_SELF) == "made"
+    assert complete_folder(folder, whole, filled, MPI.COMM_SELF) == "made"
     assert not list(tmp_path.glob("*.part"))
 
 
@@ -64,7 +64,7 @@ def test_a_folder_that_is_not_whole_is_made_anew(tmp_path: Path) -> None:
     folder = tmp_path / "folder"
     folder.mkdir()
     (folder / "half").write_text("")
-    assert stored(folder, whole, filled, MPI.COMM_SELF) == "made"
+    assert complete_folder(folder, whole, filled, MPI.COMM_SELF) == "made"
     assert [path.name for path in folder.iterdir()] == ["content"]
 
 
@@ -79,4 +79,4 @@ def test_all_ranks_read_what_the_first_has_made(tmp_path: Path) -> None:
         comm.barrier()
         return (place / "content").read_text()
 
-    assert [stored(folder, whole, make, comm) for _ in range(2)] == ["made once"] * 2
+    assert [complete_folder(folder, whole, make, comm) for _ in range(2)] == ["made once"] * 2

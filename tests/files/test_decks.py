@@ -48,7 +48,7 @@ def test_nodes_elements_and_sets_are_read(tmp_path: Path) -> None:
     assert [(one.type, one.numbers, one.nodes) for one in read.elements] == [("T3D2", [1, 2], [[1, 2], [2, 3]])]
     expected = {"all": {1, 2, 3, 4}, "ends": {1, 3}, "odd": {1, 3}, "both": {1, 2, 3}, "used": {1, 2, 3}}
     assert read.node_sets == expected
-    assert read.element_sets == {"bars": {1, 2}, "second": {2}} and read.spelled["bars"] == "Bars"
+    assert read.element_sets == {"bars": {1, 2}, "second": {2}} and read.set_spellings["bars"] == "Bars"
 
 
 def test_several_blocks_of_nodes_and_a_part_with_an_instance_in_place_are_read(tmp_path: Path) -> None:

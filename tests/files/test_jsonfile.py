@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pmr.errors.text import not_finite, remarks
+from pmr.errors.text import non_finite_names, non_finite_remarks
 from pmr.files import npz
 
 DATA: dict[str, Any] = {
@@ -39,15 +39,15 @@ def test_numbers_that_are_not_finite_are_null() -> None:
 
 
 def test_they_are_named() -> None:
-    assert list(not_finite(DATA)) == [
+    assert list(non_finite_names(DATA)) == [
         "errors.reduced_vs_full.tip",
         "list[1]",
         "list[2].x",
         "tuple[0]",
         "numpy",
     ]
-    assert remarks({"a": 1.0}) == []
-    assert remarks({"a": math.inf}) == ["a is not finite; in summary.json it is null"]
+    assert non_finite_remarks({"a": 1.0}) == []
+    assert non_finite_remarks({"a": math.inf}) == ["a is not finite; in summary.json it is null"]
 
 
 def test_what_is_no_data_is_refused() -> None:

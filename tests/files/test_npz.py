@@ -13,7 +13,7 @@ import pytest
 import scipy.sparse
 from oracle import flexible, rich_body
 
-from pmr.cli.info import described_model
+from pmr.cli.info import describe_model
 from pmr.errors import InputError
 from pmr.files.foreign import ForeignFiles, read_foreign
 from pmr.files.npz import DamagedError, read
@@ -157,7 +157,7 @@ def test_a_model_that_was_forged_is_described_or_refused(said: str, tmp_path: Pa
     with np.load(flexible(rich_body(), 6).save(tmp_path / "model.npz")) as data:
         np.savez(tmp_path / "forged.npz", **(dict(data) | {"provenance": np.array(said)}))
     try:
-        assert described_model(ReducedModel.load(tmp_path / "forged.npz"))["made with"] == ""
+        assert describe_model(ReducedModel.load(tmp_path / "forged.npz"))["made with"] == ""
     except InputError as error:
         assert "not a reduced model written by pmr" in str(error) and len(str(error)) < 500
 

@@ -14,7 +14,7 @@ from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
 from pmr.fields.series import Fields
-from pmr.files.npz import arrays, record
+from pmr.files.npz import record_arrays, record_from_arrays
 from pmr.reduced.model import ReducedModel
 from pmr.simulation.petsc.checkpoint import Checkpoint, load
 from pmr.studies.results import Store
@@ -51,10 +51,10 @@ def whole(**change: Any) -> Whole:
 @pytest.mark.parametrize("change", [{}, {"names": (), "groups": {}}, {"other": whole().part, "pads": np.ones(2)}])
 def test_a_dataclass_is_its_arrays(change: dict) -> None:
     expected = whole(**change)
-    named = arrays(expected, "a.")
-    found = record(Whole, {"b.M": np.zeros(3), **named}, "a.")
-    assert arrays(found, "a.").keys() == named.keys()
-    for name, array in arrays(found, "a.").items():
+    named = record_arrays(expected, "a.")
+    found = record_from_arrays(Whole, {"b.M": np.zeros(3), **named}, "a.")
+    assert record_arrays(found, "a.").keys() == named.keys()
+    for name, array in record_arrays(found, "a.").items():
         assert np.array_equal(array, named[name]) and array.dtype == named[name].dtype, name
     for name in ("names", "notes", "count", "kept"):
         assert getattr(found, name) == getattr(expected, name)
@@ -74,9 +74,9 @@ def test_a_dataclass_is_its_arrays(change: dict) -> None:
     ],
 )
 def test_what_is_missing_or_of_another_type_is_refused(change: dict, error: type[Exception]) -> None:
-    named = {name: array for name, array in (arrays(whole()) | change).items() if array is not None}
+    named = {name: array for name, array in (record_arrays(whole()) | change).items() if array is not None}
     with pytest.raises(error):
-        record(Whole, named)
+        record_from_arrays(Whole, named)
 
 
 def test_a_reduced_model_of_version_4_is_read(tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ def assert_same_span(found: np.ndarray, expected: np.ndarray) -> None:
 
 
 def test_a_free_body_resists_nothing() -> None:
-    assert springs({}).held().shape == (0, 6)
+    assert springs({}).held_motions().shape == (0, 6)
 
 
 @pytest.mark.parametrize("digits", [6, 8, 14])
@@ -50,28 +50,28 @@ def test_rounded_points_and_entries_are_no_support(digits: int) -> None:
     K = BAR.K.copy()
     exponent = 10.0 ** (np.floor(np.log10(np.abs(K.data))) - max(digits, 9))
     K.data = np.round(K.data / exponent) * exponent
-    assert Resistance(K, points, BAR.node, BAR.direction).held().shape == (0, 6)
+    assert Resistance(K, points, BAR.node, BAR.direction).held_motions().shape == (0, 6)
 
 
 def test_a_clamped_face_holds_all_motions() -> None:
-    assert np.linalg.matrix_rank(without(BAR, np.isin(BAR.node, BAR.groups["tail"])).held()) == 6
+    assert np.linalg.matrix_rank(without(BAR, np.isin(BAR.node, BAR.groups["tail"])).held_motions()) == 6
 
 
 @pytest.mark.parametrize("held", [[(0, 0)], [(0, 0), (3, 2)], [(0, 0), (0, 1), (0, 2)], [(5, 1), (9, 1), (14, 2)]])
 def test_supports_hold_the_displacements_that_are_left_out(held: list[tuple[int, int]]) -> None:
     gone = np.any([(BAR.node == node) & (BAR.direction == direction) for node, direction in held], axis=0)
-    assert_same_span(without(BAR, gone).held(), np.array([row(*one) for one in held]))
+    assert_same_span(without(BAR, gone).held_motions(), np.array([row(*one) for one in held]))
 
 
 @pytest.mark.parametrize("stiffness", [1e2, 1e6, 1e13])
 def test_springs_hold_what_they_are_stretched_by(stiffness: float) -> None:
     """From a billionth of the body's entries to a hundred times these."""
-    found = springs({(4, 2): stiffness, (17, 1): 3.0 * stiffness}).held()
+    found = springs({(4, 2): stiffness, (17, 1): 3.0 * stiffness}).held_motions()
     assert_same_span(found, np.array([row(4, 2), row(17, 1)]))
 
 
 def test_a_soft_spring_counts_beside_a_stiff_support() -> None:
-    assert_same_span(springs({(0, 0): 1e14, (17, 2): 1e3}).held(), np.array([row(0, 0), row(17, 2)]))
+    assert_same_span(springs({(0, 0): 1e14, (17, 2): 1e3}).held_motions(), np.array([row(0, 0), row(17, 2)]))
 
 
 def test_rotations_held_at_a_node_hold_the_body() -> None:
@@ -87,9 +87,9 @@ def test_rotations_held_at_a_node_hold_the_body() -> None:
         K += a * np.outer(stretch, stretch) + b * np.outer(turn, turn)
     node, direction = np.repeat([0, 1], 6), np.tile(np.arange(6), 2)
     points = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
-    assert Resistance(sp.csr_matrix(K), points, node, direction).held().shape == (0, 6)
+    assert Resistance(sp.csr_matrix(K), points, node, direction).held_motions().shape == (0, 6)
     K[3, 3] += 0.5
-    found = Resistance(sp.csr_matrix(K), points, node, direction).held()
+    found = Resistance(sp.csr_matrix(K), points, node, direction).held_motions()
     assert_same_span(found, np.eye(6)[[3]])
 
 

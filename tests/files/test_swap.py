@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pmr.files.whole import NotWrittenError, finish_swap, fresh, remove_files
+from pmr.files.whole import NotWrittenError, finish_swap, remove_matching, replacement_folder
 
 OURS = ("a", "b", "c", "steps/*.vtu")
 #: Writes new files into a folder and is killed at the k-th change of a name or removal; where there is none, it ends.
@@ -26,7 +26,7 @@ def counted(function):
     return call
 os.replace, Path.rename, Path.unlink = counted(os.replace), counted(Path.rename), counted(Path.unlink)
 whole.shutil.rmtree = counted(whole.shutil.rmtree)
-with whole.fresh(Path(sys.argv[1]), ("a", "b", "c", "steps/*.vtu")) as new:
+with whole.replacement_folder(Path(sys.argv[1]), ("a", "b", "c", "steps/*.vtu")) as new:
     for name in ("a", "c", "steps/1.vtu"):
         (new / name).parent.mkdir(exist_ok=True)
         (new / name).write_text("new")
@@ -35,9 +35,9 @@ with whole.fresh(Path(sys.argv[1]), ("a", "b", "c", "steps/*.vtu")) as new:
 LARGE = """
 import resource, sys
 from pathlib import Path
-from pmr.files.whole import fresh
+from pmr.files.whole import replacement_folder
 resource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000))
-with fresh(Path(sys.argv[1]), ("a", "b")) as new:
+with replacement_folder(Path(sys.argv[1]), ("a", "b")) as new:
     (new / "a").write_bytes(bytes(1000))
     (new / "b").write_bytes(bytes(5000))
 """
@@ -58,7 +58,7 @@ def content(folder: Path) -> dict[str, str]:
 
 def test_new_files_take_the_place_of_the_old_ones_and_nothing_else_is_touched(tmp_path: Path) -> None:
     fill(tmp_path, OLD | FOREIGN)
-    with fresh(tmp_path, OURS) as new:
+    with replacement_folder(tmp_path, OURS) as new:
         fill(new, NEW)
         assert {name: text for name, text in content(tmp_path).items() if "pmr-new" not in name} == OLD | FOREIGN
     assert content(tmp_path) == NEW | FOREIGN
@@ -67,7 +67,7 @@ def test_new_files_take_the_place_of_the_old_ones_and_nothing_else_is_touched(tm
 
 def test_an_error_leaves_the_old_files(tmp_path: Path) -> None:
     fill(tmp_path, OLD | FOREIGN)
-    with pytest.raises(RuntimeError), fresh(tmp_path, OURS) as new:
+    with pytest.raises(RuntimeError), replacement_folder(tmp_path, OURS) as new:
         fill(new, NEW)
         raise RuntimeError
     assert content(tmp_path) == OLD | FOREIGN and not list(tmp_path.glob(".pmr*"))
@@ -101,10 +101,10 @@ def test_where_there_is_no_room_the_old_files_stay_and_one_line_says_so(tmp_path
 
 
 def test_a_folder_that_another_process_is_writing_is_left_to_it(tmp_path: Path) -> None:
-    with fresh(tmp_path, OURS) as new:
+    with replacement_folder(tmp_path, OURS) as new:
         fill(new, NEW)
         finish_swap(tmp_path)
-        with fresh(tmp_path, OURS) as second:
+        with replacement_folder(tmp_path, OURS) as second:
             fill(second, {"a": "second"})
         assert content(tmp_path)["a"] == "second"
     assert content(tmp_path) == NEW
@@ -113,21 +113,21 @@ def test_a_folder_that_another_process_is_writing_is_left_to_it(tmp_path: Path) 
 def test_a_link_and_the_current_directory_may_be_the_target(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fill(tmp_path / "real", OLD)
     (tmp_path / "link").symlink_to(tmp_path / "real")
-    with fresh(tmp_path / "link", OURS) as new:
+    with replacement_folder(tmp_path / "link", OURS) as new:
         fill(new, NEW)
     assert (tmp_path / "link").is_symlink() and content(tmp_path / "real") == NEW
     monkeypatch.chdir(tmp_path / "real")
-    with fresh(Path(), OURS) as new:
+    with replacement_folder(Path(), OURS) as new:
         fill(new, {"b": "newer"})
     assert content(tmp_path / "real") == {"b": "newer"}
     assert os.path.samefile(Path(), tmp_path / "real")
 
 
 def test_what_has_no_place_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="d: not among"), fresh(tmp_path, OURS) as new:
+    with pytest.raises(ValueError, match="d: not among"), replacement_folder(tmp_path, OURS) as new:
         fill(new, {"d": "new"})
     (tmp_path / "a").mkdir()
-    with pytest.raises(NotWrittenError, match="a is a folder"), fresh(tmp_path, OURS) as new:
+    with pytest.raises(NotWrittenError, match="a is a folder"), replacement_folder(tmp_path, OURS) as new:
         fill(new, {"a": "new"})
-    remove_files(tmp_path, OURS)
+    remove_matching(tmp_path, OURS)
     assert (tmp_path / "a").is_dir()

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from pmr.files.whole import NotWrittenError, replacement
+from pmr.files.whole import NotWrittenError, replacement_file
 
 
 def test_a_file_appears_when_it_is_whole(tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_text("old")
-    with replacement(file) as part:
+    with replacement_file(file) as part:
         part.write_text("new")
         assert file.read_text() == "old"
     assert file.read_text() == "new" and list(tmp_path.iterdir()) == [file]
@@ -25,7 +25,7 @@ def test_a_disk_that_is_only_read_is_one_line(tmp_path: Path, monkeypatch: pytes
 
     monkeypatch.setattr(Path, "unlink", refused)
     with pytest.raises(NotWrittenError, match="file could not be written: Read-only file system"):
-        with replacement(tmp_path / "file") as part:
+        with replacement_file(tmp_path / "file") as part:
             refused(part)
 
 
@@ -40,7 +40,7 @@ def test_a_disk_that_is_only_read_is_one_line(tmp_path: Path, monkeypatch: pytes
 def test_whatever_goes_wrong_leaves_the_old_file_and_no_part(tmp_path: Path, error: BaseException, seen: type) -> None:
     file = tmp_path / "file"
     file.write_text("old")
-    with pytest.raises(seen) as caught, replacement(file) as part:
+    with pytest.raises(seen) as caught, replacement_file(file) as part:
         part.write_text("half")
         raise error
     assert file.read_text() == "old" and list(tmp_path.iterdir()) == [file]

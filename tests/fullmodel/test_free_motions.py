@@ -21,7 +21,7 @@ from pmr.fullmodel import build
 from pmr.fullmodel.build import CheckedPositions, build_bodies, free_motion_warnings
 from pmr.pipeline import run
 from pmr.scene import Scene
-from pmr.scene.checks import check
+from pmr.scene.checks import check_scene
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 VERTICAL = "loads=[{name='F',signal=1.0}]"
@@ -181,7 +181,7 @@ def without_a_support(seed: int) -> Machine:
         sections.append(f"{{{','.join(parts)}}}")
     content = f"title='machine'\nsection={{mesh={{elements=6}}}}\nsections=[{','.join(sections)}]\n"
     boom = Scene.model_validate(tomllib.loads(content + "time={end=1.0,step=1e-3}"))
-    check(boom)
+    check_scene(boom)
     return Machine(boom, f"part {at}", lacking)
 
 
@@ -194,7 +194,7 @@ def beam_without_a_support(rng: np.random.Generator) -> Machine:
         f"slider.path={{kind='ramp',times=[0.0,1.0],values=[{start},4.0]}}"
     )
     scene = Scene.model_validate(tomllib.loads(content))
-    check(scene)
+    check_scene(scene)
     return Machine(scene, "the body", ("move along x" if lost == "x" else turn("y", start),))
 
 
@@ -281,6 +281,6 @@ def test_supports_close_to_each_other_and_short_overlaps_hold() -> None:
     for count in (3, 2):
         text = f"title='long'\nsection={common}\nsections=[{','.join(parts)}]\ntime={{end=1.0,step=1e-3}}"
         boom = Scene.model_validate(tomllib.loads(text.replace("PINS", f"[{','.join(pins[:count])}]")))
-        check(boom)
+        check_scene(boom)
         said = refused(boom)
         assert len(said) == 3 - count and all("0 with what it carries free to turn about y" in one for one in said)

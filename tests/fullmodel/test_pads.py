@@ -70,7 +70,7 @@ def test_a_pad_measures_the_mean_of_a_parabola_without_a_ripple() -> None:
     """w = x^2 on a mesh that has nothing regular: s^2 and the spread of the weights, for every s alike."""
     model = shell()
     row = moving_pad(Pad("p", "top", across=0.02), model, free(model), TRAVEL)
-    w = np.where(model.nodes.component == 2, model.nodes.at[:, 0] ** 2, 0.0)
+    w = np.where(model.nodes.component == 2, model.nodes.points[:, 0] ** 2, 0.0)
     spread = [applied(row, s, w) - s**2 for s in np.linspace(*TRAVEL, 77)]
     step = 0.3 / 10
     assert spread == pytest.approx(np.full(77, (2 * step) ** 2 / 3 + step**2 / 6), rel=1e-9)

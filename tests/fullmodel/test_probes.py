@@ -44,7 +44,7 @@ def test_a_stretched_body_has_the_stress_and_strain_of_a_bar(model: str) -> None
         q[0::6] = e * np.linspace(0.0, 6.0, len(q) // 6)
     else:
         for i, share in enumerate((1.0, -0.3, -0.3)):
-            q[nodes.component == i] = e * share * nodes.at[nodes.component == i][:, i]
+            q[nodes.component == i] = e * share * nodes.points[nodes.component == i][:, i]
     values = {name: float((one.row @ q)[0]) for name, one in found.items()}
     along, stress, strain = {"beam": "axial", "shell": "along", "solid": "xx"}[model], 210e9 * e, e
     assert values[f"p stress {along}"] == pytest.approx(stress, rel=1e-9)

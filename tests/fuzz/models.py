@@ -26,8 +26,8 @@ prepare = warm
 
 def case(number: int, rng: Random, folder: Path) -> str:
     """Read a mutation of a model file and use it if it is accepted; return the outcome in a few words."""
-    from pmr.cli.info import described_model
-    from pmr.errors.text import visible
+    from pmr.cli.info import describe_model
+    from pmr.errors.text import escape_controls
     from pmr.export.exudyn_script import script_data
     from pmr.reduced.model import ReducedModel
     from pmr.system.system import System
@@ -35,13 +35,13 @@ def case(number: int, rng: Random, folder: Path) -> str:
     file = folder / "model.npz"
     file.write_bytes(_changed(_whole()[int(rng.integers(len(_whole())))], rng))
     model = ReducedModel.load(file)
-    if any(not isinstance(text, str) for text in described_model(model).values()):
+    if any(not isinstance(text, str) for text in describe_model(model).values()):
         raise NonsenseError("what info says is no text")
     moved = _simulated(model)
     try:
         arrays = script_data(System.of(model), file.name)
     except ValueError as error:
-        return f"{moved}, no script: {visible(str(error))[:100]}"
+        return f"{moved}, no script: {escape_controls(str(error))[:100]}"
     if any(np.asarray(array).dtype.hasobject for array in arrays.values()):
         raise NonsenseError("a script's data is no array of numbers or names")
     return moved

@@ -16,7 +16,7 @@ from fuzz.scenes import prepare as warm
 from fuzz.verdict import NonsenseError, strictly_read
 
 from pmr import scene as scenes
-from pmr.errors.text import LONGEST_NAME, is_name, visible
+from pmr.errors.text import LONGEST_NAME, escape_controls, is_name
 
 RANGES = (
     (0, 32),
@@ -55,7 +55,7 @@ def case(number: int, rng: Random, folder: Path) -> str:
     outcome = run(coarse(scenes.load(file)), MPI.COMM_SELF)
     assert outcome is not None
     page = render([report_case(outcome.result, "case-1")])
-    if visible(page.replace("\n", "")) != page.replace("\n", ""):
+    if escape_controls(page.replace("\n", "")) != page.replace("\n", ""):
         raise NonsenseError("the page holds characters that steer")
     for svg in re.findall(r"<svg.*?</svg>", page, re.DOTALL):
         ElementTree.fromstring(svg)
@@ -64,7 +64,7 @@ def case(number: int, rng: Random, folder: Path) -> str:
     model = outcome.reduced.save(folder / f"{_file_name(other)}.npz")
     script = write_exudyn_script(model, folder / "script.py")
     names = runpy.run_path(str(script))
-    if names["TITLE"] != visible(title.replace("\ud800", "?")):
+    if names["TITLE"] != escape_controls(title.replace("\ud800", "?")):
         raise NonsenseError(f"the script's title is {names['TITLE']!r}")
     return "shown"
 

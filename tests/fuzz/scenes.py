@@ -14,7 +14,7 @@ from fuzz.verdict import NonsenseError, ensure_finite, strictly_read
 
 from pmr import scene as scenes
 from pmr.scene import Scene
-from pmr.scene.checks import check
+from pmr.scene.checks import check_scene
 
 MOST_STEPS, MOST_ELEMENTS, MOST_CELLS = 200, 24, 40
 DRAWN = 12  # of that many one has its report drawn
@@ -63,7 +63,7 @@ def coarse(scene: Scene) -> Scene:
         changes["recovery"] = scene.recovery.model_copy(update=update)
     changes["observe"] = scene.observe.model_copy(update={"count": min(scene.observe.count, 29)})
     small = scene.model_copy(update=changes)
-    check(small)
+    check_scene(small)
     return small
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pmr.errors import ConvergenceError, InputError, SimulationError
-from pmr.errors.text import visible
+from pmr.errors.text import escape_controls
 
 LONGEST = 60.0  # s of processor time that one may take; they take one or two, on a slow machine several
 PATIENCE = 1200  # s of wall time, on a machine that others use too
@@ -60,7 +60,7 @@ def judged(number: int, run: Callable[[], Any]) -> Verdict:
         kind, detail = "ran", str(run() or "")
     except InputError as error:
         kind, detail = "refused", str(error)
-        if visible(detail) != detail or not detail:
+        if escape_controls(detail) != detail or not detail:
             kind = "nonsense"
     except (ConvergenceError, SimulationError) as error:
         kind, detail = "failed", str(error)

@@ -123,7 +123,7 @@ def test_the_tip_is_where_rotations_take_it(moved: Moved) -> None:
     reach = at["middle"] + at["fly"] + scene.sections[-1].length
     rocked = Rotation.from_euler("ZYX", [at[f"base.{axis}"] for axis in ("rz", "ry", "rx")])
     turned = rocked * Rotation.from_euler("ZY", [at.get("slewing", 0.0), -at["luffing"]])
-    expected = turned.apply(np.array(scene.frame.place) + u + [reach, 0.0, 0.0])
+    expected = turned.apply(np.array(scene.frame.tail_position) + u + [reach, 0.0, 0.0])
     first = moved.kernel.names("further").index("tip in space X")
     np.testing.assert_allclose(moved.state.further()[first : first + 3], expected, rtol=1e-13)
 

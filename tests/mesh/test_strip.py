@@ -45,7 +45,7 @@ def test_points_fill_the_window_and_move_along_the_outward_normal(face: str, kin
 def test_a_quadratic_displacement_is_met_exactly() -> None:
     model = shell(box())
     nodes = model.nodes
-    q = np.where(nodes.component == 2, nodes.at[:, 0] ** 2 - 3.0 * nodes.at[:, 0] * nodes.at[:, 1], 0.0)
+    q = np.where(nodes.component == 2, nodes.points[:, 0] ** 2 - 3.0 * nodes.points[:, 0] * nodes.points[:, 1], 0.0)
     strip = model.strip("top", WINDOW)
     assert strip.normal @ q == pytest.approx(strip.along**2 - 3.0 * strip.along * strip.across, abs=1e-12)
 
@@ -59,7 +59,7 @@ def test_a_section_moves_as_what_is_around_it(kind: str) -> None:
     expected = np.hstack([np.eye(3), np.stack([np.cross(e, at) for e in np.eye(3)], axis=1)])
     assert model.displacement(0.9) @ model.rigid_motions() == pytest.approx(expected, abs=1e-12)
     nodes = model.nodes
-    w = np.where(nodes.component == 2, nodes.at[:, 0] ** 2, 0.0)
+    w = np.where(nodes.component == 2, nodes.points[:, 0] ** 2, 0.0)
     spread = (model.displacement(0.9) @ w)[2] - at[0] ** 2
     assert 0.25**2 / 12.0 < spread < 0.4**2 / 6.0  # hats of half-widths from 0.2 m up have their square over six
     with pytest.raises(InputError, match=r"place = 2\.3: a group or a number from 0 to 2 m"):

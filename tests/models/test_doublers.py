@@ -158,8 +158,8 @@ def test_stresses_know_where_walls_are_thicker() -> None:
         section, (corner, *_) = section_of(one.first, 0.3), [c for c in one.first.corners if c.name == "top left"]
         here = (stresses.face == stresses.faces.index("top left")) & (stresses.points[:, 0] > one.start + 0.01)
         here &= stresses.points[:, 0] < one.end - 0.01
-        assert stresses.points[here, 2] == pytest.approx(corner.at[1], rel=1e-12)
-        assert found[here] == pytest.approx(corner.at[1] / section.second_moment_y, rel=1e-9)
+        assert stresses.points[here, 2] == pytest.approx(corner.position[1], rel=1e-12)
+        assert found[here] == pytest.approx(corner.position[1] / section.second_moment_y, rel=1e-9)
 
 
 @pytest.mark.parametrize("doubler", [ALL, LEANING])

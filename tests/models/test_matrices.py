@@ -97,10 +97,18 @@ def test_a_face_of_a_flat_body_points_where_its_name_says() -> None:
 
 def test_a_face_without_coordinates_along_its_normal_is_refused() -> None:
     model = flat()
-    kept = (model.given.direction != 2) | ~np.isin(model.given.node, model.given.groups["bottom"][10:])
+    kept = (model.body_matrices.direction != 2) | ~np.isin(
+        model.body_matrices.node, model.body_matrices.groups["bottom"][10:]
+    )
     one = sp.identity(int(kept.sum()), format="csr")
-    given = replace(model.given, M=one, K=one, node=model.given.node[kept], direction=model.given.direction[kept])
-    given = replace(given, groups={"bottom": model.given.groups["bottom"][10:]})
+    given = replace(
+        model.body_matrices,
+        M=one,
+        K=one,
+        node=model.body_matrices.node[kept],
+        direction=model.body_matrices.direction[kept],
+    )
+    given = replace(given, groups={"bottom": model.body_matrices.groups["bottom"][10:]})
     with pytest.raises(InputError, match="coordinates along its normal: a pad would hold nothing here"):
         Matrices(given).strip("bottom", Window((0.7, 0.9), (-0.05, 0.05), (0.02, 0.01)))
 
@@ -139,8 +147,8 @@ def test_a_strip_is_the_face(model: Matrices) -> None:
 
 def test_coordinates_on_a_group(model: Matrices) -> None:
     found = model.coordinates_on("tip", ("z", "rx"))
-    assert len(found) == 2 * len(model.given.groups["tip"])
-    assert set(model.given.direction[found]) == {2, 3}
+    assert len(found) == 2 * len(model.body_matrices.groups["tip"])
+    assert set(model.body_matrices.direction[found]) == {2, 3}
 
 
 @pytest.mark.parametrize(
@@ -160,7 +168,7 @@ def test_damping_has_room_for_masses_that_couple_what_no_stiffness_does(model: M
     """K without the entries that another program leaves out, for they are zero."""
     n = model.size
     M = sp.identity(n) + sp.coo_matrix(([0.1, 0.1], ([0, 1], [1, 0])), shape=(n, n))
-    given = replace(model.given, M=M.tocsr())
+    given = replace(model.body_matrices, M=M.tocsr())
     full = structural_model(Structure(Matrices(given), damping=Damping(mass=2.0, stiffness=0.5)))
     expected = 2.0 * given.M + 0.5 * given.K
     np.testing.assert_array_equal(gathered(full.D), expected.toarray())

@@ -66,7 +66,7 @@ def test_pads_on_slanted_faces_feel_a_beam_as_they_feel_its_shell(tmp_path: Path
     for name, side in profile.faces.items():
         middle = sum(side.span) / 2.0
         window = Window((0.4, 0.8), (middle - 0.02, middle + 0.02), (0.01, 0.005))
-        at = np.array([0.6, *(middle * side.across + side.normal * (side.normal @ side.start))])
+        at = np.array([0.6, *(middle * side.across_direction + side.normal * (side.normal @ side.start))])
         normal = np.array([0.0, *side.normal])
         for model in models:
             strip = model.strip(name, window)

@@ -116,7 +116,7 @@ def test_points_of_the_grid_follow_a_rigid_motion_and_nothing_is_stressed(model:
     assert grid.cells.max() == len(grid.points) - 1
     rows = model.stresses()
     if rows is not None:
-        assert np.abs(rows.of(R.T)).max() < 1e-11 * np.abs(rows.rows).max() * np.abs(R).max()
+        assert np.abs(rows.evaluate(R.T)).max() < 1e-11 * np.abs(rows.rows).max() * np.abs(R).max()
         assert len(rows.points) == len(rows.cell) == len(rows.face) and rows.cell.max() == len(grid.cells) - 1
 
 

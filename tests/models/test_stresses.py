@@ -61,12 +61,12 @@ def beam(shear: bool = False) -> Beam3D:
 
 def interpolated(model: Shell | Solid, motion: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     """Coordinates of a motion: displacement, or displacement and rotation, (n, 3 or 6) at places (n, 3)."""
-    values = motion(model.nodes.at)
+    values = motion(model.nodes.points)
     return np.asarray(values[np.arange(model.size), model.nodes.component])
 
 
 def at_face(rows: StressRows, stresses: np.ndarray, face: str) -> np.ndarray:
-    return stresses[0, rows.on(face)]
+    return stresses[0, rows.points_on(face)]
 
 
 @pytest.mark.parametrize("kind", ["hexahedron", "tetrahedron"])
@@ -74,14 +74,14 @@ def test_a_solid_patch_has_the_stresses_of_its_linear_motion(kind: str) -> None:
     model = solid(kind)
     H = np.array([[1.0, 2.0, -0.5], [0.3, -1.0, 0.7], [0.2, 0.4, 0.6]]) * 1e-3
     rows = model.stresses()
-    found = rows.of(interpolated(model, lambda x: x @ H.T)[None])
+    found = rows.evaluate(interpolated(model, lambda x: x @ H.T)[None])
     strain = (H + H.T) / 2
     sigma = E / (1 + NU) * (strain + NU / (1 - 2 * NU) * np.trace(strain) * np.eye(3))
     expected = sigma[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
     assert found == pytest.approx(np.broadcast_to(expected, found.shape), rel=1e-9)
     deviator = sigma - np.trace(sigma) / 3 * np.eye(3)
     assert rows.von_mises(found) == pytest.approx(np.full(found.shape[:2], np.sqrt(1.5 * np.sum(deviator**2))))
-    assert rows.faces == ("outer", "middle") and len(rows.on("middle")) == len(model.mesh.cells)
+    assert rows.faces == ("outer", "middle") and len(rows.points_on("middle")) == len(model.mesh.cells)
 
 
 @pytest.mark.parametrize("kind", ["hexahedron", "tetrahedron"])
@@ -96,7 +96,7 @@ def test_bending_of_a_solid_shows_on_both_of_its_faces_with_one_cell_across(kind
         return kappa * np.stack([-x * z, NU * y * z, x**2 / 2 + NU * (z**2 - y**2) / 2], axis=1)
 
     rows = model.stresses()
-    found = rows.of(interpolated(model, motion)[None])[0]
+    found = rows.evaluate(interpolated(model, motion)[None])[0]
     expected = np.zeros_like(found)
     expected[:, 0] = -E * kappa * (rows.points[:, 2] - h / 2)
     assert found == pytest.approx(expected, abs=1e-9 * E * kappa * h)
@@ -111,12 +111,12 @@ def test_a_hollow_solid_has_an_inside() -> None:
     mesh = dataclasses.replace(mesh, cells=cells, groups={}, regions={})
     assert len(used) == len(mesh.points)
     rows = Solid(SolidBody(), mesh).stresses()
-    inner = rows.points[rows.on("inner")]
+    inner = rows.points[rows.points_on("inner")]
     assert len(inner) == 8 and np.abs(inner[:, 1:] - 0.15).max(axis=1) == pytest.approx(np.full(8, 0.05))
-    assert len(rows.on("outer")) == 2 * 12 + 2 * 8
+    assert len(rows.points_on("outer")) == 2 * 12 + 2 * 8
     fields = rows.by_cell(np.arange(len(rows.points))[None] * 1.0, len(cells))
-    corner = np.flatnonzero(~np.isin(np.arange(len(cells)), rows.cell[rows.on("inner")]))
-    assert fields["inner"][0, corner] == pytest.approx(rows.on("middle")[corner])
+    corner = np.flatnonzero(~np.isin(np.arange(len(cells)), rows.cell[rows.points_on("inner")]))
+    assert fields["inner"][0, corner] == pytest.approx(rows.points_on("middle")[corner])
 
 
 def test_a_shell_under_tension_and_shear() -> None:
@@ -135,7 +135,7 @@ def test_a_shell_under_tension_and_shear() -> None:
             return np.hstack([u, np.broadcast_to(drilling, u.shape)])
 
         rows = model.stresses()
-        found = rows.of(interpolated(model, motion)[None])
+        found = rows.evaluate(interpolated(model, motion)[None])
         assert found[0] == pytest.approx(np.broadcast_to(expected, found[0].shape), rel=1e-9)
         s1, s2, t = expected
         assert rows.von_mises(found)[0] == pytest.approx(
@@ -154,9 +154,9 @@ def test_a_shell_in_pure_bending() -> None:
 
     model = shell()
     rows = model.stresses()
-    found, size = rows.of(interpolated(model, motion)[None]), E * kappa * THICKNESS / 2
+    found, size = rows.evaluate(interpolated(model, motion)[None]), E * kappa * THICKNESS / 2
     for face, sign in (("outer", -1.0), ("middle", 0.0), ("inner", 1.0)):
-        on = rows.on(face)
+        on = rows.points_on(face)
         assert at_face(rows, found, face) == pytest.approx(
             np.tile([sign * size, 0.0, 0.0], (len(on), 1)), abs=1e-9 * size
         )
@@ -166,7 +166,7 @@ def test_a_shell_in_pure_bending() -> None:
 
 def test_the_outer_face_of_a_box_is_its_outside_whichever_way_the_triangles_turn() -> None:
     rows = shell(box()).stresses()
-    outer, inner = (rows.points[rows.on(face)] for face in ("outer", "inner"))
+    outer, inner = (rows.points[rows.points_on(face)] for face in ("outer", "inner"))
     beyond = np.maximum(np.abs(outer[:, 1]) - 0.15, np.abs(outer[:, 2]) - 0.2)
     assert beyond == pytest.approx(np.full(len(outer), THICKNESS / 2))
     assert np.linalg.norm(outer - inner, axis=1) == pytest.approx(np.full(len(outer), THICKNESS))
@@ -207,7 +207,7 @@ def test_a_shells_bending_stresses_have_the_energy_of_its_weak_form() -> None:
     """Rotations within a flat plate leave its drilling term at rest."""
     model = without_shear(turned(plate()), THICKNESS)
     normal = frames(model.mesh)[0, 2]
-    at, component = model.nodes.at, model.nodes.component
+    at, component = model.nodes.points, model.nodes.component
     turns = np.cross(normal, np.sin(3.0 * at + at[:, ::-1] ** 2))
     q = np.where(component < 3, 0.0, turns[np.arange(model.size), component % 3])
     membrane, bending = surface_energy(model, q)
@@ -233,7 +233,7 @@ def test_a_beams_stresses_have_the_energy_of_its_weak_form(shear: bool) -> None:
     model = beam(shear)
     section, q = model.section, np.random.default_rng(1).normal(size=model.size)
     rows = model.stresses()
-    sigma = rows.of(q[None])[0].reshape(4, -1, 2, 2)  # corner, element, end, component
+    sigma = rows.evaluate(q[None])[0].reshape(4, -1, 2, 2)  # corner, element, end, component
     y, z = 0.308 / 2, 0.408 / 2
     axial, tau = sigma[..., 0], sigma[0, ..., 1]
     N = section.area * axial.mean(axis=0)
@@ -255,7 +255,7 @@ def test_a_beams_stresses_have_the_energy_of_its_weak_form(shear: bool) -> None:
 def test_corners_of_a_beam_lie_on_its_outside() -> None:
     rows = beam().stresses()
     assert rows.points[0] == pytest.approx([0.0, -0.154, -0.204])
-    assert rows.points[rows.on("top left")][0] == pytest.approx([0.0, 0.154, 0.204])
+    assert rows.points[rows.points_on("top left")][0] == pytest.approx([0.0, 0.154, 0.204])
 
 
 def test_a_beam_without_a_profile_has_no_stresses() -> None:

@@ -30,7 +30,9 @@ def integral(box: Box, of) -> float:
         ends = np.linspace(one.start, one.end, 3)
         for a, b in zip(ends[:-1], ends[1:], strict=True):
             places = (a + b) / 2.0 + (b - a) / 2.0 * x
-            total += (b - a) / 2.0 * sum(weight * of(at, one.at(at)) for at, weight in zip(places, w, strict=True))
+            total += (
+                (b - a) / 2.0 * sum(weight * of(at, one.profile_at(at)) for at, weight in zip(places, w, strict=True))
+            )
     return total
 
 

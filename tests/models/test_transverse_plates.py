@@ -13,7 +13,7 @@ from pmr.fem.compat import MPI
 from pmr.fullmodel.assembly import assemble_model
 from pmr.fullmodel.pads import Pad
 from pmr.fullmodel.wall_compliance import PlateBody, Ring, wall_compliance
-from pmr.models.profile_section import enclosed_figure, inset, section_of
+from pmr.models.profile_section import enclosed_figure, inset_sides, section_of
 from pmr.models.shell import draw_box
 from pmr.scene.box import Box
 from pmr.scene.profile import BoxProfile
@@ -35,7 +35,7 @@ def test_figures_have_the_integrals_of_closed_forms() -> None:
     corner = h / 2.0 - 0.1 / 3.0  # the centroid of each corner that is cut off is so far below
     assert cut.first == pytest.approx([0.0, 0.01 * corner], rel=1e-12, abs=1e-18)
     round_ = BoxProfile(width=b, height=h, wall=0.008, radius=r).sides
-    for sides, side_b, side_h, radius in ((round_, b, h, r), (inset(round_, d), b - 2 * d, h - 2 * d, r - d)):
+    for sides, side_b, side_h, radius in ((round_, b, h, r), (inset_sides(round_, d), b - 2 * d, h - 2 * d, r - d)):
         assert enclosed_figure(sides).area == pytest.approx(side_b * side_h - (4.0 - np.pi) * radius**2, rel=1e-12)
     disc = enclosed_figure(BoxProfile(width=b, height=b, wall=0.008, radius=b / 2.0).sides)
     assert disc.second == pytest.approx(np.eye(2) * np.pi / 4.0 * (b / 2.0) ** 4, rel=1e-12, abs=1e-18)
@@ -47,7 +47,7 @@ def test_a_beam_weighs_what_its_frames_weigh_where_they_are(depth, elements: int
     """Mass, centre and moments of inertia of rigid motions, but for what is due to the elements' length alone."""
     box = Box(**(FRAMED | BELOW | {"frames": [1.7, 4.1], "frame_depth": depth}))
     plate = enclosed_figure(box.sides)
-    plate = plate if depth == "full" else plate.less(enclosed_figure(inset(box.sides, depth)))
+    plate = plate if depth == "full" else plate.less(enclosed_figure(inset_sides(box.sides, depth)))
     own, area = section_of(box, 0.3), PLATE * plate.area
     found = {}
     for shear in (False, True):
@@ -91,7 +91,7 @@ def test_plates_of_a_shell_are_as_large_and_thick_as_they_are(depth, taper: dict
     for at in (1.5, 4.5):
         sides = box.profile_at(at).sides
         plate = enclosed_figure(sides)
-        plate = plate if depth == "full" else plate.less(enclosed_figure(inset(sides, depth)))
+        plate = plate if depth == "full" else plate.less(enclosed_figure(inset_sides(sides, depth)))
         here = cells[np.abs(x[cells] - at) < 1e-9]
         assert areas(model.mesh)[here].sum() == pytest.approx(plate.area, rel=1e-9)
     others = np.setdiff1d(np.arange(len(x)), cells)
@@ -106,7 +106,7 @@ def test_walls_are_stiffer_near_a_frame() -> None:
     found = {}
     for name, frames in (("bare", ()), ("framed", (1.2,))):
         box = Box(length=2.4, width=0.3, height=0.4, wall=0.008, frames=frames, frame_depth=0.06)
-        body = PlateBody(draw_box(box, 0.15, 0.15), box, Material(), 5.0 / 6.0, frames=box.plate)
+        body = PlateBody(draw_box(box, 0.15, 0.15), box, Material(), 5.0 / 6.0, frames=box.frame_plate_thickness)
         _, (along,) = wall_compliance(body, (), (), (ring,))
         found[name] = along.sliding[:, 0, 0]
         where = 0.5 + along.u

@@ -62,7 +62,7 @@ def test_the_smallest_model_within_the_tolerance_is_chosen(changes, model, walls
     assert not any(within[:-1]) and within[-1] == (model != "shell")
     (one,) = members(found.scene)
     assert (model_of(one), one.part.body.walls, one.part.body.model) == (model, walls, model)
-    assert (found.part is None) == (model == "shell")
+    assert (found.sub_range is None) == (model == "shell")
 
     again = decide_models(scene, comm, Clock(), tmp_path, never)
     assert again == found
@@ -94,11 +94,11 @@ def test_without_a_shell_the_smallest_model_is_taken_and_why_is_said() -> None:
     scene = box(*THIN, *PLANAR, "loads.gust.direction=z")
     found = decide_models(scene, MPI.COMM_WORLD, Clock(), None, lambda one: pmr.reduce(one).system)
     assert found.said["name"] == "beam2d" and found.said["walls"] == "rigid" and "free" in found.said["reason"]
-    assert found.part == {"beside": None, "reason": found.said["reason"]}
+    assert found.sub_range == {"beside": None, "reason": found.said["reason"]}
 
 
 def test_where_nothing_is_lateral_a_planar_beam_does() -> None:
     """Its frequencies are compared with those of vertical modes."""
     scene = box(*THICK, "loads.gust.direction=z")
     found = decide_models(scene, MPI.COMM_WORLD, Clock(), None, lambda one: pmr.reduce(one).system)
-    assert found.said["name"] == "beam2d" and found.part["frequency"] < 0.05
+    assert found.said["name"] == "beam2d" and found.sub_range["frequency"] < 0.05

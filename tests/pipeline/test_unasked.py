@@ -43,7 +43,7 @@ def test_a_shell_is_compared_with_one_on_cells_twice_as_long(tmp_path: Path) -> 
     cells = ["mesh.size=0.15", "mesh.along=0.3", "recovery.stress=false", "reduction.estimate=false"]
     shell = pmr.load_scene(WORKFLOWS / "boom_shell.toml", [*CHANGES, *cells])
     coarse = mesh.motion_only(mesh.coarser_walls(shell))
-    assert (coarse.mesh.size, coarse.mesh.along) == (0.3, 0.6) and coarse.alone.reduction.estimate is False
+    assert (coarse.mesh.size, coarse.mesh.along) == (0.3, 0.6) and coarse.only_section.reduction.estimate is False
     result = pmr.run(shell, measures=tmp_path).result
     summary = result.summary["budget"]
     assert summary["model"]["beside"] is None and summary["mesh_reason"] is None
@@ -61,8 +61,8 @@ def test_walls_that_give_way_are_compared_with_those_of_coarser_cells_and_with_s
     assert found == {"mesh": {"beam": 0.25, "frequency": 0.1, "reaction": 0.05}, "mesh_reason": None}
     for one, size, called in ((give, 0.1, "shell"), (scene(), 2.0 * scene().mesh.size, "coarse shell")):
         own, shell, name = model_comparison(one)
-        assert (shell.mesh.size, shell.alone.body.model, name) == (size, "shell", called)
-        assert own.alone.reduction == shell.alone.reduction  # no more than the models differs
+        assert (shell.mesh.size, shell.only_section.body.model, name) == (size, "shell", called)
+        assert own.only_section.reduction == shell.only_section.reduction  # no more than the models differs
 
 
 def test_what_costs_more_has_to_be_asked_for() -> None:

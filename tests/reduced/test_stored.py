@@ -32,7 +32,7 @@ def model() -> ReducedModel:
 
 
 def same(found: ReducedModel, expected: ReducedModel) -> None:
-    one, other = npz.arrays(found), npz.arrays(expected)
+    one, other = npz.record_arrays(found), npz.record_arrays(expected)
     assert set(one) == set(other)
     for name, values in other.items():
         np.testing.assert_array_equal(one[name], values, name)
@@ -76,7 +76,7 @@ def test_a_file_of_version_5_is_read(model: ReducedModel, tmp_path: Path) -> Non
     values, modes = S @ carriers.values, S @ carriers.enrichment
     old = replace(carriers, values=values, touched=touched, enrichment=modes, flexibility=twice, inertia=None)
     header = {"format": "pmr-reduced-model", "version": 5, "units": "SI"}
-    arrays = npz.arrays(replace(model, carriers=old))
+    arrays = npz.record_arrays(replace(model, carriers=old))
     np.savez(tmp_path / "old.npz", header=np.array(json.dumps(header)), **arrays)
     same(found := ReducedModel.load(tmp_path / "old.npz"), replace(model, carriers=old))
     same(ReducedModel.load(found.save(tmp_path / "new.npz")), found)

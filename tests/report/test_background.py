@@ -25,7 +25,7 @@ import multiprocessing, sys, time
 from pmr.errors import InputError, environment
 from pmr.report.background import BackgroundReport
 
-environment.cores = lambda: 2
+environment.available_cores = lambda: 2
 if __name__ == "__main__":
     with BackgroundReport() as report:
         print(multiprocessing.active_children()[0].pid, flush=True)
@@ -42,7 +42,7 @@ def end_children() -> None:
 
 @pytest.fixture
 def two_cores(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(environment, "cores", lambda: 2)
+    monkeypatch.setattr(environment, "available_cores", lambda: 2)
 
 
 @pytest.mark.slow
@@ -64,8 +64,8 @@ def test_the_page_is_the_same_with_what_was_measured_last(boom: RunResult, tmp_p
 def test_another_process_draws_where_it_has_a_core_and_there_are_no_ranks(
     monkeypatch: pytest.MonkeyPatch, cores: int, launched: int
 ) -> None:
-    monkeypatch.setattr(environment, "cores", lambda: cores)
-    monkeypatch.setattr(environment, "launched", lambda: launched)
+    monkeypatch.setattr(environment, "available_cores", lambda: cores)
+    monkeypatch.setattr(environment, "launched_process_count", lambda: launched)
     assert has_free_core() == (cores == 2 and launched == 1)
 
 
@@ -139,7 +139,7 @@ import numpy, sys
 from pmr.errors import environment
 from pmr.report.background import BackgroundReport
 
-environment.cores = lambda: 2
+environment.available_cores = lambda: 2
 if __name__ == "__main__":
     with BackgroundReport() as report:
         report.draw(numpy.zeros(1_000_000))

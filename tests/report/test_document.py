@@ -334,13 +334,13 @@ class Printer:
 
 
 def test_paper_goes_without_what_is_shown_at_a_pointer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(document, "needed", lambda _: SimpleNamespace(HTML=Printer))
+    monkeypatch.setattr(document, "import_package", lambda _: SimpleNamespace(HTML=Printer))
     made = document.write_page(f"<p>a{SCREEN}\n1{END_OF_SCREEN}b{SCREEN}2{END_OF_SCREEN}</p>", tmp_path / "report")
     assert made.pdf.read_text() == "<p>ab</p>" and "\n1" in made.html.read_text()
 
 
 def test_on_paper_figures_are_images_and_text_stays_as_it_is(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(document, "needed", lambda _: SimpleNamespace(HTML=Printer))
+    monkeypatch.setattr(document, "import_package", lambda _: SimpleNamespace(HTML=Printer))
     drawn = '<svg viewBox="0 0 2 1"><path d="M0 0"/><text>a &lt; b</text></svg>'
     text = document.write_page(
         f"<style>.pair svg {{ width: 1px }}</style><p>svg {{</p>{drawn}", tmp_path

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import pytest
 from fuzz.names import fit
 
-from pmr.errors.text import visible
+from pmr.errors.text import escape_controls
 from pmr.report.blocks import Chapter
 from pmr.report.document import render_runs as render
 from pmr.report.document import write_report
@@ -45,10 +45,10 @@ def html(make_result) -> str:
 
 
 def test_the_page_is_one_that_browsers_read(html: str) -> None:
-    assert re.search(r"<title>(.*?)</title>", html)[1] == unescape_once(visible(TEXTS["markup"]))
+    assert re.search(r"<title>(.*?)</title>", html)[1] == unescape_once(escape_controls(TEXTS["markup"]))
     for svg in re.findall(r"<svg.*?</svg>", html, re.DOTALL):
         ElementTree.fromstring(svg)
-    assert visible(html.replace("\n", "")) == html.replace("\n", "")
+    assert escape_controls(html.replace("\n", "")) == html.replace("\n", "")
     assert "<script>alert" not in html and "49" not in html.partition("<h1>")[2].partition("</h1>")[0]
 
 
@@ -63,9 +63,9 @@ def test_a_report_shows_names_as_they_are(html: str, kind: str) -> None:
 @pytest.mark.parametrize("kind", TEXTS)
 def test_a_title_is_shown_as_it_is(kind: str) -> None:
     page = render([Chapter(anchor="case-1", title=TEXTS[kind], warnings=[TEXTS[kind]])])
-    assert re.search(r"<title>(.*?)</title>", page)[1] == unescape_once(visible(TEXTS[kind]))
+    assert re.search(r"<title>(.*?)</title>", page)[1] == unescape_once(escape_controls(TEXTS[kind]))
     assert "<script>alert" not in page and "49" not in re.findall(r"<h1>(.*?)</h1>", page)
-    assert visible(page.replace("\n", "")) == page.replace("\n", "")
+    assert escape_controls(page.replace("\n", "")) == page.replace("\n", "")
 
 
 def unescape_once(text: str) -> str:

@@ -10,7 +10,7 @@ import pytest
 from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.scene import Scene
-from pmr.scene.checks import check
+from pmr.scene.checks import check_scene
 from pmr.scene.members import member_at, members
 
 THREE = Path(__file__).parents[2] / "workflows" / "boom_three.toml"
@@ -46,11 +46,11 @@ def test_an_extension_is_a_signal_an_overlap_or_follows_another_one() -> None:
 
 def test_pads_measure_a_section_wherever_joints_take_them() -> None:
     boom = load()
-    travels = [stretch for one in members(boom) for stretch in one.stretches.values()]
+    travels = [stretch for one in members(boom) for stretch in one.ring_ranges.values()]
     assert travels == [pytest.approx(pair) for pair in ((0.75, 5.85), (0.15, 5.85), (0.15, 5.25))]
     assert [ring.name for ring in member_at(boom, 1).pads] == ["pads 1"]
     mixed = load("sections.fly.joint.tail.0.length=0.1", "sections.fly.joint.tail.0.at=0.05")
-    assert [len(one.stretches) for one in members(mixed)] == [1, 2, 2]
+    assert [len(one.ring_ranges) for one in members(mixed)] == [1, 2, 2]
 
 
 REFUSED = [
@@ -164,7 +164,7 @@ def test_friction_needs_a_cylinder() -> None:
     for part in data["sections"]:
         part["body"] = {"profile": {"length": 6.0, "bending_stiffness": 2e7, "mass_per_length": 60.0}}
     with pytest.raises(InputError, match=r"sections\[1\].joint.tail\[0\].friction = 0.1: 0 is allowed: middle has no"):
-        check(Scene.model_validate(data))
+        check_scene(Scene.model_validate(data))
 
 
 def test_only_planar_beams_have_rigid_overlaps() -> None:

@@ -9,7 +9,7 @@ import pytest
 from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.scene.box import Box
-from pmr.scene.choice import choose
+from pmr.scene.choice import choose_model
 from pmr.scene.members import member_at
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -85,7 +85,7 @@ def test_models_that_do_not_know_doublers_are_refused(scene: str, changes: list[
 def test_a_section_that_is_thicker_on_one_side_takes_a_beam_in_space() -> None:
     for faces, model in (("['left', 'top']", "beam3d"), ("['bottom']", "beam2d")):
         doubler = f"body.box.doublers=[{{start=0.0, end=1.0, thickness=0.005, faces={faces}}}]"
-        chosen = choose(member_at(scenes.load(WORKFLOWS / "boom.toml", [doubler, "loads=[]", "masses=[]"])))
+        chosen = choose_model(member_at(scenes.load(WORKFLOWS / "boom.toml", [doubler, "loads=[]", "masses=[]"])))
         assert chosen.model == model and ("the walls at left and right differ" in chosen.reasons) == (model == "beam3d")
 
 
@@ -102,7 +102,7 @@ def test_pads_run_where_a_section_does_not_taper() -> None:
         load_one("2.0")
     assert "\n" not in str(no.value)
     thinner = scenes.load(WORKFLOWS / "boom_beam.toml", ["body.box.tip_taper={length=2.0, wall=0.006}"])
-    assert thinner.body.box.parallel == (0.0, 6.0) and thinner.body.box.straight == (0.0, 4.0)
+    assert thinner.body.box.parallel_range == (0.0, 6.0) and thinner.body.box.untapered_range == (0.0, 4.0)
 
 
 def test_pads_of_joints_run_where_neither_section_tapers() -> None:

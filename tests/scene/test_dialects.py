@@ -36,7 +36,7 @@ def test_one_body_is_one_scene_however_it_is_written(tmp_path: Path, more: str) 
     listed, top = (scenes.load(written(tmp_path, way, WHOLE + more)) for way in (True, False))
     assert listed.hash == top.hash and listed.names == top.names == ("",)
     assert [one for one in Scene.model_fields if getattr(listed, one) != getattr(top, one)] == ["sections"]
-    assert listed.alone.model_copy(update={"name": ""}) == top.alone
+    assert listed.only_section.model_copy(update={"name": ""}) == top.only_section
     for scene in (listed, top):
         assert Scene.model_validate_json(scene.model_dump_json()) == scene
     assert "body" in top.model_dump()  # as files of earlier versions have it

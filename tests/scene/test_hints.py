@@ -12,8 +12,8 @@ from pydantic import BaseModel
 
 from pmr import scene as scenes
 from pmr.errors import InputError
-from pmr.scene.hints import OTHERS, hints
-from pmr.scene.keys import quantity_of, usual_of
+from pmr.scene.hints import OTHER_UNITS, hints
+from pmr.scene.keys import quantity_of, usual_ranges
 from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase
 from pmr.studies import files
@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[2]
 COMPLETE = [
     file
     for file in sorted((*(ROOT / "workflows").glob("**/*.toml"), *(ROOT / "pmr" / "cli" / "templates").glob("*.toml")))
-    if "kind" not in (keys := scenes.tomlfiles.tables(file, "file"))
+    if "kind" not in (keys := scenes.tomlfiles.read_tables(file, "file"))
     and file.name not in ("paper_base.toml", "base.toml")
 ]
 CYLINDER = "frame.cylinder={foot=[0.9,-1.1],lug=[2.6,-0.3]}"
@@ -185,7 +185,8 @@ def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
 #: Numbers with a unit for which none is likely to be meant, or that a refusal bounds, and results of others.
 WITHOUT = {
     "Damping.mass", "Damping.stiffness", "Recovery.every", "Budget.microseconds_per_step", "PublishedFrequency.first",
-    *(f"{table}.{key}" for table in ("Dampers", "Places", "Rates") for key in ("x", "y", "z", "rx", "ry", "rz")),
+    *(f"{table}.{key}" for table in ("Dampers", "InitialDisplacements", "InitialRates")
+      for key in ("x", "y", "z", "rx", "ry", "rz")),
 }  # fmt: skip
 
 
@@ -195,12 +196,12 @@ def test_every_number_with_a_unit_declares_what_is_usual() -> None:
         for table in tables(Scene, set())
         if not issubclass(table, SignalBase)
         for key in table.model_fields
-        if (quantity := quantity_of(table, key)) is not None and quantity.unit != "1" and not usual_of(table, key)
+        if (quantity := quantity_of(table, key)) is not None and quantity.unit != "1" and not usual_ranges(table, key)
     }
     assert bare == WITHOUT
 
 
 def test_every_unit_has_others_that_differ_from_it() -> None:
     assert all(
-        factor > 0.0 and not math.isclose(factor, 1.0) for others in OTHERS.values() for factor in others.values()
+        factor > 0.0 and not math.isclose(factor, 1.0) for others in OTHER_UNITS.values() for factor in others.values()
     )

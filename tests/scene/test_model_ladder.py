@@ -10,7 +10,7 @@ from pmr.errors import InputError
 from pmr.scene import load_any
 from pmr.scene.choice import is_undecided, model_of
 from pmr.scene.members import members
-from pmr.scene.model_ladder import COORDINATES, PLACES, candidates, model_comparison
+from pmr.scene.model_ladder import COORDINATES, PLACES, candidate_scenes, model_comparison
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 
@@ -96,7 +96,7 @@ AUTO = ("section.body.model=auto",)
 )
 def test_models_among_which_measurements_decide(name: str, changes: tuple[str, ...], expected: str) -> None:
     """From the smallest that can carry what is asked to a shell; none of a scene whose models are all known."""
-    found = candidates(scene(name, *changes))
+    found = candidate_scenes(scene(name, *changes))
     assert all(len({(model_of(one), one.part.body.walls) for one in members(each)}) == 1 for each in found)
     last = [members(each)[-1] for each in found]
     assert ", ".join(f"{model_of(one)} {one.part.body.walls}" for one in last) == expected
@@ -104,6 +104,6 @@ def test_models_among_which_measurements_decide(name: str, changes: tuple[str, .
 
 
 def test_a_section_whose_model_is_named_keeps_it() -> None:
-    found = candidates(scene("boom_three", "sections.fly.body.model=auto"))
+    found = candidate_scenes(scene("boom_three", "sections.fly.body.model=auto"))
     assert {tuple(model_of(one) for one in members(each))[:2] for each in found} == {("beam2d", "beam2d")}
     assert [model_of(members(each)[-1]) for each in found][-1] == "shell"

@@ -13,7 +13,7 @@ from fuzz.names import fit, hostile
 from pydantic import TypeAdapter, ValidationError
 
 from pmr.errors import InputError
-from pmr.errors.text import LONGEST_NAME, is_name, visible
+from pmr.errors.text import LONGEST_NAME, escape_controls, is_name
 from pmr.files.matrices import from_matrices
 from pmr.scene.built import Load, PadRing, Support
 from pmr.scene.joints import FileName, JointPads
@@ -111,7 +111,7 @@ def test_a_name_is_one_line_that_no_reader_obeys() -> None:
     taken = [name for name in names() if is_name(name)] + [fit(name) for name in names()]
     assert len(taken) > COUNT
     for name in taken:
-        assert is_name(name) and not MEANT & set(name) and visible(name) == name and len(name.splitlines()) == 1
+        assert is_name(name) and not MEANT & set(name) and escape_controls(name) == name and len(name.splitlines()) == 1
         assert (name[0].isalnum() or name[0] == "_") and ".." not in Path(name).parts and not Path(name).is_absolute()
 
 
@@ -123,7 +123,11 @@ def test_a_section_gives_a_file_its_name() -> None:
         except ValidationError:
             assert not (plain and name.isascii() and len(name) <= LONGEST_NAME)
         else:
-            assert len(Path(f"reduced-{name}.npz").parts) == 1 and visible(name) == name and len(name) <= LONGEST_NAME
+            assert (
+                len(Path(f"reduced-{name}.npz").parts) == 1
+                and escape_controls(name) == name
+                and len(name) <= LONGEST_NAME
+            )
 
 
 def test_groups_of_matrices_have_names_too() -> None:

@@ -9,7 +9,7 @@ from turning_cylinder import boom
 
 from pmr.errors import InputError
 from pmr.scene import Scene
-from pmr.scene.checks import check
+from pmr.scene.checks import check_scene
 
 
 def loose(**frame: Any) -> dict[str, Any]:
@@ -30,7 +30,7 @@ def constant(amount: float) -> dict[str, Any]:
 def test_nothing_takes_up_play_aside_on_level_ground() -> None:
     for frame in ({}, {"slewing": constant(40.0)}, {"base": {"ry": constant(5.0)}}):
         with pytest.raises(InputError, match=r"clearance.*no load along y takes up the play of s1 at t = 0"):
-            check(Scene.model_validate(loose(**frame)))
+            check_scene(Scene.model_validate(loose(**frame)))
 
 
 @pytest.mark.parametrize(
@@ -38,7 +38,7 @@ def test_nothing_takes_up_play_aside_on_level_ground() -> None:
 )
 def test_weight_on_a_slope_takes_up_play_aside(frame: dict[str, Any]) -> None:
     """Rolled, or pitched below a boom that is slewed: the vertical has a part across the boom."""
-    check(Scene.model_validate(loose(**frame)))
+    check_scene(Scene.model_validate(loose(**frame)))
 
 
 def test_a_load_along_the_ground_takes_it_up_where_the_boom_is_slewed() -> None:
@@ -48,7 +48,7 @@ def test_a_load_along_the_ground_takes_it_up_where_the_boom_is_slewed() -> None:
         plain = loose(slewing=constant(angle))
         plain["sections"][1]["loads"].append(push)
         if held:
-            check(Scene.model_validate(plain))
+            check_scene(Scene.model_validate(plain))
         else:
             with pytest.raises(InputError, match="no load along y"):
-                check(Scene.model_validate(plain))
+                check_scene(Scene.model_validate(plain))

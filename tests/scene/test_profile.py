@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from pmr import scene as scenes
 from pmr.errors import InputError
-from pmr.scene.choice import choose
+from pmr.scene.choice import choose_model
 from pmr.scene.members import members
 from pmr.scene.profile import FACES, BoxProfile, gaps
 
@@ -39,14 +39,14 @@ def test_which_faces_a_profile_has(given, faces) -> None:
     ends = [side.start for side in found.sides[1:]] + [found.sides[0].start]
     assert np.allclose([side.end for side in found.sides], ends)
     for side in found.faces.values():
-        assert side.normal @ side.start > 0.0 and side.normal @ side.across == pytest.approx(0.0, abs=1e-15)
+        assert side.normal @ side.start > 0.0 and side.normal @ side.across_direction == pytest.approx(0.0, abs=1e-15)
 
 
 def test_places_on_a_slanted_face_count_upwards_from_the_place_nearest_to_the_axis() -> None:
     for name, side in profile(chamfer=0.1).faces.items():
-        assert side.across @ [1.0, 1e-3 if name in ("bottom", "top") else 1e3] > 0.0
+        assert side.across_direction @ [1.0, 1e-3 if name in ("bottom", "top") else 1e3] > 0.0
         ends = np.array([side.start, side.end])
-        assert sorted(ends @ side.across) == pytest.approx(side.span)
+        assert sorted(ends @ side.across_direction) == pytest.approx(side.span)
     low, high = profile(width=0.4, chamfer=0.1).faces["top left"].span
     assert low == pytest.approx(-high)
 
@@ -134,7 +134,7 @@ def test_a_table_in_place_of_a_number_is_refused_by_its_own_keys(change: str, sa
 def test_pads_on_slanted_faces_take_a_beam_in_space() -> None:
     still = ["section.body.model=auto", "sections.fly.loads=[]"]
     for member in members(scenes.load_any(BOOM, still)):
-        assert choose(member).model == "beam3d" and "pads are on slanted faces" in choose(member).reasons
+        assert choose_model(member).model == "beam3d" and "pads are on slanted faces" in choose_model(member).reasons
 
 
 def test_each_face_has_its_play() -> None:

@@ -12,7 +12,7 @@ import jsonschema
 import pytest
 
 from pmr import scene as scenes
-from pmr.cli.new import kinds, scene_schema, study_schema
+from pmr.cli.new import scene_kinds, scene_schema, study_schema
 from pmr.errors import InputError
 from pmr.scene.scene import BodyFile, Scene
 
@@ -142,7 +142,7 @@ def test_what_pydantic_refuses_an_editor_refuses(line: str) -> None:
     assert not SCENE.is_valid(data)
 
 
-@pytest.mark.parametrize("kind", kinds())
+@pytest.mark.parametrize("kind", scene_kinds())
 def test_files_that_extend_others_need_not_be_complete(kind: str) -> None:
     for text in ("masses.payload.mass = 3.0", "loads.gust.signal.amplitude = 2.0", "body.box.length = 7.0", ""):
         assert SCENE.is_valid(tomllib.loads(f"extends = '{kind}'\n{text}"))

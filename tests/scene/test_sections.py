@@ -9,7 +9,7 @@ import pytest
 from pydantic import BaseModel
 
 from pmr.scene import Scene
-from pmr.scene.keys import Section, quantity_of
+from pmr.scene.keys import SceneTable, quantity_of
 from pmr.scene.scene import BodyFile
 
 
@@ -20,12 +20,12 @@ def parts(annotation: Any) -> Iterator[Any]:
         yield from parts(inner)
 
 
-def sections(root: type[Section]) -> dict[str, type[Section]]:
+def sections(root: type[SceneTable]) -> dict[str, type[SceneTable]]:
     """A section and all within it."""
     found = {root.__name__: root}
     for field in root.model_fields.values():
         for part in parts(field.annotation):
-            if isinstance(part, type) and issubclass(part, Section) and part.__name__ not in found:
+            if isinstance(part, type) and issubclass(part, SceneTable) and part.__name__ not in found:
                 found |= sections(part)
     return found
 
@@ -34,7 +34,7 @@ KEYS = [(section, key) for section in sections(Scene).values() for key in sectio
 
 
 @pytest.mark.parametrize(("section", "key"), KEYS, ids=[f"{section.__name__}.{key}" for section, key in KEYS])
-def test_a_key_has_a_description_and_its_numbers_a_unit(section: type[Section], key: str) -> None:
+def test_a_key_has_a_description_and_its_numbers_a_unit(section: type[SceneTable], key: str) -> None:
     field = section.model_fields[key]
     assert field.description
     numbers = {float, int} & {part for part in parts(field.annotation) if isinstance(part, type)}

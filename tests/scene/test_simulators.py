@@ -8,13 +8,13 @@ import pytest
 
 from pmr import scene
 from pmr.errors import InputError
-from pmr.scene.choice import REFERENCE, SIMULATORS, Needs, refuse
+from pmr.scene.choice import REFERENCE, SIMULATORS, SimulatorNeeds, refuse_unsupported
 from pmr.scene.run_settings import SimulatorName
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 NEEDS = {
-    "rows_that_push": Needs(pushing=("top",), giving=("top",)),
-    "rows_that_give_way": Needs(giving=("slider",)),
+    "rows_that_push": SimulatorNeeds(pushing_rows=("top",), flexible_rows=("top",)),
+    "rows_that_give_way": SimulatorNeeds(flexible_rows=("slider",)),
 }
 
 
@@ -25,29 +25,29 @@ def test_every_simulator_of_a_scene_declares_what_it_can_do() -> None:
 @pytest.mark.parametrize("name", SIMULATORS)
 @pytest.mark.parametrize("what", NEEDS)
 def test_what_is_not_declared_is_refused_with_a_key_and_who_can(name: str, what: str) -> None:
-    refuse(name, Needs())
+    refuse_unsupported(name, SimulatorNeeds())
     if getattr(SIMULATORS[name], what):
-        refuse(name, NEEDS[what])
+        refuse_unsupported(name, NEEDS[what])
         return
     with pytest.raises(InputError) as caught:
-        refuse(name, NEEDS[what])
+        refuse_unsupported(name, NEEDS[what])
     assert (caught.value.key, caught.value.value) == ("simulation.simulators", name)
     assert caught.value.allowed.startswith("march ") and "petsc is allowed" not in caught.value.allowed
     with pytest.raises(InputError, match=r"compare\.against = \['full'\]: \[\] is allowed"):
-        refuse(name, NEEDS[what], REFERENCE)
+        refuse_unsupported(name, NEEDS[what], REFERENCE)
 
 
 def test_what_no_simulator_can_names_the_key_that_mends_it() -> None:
-    pushing = Needs(pushing=("top",), rigid_pushing=("top",))
+    pushing = SimulatorNeeds(pushing_rows=("top",), rigid_pushing_rows=("top",))
     with pytest.raises(InputError, match=r"reduction\.flexibility = False: top only push and are rigid"):
-        refuse("march", pushing)
-    undamped = Needs(rigid_moving=("slider",), rho_inf=1.0)
+        refuse_unsupported("march", pushing)
+    undamped = SimulatorNeeds(rigid_moving_rows=("slider",), rho_inf=1.0)
     for name in SIMULATORS:
         with pytest.raises(InputError, match=r"time\.rho_inf = 1\.0: less than 1 .* rigid row slider moves.*allow 1$"):
-            refuse(name, undamped)
-        refuse(name, replace(undamped, rho_inf=0.99))
+            refuse_unsupported(name, undamped)
+        refuse_unsupported(name, replace(undamped, rho_inf=0.99))
     with pytest.raises(InputError, match=r"allow 1, or compare\.against = \[\]"):
-        refuse("march", undamped, REFERENCE)
+        refuse_unsupported("march", undamped, REFERENCE)
 
 
 @pytest.mark.parametrize(

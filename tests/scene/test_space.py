@@ -10,7 +10,7 @@ from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.fullmodel.from_scene import structure_of
 from pmr.scene import Damping, Scene
-from pmr.scene.choice import choose, wall_frequency
+from pmr.scene.choice import choose_model, wall_frequency
 from pmr.scene.members import member_at
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -33,7 +33,7 @@ def load() -> Callable[..., Scene]:
 
 
 def test_rings_become_pads_with_names_that_differ(load) -> None:
-    names = [name for ring in load().pads for name, _, _ in ring.places]
+    names = [name for ring in load().pads for name, _, _ in ring.named_pads]
     assert names[:6] == [
         "tail bottom right", "tail bottom left", "tail top right", "tail top left", "tail left", "tail right"
     ]  # fmt: skip
@@ -65,9 +65,9 @@ def test_of_the_direction_of_gravity_the_length_does_not_count(load, direction: 
 
 def test_an_inclination_stands_in_the_place_of_a_direction(load) -> None:
     found = load("gravity.inclination=30.0").gravity
-    assert found.direction == pytest.approx((-0.5, 0.0, -np.sqrt(0.75)), rel=1e-15) and found.raised == pytest.approx(
-        30
-    )
+    assert found.direction == pytest.approx(
+        (-0.5, 0.0, -np.sqrt(0.75)), rel=1e-15
+    ) and found.inclination == pytest.approx(30)
     assert load("gravity.inclination=0").hash == load().hash
     after = load("gravity.direction=[0.0,1.0,0.0]", "gravity.inclination=-90.0").gravity  # the last one counts
     assert after.direction == pytest.approx((1.0, 0.0, 0.0), abs=1e-15)
@@ -133,7 +133,7 @@ def test_damping_in_two_ways_names_the_file_that_has_both(tmp_path: Path) -> Non
     ],
 )
 def test_the_scene_decides_what_a_model_has_to_carry(load, overrides, model, reason) -> None:
-    chosen = choose(member_at(load(*overrides)))
+    chosen = choose_model(member_at(load(*overrides)))
     assert chosen.model == model and reason in chosen.reasons[0]
 
 

@@ -48,7 +48,7 @@ def test_names_of_files_are_relative_to_the_file_they_stand_in(tmp_path: Path) -
 
 def test_what_belongs_to_a_file_alone_is_not_taken_over(tmp_path: Path) -> None:
     (tmp_path / "base.toml").write_text("own = 1\nother = 2\n")
-    assert read(tmp_path, 'extends = "base.toml"', Dialect("file", own=("own",))).data == {"other": 2}
+    assert read(tmp_path, 'extends = "base.toml"', Dialect("file", not_inherited=("own",))).data == {"other": 2}
 
 
 DAMPED = Dialect("file", alternatives={"d": (("a", "b"), ("c", "e"))})

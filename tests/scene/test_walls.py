@@ -8,7 +8,7 @@ import pytest
 
 from pmr import scene as scenes
 from pmr.errors import InputError
-from pmr.scene.choice import choose, has_giving_walls
+from pmr.scene.choice import choose_model, has_giving_walls
 from pmr.scene.members import footprint, member_at
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -34,15 +34,15 @@ def test_walls_that_can_not_give_way_are_refused_in_one_line(name: str, changes:
 def test_walls_give_way_unless_stresses_take_a_shell() -> None:
     boom = WORKFLOWS / "boom.toml"
     chosen = member_at(scenes.load(boom, ["body.walls=give"]))
-    assert choose(chosen).model == "beam3d" and has_giving_walls(chosen)
+    assert choose_model(chosen).model == "beam3d" and has_giving_walls(chosen)
     stresses = member_at(scenes.load(boom, ["body.walls=give", "recovery.stress=true"]))
-    assert choose(stresses).model == "shell" and not has_giving_walls(stresses)
+    assert choose_model(stresses).model == "shell" and not has_giving_walls(stresses)
 
 
 def test_a_shell_takes_over_the_scene_of_a_beam_whose_walls_give_way() -> None:
     """As studies do, which compare the two."""
     scene = member_at(scenes.load(WORKFLOWS / "boom_beam_walls.toml", ["body.model=shell"]))
-    assert choose(scene).model == "shell" and not has_giving_walls(scene)
+    assert choose_model(scene).model == "shell" and not has_giving_walls(scene)
 
 
 def test_each_ring_of_a_joint_dents_a_wall_of_its_own() -> None:

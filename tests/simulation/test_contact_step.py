@@ -154,7 +154,7 @@ def test_a_response_has_the_peaks_of_pads_that_only_push() -> None:
     assert found.peaks is not None and response.force_peaks is not None
     name = response.force_names[0]
     assert np.array_equal(response.force(name, 0), found.peaks[:, 0])
-    again = npz.record(type(response), npz.arrays(response))
+    again = npz.record_from_arrays(type(response), npz.record_arrays(response))
     assert np.array_equal(again.force(name, 0), found.peaks[:, 0])
 
 

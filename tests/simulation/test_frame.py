@@ -39,7 +39,7 @@ def in_space(scene: Scene, number: int, r: Array, t: float) -> tuple[Array, Arra
         rocked = [float(base.motions[axis].value(t)) if axis in base.motions else 0.0 for axis in ("rz", "ry", "rx")]
         axes = Rotation.from_euler("ZYX", rocked).as_matrix() @ axes
     X = sum(float(scene.extension(k).value(t)) for k in range(1, number + 1))
-    return away + axes @ (np.array(scene.frame.place) + r + [X, 0.0, 0.0]), axes
+    return away + axes @ (np.array(scene.frame.tail_position) + r + [X, 0.0, 0.0]), axes
 
 
 def swung(amplitude: float, frequency: float, phase: float) -> str:

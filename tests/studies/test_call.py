@@ -47,7 +47,7 @@ def calls(folder: Path) -> list[str]:
 def stored(folder: Path) -> dict[str, Path]:
     """Files of results, by the key of the task."""
     store = Store(folder / "tasks")
-    return {npz.without_header(npz.read(file))["key"]: file for file in store.folder.glob("*.npz")}
+    return {npz.pop_header(npz.read(file))["key"]: file for file in store.folder.glob("*.npz")}
 
 
 def tables(folder: Path) -> list[bytes]:

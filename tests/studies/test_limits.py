@@ -379,7 +379,7 @@ def test_a_field_of_walls_is_that_of_probes_at_its_points() -> None:
     points = found.sections[-1].probes
     assert len(points) > 100 and {one.face for one in points} == {"outer", "inner"}
     resting = arrays_at_rest(with_fields(scene, ["fly"], 1), [0.5], {"middle": [2.0], "fly": [3.0]})
-    at = npz.record(PostureMatrices, resting, "reduced.")
+    at = npz.record_from_arrays(PostureMatrices, resting, "reduced.")
     field = Limit(name="a", of="field", which=("fly",), most=100e6)
     load = loads([field], at)[0]
     state = Place(at, 0, [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in at.parts], G).equilibria.state(load)
@@ -391,7 +391,11 @@ def test_a_field_of_walls_is_that_of_probes_at_its_points() -> None:
     assert len(each) == len(points) and max(each) == pytest.approx(100e6, rel=1e-6)
     place = Place(at, 0, [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in at.parts], G)
     arrays = governing_details(
-        [field], [place, None], np.array([load, np.nan]), npz.record(DeflectionOutputs, resting, "bent."), ()
+        [field],
+        [place, None],
+        np.array([load, np.nan]),
+        npz.record_from_arrays(DeflectionOutputs, resting, "bent."),
+        (),
     )
     assert arrays["stress"].shape[1] == len(arrays["stress.names"])  # of the scene's own probes alone
     with pytest.raises(InputError, match="the scene has no field to look at"):

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from pmr.cli import study as cli_study
-from pmr.errors.text import duration
+from pmr.errors.text import duration_text
 from pmr.studies.call import Progress
 
 
@@ -11,7 +11,7 @@ from pmr.studies.call import Progress
     ("seconds", "text"), [(0.4, "0 s"), (59.4, "59 s"), (90.0, "2 min"), (3599.0, "60 min"), (9000.0, "2.5 h")]
 )
 def test_seconds_are_said_as_people_say_them(seconds: float, text: str) -> None:
-    assert duration(seconds) == text
+    assert duration_text(seconds) == text
 
 
 def test_progress_in_one_line() -> None:
@@ -24,7 +24,7 @@ def test_progress_in_one_line() -> None:
 def test_a_log_gets_a_line_now_and_then(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     now = 100.0
     monkeypatch.setattr("pmr.cli.study.time.monotonic", lambda: now)
-    with cli_study._watch() as watch:
+    with cli_study._show_progress() as watch:
         for _ in range(100):
             now += 1.0
             watch(Progress(1, 0, 2, now - 100.0, now))

@@ -68,8 +68,8 @@ def test_what_is_edited_while_a_study_runs_gives_no_result_under_the_name_of_the
 
 @pytest.mark.parametrize(("file", "counts"), [("report/blocks.py", False), ("kernel/src/scheme.c", True)])
 def test_the_code_of_tasks_is_what_computes(file: str, counts: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    code, sources = code_of_tasks(), environment.sources()
-    monkeypatch.setattr(environment, "sources", lambda: {**sources, file: "edited"})
+    code, sources = code_of_tasks(), environment.source_texts()
+    monkeypatch.setattr(environment, "source_texts", lambda: {**sources, file: "edited"})
     assert file in sources and (code_of_tasks() != code) == counts
 
 

@@ -39,7 +39,7 @@ def test_what_was_saved_is_read(system: System, tmp_path: Path) -> None:
     )
     pairs = [(body, found.bodies[name]) for name, body in system.bodies.items()]
     for one, other in [*pairs, (system.on_modes["1"], found.on_modes["1"])]:
-        expected, arrays = npz.arrays(one), npz.arrays(other)
+        expected, arrays = npz.record_arrays(one), npz.record_arrays(other)
         assert set(arrays) == set(expected)
         for key, values in expected.items():
             np.testing.assert_array_equal(arrays[key], values)

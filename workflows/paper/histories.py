@@ -55,7 +55,7 @@ def row(scene: str) -> Row:
     for name in SIMULATORS:
         result |= {f"{name}.tip_history": responses[name].tip, f"{name}.energy": responses[name].energy.total}
     t = full.t
-    loads = [np.broadcast_to(load.signal.value(t), t.shape) for load in loaded.alone.loads]
+    loads = [np.broadcast_to(load.signal.value(t), t.shape) for load in loaded.only_section.loads]
     path = loaded.slider.path
     return result | {"t": t, "s": path.value(t), "moving": np.abs(path.rate(t)) > 0.0, "load": np.sum(loads, axis=0)}
 

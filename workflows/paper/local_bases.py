@@ -80,7 +80,7 @@ def simulate(scene: str, r: int, method: str) -> np.ndarray:
     t = h * np.arange(-1, steps + 2)
     s = np.clip(np.broadcast_to(loaded.slider.path.value(t), t.shape), *bounds)
     rate, second = np.gradient(s, h)[1:-1], (s[2:] - 2.0 * s[1:-1] + s[:-2]) / h**2
-    f = np.column_stack([np.broadcast_to(load.signal.value(t[1:-1]), steps + 1) for load in loaded.alone.loads])
+    f = np.column_stack([np.broadcast_to(load.signal.value(t[1:-1]), steps + 1) for load in loaded.only_section.loads])
     alpha_m, alpha_f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
     gamma = 0.5 - alpha_m + alpha_f
     beta, gain = 0.25 * (gamma + 0.5) ** 2, (1.0 - alpha_f) / (1.0 - alpha_m)

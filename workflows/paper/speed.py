@@ -112,7 +112,7 @@ def row(scene: str, approach: str, repeats: int, share: float) -> Row:
         )
         part = Excitation(paths, loads, replace(whole.stepping, end=count * loaded.time.step))
         if model == "ancf":
-            return simulate_cable(loaded, [loaded.alone.length], part).seconds
+            return simulate_cable(loaded, [loaded.only_section.length], part).seconds
         system = pmr.System.of(body)
         if formulation is None:
             return run_from_start(system, part).seconds

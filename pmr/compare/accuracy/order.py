@@ -23,7 +23,7 @@ from pmr.compare.accuracy.trials import Trial, Trials
 from pmr.compare.estimate import reason_without_estimate
 from pmr.compare.trust import LOAD_JUMPS, SLIDER_IMPACTS
 from pmr.errors import InputError
-from pmr.errors.text import percent, rounded
+from pmr.errors.text import percent, two_digits
 from pmr.reduced.attachment import simulated_model
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
@@ -174,10 +174,10 @@ class Search:
             why = tuple(explain_trial(trials, trial, self._coarsest))
         else:
             took = trials.seconds_per_step(trial.sizes)
-            ratio = rounded(self.scene.time.end / (took * trial.steps))
+            ratio = two_digits(self.scene.time.end / (took * trial.steps))
             why = (
                 f"{trial.coordinates} coordinates are what the budget allows",
-                f"a step takes {rounded(took * 1e6)} us here: {ratio} times real time",
+                f"a step takes {two_digits(took * 1e6)} us here: {ratio} times real time",
             )
         seconds = self._seconds + time.perf_counter() - begin
         return Choice(chosen, trials.models(trial.sizes), trial, self.mesh, mesh_reason, why, seconds)

@@ -15,7 +15,7 @@ import numpy as np
 from pmr.compare.accuracy.trials import Sizes, Trial, Trials
 from pmr.compare.step_error import ROUGH
 from pmr.errors import InputError
-from pmr.errors.text import percent, rounded
+from pmr.errors.text import percent, two_digits
 from pmr.scene.run_settings import Budget
 
 Allowed = Mapping[str, float]  # error by kind of output, a fraction
@@ -107,7 +107,7 @@ def find_best_affordable(trials: Trials, budget: Budget, coarsest: int) -> Trial
     else:
         options = list(_real_time_trials(trials, budget.real_time or 1.0, coarsest))
     if not options:
-        took = rounded(1e6 * trials.seconds_per_step(trials.uniform_sizes(trials.least)))
+        took = two_digits(1e6 * trials.seconds_per_step(trials.uniform_sizes(trials.least)))
         raise InputError(
             "scene", f"budget.{key}", getattr(budget, key), f"the smallest model takes {took} us a step here"
         )

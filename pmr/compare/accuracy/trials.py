@@ -31,7 +31,7 @@ from pmr.compare.step_error import StepError, reference_rho, step_error
 from pmr.errors import SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extend, truncate
-from pmr.scene.keys import ALONE, named
+from pmr.scene.keys import ALONE, qualified_name
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
@@ -142,7 +142,7 @@ class Trials:
     def output_positions(self) -> list[tuple[str, float]]:
         """Name of each displacement output and its position along its body in m."""
         return [
-            (named(name, output), float(x))
+            (qualified_name(name, output), float(x))
             for name, body in self._wholes.items()
             for output, x in zip(
                 column_names(body).displacements, body.output_positions[length_outputs(body)], strict=True

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pmr import __version__
-from pmr.errors.text import visible
+from pmr.errors.text import escape_controls
 from pmr.export.fmi.variables import STARTS, Variable, rate_unit
 
 #: Exponents of the SI base units of each unit, and its factor where that is not 1.
@@ -192,6 +192,6 @@ def _model_structure(variables: Sequence[Variable]) -> list[list[Variable]]:
 def _xml_text(root: ET.Element) -> str:
     """Text of the XML tree; control characters and lone surrogates, which XML can't hold, are replaced."""
     for element in root.iter():
-        element.attrib.update({key: visible(value) for key, value in element.attrib.items()})
+        element.attrib.update({key: escape_controls(value) for key, value in element.attrib.items()})
     ET.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"

@@ -26,7 +26,7 @@ from pmr.errors import BEYOND_ENDS, InputError, environment
 from pmr.export.fmi.description import ModelAttributes, build_description, description_2, description_3
 from pmr.export.fmi.reference import inputs_csv, outputs_csv, reference
 from pmr.export.fmi.variables import Drivers, variables
-from pmr.files.whole import replacement
+from pmr.files.whole import replacement_file
 from pmr.kernel.block_file import LINE, lines, pack, seal
 from pmr.kernel.kernel import checksum
 from pmr.simulation import contact_step
@@ -139,7 +139,7 @@ def write(
         if place := _platform_folder(platform, version):
             files[f"binaries/{place}/{unit.described.identifier}{platform.suffix}"] = library_bytes(platform)
     target.parent.mkdir(parents=True, exist_ok=True)
-    with replacement(target) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
+    with replacement_file(target) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():
             archive.writestr(zipfile.ZipInfo(name, _DATE), content, zipfile.ZIP_DEFLATED)
     return target

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pmr.export.fmi.variables import STARTS, Drivers, Variable
-from pmr.scene.built import force_of
+from pmr.scene.built import force_name
 from pmr.scene.signals import SignalBase
 from pmr.scene.signals.base import Strand
 from pmr.simulation.contact_step import contact_frequency
@@ -171,7 +171,7 @@ def inputs_csv(run: Reference, variables: Sequence[Variable]) -> str:
 
 def outputs_csv(run: Reference, drivers: Drivers, variables: Sequence[Variable]) -> str:
     """Text of resources/reference_out.csv: time, body outputs and contact forces, under the variables' names."""
-    titles = {*drivers.system.output_names, *map(force_of, drivers.system.contact_names)}
+    titles = {*drivers.system.output_names, *map(force_name, drivers.system.contact_names)}
     outputs = [v for v in variables if v.causality == "output" and not v.is_rate]
     names = [v.name for v in outputs if v.description.partition("; ")[0] in titles]
     return _csv(["time", *names], np.hstack([run.t[:, None], run.outputs]))

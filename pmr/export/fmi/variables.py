@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.kernel.data import SystemData, system_data
 from pmr.kernel.further import AXES
-from pmr.scene.built import force_of
+from pmr.scene.built import force_name
 from pmr.scene.keys import LUFFING
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.moving import GRAVITY, MovingFrame
 from pmr.system.body import force_outputs, names_of, units_of
-from pmr.system.contacts import ALONE, SLIDER, named
+from pmr.system.contacts import ALONE, SLIDER, qualified_name
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -155,8 +155,8 @@ def variables(drivers: Drivers, start: Array, nominal: Array) -> list[Variable]:
     for k in range(2 * modes):
         (body, mode), rate = of_modes[k % modes], k >= modes
         called, unit = ("rate of mode", "m/s") if rate else ("mode", "m")
-        what = f"{named(body, f'{called} {mode}')}, modal mass 1 kg"
-        name = names(f"{named(body, f'mode {mode}')}{' rate' * rate}")
+        what = f"{qualified_name(body, f'{called} {mode}')}, modal mass 1 kg"
+        name = names(f"{qualified_name(body, f'mode {mode}')}{' rate' * rate}")
         size = float(nominal[k])
         listed.append(Variable(name, first + k, what, "local", initial="approx", unit=unit, start=0.0, nominal=size))
     states = listed[-2 * modes :]
@@ -244,7 +244,7 @@ def output_kinds(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
     """Yield name, unit and whether it has a rate, of each output in the kernel's order; forces have no rates."""
     for name, body in drivers.system.reduced.items():
         for output, unit, is_force in zip(names_of(body), units_of(body), force_outputs(body).tolist(), strict=True):
-            yield named(name, output), unit, not is_force
+            yield qualified_name(name, output), unit, not is_force
     yield from drivers.data.further
 
 
@@ -252,7 +252,7 @@ def _output_variables(drivers: Drivers, names: Identifiers, first: int) -> Itera
     """Yield outputs, rates of those that are motions, and contact forces; the first value reference is `first`."""
     system, called = drivers.system, list(output_kinds(drivers))
     count, o = len(called), len(system.output_names)
-    outputs = [names(force_of(name) if not moves and k < o else name) for k, (name, _, moves) in enumerate(called)]
+    outputs = [names(force_name(name) if not moves and k < o else name) for k, (name, _, moves) in enumerate(called)]
     for k, (name, unit, _) in enumerate(called):
         yield Variable(outputs[k], first + k, name, unit=unit)
     for k, (what, unit, moves) in enumerate(called):
@@ -261,8 +261,8 @@ def _output_variables(drivers: Drivers, names: Identifiers, first: int) -> Itera
             yield Variable(name, first + count + k, f"rate of {what}", unit=rate_unit(unit, 1), is_rate=True)
     for k, contact in enumerate(system.contacts):
         on = "on the body with the opposite sign" if contact.outer is None else f"pushes {contact.inner.body} away"
-        what = f"{force_of(contact.name)}; {on}"
-        yield Variable(names(force_of(contact.name)), first + 2 * count + k, what, unit="N")
+        what = f"{force_name(contact.name)}; {on}"
+        yield Variable(names(force_name(contact.name)), first + 2 * count + k, what, unit="N")
 
 
 class Identifiers:

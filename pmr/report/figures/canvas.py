@@ -27,7 +27,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator, NullLocator
 
-from pmr.errors.text import visible
+from pmr.errors.text import escape_controls
 from pmr.report.blocks import Drawing
 from pmr.report.numbers import format_input, power_of_ten
 from pmr.report.renderer import RAMP
@@ -309,19 +309,21 @@ def svg(figure: Figure, name: str, description: str) -> str:
     buffer = io.BytesIO()
     for text in figure.findobj(Text):
         text.set_parse_math(False)  # a user's $ is a dollar
-        text.set_text(visible(text.get_text()))
+        text.set_text(escape_controls(text.get_text()))
     with mpl.rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph")  # glyphs that DejaVu Sans lacks: the page shows them in another font
         figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Creator", "Date", "Format", "Type")))
     lines = buffer.getvalue().decode().split("\n")
-    root = ElementTree.fromstring("\n".join(map(visible, lines)))  # labels of ticks are made when they are drawn
+    root = ElementTree.fromstring(
+        "\n".join(map(escape_controls, lines))
+    )  # labels of ticks are made when they are drawn
     used = {target for element in root.iter() for target in _referred_identifiers(element)}
     box = root.get("viewBox", "0 0 1 1")
     _, _, width, height = box.split()
     content = "".join(_write_element(child, name, used) for child in _flatten(root))
     return (
         f'<svg viewBox="{box}" width="{width}pt" height="{height}pt" role="img" stroke-linejoin="round" '
-        f'font-family="{FONT}" aria-label="{escape(visible(description))}">{content}</svg>'
+        f'font-family="{FONT}" aria-label="{escape(escape_controls(description))}">{content}</svg>'
     )
 
 

@@ -14,7 +14,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
-from pmr.errors.text import visible
+from pmr.errors.text import escape_controls
 from pmr.report.figures.canvas import (
     INK,
     MUTED,
@@ -85,7 +85,9 @@ def pointer_cells(chart: LoadChart, texts: Sequence[str]) -> str:
         i, k = divmod(number, chart.load.shape[1])
         round_ = [(i, k), (i + 1, k), (i + 1, k + 1), (i, k + 1)]
         path = "L".join(f"{x[at]:.2f} {y[at]:.2f}" for at in round_)
-        cells.append(f'<path d="M{path}Z" fill="#fff" fill-opacity="0"><title>{escape(visible(text))}</title></path>')
+        cells.append(
+            f'<path d="M{path}Z" fill="#fff" fill-opacity="0"><title>{escape(escape_controls(text))}</title></path>'
+        )
     return "".join(cells)
 
 

@@ -30,7 +30,7 @@ from pmr.report.numbers import unit_for, with_sign
 from pmr.report.subject import field_times, moving_part, reach, slider_offsets
 from pmr.results import BodyResult, RunResult
 from pmr.results.response import Output
-from pmr.scene.keys import named
+from pmr.scene.keys import qualified_name
 from pmr.scene.signals import SignalBase
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000")
@@ -73,7 +73,9 @@ def load_figure(result: RunResult) -> Figure:
     time, acting = Timeline(result), subject.scene_loads(result)
     units = sorted({load.unit for load in acting})
     rows = (
-        legend_rows([*(named(load.body, load.name) for load in acting), "boom moves"], HALF) if len(acting) > 1 else 1
+        legend_rows([*(qualified_name(load.body, load.name) for load in acting), "boom moves"], HALF)
+        if len(acting) > 1
+        else 1
     )
     more = ROW * (rows - 1)
     tall = 0.8 + 0.9 * len(units) + more
@@ -87,7 +89,7 @@ def load_figure(result: RunResult) -> Figure:
         time.frame(ax, f"{quantity} in {unit.name}", last=row == len(units) - 1)
         ax.axhline(0.0, linewidth=0.0)  # the axis of a constant load includes zero
         ax.margins(y=0.1)
-        names += [named(load.body, load.name) for load in chosen]
+        names += [qualified_name(load.body, load.name) for load in chosen]
     add_legend(figure, [*_legend(names), *time.shade_legend()], rows)
     return figure
 

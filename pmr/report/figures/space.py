@@ -146,7 +146,9 @@ def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:
     frame, t = result.scene.frame, result.responses["reduced"].t
     if frame is None or frame.cylinder is None:
         return []
-    return [np.array([frame.cylinder.foot, lug]) for lug in frame.cylinder.raised(frame.angles[0].value(t[steps]))]
+    return [
+        np.array([frame.cylinder.foot, lug]) for lug in frame.cylinder.lug_position(frame.angles[0].value(t[steps]))
+    ]
 
 
 def _label_times(ax: Axes, axes: Array, t: Array, first: int) -> list[Array]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.errors.text import rounded
+from pmr.errors.text import two_digits
 from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNumber, Table
 from pmr.report.columns import spread_indices
 from pmr.report.figures.canvas import drawing
@@ -233,7 +233,7 @@ def _largest_share_cells(shares: Array) -> tuple[str, ...]:
 
 def _format_share(share: float) -> str:
     """Format a share in per cent; NaN is ``not known``."""
-    return "not known" if np.isnan(share) else f"{rounded(100.0 * share)}{SPACE}%" if share >= 1e-5 else "0"
+    return "not known" if np.isnan(share) else f"{two_digits(100.0 * share)}{SPACE}%" if share >= 1e-5 else "0"
 
 
 def _case_grid(study: FinishedStudy) -> Grid:

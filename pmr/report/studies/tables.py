@@ -12,7 +12,7 @@ from pydantic import BaseModel
 from pmr.report.blocks import Block, Grid
 from pmr.report.numbers import SPACE, Unit, format_in_unit, format_input, significant, unit_for
 from pmr.report.subject import MODELS
-from pmr.scene.joints import Part
+from pmr.scene.joints import BoomSection
 from pmr.scene.keys import quantity_of as quantity_in
 from pmr.scene.scene import BodyFile
 from pmr.studies.results import RunRecord
@@ -77,7 +77,7 @@ def value_words(value: Scalar) -> str:
 
 def unit_of(key: str) -> str:
     """Unit of a key of a scene, as the scene declares it; empty for a pure number, a text or an unknown key."""
-    section: type[BaseModel] = Part if re.match(r"sections?\b", key) else BodyFile
+    section: type[BaseModel] = BoomSection if re.match(r"sections?\b", key) else BodyFile
     *path, last = key.split(".")
     for part in path:
         inside = section.model_fields.get(part.partition("[")[0])  # a name that is no key is that of an entry of a list

@@ -72,9 +72,9 @@ class Sum(SignalBase):
         low, high = np.sum([part.bounds(start, end) for part in fast], axis=0) if fast else (0.0, 0.0)
         if slow:
             t = np.sort(self._samples(slow, start, end), kind="stable")
-            values = _total(slow, t)
-            high += _largest(lambda t: _total(slow, t), t, values)
-            low -= _largest(lambda t: -_total(slow, t), t, -values)
+            values = _sum_of_signals(slow, t)
+            high += _largest_value(lambda t: _sum_of_signals(slow, t), t, values)
+            low -= _largest_value(lambda t: -_sum_of_signals(slow, t), t, -values)
         return float(low), float(high)
 
     def _samples(self, parts: list[SignalBase], start: float, end: float) -> Array:
@@ -86,12 +86,12 @@ class Sum(SignalBase):
         return np.concatenate([np.linspace(start, end, count), breaks, before])
 
 
-def _total(parts: Sequence[SignalBase], t: Array) -> Array:
+def _sum_of_signals(parts: Sequence[SignalBase], t: Array) -> Array:
     """Return the sum of the signals at the times t (S,) in s."""
     return np.asarray(np.sum([part.value(t) for part in parts], axis=0))
 
 
-def _largest(f: Callable[[Array], Array], t: Array, values: Array) -> float:
+def _largest_value(f: Callable[[Array], Array], t: Array, values: Array) -> float:
     """Return the largest value of a function f, from its `values` (S,) at ascending t (S,) and near their crests.
 
     The interval around each of the highest `CRESTS` crests is searched by thirds.
@@ -110,14 +110,14 @@ def _largest(f: Callable[[Array], Array], t: Array, values: Array) -> float:
     return best
 
 
-def _number_is_constant(data: Any) -> Any:
+def _constant_from_number(data: Any) -> Any:
     """Return the table of a constant signal for a number; anything else unchanged."""
     if isinstance(data, (int, float)) and not isinstance(data, bool):
         return {"kind": "constant", "amount": data}
     return data
 
 
-def _of_another_package(data: Any, check: Callable[[Any], SignalBase]) -> SignalBase:
+def _plugin_signal(data: Any, check: Callable[[Any], SignalBase]) -> SignalBase:
     """Return a signal of a kind that an installed plug-in adds, imported now; `check` validates all other kinds."""
     if not isinstance(data, dict) or data.get("kind") in (None, *_OWN):
         return check(data)
@@ -135,7 +135,7 @@ _OWN: frozenset[str] = frozenset(kind.model_fields["kind"].default for kind in g
 Signal = Annotated[
     SerializeAsAny[_Kinds],
     Field(discriminator="kind"),
-    WrapValidator(_of_another_package),
-    BeforeValidator(_number_is_constant),
+    WrapValidator(_plugin_signal),
+    BeforeValidator(_constant_from_number),
 ]
 Sum.model_rebuild()

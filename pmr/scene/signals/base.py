@@ -179,7 +179,7 @@ class Sine(SignalBase):
         return self.frequency if self.amplitude else 0.0
 
     def bounds(self, start: float, end: float) -> tuple[float, float]:
-        low, high = _extremes(self.amplitude, *self._angle([start, end]).tolist())
+        low, high = _sine_bounds(self.amplitude, *self._angle([start, end]).tolist())
         return self.offset + low, self.offset + high
 
 
@@ -197,7 +197,7 @@ class Chirp(SignalBase):
     phase: Radians = Field(default=0.0, description="Angle at the first time")
 
     @model_validator(mode="after")
-    def _knots(self) -> Chirp:
+    def _check_frequencies(self) -> Chirp:
         """Refuse times that do not increase, and frequencies that are negative or not as many as times."""
         if np.any(np.diff(self.times) <= 0.0):
             raise ValueError("times must increase")
@@ -247,14 +247,14 @@ class Chirp(SignalBase):
         return float(self.frequency(turns).max()) if self.amplitude else 0.0
 
     def bounds(self, start: float, end: float) -> tuple[float, float]:
-        return _extremes(self.amplitude, *self._angle([start, end]).tolist())  # no frequency is negative
+        return _sine_bounds(self.amplitude, *self._angle([start, end]).tolist())  # no frequency is negative
 
     @property
     def breaks(self) -> Floats:
         return self.times
 
 
-def _extremes(amplitude: float, first: float, last: float) -> tuple[float, float]:
+def _sine_bounds(amplitude: float, first: float, last: float) -> tuple[float, float]:
     """Return the smallest and largest amplitude * sin(angle) for angles in rad from `first` up to `last`."""
     values = [amplitude * np.sin(first), amplitude * np.sin(last)]
     for crest, value in ((0.25, amplitude), (0.75, -amplitude)):

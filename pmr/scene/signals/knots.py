@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from pydantic import ConfigDict, Field, field_validator, model_validator
 from scipy.interpolate import Akima1DInterpolator, PPoly
 
-from pmr.errors.text import no_file
+from pmr.errors.text import missing_file_reason
 from pmr.scene.signals.base import Array, Floats, Seconds, SignalBase, Strand
 
 #: Least distance between knots in s, which is also the shortest allowed time step; closer knots overflow.
@@ -43,14 +43,14 @@ class _Knots(SignalBase):
 
     @field_validator("times")
     @classmethod
-    def _increasing(cls, times: Floats) -> Floats:
+    def _check_times(cls, times: Floats) -> Floats:
         """Refuse times that do not increase by at least `CLOSEST`."""
         if not np.all(np.diff(times) >= CLOSEST):
             raise ValueError(f"times must increase, by at least {CLOSEST:g} s")
         return times
 
     @model_validator(mode="after")
-    def _same_length(self) -> _Knots:
+    def _check_lengths(self) -> _Knots:
         """Refuse times and values of different number."""
         if len(self.times) != len(self.values):
             raise ValueError(f"{len(self.times)} times but {len(self.values)} values; give as many of each")
@@ -130,7 +130,7 @@ class SmoothRamp(_Knots):
         return coefficients
 
 
-def _or_file(schema: dict[str, Any]) -> None:
+def _allow_file(schema: dict[str, Any]) -> None:
     """Allow in a JSON schema, which is changed in place, a file instead of times and values."""
     about = "CSV file with two columns, time in s and value, in place of times and values"
     schema["properties"]["file"] = {"type": "string", "format": "path", "description": about, "default": None}
@@ -145,7 +145,7 @@ class Table(_Knots):
     the scene's hash.
     """
 
-    model_config = ConfigDict(json_schema_extra=_or_file)
+    model_config = ConfigDict(json_schema_extra=_allow_file)
 
     kind: Literal["table"] = Field(default="table", description="A curve through values, from a file or given here")
     interpolation: Literal["akima", "linear"] = Field(default="akima", description="How values are connected")
@@ -161,7 +161,7 @@ class Table(_Knots):
             raise ValueError("give either file or times and values")
         path = Path(str(content.pop("file")))
         if not isfile(path):
-            raise ValueError(f"{no_file(path)}: {path}")
+            raise ValueError(f"{missing_file_reason(path)}: {path}")
         try:
             text = path.read_text(encoding="utf-8")
         except OSError as error:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from pmr.errors.environment import needed
-from pmr.errors.lazy import names_from
+from pmr.errors.environment import import_package
+from pmr.errors.lazy import lazy_names
 
 if TYPE_CHECKING:
     from pmr.simulation.exudyn.drawing import add_drawing as add_drawing
@@ -39,4 +39,4 @@ _NAMES = {
 }
 _PLACES = {name: f"{__name__}.{module}:{name}" for module, names in _NAMES.items() for name in names}
 #: An InputError is raised where Exudyn is not installed.
-__getattr__ = names_from(__name__, _PLACES, before=partial(needed, "exudyn"))
+__getattr__ = lazy_names(__name__, _PLACES, before=partial(import_package, "exudyn"))

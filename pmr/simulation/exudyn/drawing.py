@@ -139,7 +139,7 @@ class BoomDrawing:
     def __init__(self, mbs: exu.MainSystem, items: SystemItems, scene: Scene, scale: float = 1.0) -> None:
         self._mbs, self._items, self._scene, self._scale = mbs, items, scene, scale
         self._watched, self.tubes = SystemObserver(mbs, items), section_tubes(scene, items.equations.system)
-        place = (0.0, 0.0, 0.0) if scene.frame is None else scene.frame.place
+        place = (0.0, 0.0, 0.0) if scene.frame is None else scene.frame.tail_position
         self._place = np.array(place)
 
     def axes(self) -> list[Array]:
@@ -211,7 +211,7 @@ def section_tubes(scene: Scene, system: System) -> list[Tube]:
         x = sorted(set.intersection(*at)) if at else []
         if len(x) < 2:
             allowed = "stations along it are allowed, with a drawing"
-            raise InputError("scene", scene.key_of(number, "observe.stations"), len(x), allowed)
+            raise InputError("scene", scene.section_key(number, "observe.stations"), len(x), allowed)
         box = member_at(scene, number).part.body.box
         thin = THIN * np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
         outline = [thin if box is None else [side.start for side in box.profile_at(at).sides] for at in x]

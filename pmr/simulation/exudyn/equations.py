@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.scene import Scene
-from pmr.scene.choice import Needs
+from pmr.scene.choice import SimulatorNeeds
 from pmr.scene.signals import SignalBase
 from pmr.simulation.contact_step import StepParts
 from pmr.simulation.excitation import Excitation, side_positions, signals_in_order
@@ -113,7 +113,7 @@ class Equations:
         states = consistent_start(self.assembly, self.side_positions_on(s)[0], self.system.side_rates(rates), initial)
         return {name: InitialState(start.q[free[name]], start.v[free[name]]) for name, start in states.items()}
 
-    def needs(self, x: Array, rho_inf: float = 0.0) -> Needs:
+    def needs(self, x: Array, rho_inf: float = 0.0) -> SimulatorNeeds:
         """Needs of the system in a simulator, with its sides at x (T, sides) m."""
         return needs_of(self.system, self.assembly.contact_rows(x[0]).rigid, x, rho_inf)
 

@@ -47,7 +47,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
-from pmr.scene.keys import LUFFING, input_of
+from pmr.scene.keys import LUFFING, input_name
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.signals import Constant
 from pmr.simulation.exudyn.contacts import Contacts
@@ -305,9 +305,11 @@ def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on
     nothing, amplitudes = Constant(amount=0.0), dict[str, Driving]()
     for term in frame_terms(on.scene):
         amplitudes[term.name] = nothing
-        if term.of in ("load", "cylinder load"):
-            amplitudes[term.name] = loads.get(input_of(term.carried or term.bodies[0], term.component), nothing)
-        if term.of == "cylinder load":
+        if term.kind in ("load", "cylinder load"):
+            amplitudes[term.name] = loads.get(
+                input_name(term.carried_section or term.bodies[0], term.component), nothing
+            )
+        if term.kind == "cylinder load":
             path = paths.get(on.scene.names[term.number])
             free = isinstance(path, NodeCoordinate)
             amplitudes[term.name] = (

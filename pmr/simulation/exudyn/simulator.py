@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.scene.choice import refuse
+from pmr.scene.choice import refuse_unsupported
 from pmr.simulation import balance
 from pmr.simulation.contact_step import StepParts, contact_frequency, with_schedule
 from pmr.simulation.excitation import Excitation
@@ -119,7 +119,7 @@ def add_system(
             raise InputError("system", f"paths.{free[0]}", "NodeCoordinate", allowed)
         system.ensure_frictionless("system, an extension that is a coordinate")
         add = add_extended
-    refuse(name, equations.needs(inputs.positions(0.0)))
+    refuse_unsupported(name, equations.needs(inputs.positions(0.0)))
     items = add(mbs, equations, inputs, equations.start(inputs.s, inputs.rates, initial or {}))
     items = with_terms(mbs, with_quasi_static(mbs, items, equations), equations, inputs)
     if on is not None:
@@ -187,7 +187,7 @@ class SystemRun:
         self._equations, self._friction = Equations(system), Friction.from_contacts(system.contacts)
         name, add = FORMULATIONS[formulation]
         self._needs = self._equations.needs(self._equations.side_positions(excitation), excitation.stepping.rho_inf)
-        refuse(name, self._needs)
+        refuse_unsupported(name, self._needs)
         self._lengths = step_lengths(system, excitation, initial)
         self._inputs = TabulatedInputs(self._equations, excitation, self._lengths)
         s, rates = (dict(zip(excitation.paths, at[0].tolist(), strict=True)) for at in (excitation.s, excitation.rates))
@@ -243,7 +243,7 @@ class SystemRun:
         B, inertia = self._equations.B, self._equations.assembly.M.diagonal()
         least = balance.round_off(B.T @ (B / inertia[:, None]), motion.f, float(t[1]))
         surplus = balance.energy_surplus(balanced.stored, balanced.work, least, since_start=bool(pushes.any()))
-        balance.refuse_growth(surplus, "Exudyn", list(self._needs.rigid_moving))
+        balance.refuse_growth(surplus, "Exudyn", list(self._needs.rigid_moving_rows))
         reaching, rubbed = motion.forces[ends], {}
         forces, energy, work = reaching, balanced.stored[ends], balanced.work[ends]
         if (pads := self._friction) is not None:

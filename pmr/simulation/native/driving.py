@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pmr.errors import BEYOND_ENDS, InputError
-from pmr.errors.text import hint
+from pmr.errors.text import similar_name_hint
 from pmr.kernel.further import AXES
 
 Array = NDArray[np.float64]
@@ -70,7 +70,7 @@ class Drivers:
         #: names, by numbers, of drivers with inertia in a frame for which a missing second rate is not yet warned of
         self._unwarned = (dict(enumerate(self.paths)) | self._angles) if self._in_frame else {}
         self._told, self._placed, self._started = set[str](), False, False
-        self._begun, self._begun_rows = motions.copy(), rows.copy()  # where the last step ended
+        self._fill_in_start, self._begun_rows = motions.copy(), rows.copy()  # where the last step ended
 
         # by name: numbers of motions, and limits of values and changes that are taken at once
         unlimited = (-LARGEST, LARGEST, 2.0 * LARGEST, LARGEST)
@@ -178,14 +178,17 @@ class Drivers:
 
         Rates that are given at both are taken as they are; else both are the mean rate of the step.
         """
-        smooth, mean = np.minimum(self.rows, self._begun_rows) >= 2, (self.motions[0] - self._begun[0]) / self._step
-        rates[0], rates[1] = np.where(smooth, self._begun[1], mean), np.where(smooth, self.motions[1], mean)
+        smooth, mean = (
+            np.minimum(self.rows, self._begun_rows) >= 2,
+            (self.motions[0] - self._fill_in_start[0]) / self._step,
+        )
+        rates[0], rates[1] = np.where(smooth, self._fill_in_start[1], mean), np.where(smooth, self.motions[1], mean)
 
     def end_step(self) -> None:
         """End a step, or the start: values stay for the next step, rates that it does not give do not count."""
         if self._in_frame or self._in_parts:
             if self._in_parts:
-                self._begun[:], self._begun_rows[:] = self.motions, self.rows
+                self._fill_in_start[:], self._begun_rows[:] = self.motions, self.rows
             self.rows.fill(1)
         self._started = True
 
@@ -244,7 +247,7 @@ def number_of(name: str | int, names: Sequence[str], key: str) -> int:
     if not isinstance(name, str) and 0 <= name < len(names):
         return int(name)
     if name not in names:
-        allowed = f"{hint(name, list(names))}{', '.join(names) or 'none'} are allowed"
+        allowed = f"{similar_name_hint(name, list(names))}{', '.join(names) or 'none'} are allowed"
         raise InputError("stepper", key, name, allowed)
     return names.index(str(name))
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pmr.errors import SimulationError
 from pmr.kernel.signals import Signals
 from pmr.kernel.state import Failure, Record, Settings, State, StepError
-from pmr.scene.choice import refuse
+from pmr.scene.choice import refuse_unsupported
 from pmr.simulation import balance, contact_step
 from pmr.simulation.excitation import Excitation, side_positions, side_velocities
 from pmr.simulation.native.form import SystemForm, driver_signals, path_text, start_modes, static_start, step_failure
@@ -79,8 +79,8 @@ class March:
         self._schedule = np.array(stepping.schedule, np.int32) if stepping.schedule else None
         x = side_positions(form.modal, excitation)
         needs = needs_of(form.modal, Assembly(form.modal).contact_rows(x[0]).rigid, x, stepping.rho_inf)
-        refuse("march", needs)
-        self._growing = list(needs.rigid_moving)  # nothing damps their forces
+        refuse_unsupported("march", needs)
+        self._growing = list(needs.rigid_moving_rows)  # nothing damps their forces
         self._signals: Signals | None
         self._stored, self._work = np.zeros(len(self.t)), np.zeros(len(self.t))
         self.state = State(kernel, Settings(stepping.step, stepping.rho_inf, parts, omega))

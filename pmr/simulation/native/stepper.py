@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from pmr.errors import InputError, SimulationError
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.state import BoundStep, Settings, State, StepError
-from pmr.scene.built import force_of
-from pmr.scene.choice import refuse
+from pmr.scene.built import force_name
+from pmr.scene.choice import refuse_unsupported
 from pmr.scene.keys import LUFFING, SLIDER
 from pmr.scene.signals import Constant, Ramp
 from pmr.simulation.contact_step import MOST_PARTS, contact_frequency, part_counts
@@ -121,7 +121,7 @@ class Stepper:
             (body,) = system.bodies.values()
             self._ranges = dict.fromkeys(system.paths or (SLIDER,), body.domain)
         #: Names of all that `outputs` chooses from: outputs of the bodies, then forces of the contacts.
-        self.output_names = (*system.output_names, *map(force_of, system.contact_names))
+        self.output_names = (*system.output_names, *map(force_name, system.contact_names))
         every = range(len(system.output_names))
         chosen = [number_of(k, self.output_names, "outputs") for k in (every if outputs is None else outputs)]
         moving = MovingFrame.from_system(system)
@@ -161,7 +161,7 @@ class Stepper:
             (low, high, JUMP * (high - low)) if alone and len(paths) == 1 else (1.0, 0.0, 0.0)
         )
         self._load = len(paths) if alone and len(loads) == 1 else -1
-        self._written: Any = memoryview(bound.motions[0])
+        self._file_content: Any = memoryview(bound.motions[0])
         self._same_memory = alone and system.on_one_path and max(chosen, default=0) < len(every)
         self._advance = bound.step_by_rates if self._in_parts else bound.step
         self._observe, self._y = bound.observe, bound.values
@@ -195,13 +195,13 @@ class Stepper:
         """
         drivers = self._drivers
         if type(F) is float and self._load >= 0 and F - F == 0.0:  # else it is not finite
-            self._written[self._load] = F
+            self._file_content[self._load] = F
         elif F is not None:
             drivers.take_loads(F)
         if frame is not None:
             drivers.take_frame(frame)
-        if type(s) is float and self._low <= s <= self._high and abs(s - self._written[0]) <= self._jump:
-            self._written[0] = s
+        if type(s) is float and self._low <= s <= self._high and abs(s - self._file_content[0]) <= self._jump:
+            self._file_content[0] = s
         else:
             drivers.take_path(s)
         if self._in_parts:
@@ -281,7 +281,7 @@ class Stepper:
         u = kernel.frame_drivers(motions)[0] if kernel.motions else motions[0].copy()
         modal, paths = self._form.modal, self._path_coordinates
         x = modal.side_coordinates(paths)
-        refuse("march", needs_of(modal, Assembly(modal).contact_rows(x).rigid, x[None], self._rho_inf))
+        refuse_unsupported("march", needs_of(modal, Assembly(modal).contact_rows(x).rigid, x[None], self._rho_inf))
         if initial is None and static:
             if kernel.modes <= DENSE and self._start_kernel("equilibrium") is None:
                 return

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.errors import InputError, on_first
+from pmr.errors import InputError, call_on_first_rank
 from pmr.fem.factor import product
 from pmr.files import npz
 from pmr.files.whole import NotWrittenError
@@ -98,7 +98,7 @@ def load(checkpoint: Checkpoint, identity: Mapping[str, Any]) -> StoredSimulatio
         return None
     try:
         arrays = npz.read(checkpoint.file)
-        header = npz.without_header(arrays)
+        header = npz.pop_header(arrays)
         if header["format"] != FORMAT or header["version"] not in READ:
             raise ValueError("another format")
         saved = StoredSimulation(int(header["step"]), float(header["seconds"]), dict(header["identity"]), arrays)
@@ -223,7 +223,7 @@ class CheckpointFile:
         InputError
             If the file is damaged or belongs to another simulation.
         """
-        checkpoint = self._comm.bcast(on_first(self._comm, lambda: load(self._checkpoint, self._identity)))
+        checkpoint = self._comm.bcast(call_on_first_rank(self._comm, lambda: load(self._checkpoint, self._identity)))
         if checkpoint is None:
             return None
         arrays, mine = checkpoint.arrays, self._system.local_part

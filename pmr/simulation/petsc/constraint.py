@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.errors import SimulationError, on_first
+from pmr.errors import SimulationError, call_on_first_rank
 from pmr.fem.compat import MPI
 from pmr.fem.factor import BLOCK, AnyFactor
 from pmr.fullmodel.model import FullSystem
@@ -82,7 +82,7 @@ class ContactState:
         if self._comm.size == 1 or not self.pushes.any():
             forces, self._closed = solution()
         else:
-            forces, self._closed = self._comm.bcast(on_first(self._comm, solution))
+            forces, self._closed = self._comm.bcast(call_on_first_rank(self._comm, solution))
         return forces
 
     def release(self, rows: PathRows, factors: SchemeFactors) -> Prediction | None:

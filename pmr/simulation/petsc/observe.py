@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pmr.errors import SimulationError
 from pmr.fem.factor import factor_of
 from pmr.fullmodel.model import FullSystem
-from pmr.scene.choice import REFERENCE, refuse
+from pmr.scene.choice import REFERENCE, refuse_unsupported
 from pmr.simulation.balance import refuse_growth
 from pmr.simulation.contact_step import StepParts
 from pmr.simulation.excitation import Excitation, side_positions
@@ -84,12 +84,12 @@ class _Run:
         self._system, self._initial, self._excitation = system.with_supports(), initial, excitation
         self._at = sample_excitation(self._system, excitation)
         self._needs = needs_of(self._system, self._system.compliance.rigid, self._at.x, excitation.stepping.rho_inf)
-        refuse("petsc", self._needs, REFERENCE)
+        refuse_unsupported("petsc", self._needs, REFERENCE)
         self._recorder = Recorder(self._system, excitation.stepping, recording)
         self._mass, omega = None, 0.0
-        if self._needs.pushing or starts_moving(self._system, self._at, initial):
+        if self._needs.pushing_rows or starts_moving(self._system, self._at, initial):
             self._mass = BlockFactor(self._system, lambda model: factor_of(model.M, "M"))
-        if self._needs.pushing and self._mass is not None:
+        if self._needs.pushing_rows and self._mass is not None:
             omega = contact_frequency(self._system, self._at.x, self._mass)
         self._lengths = StepParts.for_contacts(excitation.stepping, omega)
 
@@ -115,7 +115,7 @@ class _Run:
         seconds = reached.seconds + time.perf_counter() - begin
         steps.destroy()
         history = recorder.history(self._at, seconds, preparation)
-        refuse_growth(history.surplus, "full order", list(self._needs.rigid_moving))
+        refuse_growth(history.surplus, "full order", list(self._needs.rigid_moving_rows))
         m, forces, peaks = self._contacts, history.forces, history.peaks
         return replace(history, forces=forces[:, :m], peaks=peaks[:, :m], supports=forces[:, m:])
 
@@ -131,7 +131,7 @@ class _Run:
         fine, begun = self._at, reached.step * lengths.finest
         if lengths.finest > 1:
             fine = sample_excitation(system, self._excitation.with_stepping(lengths.stepping.divide(lengths.finest)))
-        if mass is not None and not self._needs.pushing:
+        if mass is not None and not self._needs.pushing_rows:
             mass.destroy()
             mass = None
         steps = DividedSteps(system, lengths, fine, ContactState(system, mass, state), reached.step)

@@ -27,7 +27,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.errors import SimulationError, on_first
+from pmr.errors import SimulationError, call_on_first_rank
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import local_csr
 from pmr.fem.factor import product
@@ -234,7 +234,7 @@ def static_start(system: FullSystem, excitation: Excitation) -> dict[str, Initia
         assert gathered is not None
         return dict(systems.static_start(gathered, excitation))
 
-    return dict(system.comm.bcast(on_first(system.comm, make)))
+    return dict(system.comm.bcast(call_on_first_rank(system.comm, make)))
 
 
 def starting_state(

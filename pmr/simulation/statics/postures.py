@@ -17,9 +17,9 @@ from pmr.results.quantities import Columns
 from pmr.results.response import Output
 from pmr.scene import Scene
 from pmr.scene.built import Load
-from pmr.scene.choice import directions
-from pmr.scene.frame import rotation
-from pmr.scene.keys import LUFFING, named
+from pmr.scene.choice import motion_directions
+from pmr.scene.frame import boom_rotation
+from pmr.scene.keys import LUFFING, qualified_name
 from pmr.scene.mechanism import drive_rows, rope_shares
 from pmr.scene.members import members
 from pmr.scene.signals import Constant
@@ -74,8 +74,8 @@ class PostureSet:
         `distances` (P,) in m is the distance of each posture's point from the tail of the base section.
         """
         assert scene.frame is not None
-        place = np.array(scene.frame.place) + distances[:, None] * np.eye(3)[0]
-        return np.einsum("pij,pj->pi", rotation(self.luffing, self.slewing), place)
+        place = np.array(scene.frame.tail_position) + distances[:, None] * np.eye(3)[0]
+        return np.einsum("pij,pj->pi", boom_rotation(self.luffing, self.slewing), place)
 
 
 def with_hook(scene: Scene) -> Scene:
@@ -88,7 +88,7 @@ def with_hook(scene: Scene) -> Scene:
     pull = Constant(amount=-scene.gravity.acceleration)
     hook = Load(name=HOOK, on="tip", direction="z", axes="ground", signal=pull)
     last, loads = scene.sections[-1], [hook]
-    if "y" in directions(members(scene)[-1]):
+    if "y" in motion_directions(members(scene)[-1]):
         loads.append(Load(name=SIDEWAYS, on="tip", direction="y", signal=Constant(amount=0.0)))
     parts = (*scene.sections[:-1], last.model_copy(update={"loads": (*last.loads, *loads)}))
     frame = scene.frame.model_copy(update={"base": constant_inclination(scene.frame.base)})
@@ -188,7 +188,7 @@ class PostureMatrices:
             slewing=postures.slewing,
             luffing=postures.luffing,
             up=_vertical_directions(still, postures),
-            tip=np.array(scene.frame.place) + postures.boom_length(scene)[:, None] * np.eye(3)[0],
+            tip=np.array(scene.frame.tail_position) + postures.boom_length(scene)[:, None] * np.eye(3)[0],
             arm=_lever_arms(scene, postures),
             drives=np.array([*drives.values()]).reshape(len(drives), len(columns)),
             drive_names=tuple(drives),
@@ -315,14 +315,14 @@ def _lever_arms(scene: Scene, postures: PostureSet) -> Array:
     """Lever arms (P,) in m of the luffing cylinder about the pivot; NaN for a scene without one."""
     assert scene.frame is not None
     cylinder = scene.frame.cylinder
-    return np.full(postures.count, np.nan) if cylinder is None else cylinder.length(postures.luffing)[1]
+    return np.full(postures.count, np.nan) if cylinder is None else cylinder.length_and_arm(postures.luffing)[1]
 
 
 def _vertical_directions(still: Scene, postures: PostureSet) -> Array:
     """Vertical unit vectors (P, 3) in boom axes, of a scene made by `rest_scene`."""
     assert still.frame is not None
     numbers = np.arange(postures.count, dtype=float)
-    return FrameRotation.from_signals(*still.frame.angles, numbers, still.frame.rocking).up
+    return FrameRotation.from_signals(*still.frame.angles, numbers, still.frame.base_angles).up
 
 
 def _hook_inputs(system: System) -> NDArray[np.int64]:
@@ -341,7 +341,7 @@ def _select_outputs(system: System) -> tuple[list[int], list[Output]]:
             what = kind.split(" ")[0]
             if what in ("probe", "support") or (what == "tip" and name == last):
                 numbers.append(first + k)
-                outputs.append(Output(named(name, output), what, name, unit=unit))
+                outputs.append(Output(qualified_name(name, output), what, name, unit=unit))
         first += len(kinds_of(body))
     return numbers, outputs
 

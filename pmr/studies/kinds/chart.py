@@ -14,8 +14,8 @@ from pydantic import Field, model_validator
 from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.scene import Scene
-from pmr.scene.hints import hints_of
-from pmr.scene.keys import Section, Usual, of_key
+from pmr.scene.hints import table_hints
+from pmr.scene.keys import SceneTable, Usual, key_error
 from pmr.scene.signals import Constant
 from pmr.scene.tomlfiles import Change
 from pmr.simulation.statics.postures import HOOK, with_hook
@@ -33,7 +33,7 @@ from pmr.studies.tasks import Plan, Scalar, Task
 MOST_POINTS = 200_000
 
 
-class Range(Section):
+class Range(SceneTable):
     """Evenly spaced values."""
 
     least: float = Field(description="First value, in m or the unit of the scene's angles")
@@ -47,7 +47,7 @@ class Range(Section):
     def _check_order(self) -> Self:
         """Refuse a `most` below `least`."""
         if self.most < self.least:
-            raise of_key("most", self.most, f"at least {self.least:g}, which is `least`, is allowed")
+            raise key_error("most", self.most, f"at least {self.least:g}, which is `least`, is allowed")
         return self
 
     @property
@@ -69,7 +69,7 @@ class Range(Section):
         return rows
 
 
-class Hoist(Section):
+class Hoist(SceneTable):
     """How a load is hoisted off the ground, for the dynamic factor on its weight that is computed at each point."""
 
     speed: Annotated[float, Field(gt=0.0), Usual(1e-3, 5.0, unit="m/s")] = Field(
@@ -314,7 +314,7 @@ class Study(StudyBase):
 
     def hints(self) -> list[str]:
         """Return a line for each key of the study whose number lies outside the range that is usual for its scene."""
-        return hints_of(self, self._scene)
+        return table_hints(self, self._scene)
 
     @property
     def _points(self) -> list[tuple[dict[str, float], float, float]]:

@@ -135,7 +135,7 @@ def simulate_cable_tip(arguments: Arguments, needs: Needs) -> TaskResult:
     elements = scene.mesh.elements
     compared = scene.compare.model_copy(update={"ancf_elements": elements})
     cable = scene.model_copy(update={"compare": compared})
-    motion = simulate_cable(cable, [scene.alone.length], Excitation.from_scene(scene))
+    motion = simulate_cable(cable, [scene.only_section.length], Excitation.from_scene(scene))
     result = _compare_tip(motion.displacement[:, -1], COORDINATES_PER_NODE * (elements + 1), needs)
     return replace(result, warnings=tuple(hints(scene)))
 

@@ -21,8 +21,8 @@ from pmr.results.fatigue import rainflow_cycles
 from pmr.results.response import Extremes
 from pmr.results.tables import force_extremes, probe_extremes, reaction_extremes, stress_by_part, summaries_by_section
 from pmr.scene import Scene
-from pmr.scene.keys import ALONE, Section, named
-from pmr.scene.model_ladder import candidates
+from pmr.scene.keys import ALONE, SceneTable, qualified_name
+from pmr.scene.model_ladder import candidate_scenes
 from pmr.scene.tomlfiles import Change
 from pmr.studies import shared
 from pmr.studies.study import StudyBase
@@ -97,7 +97,7 @@ def _word(value: object, number: int) -> str:
     return text if _is_plain(value) and KEY.fullmatch(f"0{text}") else f"no{number + 1}"
 
 
-class Case(Section):
+class Case(SceneTable):
     """A named change of the scene."""
 
     name: Annotated[str, Field(pattern=f"^{KEY.pattern}$")] = Field(description="Name of the case in tables")
@@ -124,7 +124,7 @@ class Study(StudyBase):
             scene = _varied_scene(file, point, key)
             arguments, needs = shared.scene_arguments(scene), dict[str, Task]()
             second_order = scene.frame is not None and scene.frame.second_order
-            if not (len(scene.sections) > 1 or second_order or scene.goal is not None or candidates(scene)):
+            if not (len(scene.sections) > 1 or second_order or scene.goal is not None or candidate_scenes(scene)):
                 needs = shared.modes_tasks(scene) | {"frequencies": shared.frequencies_task(scene)}
                 needs |= {name: shared.reference_task(scene, name) for name in scene.compare.against}
             common |= {task.key: task for task in needs.values()}
@@ -185,7 +185,7 @@ def motion_figures(scene: Scene, response: Response, s: Array, frequencies: Arra
     - ``frequencies.{s_min,s_middle,s_max}.<i>``: the i-th in Hz at the least, the middle and the largest path
       coordinate; None if the model has fewer.
     """
-    path, record = scene.along(response.t), dict[str, Scalar]()
+    path, record = scene.path_positions(response.t), dict[str, Scalar]()
     if forces := force_extremes(response, path):
         record["largest_force"] = max(extremes.size for extremes in forces.values())
     for name, extremes in forces.items():
@@ -246,7 +246,7 @@ def body_figures(summary: Mapping[str, Any]) -> dict[str, Scalar]:
         for quantity, forces in part.get("section_forces", {}).get("reduced", {}).items():
             if room := BEAM_FORCE_COLUMNS.get(forces["unit"]):
                 figures = {key: value for key, value in forces.items() if key != "unit"}
-                record |= {f"{room}.{named(name, quantity)}.{key}": value for key, value in figures.items()}
+                record |= {f"{room}.{qualified_name(name, quantity)}.{key}": value for key, value in figures.items()}
     return record
 
 
@@ -260,11 +260,11 @@ def run_scene(scene: Scene, precomputed: Precomputed | None = None) -> TaskResul
     ``frequency_error.<i>``, the largest relative error of the i-th frequency over the path.  Arrays: ``t`` (s), ``tip``
     (m), ``reach`` (path coordinates in m), ``frequencies.<model>`` (Hz), for a single body also ``singular_values``.
     """
-    from pmr.files.whole import users_folder
+    from pmr.files.whole import user_cache_folder
     from pmr.pipeline import run
 
     once = scene.simulation.model_copy(update={"simulators": scene.simulation.simulators[:1]})
-    outcome = run(scene.model_copy(update={"simulation": once}), measures=users_folder(), shared=precomputed)
+    outcome = run(scene.model_copy(update={"simulation": once}), measures=user_cache_folder(), shared=precomputed)
     assert outcome is not None  # a task runs on one rank
     result, summary = outcome.result, outcome.result.summary
     errors = {f"{pair}.{place}": e for pair, places in summary["errors"].items() for place, e in places.items()}

@@ -8,7 +8,7 @@ from alone import trials
 from finished import WORKFLOWS
 from oracle import enriched, full_body
 
-from pmr.cli.run import _to
+from pmr.cli.run import _tolerance_overrides
 from pmr.compare.accuracy import mesh
 from pmr.compare.accuracy.order import Choice, accuracy_warnings
 from pmr.compare.accuracy.trials import Sizes, Trial, Trials
@@ -168,11 +168,11 @@ def test_beams_are_compared_with_finer_ones_and_walls_with_coarser_ones(load_sce
 
 def test_a_percentage_on_the_command_line(load_scene) -> None:
     for text, share in (("1%", 0.01), ("0.5 %", 0.005), ("0.02", 0.02)):
-        scene = load_scene("paper_evolved", [*_to(text, EVOLVED), "compare.against=['full']"])
+        scene = load_scene("paper_evolved", [*_tolerance_overrides(text, EVOLVED), "compare.against=['full']"])
         assert scene.accuracy.tolerance == pytest.approx(share) and scene.reduction.basis == "free_modes"
     for text in ("0", "150%", "much", "-1%", "nan"):
         with pytest.raises(InputError, match="--tolerance"):
-            _to(text, EVOLVED)
+            _tolerance_overrides(text, EVOLVED)
 
 
 BUDGET = ["simulation.simulators=['march']", *SHORT, "compare.against=[]"]

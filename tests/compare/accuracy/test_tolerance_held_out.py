@@ -24,7 +24,7 @@ from pmr.fullmodel.build import build
 from pmr.pipeline import Outcome, run
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
-from pmr.scene.checks import check
+from pmr.scene.checks import check_scene
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.system.system import System
@@ -76,7 +76,7 @@ def ordered_scene(seed: int) -> Scene:
     scene = Scene.model_validate(
         scene.model_dump() | {"accuracy": {"tolerance": tolerance, "outputs": kinds, "mesh": bool(rng.random() < 0.5)}}
     )
-    check(scene)
+    check_scene(scene)
     return scene
 
 

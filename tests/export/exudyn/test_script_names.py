@@ -13,7 +13,7 @@ import pytest
 from oracle import project
 
 from pmr.errors import InputError
-from pmr.errors.text import is_name, visible
+from pmr.errors.text import escape_controls, is_name
 from pmr.export.exudyn_script import script_data, write_exudyn_script
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import SignalBase, Sine, SmoothRamp, Step, Table
@@ -92,7 +92,7 @@ def test_a_name_is_never_run(plain: ReducedModel, kind: str, compliant: bool, tm
         model, rows = replace(plain, provenance=model.provenance, pads=model.pads), list(plain.row_names)
     script = write_exudyn_script(model.save(tmp_path / "beam.npz"), tmp_path / "script.py")
     names = runpy.run_path(str(script))
-    assert names["TITLE"] == visible(NAMES[kind]) and names["DATA"]["contacts"].tolist() == rows
+    assert names["TITLE"] == escape_controls(NAMES[kind]) and names["DATA"]["contacts"].tolist() == rows
     assert list(names["LOADS"]) == list(model.input_names)
     t = 0.123
     assert [load(t) for load in names["LOADS"].values()] == pytest.approx([float(SINE.value(t)), float(TABLE.value(t))])

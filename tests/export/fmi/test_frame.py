@@ -204,7 +204,7 @@ def test_the_tip_is_where_it_is_in_space(made: Made) -> None:
     X = values["s_middle"] + values["s_fly"] + made.scene.sections[-1].length
     rocked = [values.get(name, 0.0) for name in ("base_rz", "base_ry", "base_rx")]
     axes = Rotation.from_euler("ZYX", rocked) * Rotation.from_euler("ZY", [values["slewing"], -values["luffing"]])
-    expected = axes.apply(np.array(made.scene.frame.place) + u + [X, 0.0, 0.0])
+    expected = axes.apply(np.array(made.scene.frame.tail_position) + u + [X, 0.0, 0.0])
     np.testing.assert_allclose(places[-1], expected, rtol=1e-13)
     slope = (places[2] - places[0]) / (2.0 * h)
     assert np.abs(u).max() > 1e-3

@@ -68,7 +68,7 @@ def test_one_look_finds_the_largest_stress_and_keeps_pictures() -> None:
     view, q = BodyFields(alone(Structure(shell()))), states(shell().size)
     seen = record_fields(view, TIMES, in_blocks(mine(q)), pictures=[130, 0, 67])
     rows = shell().stresses()
-    sizes = rows.von_mises(rows.of(q))
+    sizes = rows.von_mises(rows.evaluate(q))
     assert seen.stress is not None
     assert seen.stress.largest == pytest.approx(sizes.max(axis=1), rel=1e-9)
     k, p = np.unravel_index(sizes.argmax(), sizes.shape)
@@ -82,7 +82,7 @@ def test_one_look_finds_the_largest_stress_and_keeps_pictures() -> None:
         points = (shell().point_displacements() @ q[state]).reshape(-1, 3)
         assert fields.displacement[k] == pytest.approx(points, rel=1e-6, abs=1e-6)
     for face in ("outer", "middle", "inner"):
-        assert fields.von_mises[face][1] == pytest.approx(sizes[67, rows.on(face)], rel=1e-5)
+        assert fields.von_mises[face][1] == pytest.approx(sizes[67, rows.points_on(face)], rel=1e-5)
 
 
 def test_a_beam_shows_its_corners() -> None:

@@ -14,7 +14,7 @@ from pmr.fullmodel.pads import Pad, Pads, Slider, Support
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Structure, Weight
 from pmr.models.beam2d import Beam2D
-from pmr.models.beam3d import Beam3D, beam_of
+from pmr.models.beam3d import Beam3D, box_beam
 from pmr.reduction.section_forces import SectionForces
 from pmr.scene.box import Box
 from pmr.scene.structures import Beam3DBody, BoxProfile, PointMass
@@ -113,7 +113,7 @@ def test_weight_of_a_beam_with_a_doubler_is_borne_where_it_is() -> None:
     """A plate on the bottom changes centroid, stiffness and mass at a node; moments and shear go on without a step."""
     plate = {"start": 0.0, "end": 1.1, "thickness": 0.01, "faces": ["bottom"]}
     box = Box(length=LENGTH, width=0.2, height=0.3, wall=0.01, doublers=[plate])
-    beam = beam_of(Beam3DBody(length=LENGTH, profile=box, shear=True, elements=3), box)
+    beam = box_beam(Beam3DBody(length=LENGTH, profile=box, shear=True, elements=3), box)
     forces, of = found(Structure(beam, clamps=(Clamp("tail"),), loads=(Weight(),)), (9.81,))
     (thick, thin), (x, shear) = beam.sections.area * 7850.0 * 9.81, forces["shear force z"]
     more = np.clip(1.1 - x, 0.0, None)

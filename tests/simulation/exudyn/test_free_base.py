@@ -80,17 +80,17 @@ def test_moved_it_is_the_boom_in_a_frame() -> None:
         }
     terms = dict(turret.excitation.terms)
     for one in frame_terms(scene):
-        if one.of in ("load", "cylinder load"):
+        if one.kind in ("load", "cylinder load"):
             continue
-        j = ["xyz".index(axis) for axis in one.component if one.of in ("rotation", "turning", "carried")]
-        if one.of == "carried":
+        j = ["xyz".index(axis) for axis in one.component if one.kind in ("rotation", "turning", "carried")]
+        if one.kind == "carried":
             found = omega[:, j[0]] * omega[:, j[1]] * (1.0 if j[0] == j[1] else 2.0)
             found = found - (omega**2).sum(axis=1) if j[0] == j[1] else found
-        elif one.of in ("rotation", "turning"):
-            found = (2.0 * omega if one.of == "rotation" else turning.acceleration)[:, j[0]]
+        elif one.kind in ("rotation", "turning"):
+            found = (2.0 * omega if one.kind == "rotation" else turning.acceleration)[:, j[0]]
         else:
-            found = field(scene.names.index(one.carried) if one.carried else one.number, one.component)
-            found = -found / np.array([o.value[one.number] for o in out]) if one.of == "cylinder" else found
+            found = field(scene.names.index(one.carried_section) if one.carried_section else one.number, one.component)
+            found = -found / np.array([o.value[one.number] for o in out]) if one.kind == "cylinder" else found
         terms[one.name] = table(found)
     again = simulate_system(turret.system, replace(turret.excitation, loads=loads, terms=terms))
     q = np.hstack([one.q for one in again.bodies.values()])

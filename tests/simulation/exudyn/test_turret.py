@@ -63,7 +63,7 @@ class OnTurret:
 
     def acceleration(self, number: int, r: Array) -> Array:
         """Of a point (3,) m of a section at rest on the turret, (T, 3) m/s^2 in the boom's axes, weight included."""
-        turret, place = self._turret, self._scene.frame.place + self._along(number) + r
+        turret, place = self._turret, self._scene.frame.tail_position + self._along(number) + r
         swept = np.cross(turret.velocity, place) + 2.0 * self._along(number, "rate")
         weight = self._scene.gravity.signal.value(self._t)[:, None] * turret.rotation[:, 2]
         turned = np.cross(turret.acceleration, place) + np.cross(turret.velocity, swept)
@@ -79,7 +79,7 @@ class OnTurret:
     def tip(self, tip: Array) -> Array:
         """Place (T, 3) m in space of the outermost tip, which is off the boom's axis by tip (T, 2) m."""
         last = len(self._scene.sections) - 1
-        own = self._scene.frame.place + self._along(last) + [self._scene.sections[last].length, 0.0, 0.0]
+        own = self._scene.frame.tail_position + self._along(last) + [self._scene.sections[last].length, 0.0, 0.0]
         own[:, 1:] += tip
         return np.einsum("tij,tj->ti", self._turret.rotation, own)
 

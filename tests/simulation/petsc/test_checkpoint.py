@@ -139,7 +139,7 @@ def test_a_simulation_goes_on_from_a_file_of_version_1(model: FullModel, tmp_pat
     with pytest.raises(InterruptionError):
         observe(model, driven(PATH, LOADS, STEPPING), progress=interrupt_at(0.5), checkpoint=checkpoint)
     arrays = npz.read(checkpoint.file)
-    header = npz.without_header(arrays)
+    header = npz.pop_header(arrays)
     identity = header["identity"] | {name: header["identity"][name][0] for name in ("path", "loads")}
     del arrays["parts"]
     npz.write(checkpoint.file, arrays, header | {"version": 1, "identity": identity})

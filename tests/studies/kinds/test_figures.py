@@ -8,7 +8,7 @@ from fuzz import toml
 from ways.kinds import HOISTED, PLANE, boom, rings
 
 from pmr import scene as scenes
-from pmr.files.whole import users_folder
+from pmr.files.whole import user_cache_folder
 from pmr.pipeline import run
 from pmr.results import Energy, Response
 from pmr.studies.kinds.scenes import motion_figures, run_case
@@ -48,7 +48,7 @@ def test_a_row_has_ropes_and_the_warnings_of_the_run(tmp_path: Path) -> None:
     described["sections"][2]["joint"] = {"follows": "mid"}
     (tmp_path / "boom.toml").write_text(toml.written(described | {"compare": {"against": []}}))
     scene = scenes.load_any(tmp_path / "boom.toml")
-    outcome, row = run(scene, measures=users_folder()), run_case(scene_arguments(scene), {})
+    outcome, row = run(scene, measures=user_cache_folder()), run_case(scene_arguments(scene), {})
     assert outcome is not None
     summary = outcome.result.summary
     ropes = {one["name"]: one["force"] for one in summary["ropes"]}
