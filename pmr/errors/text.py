@@ -65,7 +65,9 @@ def percent(fraction: float, whole: str = "") -> str:
     """Return an error, a fraction, in per cent in words; from 10 on as a multiple of the `whole`, if that is named."""
     if not isfinite(fraction):
         return "an unknown amount"
-    return f"{rounded(fraction)} times {whole}" if whole and fraction >= 10.0 else f"{rounded(100.0 * fraction)} %"
+    return (
+        f"{two_digits(fraction)} times {whole}" if whole and fraction >= 10.0 else f"{two_digits(100.0 * fraction)} %"
+    )
 
 
 def two_digits_below(value: float) -> str:
