@@ -53,15 +53,15 @@ class Chart:
         """Return the k-th posture of the model `at` as one `Place` for each load case."""
         return [Place(at, k, amounts, self.gravity) for amounts in self.amounts]
 
-    def loads(self, places: Sequence[Place], guesses: Array | None = None, more: Sequence[Limit] = ()) -> Array:
+    def loads(self, places: Sequence[Place], guesses: Array | None = None) -> Array:
         """Return the loads (c, l) in kg that the limits allow, one row for each of `places`; NaN if more than `up_to`.
 
-        Columns are `limits`, then those of `more`, then stability.  `near` (c, l) holds loads in kg near which each
-        search begins, NaN without one.
+        `guesses` (c, l) holds loads in kg near which each search begins, NaN without one.
         """
         nearby = [None] * len(places) if guesses is None else list(guesses)
-        limits = [*self.limits, *more]
-        return np.array([allowed_loads(limits, place, self.up_to, c) for place, c in zip(places, nearby, strict=True)])
+        return np.array(
+            [allowed_loads(self.limits, place, self.up_to, near) for place, near in zip(places, nearby, strict=True)]
+        )
 
     def passed_limits(self, at: PostureMatrices, k: int) -> NDArray[np.bool_]:
         """Return whether each limit is exceeded without a load at the k-th posture of the model `at`, (c, l).
@@ -89,24 +89,20 @@ class Chart:
         larger difference counts.
         """
         assert models.enriched is not None and models.with_tip_mass is not None
-        count, above = len(self.limits), models.stiffness_excess
-        buckling = [number for number, limit in enumerate(self.limits) if limit.of == "buckling"]
-        sooner = [self.limits[i].model_copy(update={"factor": self.limits[i].factor * (1.0 + above)}) for i in buckling]
-        close = np.concatenate([loads[:, :count], loads[:, buckling], loads[:, count:]], axis=1)
-        richer, reduced = (
-            self.least_loads(self.loads(self.places(models.enriched, k), close, sooner)),
-            self.least_loads(loads),
-        )
-        other = np.append(richer[:count], richer[-1])
-        before = other.copy()
-        before[buckling] = np.minimum(richer[count:-1], other[buckling])
-        before[-1] /= 1.0 + above * (before[-1] < self.up_to)  # of one that is not met nothing is known
+        enriched, above = self.places(models.enriched, k), models.stiffness_excess
+        buckling = [n for n, limit in enumerate(self.limits) if limit.of == "buckling"]
         at_rest = [n for n, limit in enumerate(self.limits) if limit.kind.eigenvalue_load is None]
-        margins = np.full(count + 1, MARGIN_OF_BUCKLING)
+        error = self._differences(enriched, range(len(self.limits)), loads)
+        sooner = [self.limits[n].model_copy(update={"factor": self.limits[n].factor * (1.0 + above)}) for n in buckling]
+        early = self.least_loads(replace(self, limits=sooner).loads(enriched, loads[:, [*buckling, -1]]))
+        early[-1] /= 1.0 + above * (early[-1] < self.up_to)  # of one that is not met nothing is known
+        differences = np.abs(early - self.least_loads(loads)[[*buckling, -1]])
+        error[[*buckling, -1]] = np.maximum(error[[*buckling, -1]], differences)
+        margins = np.full(len(error), MARGIN_OF_BUCKLING)
         margins[at_rest] = MARGIN
-        error = margins * np.maximum(np.abs(other - reduced), np.abs(before - reduced))
-        error[at_rest] += MARGIN * self._differences(models.with_tip_mass, at_rest, k, loads)[:-1]
-        return np.asarray(error)
+        error *= margins
+        error[at_rest] += MARGIN * self._differences(self.places(models.with_tip_mass, k), at_rest, loads)[:-1]
+        return error
 
     def comparison_errors(self, models: ChartModels, part: str, k: int, loads: Array) -> Array:
         """Return for each limit the error (l,) in kg that mesh or structural model cause in its smallest load.
@@ -119,17 +115,17 @@ class Chart:
         error = np.full(loads.shape[1], np.nan)
         if (other := models.comparisons.get(part)) is not None:
             which = [n for n, limit in enumerate(self.limits) if part == "mesh" or limit.kind.in_richer_model]
-            error[[*which, -1]] = other.share * self._differences(other.postures, which, k, loads)
+            error[[*which, -1]] = other.share * self._differences(self.places(other.postures, k), which, loads)
         return error
 
-    def _differences(self, other: PostureMatrices, which: Sequence[int], k: int, loads: Array) -> Array:
+    def _differences(self, places: Sequence[Place], which: Sequence[int], loads: Array) -> Array:
         """Return the differences in kg of the smallest loads of the limits `which`, then of stability, of two models.
 
-        `loads` (c, l) in kg are those that the reduced model allows at the k-th posture; `other` is the second model.
+        `loads` (c, l) in kg are those that the reduced model allows; `places` are those of the other model.
         """
-        compared, columns = replace(self, limits=[self.limits[n] for n in which]), [*which, len(self.limits)]
-        loads_of_other = compared.loads(compared.places(other, k), loads[:, columns])
-        return np.asarray(np.abs(self.least_loads(loads_of_other) - self.least_loads(loads)[columns]))
+        compared, columns = replace(self, limits=[self.limits[n] for n in which]), [*which, -1]
+        other = self.least_loads(compared.loads(places, loads[:, columns]))
+        return np.asarray(np.abs(other - self.least_loads(loads)[columns]))
 
     def rotation_errors(self, places: Sequence[Place], loads: Array, reach: float) -> Array:
         """Return for each limit the error (l,) in kg that large rotations cause in its smallest load over all cases.
