@@ -83,10 +83,11 @@ class Chart:
         """Return for each limit the error (l,) in kg that reduction causes in its smallest load over all cases.
 
         `loads` (c, l) in kg are those that the reduced model allows at the k-th posture.  The error is a margin times
-        the difference to the smallest load that the richer model `ChartModels.enriched` allows; for limits that are no
-        eigenvalues that to the load of `ChartModels.with_tip_mass` is added, times the margin.  For buckling and
-        stability the richer model is also taken to buckle by a share `ChartModels.stiffness_excess` too late, and the
-        larger difference counts.
+        the difference to the smallest load that the richer model `ChartModels.enriched` allows.  For limits that are no
+        eigenvalues the margin times the error of a run is added, which is the difference to that of
+        `ChartModels.with_tip_mass` or the same difference again, whichever is larger.  For buckling and stability the
+        richer model is also taken to buckle by a share `ChartModels.stiffness_excess` too late, and the larger
+        difference counts.
         """
         assert models.enriched is not None and models.with_tip_mass is not None
         enriched, above = self.places(models.enriched, k), models.stiffness_excess
@@ -98,10 +99,10 @@ class Chart:
         early[-1] /= 1.0 + above * (early[-1] < self.up_to)  # of one that is not met nothing is known
         differences = np.abs(early - self.least_loads(loads)[[*buckling, -1]])
         error[[*buckling, -1]] = np.maximum(error[[*buckling, -1]], differences)
-        margins = np.full(len(error), MARGIN_OF_BUCKLING)
-        margins[at_rest] = MARGIN
-        error *= margins
-        error[at_rest] += MARGIN * self._differences(self.places(models.with_tip_mass, k), at_rest, loads)[:-1]
+        of_run = self._differences(self.places(models.with_tip_mass, k), at_rest, loads)[:-1]
+        at_rest_errors = MARGIN * (error[at_rest] + np.maximum(error[at_rest], of_run))
+        error *= MARGIN_OF_BUCKLING
+        error[at_rest] = at_rest_errors
         return error
 
     def comparison_errors(self, models: ChartModels, part: str, k: int, loads: Array) -> Array:
