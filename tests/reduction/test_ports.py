@@ -30,7 +30,7 @@ from pmr.system.body import FullBody
 Array = NDArray[np.float64]
 Load = Callable[..., Scene]
 COARSE = ["compare.against=[]", "mesh.elements=20", "reduction.coordinates=6", "time.end=0.5"]
-SHELL = ["compare.against=[]", "mesh.size=0.2", "mesh.along=0.5", "reduction.coordinates=8"]
+SHELL = ["compare.against=[]", "mesh.size=0.3", "mesh.along=1.0", "reduction.coordinates=8"]
 MASS, WEIGHT = 250.0, 250.0 * 9.81
 
 
