@@ -288,10 +288,7 @@ def _check_ground_supports(scene: Scene, number: int) -> None:
 
 
 def _check_extension(scene: Scene, number: int) -> None:
-    """Refuse extensions that bring a section behind the next outer one, out of it, or its pads off it.
-
-    The conditions are those of `pmr.system.contacts.Joint.check`.
-    """
+    """Refuse extensions that bring a section behind the next outer one, out of it, or its pads off it."""
     joint, name, outer = scene.joint(number), scene.names[number], scene.names[number - 1]
     path = scene.extension(number)
     (first, last), length = path.bounds(0.0, scene.time.end), scene.sections[number - 1].length
