@@ -104,14 +104,15 @@ def simulate(
             )
         if names[0] == "march" or name == names[-1]:
             stepping = contact_step.with_schedule(excitation.stepping, results[names[0]].parts, omega)
-    responses = {name: one.response for name, one in results.items()}
+    responses = {name: simulation.response for name, simulation in results.items()}
     seconds = {name: response.seconds for name, response in responses.items()}
 
-    def again() -> dict[str, float]:
+    def repeat_all() -> dict[str, float]:
         """Repeat short simulations and return the least seconds of each simulator."""
-        return {name: one.least_seconds(seconds[name], scene.simulation.repeats) for name, one in prepared.items()}
+        repeats = scene.simulation.repeats
+        return {name: simulation.least_seconds(seconds[name], repeats) for name, simulation in prepared.items()}
 
-    return Simulations(results[names[0]], seconds, agreement(responses), stepping, again)
+    return Simulations(results[names[0]], seconds, agreement(responses), stepping, repeat_all)
 
 
 def simulate_by(
@@ -222,11 +223,11 @@ def _prepare_simulation(system: System, excitation: Excitation, simulator: str, 
         states, response = states_of(system, trajectory, steps), evaluate_motion(system, trajectory)
         return Simulation(response, states, trajectory.parts, None if alone else trajectory, response)
 
-    def again(count: int) -> list[float]:
+    def repeat(count: int) -> list[float]:
         """Repeat the simulation by Exudyn `count` times and return the solver's seconds of each."""
         return [exudyn.simulate_system(system, excitation, start, None, formulation).seconds for _ in range(count)]
 
-    return PreparedSimulation(run, again)
+    return PreparedSimulation(run, repeat)
 
 
 def _prepare_march(

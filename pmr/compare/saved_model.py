@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pmr.compare.estimated import ReductionError, SimulatedSystem, reduction_error, step_part
+from pmr.compare.error_parts import ReductionError, SimulatedSystem, reduction_error, step_part
 from pmr.compare.frequencies import (
     frequencies_on_way,
     frequency_part,

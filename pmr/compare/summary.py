@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pmr.compare.error_parts import SimulatedSystem
 from pmr.compare.errors import (
     ResponseFunction,
     absolute_error,
@@ -17,7 +18,6 @@ from pmr.compare.errors import (
     relative_error,
     with_common_forces,
 )
-from pmr.compare.estimated import SimulatedSystem
 from pmr.compare.forces import forces_part, luffing_part, ropes_part
 from pmr.compare.frequencies import published_part
 from pmr.compare.moving_frame import energy_part, frame_part
@@ -221,8 +221,8 @@ def _utilisations(part: Body, peak: Mapping[str, Any], regions: Mapping[str, Any
     """
     materials = {name: region.material for name, region in part.body.regions.items() if region.material is not None}
     if peak.get("region") in materials:  # elsewhere the largest stress is that of a region of the body's material
-        others = [of_region for name, of_region in regions.items() if name not in materials]
-        peak = max(others, key=lambda of_region: float(of_region["value"]), default={})
+        own_regions = [of_region for name, of_region in regions.items() if name not in materials]
+        peak = max(own_regions, key=lambda of_region: float(of_region["value"]), default={})
     peaks = [(peak, part.body.material)] if peak else []
     peaks += [(regions[name], material) for name, material in materials.items() if name in regions]
     for largest, material in peaks:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare.accuracy import order
-from pmr.compare.estimated import (
+from pmr.compare.error_parts import (
     ReductionError,
     SimulatedSystem,
     needs_other_model,

@@ -163,7 +163,7 @@ def test_an_estimate_that_fails_leaves_the_run_standing(load_scene, monkeypatch,
     def fails(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr(f"pmr.compare.estimated.{function}", fails)
+    monkeypatch.setattr(f"pmr.compare.error_parts.{function}", fails)
     outcome = run(load_scene(name, [*SHORT, "simulation.simulators=['march']", "compare.against=[]"]))
     assert outcome is not None
     found = outcome.result.summary["estimate"]

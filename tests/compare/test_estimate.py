@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from one_body import displacement
 from oracle import enriched, flexible, full_body, nrms_error, paper_basis, project, rich_body, with_curvature
 
-from pmr.compare import estimated
+from pmr.compare import error_parts
+from pmr.compare.error_parts import error_envelope, estimate_warnings
 from pmr.compare.estimate import MARGIN, Estimate, estimate_by_other_model, reason_without_estimate
-from pmr.compare.estimated import error_envelope, estimate_warnings
 from pmr.compare.outputs import Outputs, RoundOffBounds, differences, probe_differences
 from pmr.compare.trust import reduction_warnings
 from pmr.reduced.matrices import Rayleigh
@@ -90,7 +90,7 @@ def test_what_probes_measure_has_estimates_by_name(r: int) -> None:
     assert own.displacement.shape[1] == 31  # the gauge is no place along the beam
     other = estimate_by_other_model(System.of(model), enriched(full, r + 4, enrichment=4), excitation).probes["gauge"]
     assert nrms_error(own.probe, truth_.probe) < other < 2.0 * found.probes["gauge"]
-    assert estimated.estimate_summary(found)["probes"] == found.probes
+    assert error_parts.estimate_summary(found)["probes"] == found.probes
 
 
 def test_a_probe_that_sees_little_is_measured_by_a_hundredth_of_the_largest() -> None:
@@ -163,7 +163,7 @@ def test_of_any_basis_a_model_of_free_modes_tells_the_error(r: int) -> None:
         found, own = estimate_by_other_model(System.of(pod), better, excitation), estimate(better, excitation)
         assert beam <= found.beam <= 1.01 * beam + 2.0 * own.beam
         assert np.abs(found.error - error).max() < 0.5 * own.largest
-        assert found.by == "other model" and estimated.estimate_summary(found)["chi"] is None
+        assert found.by == "other model" and error_parts.estimate_summary(found)["chi"] is None
 
 
 def test_an_envelope_holds_an_oscillation_without_its_zeros() -> None:

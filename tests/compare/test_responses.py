@@ -23,9 +23,9 @@ SMALL = ("mesh.elements=12", "time.end=0.2", "reduction.coordinates=6", "slider.
 def test_repeats_time_the_solver_and_evaluate_nothing(workflow: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = scenes.load_any(WORKFLOWS / f"{workflow}.toml", ["time.end=0.05"])
     system, evaluated, taken = reduce(scene).system, [], []
-    whole, once_more = evaluation.response_to_motion, March.again
+    whole, once_more = evaluation.response_to_motion, March.rerun
     monkeypatch.setattr(evaluation, "response_to_motion", lambda *of: evaluated.extend(of[1]) or whole(*of))
-    monkeypatch.setattr(March, "again", lambda march: taken.append(march) or once_more(march))
+    monkeypatch.setattr(March, "rerun", lambda march: taken.append(march) or once_more(march))
     made = simulate(scene, system, Excitation.from_scene(scene))
     assert not taken
     found = made.with_least_seconds().first

@@ -261,7 +261,7 @@ def test_where_march_fails_the_reason_stands_in_place_of_the_figure(load_scene, 
     def fails(*_: object, **__: object) -> None:
         raise SimulationError("march failed at step 3")
 
-    monkeypatch.setattr("pmr.compare.estimated.step_error", fails)
+    monkeypatch.setattr("pmr.compare.error_parts.step_error", fails)
     outcome = run(load_scene("evolved_residual", [*COARSE, "simulation.simulators=['march']", "compare.against=[]"]))
     assert outcome is not None
     summary_ = outcome.result.summary

@@ -76,7 +76,7 @@ def ours(extension: float) -> np.ndarray:
     ]
     boom = scenes.load_any(WORKFLOWS / "boom_three_shell.toml", changes)
     boom = boom.model_copy(update={"sections": boom.sections[:2]})
-    full = FullOrder.of(boom, models_of(build_bodies(boom)))
+    full = FullOrder.join(boom, models_of(build_bodies(boom)))
     return full.frequencies(Excitation.from_scene(boom).s[:1], CURVES_OF_BOOM, np.empty((1, 0)))[0]
 
 

@@ -64,12 +64,12 @@ def _provenance_chapter(summary: Mapping[str, Any], studies: Sequence[FinishedSt
 def study_chapter(study: FinishedStudy, anchor: str) -> Chapter:
     """Build the chapter about a study; if a run has no result yet, about the runs that have one."""
     build = CHAPTERS.get(study.kind, runs.build_chapter)
-    content = (runs.build_chapter if study.unfinished else build)(study, anchor)
+    content = (runs.build_chapter if study.unfinished_runs else build)(study, anchor)
     hints = [f"{text[:1].upper()}{text[1:]}" for text in study.summary.get("hints", ())]
     content = replace(content, warnings=[*hints, *content.warnings])
     published = comparison(study)
     if published.rows and not any(block.errors for block in content.blocks):
         content = replace(content, blocks=[*content.blocks, Block("Beside the publication", errors=published)])
-    unfinished = [f"{run_name(run)} ({run.status}: {run.reason})" for run in study.unfinished]
+    unfinished = [f"{run_name(run)} ({run.status}: {run.reason})" for run in study.unfinished_runs]
     warnings = [warning.line(len(study.results.runs)) for warning in study.results.warnings]
     return replace(content, unfinished=unfinished, warnings=[text[:1].upper() + text[1:] for text in warnings])

@@ -71,7 +71,7 @@ class FinishedStudy:
         return [Statement.model_validate(entry) for entry in self.summary["published"]]
 
     @property
-    def unfinished(self) -> list[RunRecord]:
+    def unfinished_runs(self) -> list[RunRecord]:
         """Runs without a result."""
         return [run for run in self.results.runs if run.status != "done"]
 

@@ -13,8 +13,8 @@ import pytest
 from alone import step_error
 from random_scenes import sliding_scene
 
+from pmr.compare.error_parts import SimulatedSystem, reduction_error
 from pmr.compare.errors import relative_error
-from pmr.compare.estimated import SimulatedSystem, reduction_error
 from pmr.errors.environment import Clock
 from pmr.pipeline import reduce
 from pmr.scene.keys import ALONE
