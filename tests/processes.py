@@ -28,7 +28,7 @@ _NO_FIGURES = (
 #: The command whose reports have empty figures, in a real PDF.
 WITHOUT_FIGURES = _NO_FIGURES + COMMAND
 #: The same with an empty PDF too, for tests of anything else: both take longer than a short run.
-_NO_PDF = "from pmr.report import document\ndocument.print_page = lambda text, file: file.touch()\n"
+_NO_PDF = "from pmr.report import document\ndocument.write_pdf = lambda text, file: file.touch()\n"
 UNDRAWN = _NO_FIGURES + _NO_PDF + COMMAND
 
 

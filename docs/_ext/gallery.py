@@ -37,7 +37,7 @@ def report(block: Any, variables: dict[str, Any], settings: dict[str, Any]) -> s
 
 def unprinted(settings: dict[str, Any], file: str) -> None:
     """The manual shows pages of reports and no PDF, which would take longer than the page."""
-    document.print_page = lambda text, file: file.touch()
+    document.write_pdf = lambda text, file: file.touch()
 
 
 def in_order(file: str) -> int:
