@@ -61,7 +61,10 @@ NOT_RUN = {
     "make": "it sets up, tests or measures: its target is looked up here",
     "pip install": "it needs an index: its extras are looked up here",
     **dict.fromkeys(
-        ("python -m benchmarks", *(f"python -m benchmarks.{name}" for name in ("walls", "before_after", "kernel"))),
+        (
+            "python -m benchmarks",
+            *(f"python -m benchmarks.{name}" for name in ("walls", "before_after", "kernel", "latency")),
+        ),
         MEASURES,
     ),
     "ccx": "it is another program, which make test-peers runs",
