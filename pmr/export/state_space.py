@@ -84,7 +84,8 @@ def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> Stat
     `source` is the file that errors name.  Raises InputError if contacts only push, or rigid ones depend on s; raises
     SimulationError if contact forces at one of the points are not determined.
     """
-    _refuse(system, source)
+    if pushing := [contact.name for contact in system.contacts if contact.clearance is not None]:
+        raise InputError(source, "rows", None, f"rows that hold both ways are allowed: {', '.join(pushing)} only push")
     assembly = Assembly(system)
     rows = assembly.contact_rows_over_time(np.atleast_2d(system.side_coordinates(s)))
     firm = np.all(rows.F == 0.0, axis=(0, 2))
@@ -109,12 +110,6 @@ def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> Stat
         units=(*system.output_units, *("N",) * len(system.contacts)),
         states=(*(f"mode {k + 1}" for k in range(r)), *(f"rate of mode {k + 1}" for k in range(r))),
     )
-
-
-def _refuse(system: System, source: str) -> None:
-    """Raise InputError if contacts only push."""
-    if pushing := [contact.name for contact in system.contacts if contact.clearance is not None]:
-        raise InputError(source, "rows", None, f"rows that hold both ways are allowed: {', '.join(pushing)} only push")
 
 
 def _modes(system: System, assembly: Assembly, C: Array, firm: NDArray[np.bool_], source: str) -> tuple[Array, Array]:
@@ -266,7 +261,7 @@ def path_positions(system: System, text: str | None) -> Mapping[str, Array]:
         points = (
             _parse_points(text, list(ranges))
             if "=" in text or len(ranges) > 1
-            else _parse_one_path(text, next(iter(ranges)))
+            else {next(iter(ranges)): np.array(sorted({float(part) for part in text.split(",")}))}
         )
     except ValueError:
         raise InputError("command line", "--at", text, allowed) from None
@@ -274,11 +269,6 @@ def path_positions(system: System, text: str | None) -> Mapping[str, Array]:
         if not np.all((points[path] >= low) & (points[path] <= high)):  # NaN neither
             raise InputError("command line", "--at", text, allowed)
     return points
-
-
-def _parse_one_path(text: str, path: str) -> Mapping[str, Array]:
-    """Coordinates on one path, ascending, each once."""
-    return {path: np.array(sorted({float(part) for part in text.split(",")}))}
 
 
 def _parse_points(text: str, paths: list[str]) -> Mapping[str, Array]:

@@ -142,11 +142,6 @@ class FullOrder:
             raise SimulationError(reason)
         return response
 
-    def _excitation_on(self, stepping: TimeStepping | None) -> Excitation:
-        """Return the scene's excitation with this stepping, or with the scene's own if it is None."""
-        excitation = Excitation.from_scene(self.scene)
-        return excitation.with_stepping(stepping or excitation.stepping)
-
     def _simulate_full(
         self,
         clock: Clock,
@@ -158,7 +153,8 @@ class FullOrder:
 
         Raises SimulationError on every rank if the response can't be trusted.
         """
-        system, comm, excitation = self.system, self.system.comm, self._excitation_on(stepping)
+        system, comm, excitation = self.system, self.system.comm, Excitation.from_scene(self.scene)
+        excitation = excitation.with_stepping(stepping or excitation.stepping)
         rigid, x = system.compliance.rigid, side_positions(system, excitation)
         refuse_unsupported(self.simulator, needs_of(system, rigid, x, excitation.stepping.rho_inf), REFERENCE)
         with clock.stage("full") as done:

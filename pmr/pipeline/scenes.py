@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -72,6 +73,15 @@ class Outcome:
         return self.system.save(folder / "system.npz")
 
 
+@contextmanager
+def _keys_as_written(scene: Scene) -> Iterator[None]:
+    """Context in which an InputError gets the key by which the scene's file spells it."""
+    try:
+        yield
+    except InputError as error:
+        raise error.with_key(scene.file_key(error.key)) from None
+
+
 def run(
     scene: Scene,
     comm: MPI.Comm = MPI.COMM_WORLD,
@@ -98,58 +108,42 @@ def run(
     ConvergenceError, SimulationError
         If a solver fails.
     """
-    try:
-        checkpoint_files = None if checkpoint is None else Checkpoint(checkpoint)
-        return _run(scene, comm, clock or Clock(), checkpoint_files, cache, measures, keep, shared)
-    except InputError as error:
-        raise error.with_key(scene.file_key(error.key)) from None
-
-
-def _run(
-    scene: Scene,
-    comm: MPI.Comm,
-    clock: Clock,
-    checkpoint: Checkpoint | None,
-    cache: Path | None,
-    measures: Path | None,
-    keep: Callable[[Outcome], None] | None,
-    shared: Precomputed | None,
-) -> Outcome | None:
-    """Run a scene as `run` does; an error has the keys of the scene in its internal form."""
-    check_installed(scene)
-    chosen = _decide_scene_models(scene, comm, clock, cache)
-    scene = chosen.scene
-    with clock.stage("assemble"):
-        built = build_bodies(scene, comm)
-        free_motions = free_motion_warnings(scene, built) if scene.free_motions == "allowed" else []
-    size, outputs = _total_sizes(built)
-    free = comm.bcast(environment.available_memory() if comm.rank == 0 else None)
-    check_memory(scene, size, outputs, free, tell=comm.rank == 0)
-    caches = {} if cache is None else {name: cache_in(cache, body.model) for name, body in built.items()}
-    bodies = Bodies(scene, built, clock, caches, shared)
-    scene = bodies.scene  # with the step that was chosen
-    with clock.stage("frequencies"):
-        frequencies = bodies.frequencies()
-    motions = bodies.simulate(checkpoint)
-    recovered = {} if scene.recovery is None else bodies.recover(motions)
-    outcome = None if motions.reduced is None else _outcome(bodies, motions, frequencies, recovered, free_motions)
-    if outcome is not None and chosen.chosen_model is not None:
-        outcome.result.summary["chosen_model"] = chosen.chosen_model
-    if keep is not None:
-        call_on_first_rank(comm, lambda: outcome and keep(outcome))
-    budget = {} if chosen.budget_part is None else {"model": chosen.budget_part}
-    budget |= _measure(bodies, motions, budget, measures)
-    if outcome is not None and budget:
-        complete_budget: dict[str, Any] = budget | outcome.result.summary.get("budget", {})
-        if isinstance(complete_budget.get("mesh"), Mapping):
-            response = outcome.result.responses["reduced"]
-            complete_budget["mesh_not_covered"] = quantities_not_covered(
-                bodies.written_scene, response, complete_budget["mesh"]
-            )
-        outcome.result.summary["budget"] = complete_budget
-        further = budget_warnings(bodies.written_scene, outcome.result.summary["budget"])
-        outcome.result.summary["warnings"][outcome.grave : outcome.grave] = further  # before hints
-    return outcome
+    clock = clock or Clock()
+    with _keys_as_written(scene):
+        check_installed(scene)
+        chosen = decide_models(scene, comm, clock, cache)
+        scene = chosen.scene
+        with clock.stage("assemble"):
+            built = build_bodies(scene, comm)
+            free_motions = free_motion_warnings(scene, built) if scene.free_motions == "allowed" else []
+        size, outputs = _total_sizes(built)
+        free = comm.bcast(environment.available_memory() if comm.rank == 0 else None)
+        check_memory(scene, size, outputs, free, tell=comm.rank == 0)
+        caches = {} if cache is None else {name: cache_in(cache, body.model) for name, body in built.items()}
+        bodies = Bodies(scene, built, clock, caches, shared)
+        scene = bodies.scene  # with the step that was chosen
+        with clock.stage("frequencies"):
+            frequencies = bodies.frequencies()
+        motions = bodies.simulate(None if checkpoint is None else Checkpoint(checkpoint))
+        recovered = {} if scene.recovery is None else bodies.recover(motions)
+        outcome = None if motions.reduced is None else _outcome(bodies, motions, frequencies, recovered, free_motions)
+        if outcome is not None and chosen.chosen_model is not None:
+            outcome.result.summary["chosen_model"] = chosen.chosen_model
+        if keep is not None:
+            call_on_first_rank(comm, lambda: outcome and keep(outcome))
+        budget = {} if chosen.budget_part is None else {"model": chosen.budget_part}
+        budget |= _measure(bodies, motions, budget, measures)
+        if outcome is not None and budget:
+            complete_budget: dict[str, Any] = budget | outcome.result.summary.get("budget", {})
+            if isinstance(complete_budget.get("mesh"), Mapping):
+                response = outcome.result.responses["reduced"]
+                complete_budget["mesh_not_covered"] = quantities_not_covered(
+                    bodies.written_scene, response, complete_budget["mesh"]
+                )
+            outcome.result.summary["budget"] = complete_budget
+            further = budget_warnings(bodies.written_scene, outcome.result.summary["budget"])
+            outcome.result.summary["warnings"][outcome.grave : outcome.grave] = further  # before hints
+        return outcome
 
 
 def _outcome(
@@ -222,10 +216,6 @@ def _measure(bodies: Bodies, motions: Motions, budget: Mapping[str, Any], measur
     """
     comm, clock, scene = next(iter(bodies.built.values())).model.comm, bodies.clock, bodies.written_scene
 
-    def system_of(compared_scene: Scene) -> System:
-        """Return a scene's reduced bodies as a system."""
-        return _reduce_scene(compared_scene, comm).system
-
     is_wanted = scene.compare.richer not in ("auto", "none")
     if not is_wanted and measures is None:
         return {}
@@ -233,10 +223,10 @@ def _measure(bodies: Bodies, motions: Motions, budget: Mapping[str, Any], measur
     cache = next(iter(bodies.caches.values()), None) if measures is None else cache_in(measures, model)
     with clock.stage("mesh and model"):
         if is_wanted or "model" not in budget:
-            parts["model"] = measure_model(scene, comm, cache, system_of)
+            parts["model"] = measure_model(scene, comm, cache)
         if measures is not None and scene.goal is None:
             response = None if motions.reduced is None else motions.reduced.first.response
-            parts |= measure_mesh(scene, bodies.system, response, comm, cache, system_of)
+            parts |= measure_mesh(scene, bodies.system, response, comm, cache)
     return parts
 
 
@@ -273,10 +263,8 @@ def full_model(
     InputError
         If the scene asks for something that is not possible, such as a mesh that can't be had.
     """
-    try:
+    with _keys_as_written(scene):
         models = models_of(build_bodies(scene, comm))
-    except InputError as error:
-        raise error.with_key(scene.file_key(error.key)) from None
     if distributed:
         return models.get(ALONE, models)
     gathered = {name: model.gather() for name, model in models.items()}
@@ -315,11 +303,9 @@ def reduce(
     if scene.goal is not None:
         allowed = "none is allowed where the reduced model alone is made: pmr.run(scene) chooses model and step"
         raise InputError("scene", "budget" if scene.accuracy is None else "accuracy", None, allowed)
-    try:
+    with _keys_as_written(scene):
         scene = scene if basis is None else with_array_basis(scene)
-        return _reduce_scene(_decide_scene_models(scene, comm, clock, None).scene, comm, clock, basis)
-    except InputError as error:
-        raise error.with_key(scene.file_key(error.key)) from None
+        return _reduce_scene(decide_models(scene, comm, clock, None).scene, comm, clock, basis)
 
 
 def _reduce_scene(
@@ -336,12 +322,6 @@ def _reduce_scene(
     return Reduction(scene, built, with_stress_flags(scene, bodies))
 
 
-def _decide_scene_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None) -> ModelDecision:
-    """Return the scene with models chosen as in `decide_models`, each option reduced by `_reduce_scene`; collective."""
-    return decide_models(scene, comm, clock, cache, lambda option: _reduce_scene(option, comm).system)
-
-
-SystemOf = Callable[[Scene], System]
 #: What is no reason not to run: the error is not known then.  Of a model that the run does not need nothing is.
 UNKNOWN = (InputError, ConvergenceError, SimulationError)
 UNNEEDED = (*UNKNOWN, ValueError, ImportError)
@@ -359,12 +339,11 @@ class ModelDecision:
     chosen_model: Mapping[str, Any] | None = None  # ``chosen_model`` of summary.json
 
 
-def decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None, system_of: SystemOf) -> ModelDecision:
+def decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None) -> ModelDecision:
     """Choose the simplest models that differ from a shell by `compare.model_tolerance` at most; collective.
 
     A scene without a choice of models is returned unchanged.  If none can be compared with a shell, the simplest models
-    are taken, and the reason is returned.  `system_of` reduces a scene to a system; `cache` is a folder for such
-    systems.
+    are taken, and the reason is returned.  `cache` is a folder for the reduced systems that are compared.
     """
     options = candidate_scenes(scene)
     if not options:
@@ -373,23 +352,23 @@ def decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None
         cached = None
         if cache is not None:  # of the smallest model, which takes no time
             cached = cache_in(cache, next(iter(build_bodies(options[0], comm).values())).model)
-        return _choose_model(options, comm, cached, system_of)
+        return _choose_model(options, comm, cached)
 
 
-def measure_model(scene: Scene, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> Mapping[str, Any]:
+def measure_model(scene: Scene, comm: MPI.Comm, cache: Cache | None) -> Mapping[str, Any]:
     """Return ``budget.model`` of summary.json: differences to a richer model, or ``reason`` for none; collective."""
     if scene.frame is not None and scene.frame.machine is not None:
         return {"beside": None, "reason": ON_MACHINE}
     label = "richer model"
     try:
         of_scene, other, label = model_comparison(scene)
-        return _model_budget(of_scene, _motion_on_first(other, comm, cache, system_of), label, comm, cache, system_of)
+        return _model_budget(of_scene, _motion_on_first(other, comm, cache), label, comm, cache)
     except UNNEEDED as error:
         return _unknown_model_error(error, label)
 
 
 def measure_mesh(
-    scene: Scene, system: System, response: Response | None, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf
+    scene: Scene, system: System, response: Response | None, comm: MPI.Comm, cache: Cache | None
 ) -> dict[str, Any]:
     """Return ``mesh`` of the budget and ``mesh_reason``: differences to the scene on another mesh; collective.
 
@@ -402,7 +381,7 @@ def measure_mesh(
         """Return how far the scene that `make` returns, `called` so, is from the own one, or the reason for none."""
         try:
             motion = call_on_first_rank(comm, lambda: Motion.compute(scene, system, response))
-            other_motion = _motion_on_first(make(), comm, cache, system_of)
+            other_motion = _motion_on_first(make(), comm, cache)
         except UNNEEDED as error:
             return _unknown_model_error(error, label)
         part = None if motion is None or other_motion is None else model_budget(scene, other_motion, motion, label)
@@ -421,7 +400,7 @@ def _unknown_model_error(error: Exception, label: str) -> dict[str, Any]:
     return {"beside": None, "reason": reason}
 
 
-def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> ModelDecision:
+def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None) -> ModelDecision:
     """Compare beams with a shell, the last of `options`, from the simplest on, and choose as `decide_models` does."""
     *beams, shell = options
     tried = list[dict[str, Any]]()
@@ -431,9 +410,9 @@ def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None, sys
         return _chosen_model(scene) | {"tolerance": scene.compare.model_tolerance, "tried": tried} | more
 
     try:
-        best = _motion_on_first(comparable_scene(shell), comm, cache, system_of)
+        best = _motion_on_first(comparable_scene(shell), comm, cache)
         for beam in beams:
-            part = _model_budget(comparable_scene(beam), best, "shell", comm, cache, system_of)
+            part = _model_budget(comparable_scene(beam), best, "shell", comm, cache)
             tried.append(_chosen_model(beam) | {"error": largest_model_error(part)})
             if comm.rank == 0:
                 _log.info("%(name)s, walls %(walls)s: off by %(error).2g of what a shell says", tried[-1])
@@ -448,18 +427,23 @@ def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None, sys
 
 
 def _model_budget(
-    scene: Scene, other: Motion | None, label: str, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf
+    scene: Scene, other: Motion | None, label: str, comm: MPI.Comm, cache: Cache | None
 ) -> dict[str, Any]:
     """Return, on every rank, the difference of a scene's motion to an `other` motion, which rank 0 has."""
-    motion = _motion_on_first(scene, comm, cache, system_of)
+    motion = _motion_on_first(scene, comm, cache)
     part = None if motion is None or other is None else model_budget(scene, motion, other, label)
     errors: dict[str, Any] = comm.bcast(part)
     return errors
 
 
-def _motion_on_first(scene: Scene, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> Motion | None:
+def _motion_on_first(scene: Scene, comm: MPI.Comm, cache: Cache | None) -> Motion | None:
     """Reduce and simulate a scene; return its motion on rank 0, None on other ranks."""
-    system = system_of(scene) if cache is None else cache.system_of(scene, lambda: system_of(scene))
+
+    def reduced_system() -> System:
+        """Reduce the scene's bodies and join them."""
+        return _reduce_scene(scene, comm).system
+
+    system = reduced_system() if cache is None else cache.system_of(scene, reduced_system)
     return call_on_first_rank(comm, lambda: Motion.compute(scene, system))
 
 

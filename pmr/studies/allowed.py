@@ -209,15 +209,11 @@ def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, guesses: 
     top = min(up_to, first.form.critical * (1.0 - 1e-9)) if loaded.holds_both_ways else up_to
     if first.in_equilibrium:
         loads[:-1] = _loads_by_limit(limits, place, top, near_loads)
-        reached = loads[:-1] > 0.0
-        loads[:-1][reached] = _stable_loads(loaded, loads[:-1][reached])
+        reached = np.flatnonzero(loads[:-1] > 0.0)
+        stable = loaded.states((loads[reached] * (1.0 - JUST_BELOW)).tolist()).in_equilibrium
+        loads[reached[~stable]] = np.nan
     loads[-1] = _stability_load(loaded, up_to)
     return loads
-
-
-def _stable_loads(loaded: LoadedStructure, loads: Array) -> Array:
-    """Return loads (l,) in kg, replaced by NaN if the boom is unstable under a load a little (`BELOW`) smaller."""
-    return np.where(loaded.states((loads * (1.0 - JUST_BELOW)).tolist()).in_equilibrium, loads, np.nan)
 
 
 def _loads_by_limit(limits: Sequence[Limit], place: Place, top: float, guesses: Array) -> Array:

@@ -42,7 +42,7 @@ def box(*changes: str) -> Scene:
     return pmr.load_scene(WORKFLOWS / "boom.toml", [*SHORT, *changes])
 
 
-def never(scene: Scene):
+def never(*arguments, **options):
     raise AssertionError("what was measured is made again")
 
 
@@ -51,20 +51,23 @@ def never(scene: Scene):
     [(THICK, "beam3d", "rigid", 1), (THIN, "beam3d", "give", 2), (WIDE, "shell", "rigid", 2)],
     ids=["thick walls", "thin walls", "wide and short"],
 )
-def test_the_smallest_model_within_the_tolerance_is_chosen(changes, model, walls, tried, tmp_path: Path) -> None:
+def test_the_smallest_model_within_the_tolerance_is_chosen(
+    changes, model, walls, tried, tmp_path: Path, monkeypatch
+) -> None:
     """A beam where walls are thick, one whose walls give way where they are thin, a shell where that does not do."""
     scene, comm = box(*changes), MPI.COMM_WORLD
     assert scene.compare.model_tolerance == 0.05
-    found = decide_models(scene, comm, Clock(), tmp_path, lambda one: pmr.reduce(one).system)
-    said = found.said
+    found = decide_models(scene, comm, Clock(), tmp_path)
+    said = found.chosen_model
     assert (said["name"], said["walls"], len(said["tried"])) == (model, walls, tried)
     within = [one["error"] <= 0.05 for one in said["tried"]]
     assert not any(within[:-1]) and within[-1] == (model != "shell")
     (one,) = members(found.scene)
     assert (model_of(one), one.part.body.walls, one.part.body.model) == (model, walls, model)
-    assert (found.sub_range is None) == (model == "shell")
+    assert (found.budget_part is None) == (model == "shell")
 
-    again = decide_models(scene, comm, Clock(), tmp_path, never)
+    monkeypatch.setattr("pmr.pipeline.scenes.reduce_bodies", never)
+    again = decide_models(scene, comm, Clock(), tmp_path)
     assert again == found
 
 
@@ -92,13 +95,17 @@ PLANAR = tuple(f"pads.{ring}.faces={{bottom=[-0.1,0.1],top=[-0.1,0.1],left=[],ri
 def test_without_a_shell_the_smallest_model_is_taken_and_why_is_said() -> None:
     """As of a boom that a plane alone holds, which would fall over in space."""
     scene = box(*THIN, *PLANAR, "loads.gust.direction=z")
-    found = decide_models(scene, MPI.COMM_WORLD, Clock(), None, lambda one: pmr.reduce(one).system)
-    assert found.said["name"] == "beam2d" and found.said["walls"] == "rigid" and "free" in found.said["reason"]
-    assert found.sub_range == {"beside": None, "reason": found.said["reason"]}
+    found = decide_models(scene, MPI.COMM_WORLD, Clock(), None)
+    assert (
+        found.chosen_model["name"] == "beam2d"
+        and found.chosen_model["walls"] == "rigid"
+        and "free" in found.chosen_model["reason"]
+    )
+    assert found.budget_part == {"beside": None, "reason": found.chosen_model["reason"]}
 
 
 def test_where_nothing_is_lateral_a_planar_beam_does() -> None:
     """Its frequencies are compared with those of vertical modes."""
     scene = box(*THICK, "loads.gust.direction=z")
-    found = decide_models(scene, MPI.COMM_WORLD, Clock(), None, lambda one: pmr.reduce(one).system)
-    assert found.said["name"] == "beam2d" and found.sub_range["frequency"] < 0.05
+    found = decide_models(scene, MPI.COMM_WORLD, Clock(), None)
+    assert found.chosen_model["name"] == "beam2d" and found.budget_part["frequency"] < 0.05
