@@ -221,7 +221,7 @@ def main(first: int = 0, last: int = BOXES) -> None:
         for name, body in BODIES.items():
             scene = random_box(seed, body)
             true = model_budget(scene, moved(scene), shell, "shell")
-            stated = measure_model(scene, MPI.COMM_WORLD, None, reduced)
+            stated = measure_model(scene, MPI.COMM_WORLD, None)
             print(f"    {name}: {off(true, stated)}", flush=True)
             if name == GIVES:
                 within += max(true["largest"], true["frequency"]) <= WITHIN

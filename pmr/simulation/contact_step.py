@@ -42,7 +42,7 @@ PLACES = 65
 def contact_frequency(system: System, excitation: Excitation) -> float:
     """Largest omega in rad/s of the contacts that only push, along the paths; 0 if none does, or if those are rigid.
 
-    Errors as `pmr.simulation.excitation.places`.
+    Errors as `pmr.simulation.excitation.side_positions`.
     """
     x = side_positions(system, excitation)
     if not (system.on_one_path and system.paths):

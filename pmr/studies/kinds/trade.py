@@ -1,6 +1,6 @@
 """Accuracy against time: bases and sizes, steps, meshes, and the processor time of each, online and offline.
 
-Methods are the bases of `pmr.studies.motions.models`, and
+Methods are the bases of `pmr.studies.motions.model_family`, and
 
 trajectory
     POD of the full model's own motion.
