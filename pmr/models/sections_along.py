@@ -156,7 +156,7 @@ class SectionsAlong:
 def centre_motion_matrices(sections: SectionsAlong) -> Array:
     """Matrices (K, 6, 6) that give u of the centroid, v and w of the shear centre and rotations from the axis' motion.
 
-    Unlike `SectionsAlong.own_motion`, all components are along and about x, y and z.
+    Unlike `SectionsAlong.centre_motions`, all components are along and about x, y and z.
     """
     motion = np.tile(np.eye(6), (len(sections.each), 1, 1))
     motion[:, 0, 4], motion[:, 0, 5] = sections.centroid[:, 1], -sections.centroid[:, 0]

@@ -362,7 +362,7 @@ def _field_probes(name: str, model: Any, patterns: Sequence[str]) -> Iterator[Pr
         if not (matches_pattern(patterns, name or WHOLE) or matches_pattern(patterns, qualified_name(name, region))):
             continue
         for face in faces:
-            at = rows.on(face)
+            at = rows.points_on(face)
             for number in at[np.isin(rows.cell[at], cells)].tolist():
                 point = tuple(float(x) for x in rows.points[number])
                 yield Probe(name=f"{FIELD}{region} {number}", at=point, face=face, measures=("stress",))

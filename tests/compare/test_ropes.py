@@ -70,7 +70,7 @@ def boom() -> Scene:
 def simulated() -> tuple[Scene, pmr.Response, np.ndarray]:
     scene = boom()
     system = pmr.reduce(scene).system
-    masses = np.array([7850.0 * part.body.box.length_and_arm * 0.006 * 2 * (2 * height - 0.1)
+    masses = np.array([7850.0 * part.body.box.length * 0.006 * 2 * (2 * height - 0.1)
                        for part, height in zip(scene.sections[1:], (0.45, 0.4, 0.35), strict=True)])  # fmt: skip
     masses[-1] += TIP
     return scene, pmr.simulate(scene, system), masses

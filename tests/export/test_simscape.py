@@ -89,7 +89,7 @@ def test_what_the_block_reads(case: str, bar: Path, tmp_path: Path, monkeypatch,
     inertia, total = rigid.T @ M @ rigid, 7850.0 * 2.0 * 0.2 * 0.3
     if case == "boom":
         box, density = scene.body.box, scene.body.material.density
-        total = 2.0 * density * (box.width + box.height) * box.wall * box.length_and_arm + sum(
+        total = 2.0 * density * (box.width + box.height) * box.wall * box.length + sum(
             mass.mass for mass in scene.masses
         )
     np.testing.assert_allclose(inertia[:3, :3], total * np.eye(3), rtol=1e-9, atol=1e-9 * total)

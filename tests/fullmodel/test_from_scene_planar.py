@@ -58,7 +58,7 @@ def test_the_tips_rotation_is_an_output_in_rad(model: str) -> None:
     outer, inner = (box.width + box.wall, box.height + box.wall), (box.width - box.wall, box.height - box.wall)
     EI = scene.body.material.young * (outer[0] * outer[1] ** 3 - inner[0] * inner[1] ** 3) / 12.0
     turned = body.outputs[number] @ np.linalg.solve(body.K.toarray(), body.B[:, 0])
-    assert turned == pytest.approx(-(box.length_and_arm**2) / (2.0 * EI), rel=1e-6)
+    assert turned == pytest.approx(-(box.length**2) / (2.0 * EI), rel=1e-6)
 
 
 def test_of_a_fine_beam_some_nodes_are_observed() -> None:
@@ -66,5 +66,5 @@ def test_of_a_fine_beam_some_nodes_are_observed() -> None:
     changes = ["mesh.elements=2500", "compare.against=[]"]
     structure = structure_of(member_at(scenes.load(WORKFLOWS / "paper_simple.toml", changes)), MPI.COMM_SELF)
     assert structure.model.node_stations is not None
-    *line, tip = [one.points_on for one in structure.outputs]
+    *line, tip = [one.on for one in structure.outputs]
     assert line == pytest.approx(structure.model.node_stations[:-1:3]) and tip == "tip"

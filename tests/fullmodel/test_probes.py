@@ -66,12 +66,12 @@ def test_the_nearest_point_of_the_face_counts_and_of_a_group_the_mean() -> None:
     structure = structure_of(member_at(scene))
     found, known = gauges(structure), structure.model.stresses()  # type: ignore[attr-defined]
     assert found["in stress along"].face == "inner" and found["any stress along"].face == "outer"
-    distance = np.linalg.norm(known.points[known.on("inner")] - (2.1, 0.0, 0.3), axis=1)
+    distance = np.linalg.norm(known.points[known.points_on("inner")] - (2.1, 0.0, 0.3), axis=1)
     assert np.linalg.norm(found["in stress along"].at - (2.1, 0.0, 0.3)) == distance.min()
     q = np.random.default_rng(1).standard_normal(structure.model.size)
-    on = known.on("middle")
+    on = known.points_on("middle")
     on = on[np.isin(known.cell[on], structure.model.grid.regions["top"])]  # type: ignore[attr-defined]
-    mean = known.of(q[None])[0, on].mean(axis=0)
+    mean = known.evaluate(q[None])[0, on].mean(axis=0)
     values = [float((found[f"top stress {c}"].row @ q)[0]) for c in known.components]
     assert values == pytest.approx(mean.tolist(), rel=1e-9)
 

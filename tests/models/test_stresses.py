@@ -309,7 +309,7 @@ def test_a_cantilever_has_the_stresses_of_bending(name: str) -> None:
     make, second_moment = CANTILEVERS[name]
     model = make()
     rows = model.stresses()
-    found = rows.of(bent(model)[None])
+    found = rows.evaluate(bent(model)[None])
     x, z = rows.points[:, 0], rows.points[:, 2]
     away = (x >= 0.3 * LENGTH) & (x <= 0.6 * LENGTH)
     expected = -(LENGTH - x) * z / second_moment

@@ -132,10 +132,10 @@ def test_the_clamp_of_a_boom_of_sections_bears_all_of_them() -> None:
     response, weight, moment = outcome.result.responses["reduced"], 0.0, 0.0
     for part, tail in zip(boom.sections, (0.0, 2.0), strict=True):
         box = part.body.box
-        mass = part.body.material.density * box.length_and_arm * 2.0 * box.wall * (box.width + box.height)
-        weight, moment = weight + GRAVITY * mass, moment + GRAVITY * mass * (tail + box.length_and_arm / 2.0)
+        mass = part.body.material.density * box.length * 2.0 * box.wall * (box.width + box.height)
+        weight, moment = weight + GRAVITY * mass, moment + GRAVITY * mass * (tail + box.length / 2.0)
         for one in part.masses:
-            weight, moment = weight + GRAVITY * one.mass, moment + GRAVITY * one.mass * (tail + box.length_and_arm)
+            weight, moment = weight + GRAVITY * one.mass, moment + GRAVITY * one.mass * (tail + box.length)
     assert response.other("reaction of base: clamp z")[-1] == pytest.approx(-weight, rel=1e-6)
     assert response.other("reaction of base: clamp ry")[-1] == pytest.approx(moment, rel=1e-6)
     listed = {one["name"]: one["unit"] for one in outcome.result.summary["reactions"]}

@@ -59,7 +59,7 @@ def test_a_view_takes_the_coordinates_that_clamps_and_masses_leave() -> None:
     held = np.flatnonzero(model.mesh.points[:, 0] == 0.0)
     assert len(held) and not expected[:, held].any()
     rows = model.stresses()
-    sizes = rows.von_mises(rows.of(q))
+    sizes = rows.von_mises(rows.evaluate(q))
     found = view.stresses(mine(z)).values
     assert rows.von_mises(found) == pytest.approx(sizes, rel=1e-9, abs=1e-9 * sizes.max())
 
