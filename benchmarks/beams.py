@@ -13,12 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 from pmr import scene as scenes
 from pmr.fullmodel.build import full_model
 from pmr.pipeline import reduce
-from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.signals import SignalBase, Sine
 from pmr.simulation import Excitation
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.system.body import FullBody, projected
+from pmr.system.reduced_model import ReducedModel
 
 Array = NDArray[np.float64]
 WORKFLOWS = Path(__file__).resolve().parents[1] / "workflows"

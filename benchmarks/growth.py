@@ -19,7 +19,6 @@ from pmr import load_scene
 from pmr.compare.estimate import estimate_error
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies
-from pmr.reduced.model import ReducedModel
 from pmr.reduction.bodies import reduce_bodies
 from pmr.scene.signals import Constant, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping
@@ -30,6 +29,7 @@ from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March
 from pmr.system.assembly import Assembly
 from pmr.system.from_scene import system_of
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 MODES = (4, 8, 16, 32, 48, 64, 96, 128, 151)

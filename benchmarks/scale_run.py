@@ -24,14 +24,14 @@ import pmr.reduction.bodies
 import pmr.reduction.residual
 from benchmarks.timing import peak_memory
 from pmr import scene
-from pmr.constraints.polynomials import evaluate
 from pmr.fem.compat import MPI
 from pmr.fullmodel.assembly import assemble_model
 from pmr.fullmodel.from_scene import structure_of
-from pmr.reduced.carriers import Flexibility
 from pmr.reduction.bodies import Reduction
 from pmr.scene.keys import ALONE
 from pmr.scene.members import member_at
+from pmr.system.carriers import Flexibility
+from pmr.system.polynomials import evaluate
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import argparse
 from dataclasses import fields
 from pathlib import Path
 
-from pmr.mesh.box import BoxBoom, write_shell, write_solid
+from pmr.models.box_mesh import BoxBoom, write_shell, write_solid
 from pmr.scene.structures import BoxProfile
 
 DIMENSIONS = {"width": 0.3, "height": 0.4, "wall": 0.008, "radius": 0.0}

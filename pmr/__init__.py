@@ -36,11 +36,11 @@ if TYPE_CHECKING:
     from pmr.errors import ConvergenceError, InputError, SimulationError
     from pmr.files.matrices import from_matrices
     from pmr.pipeline import full_model, reduce, run
-    from pmr.reduced.model import ReducedModel
     from pmr.results import Response, RunResult
     from pmr.scene import load_any as load_scene
     from pmr.simulation.native.stepper import Stepper
     from pmr.system.body import projected as project
+    from pmr.system.reduced_model import ReducedModel
     from pmr.system.system import System
 
 __version__ = "0.1.0"
@@ -49,7 +49,7 @@ __version__ = "0.1.0"
 _PLACES = {
     "ConvergenceError": "pmr.errors:ConvergenceError",
     "InputError": "pmr.errors:InputError",
-    "ReducedModel": "pmr.reduced.model:ReducedModel",
+    "ReducedModel": "pmr.system.reduced_model:ReducedModel",
     "Response": "pmr.results:Response",
     "RunResult": "pmr.results:RunResult",
     "SimulationError": "pmr.errors:SimulationError",

@@ -8,10 +8,10 @@ from pmr.compare import estimate as estimates
 from pmr.compare import step_error as steps
 from pmr.compare.accuracy.trials import Trials
 from pmr.compare.outputs import Outputs, outputs_of_run, run_from_start
-from pmr.reduced.model import ReducedModel
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
 from pmr.system.body import SlidingBody
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pmr.mesh.named import NamedMesh, named_mesh
+from pmr.models.named_mesh import NamedMesh, named_mesh
 
 BLOCKS = ("hexahedron", "tetrahedron")
 #: A cube in six tetrahedra around its diagonal (Kuhn); vertices count as in a tensor product.

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pmr.fields.series import Fields, Grid
 from pmr.results import BodyResult, Energy, Frequencies, Loads, Paths, Response, RunResult, Shapes
+from pmr.results.field_series import Fields, Grid
 from pmr.scene import Scene
 from pmr.scene.members import member_at
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pmr.mesh.named import NamedMesh, named_mesh
+from pmr.models.named_mesh import NamedMesh, named_mesh
 
 WIDTH, HEIGHT = 0.3, 0.4
 WALLS = ("bottom", "left", "top", "right")

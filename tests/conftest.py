@@ -21,12 +21,12 @@ import pytest
 from oracle import CASES, Case, full_body, paper_basis, project, rich_body
 
 from pmr import scene
-from pmr.reduced.model import ReducedModel
 from pmr.report import album, background, document
 from pmr.report.blocks import Drawing
 from pmr.report.figures.canvas import drawing
 from pmr.scene import Scene
 from pmr.system.body import FullBody
+from pmr.system.reduced_model import ReducedModel
 
 TESTS = Path(__file__).parent
 WORKFLOWS = TESTS.parent / "workflows"

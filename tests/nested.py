@@ -15,14 +15,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.rows import Rows, fixed_row, sparse_row
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import columns
 from pmr.fullmodel.assembly import assemble_model
 from pmr.fullmodel.model import FullModel, RigidMotions
 from pmr.fullmodel.pads import slider_row
 from pmr.models.beam2d import Beam2D
-from pmr.reduced.model import ReducedModel
 from pmr.reduction.basis import modal_basis
 from pmr.reduction.free_body import FreeBody
 from pmr.reduction.residual import section_model
@@ -31,6 +29,8 @@ from pmr.scene.structures import Profile
 from pmr.simulation.modal import modal_form
 from pmr.system.body import FullBody, SlidingBody
 from pmr.system.contacts import Joint, JointPad
+from pmr.system.reduced_model import ReducedModel
+from pmr.system.rows import Rows, fixed_row, sparse_row
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

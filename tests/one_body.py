@@ -11,7 +11,6 @@ import springs
 from numpy.typing import NDArray
 
 from pmr.compare import responses as evaluation
-from pmr.constraints.polynomials import evaluate
 from pmr.results import Energy, Response
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation, InitialState, Progress, balance, exudyn
@@ -20,6 +19,7 @@ from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.systems import Observation
 from pmr.system.body import SlidingBody, Trajectory
+from pmr.system.polynomials import evaluate
 from pmr.system.states import BodyStates, SystemTrajectory
 from pmr.system.system import System
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import apply_table, evaluate
-from pmr.reduced.carriers import Flexibility
 from pmr.system import contact_rows
 from pmr.system.body import SlidingBody
+from pmr.system.carriers import Flexibility
+from pmr.system.polynomials import apply_table, evaluate
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pmr.mesh.named import NamedMesh, named_mesh
+from pmr.models.named_mesh import NamedMesh, named_mesh
 
 
 def mapped(

@@ -15,7 +15,7 @@ import pytest
 import pmr
 from pmr import scene
 from pmr.compare.step_error import STEP_LIMIT
-from pmr.mesh import read_nodes
+from pmr.models.mesh_drawing import read_nodes
 from pmr.pipeline import run
 from pmr.studies import files
 

@@ -9,10 +9,10 @@ from statics import static_outputs
 
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Structure
-from pmr.mesh.box import write_shell
-from pmr.mesh.named import read_mesh
 from pmr.models import DIRECTIONS
 from pmr.models.beam3d import Beam3D, box_beam
+from pmr.models.box_mesh import write_shell
+from pmr.models.named_mesh import read_mesh
 from pmr.models.shell import Shell, draw_box, of
 from pmr.scene import Body
 from pmr.scene.box import Box

@@ -37,9 +37,6 @@ from pmr.compare.trust import (
 from pmr.errors import InputError, SimulationError
 from pmr.errors.environment import Clock
 from pmr.errors.text import two_digits
-from pmr.reduced.attachment import has_frame_matrices
-from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import extend
 from pmr.results import Response
 from pmr.results.run import SummaryPart
 from pmr.scene import Reduction, Scene
@@ -50,8 +47,11 @@ from pmr.simulation.frame_motion import has_computed_motion
 from pmr.simulation.modal import modal_form
 from pmr.simulation.reactions import with_forces_on_machine
 from pmr.system.assembly import Assembly
+from pmr.system.attachment import has_frame_matrices
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
+from pmr.system.truncation import extend
 
 Array = NDArray[np.float64]
 

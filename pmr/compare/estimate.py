@@ -1,7 +1,7 @@
 r"""Estimate the error of a reduced model without a full model.
 
 The error comes from inertia and damping of the truncated modes.  A second run has more coordinates: the first truncated
-modes (enrichment modes), and attachment modes (`pmr.reduced.attachment`), which add inertia and damping of all further
+modes (enrichment modes), and attachment modes (`pmr.system.attachment`), which add inertia and damping of all further
 modes in the directions of all loads that a body bore in the first run:
 
 .. math:: \text{estimate} = 1.25 \lVert y_{\text{second}} - y_r \rVert
@@ -48,21 +48,21 @@ from pmr.compare.trust import (
     has_damped_jump,
     is_ringing,
 )
-from pmr.constraints.polynomials import evaluate, select_columns
-from pmr.constraints.rows import Row
 from pmr.errors import GrowthError, InputError, SimulationError
-from pmr.reduced.attachment import LEFT_OUT, with_attachment_modes
-from pmr.reduced.carriers import CarrierRows
-from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import extend, is_modal
 from pmr.results import Response
 from pmr.results.quantities import with_unit
 from pmr.scene.keys import ALONE, qualified_name
 from pmr.simulation import Excitation
 from pmr.simulation.reactions import column_names
+from pmr.system.attachment import LEFT_OUT, with_attachment_modes
 from pmr.system.body import Trajectory, length_outputs
+from pmr.system.carriers import CarrierRows
+from pmr.system.polynomials import evaluate, select_columns
+from pmr.system.reduced_model import ReducedModel
+from pmr.system.rows import Row
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
+from pmr.system.truncation import extend, is_modal
 
 Array = NDArray[np.float64]
 Models = Mapping[str, ReducedModel]
@@ -196,7 +196,7 @@ def estimate_error(
     """Estimate the error of a system of reduced bodies by a second run with enrichment modes and attachment modes.
 
     `models` are the reduced models by body, on their modes alone; `system` has further coordinates where there are
-    cylinders (`pmr.reduced.attachment`).  Its `run` under the excitation and its `response` are computed unless they
+    cylinders (`pmr.system.attachment`).  Its `run` under the excitation and its `response` are computed unless they
     are passed.  The second run, and a third one where pads lift off, divide each step into the same parts as `run`.
     Raises ValueError if there is no estimate (`reason_without_estimate`); InputError or SimulationError as for
     `pmr.simulation.Simulator`; SimulationError too if the two richer models disagree on the motion after an impact.
@@ -521,7 +521,7 @@ def system_with_attachment_modes(system: System, x: Array, forces: Sequence[Arra
     """Return the system with attachment modes for the contact forces and loads of several load cases at rest.
 
     The residual flexibility of a model at rest is exact but for the effect of axial forces on it.  Attachment modes for
-    the loads on the bodies (`pmr.reduced.attachment`) and enrichment modes have second-order matrices and inertia, so
+    the loads on the bodies (`pmr.system.attachment`) and enrichment modes have second-order matrices and inertia, so
     they add that effect.
 
     Parameters

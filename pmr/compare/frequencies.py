@@ -24,7 +24,6 @@ from scipy.optimize import brentq
 
 from pmr.compare.outputs import tip_names
 from pmr.errors import InputError
-from pmr.reduced.model import ReducedModel
 from pmr.results import Frequencies, FrequencyMap, FrequencyResponse, Paths
 from pmr.results.run import SummaryPart
 from pmr.scene import Scene
@@ -34,6 +33,7 @@ from pmr.scene.members import member_at
 from pmr.simulation import Excitation
 from pmr.simulation.at_rest import amplitudes_at_rest, critical_luffing
 from pmr.system.assembly import Assembly
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

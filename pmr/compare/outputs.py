@@ -26,8 +26,6 @@ from pmr.compare.errors import (
     round_off,
     zero_round_off,
 )
-from pmr.constraints.polynomials import apply_table, evaluate
-from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE, qualified_name
@@ -39,6 +37,8 @@ from pmr.simulation.native.form import SystemForm
 from pmr.simulation.reactions import column_names, is_reaction
 from pmr.simulation.start import dense
 from pmr.system.body import SlidingBody, Trajectory, force_outputs, length_outputs, other_outputs
+from pmr.system.polynomials import apply_table, evaluate
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import AnyBody, BodySystem, System
 

@@ -17,7 +17,6 @@ from pmr.compare.errors import ResponseFunction, force_round_off, observed_quant
 from pmr.compare.outputs import boom_quantities, fits_in_memory, output_contacts
 from pmr.errors import GrowthError, InputError, environment
 from pmr.errors.environment import Clock, import_package
-from pmr.reduced.model import ReducedModel
 from pmr.results import Energy, Response
 from pmr.results.response import Output
 from pmr.scene import Scene
@@ -35,6 +34,7 @@ from pmr.simulation.reactions import column_names, with_forces_on_machine, with_
 from pmr.simulation.stepping import Block, Recorder, SimulationEnd
 from pmr.system.body import SlidingBody, Trajectory, clear_rates_without_inertia, force_outputs, length_outputs
 from pmr.system.contacts import Friction
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import BodyStates, SystemTrajectory, states_of
 from pmr.system.system import AnyBody, BodySystem, System
 

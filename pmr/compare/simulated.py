@@ -15,7 +15,6 @@ from pmr.compare.moving_frame import decide_second_order, with_choice_of_terms
 from pmr.compare.responses import Simulation, append_machine, refuse_growth, simulate_by
 from pmr.errors import InputError
 from pmr.errors.environment import Clock
-from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.built import WEIGHT
@@ -28,6 +27,7 @@ from pmr.simulation import Excitation
 from pmr.simulation.excitation import clip_path
 from pmr.simulation.machine import with_machine_motion
 from pmr.system.from_scene import system_of
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from pmr.compare.errors import Pair, band_of_response, error_below_frequency, force_histories, relative_error
 from pmr.compare.model_part import largest_model_error
 from pmr.errors.text import percent, two_digits
-from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.results.quantities import QUANTITIES, error_label, reduction_error
 from pmr.results.response import ROUND_OFF
@@ -25,6 +24,7 @@ from pmr.scene.members import members
 from pmr.scene.signals import SignalBase
 from pmr.simulation import TimeStepping
 from pmr.simulation.balance import NOTABLE, describe_surplus
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import AnyBody, BodySystem
 
 Array = NDArray[np.float64]
@@ -224,7 +224,7 @@ RIGID_REACTIONS = "reactions of rigid supports"
 #: What neither an estimate nor a full model covers where the machine's motion was found with the reduced model.
 MACHINE_MOTION = "the motion of frame.machine, which is found with the reduced model and its step"
 #: What no estimate covers with second order if a body has too many carriers
-#: (`pmr.reduced.attachment.has_frame_matrices`).
+#: (`pmr.system.attachment.has_frame_matrices`).
 SECOND_ORDER_EFFECTS = "effects of axial forces and the frame on the residual part, most of all on pad forces"
 #: What no estimate covers if the vectors of a basis don't move some rows, which are left out of the model.
 ROWS_LEFT_OUT = "what the basis does not move and leaves out: {}"

@@ -30,8 +30,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.errors import InputError, environment
-from pmr.fields.series import FramedBody, NodalBody
 from pmr.files.whole import replacement_file
+from pmr.results.field_series import FramedBody, NodalBody
 
 
 def write_ffrf(body: NodalBody, target: Path) -> Path:

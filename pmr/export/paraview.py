@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.fields.series import Boxes, Fields, Grid, Pose
+from pmr.results.field_series import Boxes, Fields, Grid, Pose
 
 Array = NDArray[np.float64]
 Named = Mapping[str, NDArray[Any]]

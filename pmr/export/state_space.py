@@ -26,15 +26,15 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.errors import InputError, SimulationError
 from pmr.export.formats import Options
 from pmr.files.whole import replacement_file
-from pmr.reduced.model import ReducedModel
-from pmr.reduced.soundness import symmetric_part
 from pmr.scene.built import force_name
 from pmr.scene.keys import ALONE, LUFFING_CYLINDER, SLIDER
 from pmr.simulation.modal import diagonalise, modal_damping
 from pmr.simulation.moving import path_ranges
 from pmr.system.assembly import Assembly
 from pmr.system.contact_rows import REGULAR, ContactRows
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.saved import read
+from pmr.system.soundness import symmetric_part
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -13,8 +13,8 @@ from pmr.fem.compat import MPI, PETSc, assemble, cell_dofs, comm_of, compiled_fo
 from pmr.fem.distributed import free_dropped, free_objects, local_csr, sparse
 from pmr.models import FiniteElementModel, StructuralModel, is_assembled
 from pmr.models.matrices import Matrices
-from pmr.reduced.matrices import Rayleigh
 from pmr.scene import Damping
+from pmr.system.body_matrices import Rayleigh
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -262,7 +262,7 @@ def _place(point: Array) -> str:
 
 
 def needed_matrices(scene: Scene) -> tuple[str, ...]:
-    """Names in `ROTATING`, `CARRIED` and `STATES` of `pmr.reduced.matrices` of the matrices that a scene needs.
+    """Names in `ROTATING`, `CARRIED` and `STATES` of `pmr.system.body_matrices` of the matrices that a scene needs.
 
     Only these are assembled.  Without second order, the geometric stiffness matrices are still among them: they tell
     how much the neglected terms matter.

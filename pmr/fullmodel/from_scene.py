@@ -12,17 +12,16 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.constraints.rows import StraightRows
 from pmr.errors import InputError, call_on_first_rank, environment
 from pmr.fem.compat import MPI, check_fenicsx
 from pmr.fullmodel.pads import Pad, Pads, Slider, Support
 from pmr.fullmodel.probes import gauges
 from pmr.fullmodel.structure import Action, Clamp, Inertia, PadForce, Structure, Weight
-from pmr.mesh.box import DIMENSIONS, BoxBoom, write_shell, write_solid
-from pmr.mesh.drawing import NotDrawnError, graded_nodes, read_nodes
-from pmr.mesh.named import NamedMesh, read_mesh
 from pmr.models import StructuralModel
+from pmr.models.box_mesh import DIMENSIONS, BoxBoom, write_shell, write_solid
 from pmr.models.matrices import Matrices
+from pmr.models.mesh_drawing import NotDrawnError, graded_nodes, read_nodes
+from pmr.models.named_mesh import NamedMesh, read_mesh
 from pmr.scene.box import Box
 from pmr.scene.built import OwnModel, PadRing
 from pmr.scene.choice import (
@@ -39,6 +38,7 @@ from pmr.scene.choice import (
 from pmr.scene.mechanism import tail_outputs
 from pmr.scene.members import EXTENSION, TAIL, Member
 from pmr.scene.structures import Beam3DBody
+from pmr.system.rows import StraightRows
 
 Array = NDArray[np.float64]
 

@@ -16,10 +16,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.interpolate import BPoly, PPoly
 
-from pmr.constraints.rows import Row
 from pmr.models import StructuralModel
 from pmr.scene.frame import LuffingCylinder
 from pmr.scene.keys import LUFFING_CYLINDER
+from pmr.system.rows import Row
 
 Array = NDArray[np.float64]
 

@@ -21,15 +21,15 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.rows import Row, Rows, SharedCarriers
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import free_objects, gather
 from pmr.models import StructuralModel, is_assembled
-from pmr.reduced.matrices import Rayleigh
 from pmr.scene.keys import ALONE, input_name
 from pmr.scene.structures import PointMass
 from pmr.system.body import FullBody, RowProperties
+from pmr.system.body_matrices import Rayleigh
 from pmr.system.contacts import Contact, Place
+from pmr.system.rows import Row, Rows, SharedCarriers
 from pmr.system.system import BodySystem, System, consecutive, ground_contacts
 from pmr.system.terms import Term
 
@@ -131,8 +131,8 @@ class FullModel(RowProperties):
     mirrors: tuple[sp.csr_matrix, ...] = ()
     # rows (1, n), the same on every rank, that measure motions where something may be attached, by place and direction
     ports: Mapping[str, sp.csr_matrix] = field(default_factory=dict)
-    # (n, n): matrices of a moving frame and of axial forces, by the names of `pmr.reduced.matrices`; zero ones are left
-    # out
+    # (n, n): matrices of a moving frame and of axial forces, by the names of `pmr.system.body_matrices`; zero ones
+    # are left out
     matrices: Mapping[str, PETSc.Mat] = field(default_factory=dict)
     masses: Masses | None = None  # None for given matrices
 

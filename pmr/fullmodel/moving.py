@@ -6,7 +6,7 @@ On the model's own coordinates, with displacements u and test functions v, the m
     A_S = \int \rho\, v \cdot S u \, dV, \qquad f_S = A_S R_c, \qquad
     K_g = \int \sigma_{jk}\, u_{i,j} v_{i,k} \, dV
 
-S (3, 3) are the tensors in `pmr.reduced.matrices`, R_c is the model's rigid motion along direction c, which every
+S (3, 3) are the tensors in `pmr.system.body_matrices`, R_c is the model's rigid motion along direction c, which every
 model represents exactly, and sigma are the stresses of a unit state (docs/moving_frame.md).
 
 Static solves take one factor: by MUMPS of the distributed stiffness, or by LAPACK on rank 0.
@@ -23,7 +23,6 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from pmr.constraints.rows import Row, Rows
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, PETSc, compiled_form, constant
 from pmr.fem.distributed import free_objects, gather, times
@@ -32,8 +31,9 @@ from pmr.fullmodel.assembly import Assembler, share
 from pmr.fullmodel.eigensolvers import DENSE_UP_TO, Elimination, EliminationOperator, eliminate, is_dense
 from pmr.fullmodel.model import FullModel
 from pmr.models import StructuralModel, is_assembled
-from pmr.reduced.matrices import CONSTANT, LINEAR, STATES
 from pmr.scene.structures import PointMass
+from pmr.system.body_matrices import CONSTANT, LINEAR, STATES
+from pmr.system.rows import Row, Rows
 
 Array = NDArray[np.float64]
 

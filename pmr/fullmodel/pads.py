@@ -38,14 +38,14 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import cardinal_spline, refine_table, value_or_zero
-from pmr.constraints.rows import Row, StraightRows, fixed_row, row_on_coordinates
 from pmr.errors import InputError
 from pmr.fullmodel.luffing import cylinder_row
 from pmr.fullmodel.walls import Walls
-from pmr.mesh.trace import Extent, Window
 from pmr.models import StructuralModel
+from pmr.models.trace import Extent, Window
 from pmr.scene.frame import LuffingCylinder
+from pmr.system.polynomials import cardinal_spline, refine_table, value_or_zero
+from pmr.system.rows import Row, StraightRows, fixed_row, row_on_coordinates
 
 if TYPE_CHECKING:
     from pmr.models.beam2d import Beam2D

@@ -18,8 +18,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.fields.stress import StressRows
 from pmr.models import FiniteElementModel, StructuralModel, is_assembled
+from pmr.results.field_stress import StressRows
 from pmr.scene.joints import OneBody
 from pmr.scene.keys import qualified_name
 from pmr.scene.structures import Material, Probe

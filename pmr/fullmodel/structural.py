@@ -20,7 +20,6 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pmr.constraints.rows import Rows
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import columns, free_objects, sparse, times
 from pmr.fullmodel.assembly import Operators, operators_of, pad_pattern, project_matrix, rayleigh, share
@@ -29,10 +28,11 @@ from pmr.fullmodel.moving import FrameAssembler
 from pmr.fullmodel.pads import Restraints, restrain
 from pmr.fullmodel.probes import Gauge
 from pmr.fullmodel.structure import Action, Coupling, PadForce, Structure, couple
-from pmr.mesh.nodes import Nodes
 from pmr.models import StructuralModel
 from pmr.models.matrices import Matrices
-from pmr.reduced.matrices import CARRIED, ROTATING
+from pmr.models.mesh_nodes import Nodes
+from pmr.system.body_matrices import CARRIED, ROTATING
+from pmr.system.rows import Rows
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

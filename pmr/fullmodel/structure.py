@@ -128,7 +128,7 @@ class Structure:
     damping: Damping = Damping()
     pads: Pads = Pads()
     ports: tuple[Action, ...] = ()
-    # names of matrices of a moving frame and of second order (`pmr.reduced.matrices`)
+    # names of matrices of a moving frame and of second order (`pmr.system.body_matrices`)
     matrices: tuple[str, ...] = ()
 
 

@@ -31,10 +31,10 @@ from pmr.fullmodel.pads import Pad, pad_means
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Clamp, Structure, couple
 from pmr.fullmodel.walls import Sliding, Standing, Walls
-from pmr.mesh.box import BoxBoom, write_shell
-from pmr.mesh.named import read_mesh
 from pmr.models import DIRECTIONS, StructuralModel
 from pmr.models.beam3d import box_beam
+from pmr.models.box_mesh import BoxBoom, write_shell
+from pmr.models.named_mesh import read_mesh
 from pmr.models.shell import Shell, draw_box, of
 from pmr.scene import Body
 from pmr.scene.box import Box

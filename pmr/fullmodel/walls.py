@@ -32,8 +32,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from pmr.constraints.rows import Row
 from pmr.scene.keys import qualified_name
+from pmr.system.rows import Row
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,6 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.rows import Row
 from pmr.kernel.block_file import lines
 from pmr.kernel.further import (
     NEGLIGIBLE,
@@ -27,6 +26,7 @@ from pmr.kernel.further import (
 from pmr.kernel.rows import LANES, Arrangement, Part, arrange, round_up
 from pmr.scene.mechanism import CYLINDER
 from pmr.system.from_scene import CombinedRings, combine_rings
+from pmr.system.rows import Row
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

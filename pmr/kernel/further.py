@@ -1,6 +1,7 @@
 r"""Arrays of a moving frame and of further outputs: reactions of rigid supports, the tip, the luffing cylinder.
 
-With the motions Phi of `pmr.reduced.matrices` and :math:`P = \Phi^T M X X^T` a body presses on its rigid supports with
+With the motions Phi of `pmr.system.body_matrices` and :math:`P = \Phi^T M X X^T` a body presses on its rigid
+supports with
 
 .. math::
     \lambda_f = (\Phi^T - P) B f - (\Phi^T D - P D) X \dot z - (\Phi^T K - P K) X z - (C \Phi - C P^T)^T \lambda
@@ -21,16 +22,16 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import add_tables, common_breaks, refine_table, same_degree, select_columns, transpose
 from pmr.errors import InputError
 from pmr.kernel.block_file import lines
-from pmr.reduced.carriers import CarrierFlexibility, Flexibility
-from pmr.reduced.model import ReducedModel
 from pmr.scene.built import force_name, reaction_name
 from pmr.scene.mechanism import CYLINDER, ground_contact_wrenches, pin_and_cylinder
 from pmr.scene.scene import Scene
 from pmr.system.body import kinds_of
+from pmr.system.carriers import CarrierFlexibility, Flexibility
 from pmr.system.contacts import qualified_name
+from pmr.system.polynomials import add_tables, common_breaks, refine_table, same_degree, select_columns, transpose
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

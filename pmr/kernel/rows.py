@@ -1,6 +1,6 @@
 r"""Rows of a system's contacts as the kernel evaluates them: tables of sides that travel along one path on one body.
 
-With the sides of a contact, each of them :math:`b_a(x_a) U` on its body's carriers (`pmr.reduced.carriers`),
+With the sides of a contact, each of them :math:`b_a(x_a) U` on its body's carriers (`pmr.system.carriers`),
 
 .. math::
     C = C_0 + \sum_k C_k(s_k), \qquad F = F_0 + \sum_k G_k(s_k) + \sum_{k < l} w_k(s_k)\, R\, w_l(s_l)^T
@@ -20,7 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import (
+from pmr.system.carriers import CarrierFlexibility
+from pmr.system.contact_rows import clear_rows, is_round_off
+from pmr.system.contacts import SLIDER, Friction
+from pmr.system.polynomials import (
     common_breaks,
     power_contributions,
     refine_table,
@@ -28,11 +31,8 @@ from pmr.constraints.polynomials import (
     select_columns,
     select_rows,
 )
-from pmr.constraints.rows import Row, RowPolynomials
-from pmr.reduced.carriers import CarrierFlexibility
-from pmr.reduced.model import ReducedModel
-from pmr.system.contact_rows import clear_rows, is_round_off
-from pmr.system.contacts import SLIDER, Friction
+from pmr.system.reduced_model import ReducedModel
+from pmr.system.rows import Row, RowPolynomials
 from pmr.system.system import Side, System
 
 Array = NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Structural models, one file each: weak forms, and rows on their coordinates that measure displacements of places."""
+"""Meshes, and structural models, one file each: weak forms, and rows that measure displacements of places."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.fem.compat import MPI
-from pmr.fields.series import Grid
-from pmr.fields.stress import ForceRows, StressRows
 from pmr.files.rigid import DIRECTIONS, rigid_motions
-from pmr.mesh.trace import Strip, Window
+from pmr.models.trace import Strip, Window
+from pmr.results.field_series import Grid
+from pmr.results.field_stress import ForceRows, StressRows
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -31,7 +31,7 @@ class Forms:
 
 
 class UnitState(Protocol):
-    """A state of stress of a body held at its tail; its name is one of `pmr.reduced.matrices.STATES`."""
+    """A state of stress of a body held at its tail; its name is one of `pmr.system.body_matrices.STATES`."""
 
     @property
     def acceleration(self) -> Array:

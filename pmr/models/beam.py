@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, cellwise, constant, create_mesh
-from pmr.fields.series import Grid
-from pmr.fields.stress import ForceRows, StressRows, force_rows
-from pmr.mesh.trace import Extent, Plane, Strip, Window, line_points
 from pmr.models import DIRECTIONS, Cut, Line, UnitState, rigid_motions
 from pmr.models.meshed import CellValues, cell_values
 from pmr.models.sections_along import SectionsAlong
+from pmr.models.trace import Extent, Plane, Strip, Window, line_points
+from pmr.results.field_series import Grid
+from pmr.results.field_stress import ForceRows, StressRows, force_rows
 from pmr.scene.structures import Beam3DBody, Profile
 
 Array = NDArray[np.float64]

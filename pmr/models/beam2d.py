@@ -25,8 +25,6 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import hermite_space
-from pmr.fields.stress import ForceRows, StressRows
-from pmr.mesh.trace import FACES, Extent, Plane
 from pmr.models import Forms, UnitState, ufl_product
 from pmr.models.beam import Beam, measure
 from pmr.models.sections_along import (
@@ -38,6 +36,8 @@ from pmr.models.sections_along import (
     stations_of,
     stresses_along,
 )
+from pmr.models.trace import FACES, Extent, Plane
+from pmr.results.field_stress import ForceRows, StressRows
 from pmr.scene.box import Box
 from pmr.scene.structures import Beam3DBody, Profile
 

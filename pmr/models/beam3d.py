@@ -37,8 +37,6 @@ import ufl
 from numpy.typing import NDArray
 
 from pmr.fem.compat import cellwise, hermite_space
-from pmr.fields.stress import FORCES, ForceRows, StressRows
-from pmr.mesh.trace import FACES, Extent, Plane
 from pmr.models import DIRECTIONS, Forms, UnitState, ufl_product
 from pmr.models.beam import Beam, measure
 from pmr.models.profile_section import RingMasses, ring_masses
@@ -52,6 +50,8 @@ from pmr.models.sections_along import (
     stations_of,
     stresses_along,
 )
+from pmr.models.trace import FACES, Extent, Plane
+from pmr.results.field_stress import FORCES, ForceRows, StressRows
 from pmr.scene.box import Box
 from pmr.scene.structures import Beam3DBody, BeamSection
 

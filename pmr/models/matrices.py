@@ -15,9 +15,9 @@ from scipy.spatial import Delaunay
 from pmr.errors import InputError
 from pmr.files.matrices import GivenMatrices
 from pmr.files.rigid import elastic_energies
-from pmr.mesh.trace import Extent, Strip, Trace, Window, orient_outward
 from pmr.models import DIRECTIONS, rigid_motions
 from pmr.models.meshed import TracedModel
+from pmr.models.trace import Extent, Strip, Trace, Window, orient_outward
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

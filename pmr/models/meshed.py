@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, cell_dofs, original_cells, tabulate, tabulation_space, unrolled_cell_dofs
-from pmr.fields.series import Grid
-from pmr.mesh.named import CELLS_OF_KIND, NamedMesh
-from pmr.mesh.nodes import Nodes, number_nodes
-from pmr.mesh.trace import (
+from pmr.models import DIRECTIONS, rigid_motions
+from pmr.models.mesh_nodes import Nodes, number_nodes
+from pmr.models.named_mesh import CELLS_OF_KIND, NamedMesh
+from pmr.models.trace import (
     FlatFace,
     Strip,
     Trace,
@@ -32,7 +32,7 @@ from pmr.mesh.trace import (
     group_trace,
     section_trace,
 )
-from pmr.models import DIRECTIONS, rigid_motions
+from pmr.results.field_series import Grid
 from pmr.scene.structures import Material
 
 Array = NDArray[np.float64]

@@ -42,7 +42,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.mesh.box import shifted_ends
+from pmr.models.box_mesh import shifted_ends
 from pmr.scene.box import Box
 from pmr.scene.profile import BoxProfile, Side
 from pmr.scene.structures import BeamSection

@@ -31,8 +31,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.fields.stress import FIBRE, FORCES, ForceRows, StressRows
 from pmr.models.profile_section import MidLine, section_of
+from pmr.results.field_stress import FIBRE, FORCES, ForceRows, StressRows
 from pmr.scene.box import Box, Stretch
 from pmr.scene.profile import BoxProfile
 from pmr.scene.structures import Beam3DBody, BeamSection

@@ -43,11 +43,8 @@ import ufl
 from numpy.typing import NDArray
 
 from pmr.fem.compat import cellwise, constant, rule_points, shell_space
-from pmr.fields.stress import PLANE, StressRows
-from pmr.mesh.box import TAPERED, BoxBoom, BoxStretch
-from pmr.mesh.named import NamedMesh
-from pmr.mesh.trace import FLAT
 from pmr.models import Forms, UnitState
+from pmr.models.box_mesh import TAPERED, BoxBoom, BoxStretch
 from pmr.models.meshed import (
     FACES,
     CellProperties,
@@ -58,6 +55,9 @@ from pmr.models.meshed import (
     outward_signs,
     region_properties,
 )
+from pmr.models.named_mesh import NamedMesh
+from pmr.models.trace import FLAT
+from pmr.results.field_stress import PLANE, StressRows
 from pmr.scene import Body
 from pmr.scene.box import Box
 from pmr.scene.profile import BoxProfile

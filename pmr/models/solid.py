@@ -30,10 +30,8 @@ import ufl
 from numpy.typing import NDArray
 
 from pmr.fem.compat import cell_topology, cellwise, lagrange_rule, lagrange_space, rule_points
-from pmr.fields.stress import SPATIAL, StressRows
-from pmr.mesh.named import NamedMesh
-from pmr.mesh.nodes import codes
 from pmr.models import Forms, UnitState
+from pmr.models.mesh_nodes import codes
 from pmr.models.meshed import (
     FACES,
     CellProperties,
@@ -44,6 +42,8 @@ from pmr.models.meshed import (
     outward_signs,
     region_properties,
 )
+from pmr.models.named_mesh import NamedMesh
+from pmr.results.field_stress import SPATIAL, StressRows
 from pmr.scene import Body
 from pmr.scene.structures import SolidBody
 

@@ -32,16 +32,16 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import stack_tables
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import fix_signs, gather, inner, local_csr, subtract, tall, times
 from pmr.fullmodel.eigensolvers import is_dense
 from pmr.fullmodel.model import FullModel
-from pmr.reduced.model import ReducedModel, satisfied_rows
-from pmr.reduced.soundness import symmetric_part
 from pmr.reduction.snapshots import Snapshots
 from pmr.system.definite import dependence_of_rows
+from pmr.system.polynomials import stack_tables
+from pmr.system.reduced_model import ReducedModel, satisfied_rows
+from pmr.system.soundness import symmetric_part
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)

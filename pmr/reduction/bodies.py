@@ -29,8 +29,6 @@ from pmr.errors.environment import Clock
 from pmr.fem.distributed import free_dropped, inner, tall, times
 from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.model import FullModel
-from pmr.reduced.model import ReducedModel, SectionOf
-from pmr.reduced.soundness import symmetric_part
 from pmr.reduction.basis import Basis, modal_basis
 from pmr.reduction.cache import Cache, ReducedBody
 from pmr.reduction.free_body import FreeBody, support_motions, with_reactions
@@ -53,6 +51,8 @@ from pmr.scene.keys import ALONE
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.members import Member, members
 from pmr.system.from_scene import system_of
+from pmr.system.reduced_model import ReducedModel, SectionOf
+from pmr.system.soundness import symmetric_part
 from pmr.system.states import BodyStates
 from pmr.system.system import System
 
@@ -100,7 +100,7 @@ class Reduction:
         """Basis V (n, r) of a single body, or of each section by its name; the same on every rank.
 
         Its columns are the vectors that the coordinates multiply, those of a section's cylinder modes last; modes
-        without inertia (`pmr.reduced.attachment`) are not among them.  Under MPI every rank has all rows.
+        without inertia (`pmr.system.attachment`) are not among them.  Under MPI every rank has all rows.
         """
         bases = {name: self._gather_rows(name, self._recovery(name).V) for name in self.bodies}
         return bases.get(ALONE, bases)

@@ -25,12 +25,12 @@ from pmr.fem.distributed import tall
 from pmr.files import npz
 from pmr.files.whole import NotWrittenError
 from pmr.fullmodel.model import FullModel
-from pmr.reduced.attachment import simulated_model
-from pmr.reduced.model import ReducedModel
 from pmr.reduction.basis import Basis
 from pmr.reduction.snapshots import Snapshots
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
+from pmr.system.attachment import simulated_model
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -33,14 +33,14 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import stack_tables
-from pmr.constraints.rows import Row, Rows, fixed_row, sparse_row
 from pmr.fem.distributed import inner, local_csr, subtract, times
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import BLOCK, Eigenpairs, largest_eigenpairs
 from pmr.fullmodel.moving import StaticSolver, static_solver
-from pmr.reduced.matrices import Reactions
-from pmr.reduced.model import ReducedModel
+from pmr.system.body_matrices import Reactions
+from pmr.system.polynomials import stack_tables
+from pmr.system.reduced_model import ReducedModel
+from pmr.system.rows import Row, Rows, fixed_row, sparse_row
 
 Array = NDArray[np.float64]
 

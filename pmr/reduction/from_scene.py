@@ -17,8 +17,6 @@ from pmr.fem.compat import versions
 from pmr.fem.distributed import inner, tall, times
 from pmr.files import npz
 from pmr.fullmodel.model import FullModel
-from pmr.reduced.attachment import QUASI_STATIC
-from pmr.reduced.model import ReducedModel
 from pmr.reduction.basis import Basis, modal_basis, pod, reduced_model, with_held_coordinates, with_rigid_modes
 from pmr.reduction.cache import ReducedBody
 from pmr.reduction.free_body import FreeBody, rigid_modes
@@ -28,6 +26,8 @@ from pmr.scene import Reduction, Scene
 from pmr.scene.keys import ALONE
 from pmr.scene.members import member_at
 from pmr.scene.run_settings import OwnBasis
+from pmr.system.attachment import QUASI_STATIC
+from pmr.system.reduced_model import ReducedModel
 
 Array = NDArray[np.float64]
 #: Vectors (n, k) on the coordinates of a full model, or a function of the model that returns this rank's rows of them.

@@ -22,11 +22,9 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.rows import Row, Rows, fixed_row
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import free_objects, gather, sparse, times
-from pmr.fields.series import FramedBody, Frames, NodalBody, Places
 from pmr.fullmodel.assembly import operators_of
 from pmr.fullmodel.build import AssembledBody, build
 from pmr.fullmodel.eigensolvers import eigensolver
@@ -36,8 +34,10 @@ from pmr.fullmodel.pads import restrain
 from pmr.fullmodel.structure import Action, Structure, couple
 from pmr.models import DIRECTIONS, StructuralModel, is_assembled
 from pmr.models.matrices import Matrices
-from pmr.reduced.soundness import symmetric_part
+from pmr.results.field_series import FramedBody, Frames, NodalBody, Places
 from pmr.scene import Scene
+from pmr.system.rows import Row, Rows, fixed_row
+from pmr.system.soundness import symmetric_part
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

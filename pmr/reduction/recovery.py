@@ -28,8 +28,17 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import local_csr
-from pmr.fields.series import Fields
-from pmr.fields.stress import (
+from pmr.fullmodel.assembly import share
+from pmr.fullmodel.build import AssembledBody
+from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.structure import couple
+from pmr.models import is_assembled
+from pmr.reduction.cache import ReducedBody
+from pmr.reduction.free_body import FreeBody
+from pmr.reduction.residual_tables import ResidualFlexibility
+from pmr.reduction.section_forces import PIECES, SectionForces
+from pmr.results.field_series import Fields
+from pmr.results.field_stress import (
     FORCES,
     Envelope,
     RunningEnvelope,
@@ -38,18 +47,9 @@ from pmr.fields.stress import (
     peaks_by_region,
     stress_history,
 )
-from pmr.fullmodel.assembly import share
-from pmr.fullmodel.build import AssembledBody
-from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.structure import couple
-from pmr.models import is_assembled
-from pmr.reduced.model import ReducedModel
-from pmr.reduction.cache import ReducedBody
-from pmr.reduction.free_body import FreeBody
-from pmr.reduction.residual_tables import ResidualFlexibility
-from pmr.reduction.section_forces import PIECES, SectionForces
 from pmr.scene import Scene
 from pmr.scene.members import TAIL
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import BodyStates
 
 Array = NDArray[np.float64]

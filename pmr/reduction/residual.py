@@ -9,16 +9,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import add_tables, multiply_tables
-from pmr.constraints.rows import Rows, SharedCarriers
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import free_dropped, inner, local_csr, times
 from pmr.fullmodel.model import FullModel
-from pmr.reduced.attachment import RICHER
-from pmr.reduced.carriers import CarrierRows, CylinderResponses, Flexibility
-from pmr.reduced.model import ReducedModel, satisfied_rows
-from pmr.reduced.truncation import is_modal, truncate, with_tables
 from pmr.reduction.basis import RANK_CHECKS, Basis, galerkin, without_rows
 from pmr.reduction.free_body import FreeBody
 from pmr.reduction.residual_tables import (
@@ -31,7 +25,13 @@ from pmr.reduction.residual_tables import (
     terms,
 )
 from pmr.scene.members import TAIL
+from pmr.system.attachment import RICHER
+from pmr.system.carriers import CarrierRows, CylinderResponses, Flexibility
 from pmr.system.definite import dependence_of_flexibility
+from pmr.system.polynomials import add_tables, multiply_tables
+from pmr.system.reduced_model import ReducedModel, satisfied_rows
+from pmr.system.rows import Rows, SharedCarriers
+from pmr.system.truncation import is_modal, truncate, with_tables
 
 Array = NDArray[np.float64]
 

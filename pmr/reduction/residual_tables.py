@@ -35,15 +35,15 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import transpose
-from pmr.constraints.rows import RowPolynomials, SharedCarriers
 from pmr.errors import InputError, environment
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import free_objects, inner, local_csr, sparse, subtract, times
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.structural import MirroredLoads, images_of
-from pmr.reduced.carriers import CarrierFlexibility, Flexibility
 from pmr.reduction.free_body import FreeBody, fixed_rows
+from pmr.system.carriers import CarrierFlexibility, Flexibility
+from pmr.system.polynomials import transpose
+from pmr.system.rows import RowPolynomials, SharedCarriers
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -27,10 +27,8 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
-from pmr.constraints.rows import Row
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import local_csr
-from pmr.fields.stress import ForceRows
 from pmr.fullmodel.assembly import operators_of
 from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.model import FullModel
@@ -39,6 +37,8 @@ from pmr.fullmodel.pads import restrain
 from pmr.fullmodel.structure import Action, Structure, couple
 from pmr.fullmodel.walls import Walls
 from pmr.models import Cut
+from pmr.results.field_stress import ForceRows
+from pmr.system.rows import Row
 from pmr.system.states import BodyStates
 
 Array = NDArray[np.float64]

@@ -21,8 +21,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import power_contributions
-from pmr.constraints.rows import Rows
 from pmr.errors import ConvergenceError, InputError
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import inner, local_csr, tall, times
@@ -31,6 +29,8 @@ from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import Modes, finish_modes
 from pmr.reduction.free_body import FreeBody, fixed_rows
 from pmr.scene import Scene
+from pmr.system.polynomials import power_contributions
+from pmr.system.rows import Rows
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -150,7 +150,7 @@ def free_modes(
     Modes that no load and no slider can excite stay at rest for ever, such as those along the axis of a straight beam
     with all loads across it.  They are left out.  If the section is `stressed`, so are those of the `enrichment` modes
     that axial forces do not bend: these modes serve as modes without inertia, which follow such forces
-    (`pmr.reduced.attachment`).
+    (`pmr.system.attachment`).
 
     The solver is ``"auto"``, ``"dense"`` or ``"slepc"``.  A `body` of this model and solver keeps its factor for
     further use.  An InputError is raised if `count` is out of range, a ConvergenceError if too few modes converge.

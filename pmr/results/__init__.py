@@ -1,6 +1,6 @@
 """What runs and studies leave in their folders: results as objects, tables in CSV, data frames of pandas."""
 
-from pmr.fields.series import Fields
+from pmr.results.field_series import Fields
 from pmr.results.response import Energy, Response
 from pmr.results.run import (
     RESULT_FILES,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.fields.series import Boxes, Fields
+from pmr.results.field_series import Boxes, Fields
 from pmr.results.run import RunResult
 from pmr.results.tables import FORCE_OF
 from pmr.scene.box import Box

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors.text import non_finite_remarks
-from pmr.fields.series import Fields, Pose
-from pmr.fields.stress import Envelope
 from pmr.files import npz
 from pmr.files.whole import finish_swap
+from pmr.results.field_series import Fields, Pose
+from pmr.results.field_stress import Envelope
 from pmr.results.response import Response
 from pmr.scene import Scene
 from pmr.scene.files import stored_scene

@@ -39,7 +39,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.choice import motion_directions
 from pmr.scene.frame import INERTIA
@@ -61,6 +60,7 @@ from pmr.simulation.frame_motion import skew
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows
 from pmr.system.contact_rows import ContactRows
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

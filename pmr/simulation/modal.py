@@ -26,13 +26,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import spsolve
 
-from pmr.constraints.polynomials import add_tables, apply_table, transpose
 from pmr.errors import InputError
-from pmr.reduced.matrices import Rayleigh, Reactions
-from pmr.reduced.model import ReducedModel
-from pmr.reduced.soundness import symmetric_part
 from pmr.simulation.start import InitialState, dense
 from pmr.system.body import SlidingBody, Trajectory, projected
+from pmr.system.body_matrices import Rayleigh, Reactions
+from pmr.system.polynomials import add_tables, apply_table, transpose
+from pmr.system.reduced_model import ReducedModel
+from pmr.system.soundness import symmetric_part
 
 Long = NDArray[np.longdouble]
 
@@ -139,7 +139,7 @@ def modal_form(body: SlidingBody) -> ModalForm:
 def support_forces(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
     r"""Forces (T, h) in N or N m of a body on its rigid supports, under loads (T, i).
 
-    The equations are those of `pmr.reduced.matrices`, with the accelerations from the equations of motion:
+    The equations are those of `pmr.system.body_matrices`, with the accelerations from the equations of motion:
 
     .. math::
         \lambda_f = (\Phi^T - P V^T) B f - (\Phi^T D V - P D_r) \dot p - (\Phi^T K V - P K_r) p

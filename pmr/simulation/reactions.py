@@ -1,6 +1,6 @@
 r"""Forces on the supports of a boom and on its machine, as columns of a response.
 
-Forces on the rigid supports of a system's bodies follow from their motion (`pmr.reduced.matrices` has the equations).
+Forces on the rigid supports of a system's bodies follow from their motion (equations: `pmr.system.body_matrices`).
 
 The force and the moment about the pivot by which a boom acts on its machine, in the boom's own axes, are
 
@@ -19,7 +19,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.results.response import Output
 from pmr.scene import Scene
@@ -49,6 +48,7 @@ from pmr.system.body import (
     units_of,
 )
 from pmr.system.contacts import Contact, qualified_name
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 

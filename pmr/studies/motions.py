@@ -16,9 +16,6 @@ from numpy.typing import NDArray
 from pmr.compare.accuracy.order import trials_of
 from pmr.compare.outputs import divide_steps, run_from_start
 from pmr.compare.responses import evaluate_motion
-from pmr.reduced.attachment import simulated_model
-from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import MODAL, extend, truncate
 from pmr.results import Response
 from pmr.scene import Reduction, Scene
 from pmr.scene.keys import ALONE
@@ -27,10 +24,13 @@ from pmr.simulation import Excitation
 from pmr.simulation.modal import modal_form
 from pmr.simulation.reactions import with_forces_on_machine
 from pmr.studies import shared
+from pmr.system.attachment import simulated_model
 from pmr.system.body import projected
 from pmr.system.from_scene import system_of
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
+from pmr.system.truncation import MODAL, extend, truncate
 
 Array = NDArray[np.float64]
 

@@ -11,11 +11,11 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import evaluate
 from pmr.system.body import SlidingBody
 from pmr.system.contact_rows import ContactRows, add_springs, clear_rows, free_motions, is_round_off
 from pmr.system.contacts import Place
 from pmr.system.definite import natural_frequencies
+from pmr.system.polynomials import evaluate
 from pmr.system.system import System, consecutive
 from pmr.system.terms import Term, add_terms
 

@@ -20,13 +20,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import stack_tables, transpose
-from pmr.constraints.rows import Row, Rows
-from pmr.reduced.carriers import CarrierRows
-from pmr.reduced.matrices import Rayleigh, Reactions
-from pmr.reduced.model import ReducedModel
-from pmr.reduced.soundness import symmetric_part
 from pmr.results.response import FORCES
+from pmr.system.body_matrices import Rayleigh, Reactions
+from pmr.system.carriers import CarrierRows
+from pmr.system.polynomials import stack_tables, transpose
+from pmr.system.reduced_model import ReducedModel
+from pmr.system.rows import Row, Rows
+from pmr.system.soundness import symmetric_part
 
 Array = NDArray[np.float64]
 
@@ -298,7 +298,7 @@ class FullBody(RowProperties):
         return stack_tables([row.project(V) for row in self.rows.rows], self.domain)
 
 
-#: What a simulator takes: constant matrices and a few rows that move with s (`pmr.reduced.model` has the equations),
+#: What a simulator takes: constant matrices and a few rows that move with s (equations: `pmr.system.reduced_model`),
 #: dense of a reduced body, sparse of a full one.
 SlidingBody: TypeAlias = ReducedModel | FullBody
 

@@ -1,7 +1,7 @@
 r"""Rows of a system's contacts as functions of its path coordinates s, with their first and second derivatives.
 
 With the weights b of all sides at x = a + v s, piecewise polynomials on the carriers U of each body
-(`pmr.constraints.rows`),
+(`pmr.system.rows`),
 
 .. math::
     C = b\, U \Phi, \quad F = b\, (U R U^T)\, b^T + k^{-1}, \quad H = b\, U R B, \qquad

@@ -20,9 +20,9 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import evaluate, power_contributions
 from pmr.errors import SimulationError
 from pmr.system.body import SlidingBody
+from pmr.system.polynomials import evaluate, power_contributions
 
 Array = NDArray[np.float64]
 #: Flexibility of a contact below this share of the largest is round-off of a rigid one.

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from pmr.reduced.soundness import pivoted_cholesky
+from pmr.system.soundness import pivoted_cholesky
 
 Array = NDArray[np.float64]
 

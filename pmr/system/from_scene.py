@@ -26,9 +26,6 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.rows import Row, dense_entries
-from pmr.reduced.carriers import CarrierFlexibility, CarrierRows
-from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.built import force_name
 from pmr.scene.choice import has_driven_tail, motion_directions, pad_faces
@@ -37,7 +34,10 @@ from pmr.scene.keys import ALONE, LUFFING, LUFFING_CYLINDER, cylinder_name, qual
 from pmr.scene.mechanism import Drive, rope_shares
 from pmr.scene.members import AROUND, POINT, TAIL, WITHIN, body_ring, footprint, member_at, members
 from pmr.system.body import SlidingBody
+from pmr.system.carriers import CarrierFlexibility, CarrierRows
 from pmr.system.contacts import FRICTION, Contact, Joint, JointPad, Place
+from pmr.system.reduced_model import ReducedModel
+from pmr.system.rows import Row, dense_entries
 from pmr.system.system import Body, System, ground_contacts
 from pmr.system.terms import terms_of
 

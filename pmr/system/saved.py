@@ -1,7 +1,7 @@
 """File of a system: its reduced bodies, the contacts between them, its terms, and the scene it was made from.
 
 An npz file whose JSON header has format, version, names of the bodies, contacts, names and bodies of the terms, and
-provenance.  The arrays of body k have names that begin with ``bodies.k.``, as in `pmr.reduced.stored`.  Arrays that
+provenance.  The arrays of body k have names that begin with ``bodies.k.``, as in `pmr.system.stored`.  Arrays that
 begin with ``on_modes.k.`` are those of bodies without cylinder modes and modes without inertia, whose names are in the
 header; an array that equals one of the body is not stored again: ``same`` in the header maps its name to the name of
 the stored one.  The matrices of term k are ``terms.k.stiffness`` and ``terms.k.damping``, and ``terms.k.supports.j`` is
@@ -23,11 +23,11 @@ from pydantic import TypeAdapter, ValidationError
 from pmr.errors import InputError
 from pmr.errors.text import missing_file_reason
 from pmr.files import npz
-from pmr.reduced import stored
-from pmr.reduced.model import FORMAT as ONE_BODY
-from pmr.reduced.model import READING, ReducedModel
-from pmr.reduced.soundness import describe_names
+from pmr.system import stored
 from pmr.system.contacts import ALONE, Contact
+from pmr.system.reduced_model import FORMAT as ONE_BODY
+from pmr.system.reduced_model import READING, ReducedModel
+from pmr.system.soundness import describe_names
 from pmr.system.terms import Term
 
 FORMAT = "pmr-system"

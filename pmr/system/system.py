@@ -20,9 +20,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pmr.constraints.rows import Row
 from pmr.errors import BEYOND_ENDS, InputError
-from pmr.reduced.model import ReducedModel
 from pmr.system import saved
 from pmr.system.body import Body, SlidingBody, names_of, units_of
 from pmr.system.contacts import (
@@ -36,6 +34,8 @@ from pmr.system.contacts import (
     input_name,
     qualified_name,
 )
+from pmr.system.reduced_model import ReducedModel
+from pmr.system.rows import Row
 from pmr.system.terms import Term, term_error
 
 Array = NDArray[np.float64]

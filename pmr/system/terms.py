@@ -45,7 +45,7 @@ class Term:
     stiffness: Any = None
     damping: Any = None
     # by the name of a body: work Phi^T G, or Phi^T V of a damping, (h, n) on unit motions of its h rigid supports
-    # (`pmr.reduced.matrices`)
+    # (`pmr.system.body_matrices`)
     supports: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -190,7 +190,7 @@ def carried_inertia(body: SlidingBody, field: str) -> float:
     """Mass in kg (`field` "x") of a section with what is attached to it, or its first moment about its tail in kg m.
 
     This is the inertia against an acceleration along the boom, e_x^T M a with the field a of accelerations that `field`
-    names (`pmr.reduced.matrices.LINEAR`), provided that the whole body is free to move.
+    names (`pmr.system.body_matrices.LINEAR`), provided that the whole body is free to move.
     """
     along, over = (np.asarray(body.B)[:, body.input_names.index(INERTIA + name)] for name in ("x", field))
     return float(along @ spla.spsolve(sp.csc_matrix(body.M), over))

@@ -18,8 +18,8 @@ import pytest
 from processes import UNDRAWN, called, undrawn
 
 from pmr.files.whole import finish_swap
-from pmr.reduced.model import ReducedModel
 from pmr.results import RunResult
+from pmr.system.reduced_model import ReducedModel
 
 SIMPLE = "workflows/paper_simple.toml"
 SHORT = ["--set", "mesh.elements=20", "--set", "time.step=0.01", "--set", "compare.against=['full']"]

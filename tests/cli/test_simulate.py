@@ -16,7 +16,7 @@ from pmr import scene
 from pmr.compare.saved_model import simulate_saved
 from pmr.compare.simulated import check_same_scene, simulate
 from pmr.errors import InputError
-from pmr.reduced.model import ReducedModel
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 ROOT = Path(__file__).parents[2]

@@ -13,11 +13,11 @@ from pmr.compare import estimate as estimates
 from pmr.compare.estimate import describe_scatter
 from pmr.fullmodel.build import build_bodies
 from pmr.pipeline import run
-from pmr.reduced.attachment import with_attachment_modes
-from pmr.reduced.carriers import CarrierFlexibility
-from pmr.reduced.model import ReducedModel
 from pmr.reduction.bodies import reduce_bodies
 from pmr.scene import Scene
+from pmr.system.attachment import with_attachment_modes
+from pmr.system.carriers import CarrierFlexibility
+from pmr.system.reduced_model import ReducedModel
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 QUICK = (

@@ -15,7 +15,6 @@ from pmr import scene as scenes
 from pmr.compare.responses import evaluate_motion
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import AssembledBody, build_bodies
-from pmr.reduced.model import ReducedModel
 from pmr.reduction.bodies import reduce_bodies
 from pmr.reduction.cache import ReducedBody
 from pmr.reduction.recovery import Recovery
@@ -27,6 +26,7 @@ from pmr.simulation import Excitation, SystemSimulator, exudyn
 from pmr.simulation.native import systems
 from pmr.system.body import force_outputs
 from pmr.system.from_scene import system_of
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 

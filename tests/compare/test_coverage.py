@@ -25,11 +25,11 @@ from pmr.compare.trust import (
 )
 from pmr.errors import InputError, SimulationError
 from pmr.pipeline import run
-from pmr.reduced.matrices import Rayleigh
 from pmr.report import errors, sentences
 from pmr.scene import load as read
 from pmr.scene.signals import Chirp, Constant, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table
 from pmr.simulation import TimeStepping
+from pmr.system.body_matrices import Rayleigh
 
 MODEL = enriched(full_body(20), 9, enrichment=6)  # the highest enrichment mode is at 179 Hz, at the steps at 163 Hz
 STEPPING = TimeStepping(2.0, 1e-3)

@@ -10,9 +10,9 @@ from scipy.interpolate import PPoly
 
 from pmr.compare.errors import absolute_error, errors_between, nrms
 from pmr.errors import SimulationError
-from pmr.reduced.model import ReducedModel
 from pmr.results import Energy, Response
 from pmr.system.body import Trajectory
+from pmr.system.reduced_model import ReducedModel
 
 T = np.linspace(0.0, 1.0, 1001)
 

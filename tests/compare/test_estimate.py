@@ -17,13 +17,13 @@ from pmr.compare.error_parts import error_envelope, estimate_warnings
 from pmr.compare.estimate import MARGIN, Estimate, estimate_by_other_model, reason_without_estimate
 from pmr.compare.outputs import Outputs, RoundOffBounds, differences, probe_differences
 from pmr.compare.trust import reduction_warnings
-from pmr.reduced.matrices import Rayleigh
-from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import extend
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation import TimeStepping
 from pmr.system.body import FullBody
+from pmr.system.body_matrices import Rayleigh
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
+from pmr.system.truncation import extend
 
 Array = NDArray[np.float64]
 

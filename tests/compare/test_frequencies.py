@@ -7,7 +7,7 @@ from scipy.interpolate import PPoly
 from textbook import CLOSED_FORM
 
 from pmr.compare.frequencies import closed_form_frequencies, reduced_frequencies
-from pmr.reduced.model import ReducedModel
+from pmr.system.reduced_model import ReducedModel
 
 
 def test_reduced_frequencies_are_those_of_the_held_system() -> None:

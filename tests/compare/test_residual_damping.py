@@ -12,10 +12,10 @@ from on_pads import beam_on_pads
 from oracle import enriched, with_curvature
 
 from pmr.compare.outputs import RoundOffBounds, differences
-from pmr.reduced.matrices import Rayleigh
 from pmr.scene.signals import Constant, Sine, SmoothRamp
 from pmr.simulation import TimeStepping
 from pmr.system.body import FullBody
+from pmr.system.body_matrices import Rayleigh
 
 Array = NDArray[np.float64]
 

@@ -17,10 +17,10 @@ from pmr.compare.estimate import chi
 from pmr.compare.outputs import run_from_start
 from pmr.compare.responses import evaluate_motion as of_sections
 from pmr.pipeline import reduce, run
-from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Constant
 from pmr.simulation import Excitation, TimeStepping
 from pmr.system.body import Trajectory
+from pmr.system.reduced_model import ReducedModel
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 ALONG = {

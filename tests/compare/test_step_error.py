@@ -22,7 +22,6 @@ from pmr.compare.outputs import run_from_start
 from pmr.compare.step_error import STEP_LIMIT, ConvergenceSeries, StepError, SteppedSystem, step_summary, step_warnings
 from pmr.errors import SimulationError
 from pmr.pipeline import reduce, run
-from pmr.reduced.model import ReducedModel
 from pmr.report import sentences
 from pmr.report.blocks import Chapter
 from pmr.report.sections import chapter
@@ -30,6 +29,7 @@ from pmr.scene.signals import Chirp, Constant, SignalBase, Sine, SmoothRamp, Sum
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.contact_step import contact_frequency, count_parts
 from pmr.simulation.native import systems
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -20,7 +20,7 @@ from surfaces import mapped
 
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Structure, Weight
-from pmr.mesh.named import Group
+from pmr.models.named_mesh import Group
 from pmr.models.shell import Shell
 from pmr.scene.structures import Material, Plate, ShellBody
 

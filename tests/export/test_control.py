@@ -19,7 +19,7 @@ from state_spaces import frequency_response
 from pmr.compare.frequencies import reduced_frequencies
 from pmr.errors import InputError
 from pmr.export.state_space import path_positions, state_space
-from pmr.reduced.model import ReducedModel
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 S = np.array([1.7, 2.3, 2.9])

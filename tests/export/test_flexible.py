@@ -13,9 +13,9 @@ from processes import called
 from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.export.bodies import INERTIA, inertia_integrals, write_ffrf, write_sid
-from pmr.fields.series import NodalBody
 from pmr.fullmodel.build import build
 from pmr.reduction.held_body import held_body, nodes_of
+from pmr.results.field_series import NodalBody
 
 S, MODES = 0.85, 5
 

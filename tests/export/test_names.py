@@ -23,9 +23,9 @@ from pmr.export.exudyn_script import script_data
 from pmr.export.fmi.fmu import fmu_contents
 from pmr.export.formats import Options, write
 from pmr.kernel.kernel import Kernel
-from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Sine, SmoothRamp
 from pmr.simulation.moving import read_scene
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 MODELS = 200 if os.environ.get("PMR_SWEEP") == "full" else 4

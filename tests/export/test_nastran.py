@@ -11,7 +11,7 @@ from oracle import flexible, rich_body
 from processes import called
 
 from pmr.export.state_space import FIELD, _field, state_space
-from pmr.reduced.model import ReducedModel
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 op4 = pytest.importorskip("pyNastran.op4.op4", reason="pyNastran is not installed")

@@ -12,9 +12,9 @@ from processes import called
 import pmr
 from pmr.errors import InputError
 from pmr.export.formats import FORMATS
-from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.signals import Constant
+from pmr.system.reduced_model import ReducedModel
 
 SHORT = ["compare.against=[]", "time.end=0.05", "section.mesh.elements=8"]
 STATE_SPACES = [name for name, one in FORMATS.items() if "section" in one.options]

@@ -17,7 +17,7 @@ from pmr.cli.info import describe_model
 from pmr.errors import InputError
 from pmr.files.foreign import ForeignFiles, read_foreign
 from pmr.files.npz import DamagedError, read
-from pmr.reduced.model import ReducedModel
+from pmr.system.reduced_model import ReducedModel
 
 ARRAYS = {
     "M": np.arange(12.0).reshape(3, 4),

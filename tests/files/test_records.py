@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
-from pmr.fields.series import Fields
 from pmr.files.npz import record_arrays, record_from_arrays
-from pmr.reduced.model import ReducedModel
+from pmr.results.field_series import Fields
 from pmr.simulation.petsc.checkpoint import Checkpoint, load
 from pmr.studies.results import Store
+from pmr.system.reduced_model import ReducedModel
 
 EARLIER = Path(__file__).parent / "earlier"  # written by the last commit that named arrays otherwise
 

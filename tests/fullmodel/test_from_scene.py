@@ -20,10 +20,9 @@ from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.structural import structural_model
-from pmr.mesh.box import BoxBoom, write_shell
 from pmr.models.beam3d import Beam3D
+from pmr.models.box_mesh import BoxBoom, write_shell
 from pmr.models.shell import Shell
-from pmr.reduced.model import ReducedModel
 from pmr.reduction.basis import modal_basis
 from pmr.reduction.free_body import FreeBody
 from pmr.reduction.residual import flexible_model
@@ -33,6 +32,7 @@ from pmr.scene.signals import Constant
 from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, ShellBody
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
+from pmr.system.reduced_model import ReducedModel
 
 pytestmark = pytest.mark.mpi
 WORKFLOWS = Path(__file__).parents[2] / "workflows"

@@ -24,7 +24,6 @@ from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
 from pmr.models.solid import Solid
-from pmr.reduced.matrices import AXIAL, BENDING, CARRIED, ROTATING, STATES
 from pmr.reduction.basis import modal_basis
 from pmr.reduction.free_body import FreeBody
 from pmr.reduction.residual import section_model
@@ -43,6 +42,7 @@ from pmr.scene.structures import (
 from pmr.simulation.statics.equilibrium import buckling_factors
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
+from pmr.system.body_matrices import AXIAL, BENDING, CARRIED, ROTATING, STATES
 from pmr.system.contacts import Contact, Place
 from pmr.system.system import System
 from pmr.system.terms import Term

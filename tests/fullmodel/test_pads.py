@@ -9,19 +9,19 @@ import scipy.sparse as sp
 from boxes import block, box
 from gathering import gathered
 
-from pmr.constraints.rows import Row, Rows
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.pads import Pad, Pads, Support, fixed_pad, moving_pad, restrain
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, PadForce, Structure, Weight
-from pmr.mesh.named import Group
 from pmr.models import StructuralModel
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
+from pmr.models.named_mesh import Group
 from pmr.models.shell import Shell
 from pmr.models.solid import Solid
 from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, Profile, ShellBody, SolidBody
+from pmr.system.rows import Row, Rows
 
 TRAVEL = (0.4, 1.5)
 FACES = {"bottom": (2, -1.0, 0.1), "top": (2, 1.0, -0.1), "left": (1, 1.0, 0.0), "right": (1, -1.0, 0.05)}

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmr.constraints.rows import fixed_row, sparse_row
 from pmr.errors import InputError
 from pmr.fem.factor import refusal
 from pmr.fullmodel import moving
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.moving import static_solver
+from pmr.system.rows import fixed_row, sparse_row
 
 pytestmark = pytest.mark.mpi
 

@@ -14,9 +14,9 @@ from pmr.errors import InputError
 from pmr.fullmodel.eigensolvers import DenseEigenSolver, SlepcEigenSolver
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Structure, Weight
-from pmr.mesh.named import NamedMesh
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
+from pmr.models.named_mesh import NamedMesh
 from pmr.models.shell import Shell
 from pmr.models.solid import Solid
 from pmr.scene import Damping

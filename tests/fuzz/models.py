@@ -29,7 +29,7 @@ def case(number: int, rng: Random, folder: Path) -> str:
     from pmr.cli.info import describe_model
     from pmr.errors.text import escape_controls
     from pmr.export.exudyn_script import script_data
-    from pmr.reduced.model import ReducedModel
+    from pmr.system.reduced_model import ReducedModel
     from pmr.system.system import System
 
     file = folder / "model.npz"

@@ -15,8 +15,8 @@ from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.pads import Pads, Support, restrain
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Structure
-from pmr.mesh.trace import Window
 from pmr.models.matrices import Matrices
+from pmr.models.trace import Window
 from pmr.reduction.recovery import BodyFields
 from pmr.scene import Damping
 

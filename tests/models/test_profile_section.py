@@ -6,8 +6,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-from pmr.mesh.box import BoxBoom, write_shell
-from pmr.mesh.named import read_mesh
+from pmr.models.box_mesh import BoxBoom, write_shell
+from pmr.models.named_mesh import read_mesh
 from pmr.models.profile_section import section_of
 from pmr.scene.profile import BoxProfile
 from pmr.scene.structures import BeamSection

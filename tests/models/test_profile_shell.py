@@ -10,12 +10,12 @@ from statics import static_outputs
 
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Structure
-from pmr.mesh import read_mesh
-from pmr.mesh.box import BoxBoom, write_shell
-from pmr.mesh.trace import Window
 from pmr.models import DIRECTIONS
 from pmr.models.beam3d import Beam3D
+from pmr.models.box_mesh import BoxBoom, write_shell
+from pmr.models.named_mesh import read_mesh
 from pmr.models.shell import Shell, plates
+from pmr.models.trace import Window
 from pmr.scene.profile import BoxProfile
 from pmr.scene.structures import Beam3DBody, Material, PointMass, ShellBody
 

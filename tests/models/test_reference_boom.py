@@ -21,9 +21,9 @@ from statics import static_outputs
 from pmr.fullmodel.eigensolvers import SlepcEigenSolver
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Structure
-from pmr.mesh import read_mesh
-from pmr.mesh.box import BoxBoom, write_shell, write_solid
 from pmr.models import StructuralModel
+from pmr.models.box_mesh import BoxBoom, write_shell, write_solid
+from pmr.models.named_mesh import read_mesh
 from pmr.models.shell import KINDS as TRIANGLES
 from pmr.models.shell import Shell
 from pmr.models.solid import KINDS as CELLS

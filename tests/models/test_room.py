@@ -17,15 +17,15 @@ from pmr.fullmodel.assembly import assemble_model
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Inertia, Structure, Weight
-from pmr.mesh.named import NamedMesh
 from pmr.models import FiniteElementModel
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
+from pmr.models.named_mesh import NamedMesh
 from pmr.models.shell import Shell
 from pmr.models.solid import Solid
-from pmr.reduced.matrices import CARRIED, CONSTANT, LINEAR, ROTATING
 from pmr.scene.frame import INERTIA
 from pmr.scene.structures import Beam3DBody, BeamSection, Material, Plate, PointMass, Profile, ShellBody, SolidBody
+from pmr.system.body_matrices import CARRIED, CONSTANT, LINEAR, ROTATING
 
 pytestmark = pytest.mark.mpi
 LENGTH, WIDTH, DEPTH = 2.0, 0.1, 0.05  # a flat bar along x, bent along z (the planar beam: along y)

@@ -15,15 +15,15 @@ from gathering import gathered
 from surfaces import mapped
 
 from pmr.fem.compat import MPI, rule_points
-from pmr.fields.stress import StressRows
 from pmr.fullmodel.assembly import assemble_model
-from pmr.mesh.named import NamedMesh
 from pmr.models import FiniteElementModel
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
 from pmr.models.meshed import cell_values
+from pmr.models.named_mesh import NamedMesh
 from pmr.models.shell import Shell, frames
 from pmr.models.solid import Solid
+from pmr.results.field_stress import StressRows
 from pmr.scene.structures import Beam3DBody, BeamSection, BoxProfile, Material, Plate, Profile, ShellBody, SolidBody
 
 pytestmark = pytest.mark.mpi

@@ -24,8 +24,8 @@ from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Structure
-from pmr.mesh import read_mesh
-from pmr.mesh.box import BoxBoom, write_shell
+from pmr.models.box_mesh import BoxBoom, write_shell
+from pmr.models.named_mesh import read_mesh
 from pmr.models.shell import Shell
 from pmr.scene.members import member_at
 from pmr.scene.profile import BoxProfile

@@ -24,8 +24,8 @@ from pmr.fem.distributed import local_csr
 from pmr.fullmodel.pads import Pad, Pads, Support
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Structure
-from pmr.mesh import read_mesh
-from pmr.mesh.box import BoxBoom, write_shell
+from pmr.models.box_mesh import BoxBoom, write_shell
+from pmr.models.named_mesh import read_mesh
 from pmr.models.shell import Shell, plates
 from pmr.scene.profile import BoxProfile
 from pmr.scene.structures import Material, ShellBody

@@ -23,7 +23,6 @@ from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies
 from pmr.pipeline import Outcome, run
 from pmr.pipeline.full_order import FullOrder
-from pmr.reduced.model import ReducedModel
 from pmr.reduction import bodies
 from pmr.reduction.bodies import reduce_bodies
 from pmr.report.document import write_report
@@ -36,6 +35,7 @@ from pmr.simulation import Excitation
 from pmr.simulation.native import systems
 from pmr.system.assembly import Assembly
 from pmr.system.from_scene import system_of
+from pmr.system.reduced_model import ReducedModel
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 #: Out by 0.6 m a joint within half a second.

@@ -11,9 +11,9 @@ from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import tall
 from pmr.fullmodel.build import full_model
-from pmr.reduced.model import ReducedModel
 from pmr.reduction.basis import pod, reduced_model, with_held_coordinates
 from pmr.reduction.snapshots import eigenmode_snapshots
+from pmr.system.reduced_model import ReducedModel
 
 pytestmark = pytest.mark.mpi
 

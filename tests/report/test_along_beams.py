@@ -8,11 +8,11 @@ import numpy as np
 from boom_results import MakeSpace
 from matplotlib.colors import same_color
 
-from pmr.fields.stress import Envelope
 from pmr.report.figures.canvas import section_colours
 from pmr.report.figures.loads import envelope_figure
 from pmr.report.stresses import section_force_block
 from pmr.results import BodyResult, RunResult
+from pmr.results.field_stress import Envelope
 
 SPACE = "\u00a0"
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pmr.fields.series import Grid
 from pmr.report.bodies import body_surface
+from pmr.results.field_series import Grid
 from pmr.scene.box import Box
 
 BOX = Box(length=6.0, width=0.3, height=0.4, wall=0.008)

@@ -18,7 +18,6 @@ from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
 from pmr.files import npz
-from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Constant
 from pmr.simulation import InitialState, TimeStepping, contact_step
 from pmr.simulation.contact_step import contact_frequency
@@ -27,6 +26,7 @@ from pmr.simulation.modal import modal_form
 from pmr.simulation.native.stepper import Stepper
 from pmr.system.body import Trajectory, pushing_rows
 from pmr.system.contacts import SLIDER
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -8,12 +8,12 @@ from nested import Nested, full
 from numpy.typing import NDArray
 from oracle import project, started
 
-from pmr.constraints.rows import Rows
 from pmr.errors import InputError
 from pmr.simulation import InitialState
 from pmr.simulation.start import consistent_start
 from pmr.system.assembly import Assembly
 from pmr.system.body import FullBody, SlidingBody
+from pmr.system.rows import Rows
 
 Array = NDArray[np.float64]
 S, S_RATE = 2.1, 1.7  # m, m/s

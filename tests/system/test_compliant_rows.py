@@ -7,12 +7,12 @@ import pytest
 from oracle import flexible, full_body, generalized_alpha, project, rich_body
 from springs import CompliantRows
 
-from pmr.constraints.rows import Rows
 from pmr.errors import SimulationError
-from pmr.reduced.model import ReducedModel
 from pmr.simulation import InitialState, TimeStepping
 from pmr.system.body import FullBody
 from pmr.system.contact_rows import compliant_rows
+from pmr.system.reduced_model import ReducedModel
+from pmr.system.rows import Rows
 
 S = np.array([0.7, 1.9, 2.0, 3.3])
 

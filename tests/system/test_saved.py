@@ -15,8 +15,8 @@ from nested import Nested, full, reduced
 
 from pmr.errors import InputError
 from pmr.files import npz
-from pmr.reduced.model import ReducedModel
 from pmr.system.assembly import Assembly
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 EARLIER = Path(__file__).parents[1] / "files" / "earlier" / "reduced.npz"

@@ -17,7 +17,7 @@ from ways.kinds import Kind
 import pmr
 from pmr.cli.app import main
 from pmr.errors import InputError
-from pmr.reduced.model import ReducedModel
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -27,7 +27,6 @@ from pmr.export.fmi.fmu import fmu_contents
 from pmr.export.formats import BODY_FORMATS, FORMATS
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.eigensolvers import lowest_frequencies
-from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.choice import SIMULATORS
 from pmr.simulation import Excitation, TimeStepping
@@ -37,6 +36,7 @@ from pmr.studies.files import kind_names
 from pmr.studies.results import SEPARATOR
 from pmr.system.assembly import Assembly
 from pmr.system.body import length_outputs
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -13,7 +13,7 @@ instead of [body.box].  Any mesh will do that names its groups: tail, tip, and t
 from pathlib import Path
 
 from pmr import load_scene
-from pmr.mesh.box import BoxBoom, write_shell
+from pmr.models.box_mesh import BoxBoom, write_shell
 
 HERE = Path(__file__).parent
 

@@ -24,14 +24,14 @@ from pmr.compare.estimate import reason_without_estimate
 from pmr.compare.trust import LOAD_JUMPS, SLIDER_IMPACTS
 from pmr.errors import InputError
 from pmr.errors.text import percent, two_digits
-from pmr.reduced.attachment import simulated_model
-from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.run_settings import Accuracy, Budget
 from pmr.simulation import Excitation
+from pmr.system.attachment import simulated_model
 from pmr.system.from_scene import system_of
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 #: Largest share of a tolerance that the error of the mesh may take: of a larger one the search takes no account.

@@ -1,6 +1,6 @@
 """Reduced models of several sizes, run with several steps, and the errors that each run estimates for itself.
 
-One reduction of each body with all its enrichment modes contains every smaller model (`pmr.reduced.truncation`).
+One reduction of each body with all its enrichment modes contains every smaller model (`pmr.system.truncation`).
 """
 
 from __future__ import annotations
@@ -29,8 +29,6 @@ from pmr.compare.outputs import (
 )
 from pmr.compare.step_error import StepError, reference_rho, step_error
 from pmr.errors import SimulationError
-from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import extend, truncate
 from pmr.scene.keys import ALONE, qualified_name
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.native import systems
@@ -38,8 +36,10 @@ from pmr.simulation.native.form import SystemForm
 from pmr.simulation.reactions import column_names
 from pmr.simulation.stepping import describe_lost_features
 from pmr.system.body import length_outputs, other_outputs
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
+from pmr.system.truncation import extend, truncate
 
 Array = NDArray[np.float64]
 Models = Mapping[str, ReducedModel]

@@ -10,7 +10,7 @@ Terms that vary in time (`pmr.system.terms`) have an ObjectGenericODE2 of their 
 Exudyn's generalized-alpha fulfils the equations at the end of the step, whose time the pre-step function receives; the
 object's matrices enter the Jacobian as those of any other object do.
 
-Coordinates eta without inertia (`pmr.reduced.attachment`) are integrated by backward Euler with steps of h, as in
+Coordinates eta without inertia (`pmr.system.attachment`) are integrated by backward Euler with steps of h, as in
 `march`:
 
 .. math:: (D / h + K)\, \eta_{n+1} + \ldots = F_{n+1} + D\, \eta_n / h

@@ -15,7 +15,6 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import apply_table, select_columns, select_rows
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.form import start_of as start_of
@@ -25,6 +24,7 @@ from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Block, Progress, Recorder, SimulationEnd, Take
 from pmr.system.body import Trajectory
 from pmr.system.contacts import Friction
+from pmr.system.polynomials import apply_table, select_columns, select_rows
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 

@@ -38,13 +38,13 @@ from pmr.fem.distributed import local_csr
 from pmr.fem.factor import AnyFactor, factor_for_steps
 from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.kernel.laws import SchemeFactors
-from pmr.reduced.matrices import Rayleigh
 from pmr.simulation import contact_step
 from pmr.simulation.contact_step import StepParts
 from pmr.simulation.petsc.constraint import Constraint, ContactState, Prediction, compliances, rows_on_paths
 from pmr.simulation.petsc.recorder import Recorder
 from pmr.simulation.petsc.rows import BlockFactor, PathCompliance, PathRows, effective_matrix
 from pmr.simulation.petsc.start import SampledExcitation, State, Terms
+from pmr.system.body_matrices import Rayleigh
 
 Array = NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 r"""Factors of the effective matrix, and the contacts' rows at every position of the paths.
 
 There is one factor for each body's matrix that differs from the others.  Rows act through the p carriers E^T (p, n)
-that they touch on the way (`pmr.constraints.rows`).  A contact has one side on each of its bodies, with a coordinate x
+that they touch on the way (`pmr.system.rows`).  A contact has one side on each of its bodies, with a coordinate x
 of its own.  Between two breaks the row of a side is c(x) = sum_e x^e Gamma_e E^T with x counted from the lower break,
 so that with the powers of all sides stacked, C = X(x) Gamma E^T, and
 

@@ -15,9 +15,9 @@ from pmr.compare.errors import relative_error
 from pmr.compare.estimate import MARGIN
 from pmr.errors import InputError
 from pmr.pipeline import run
-from pmr.reduced.attachment import CYLINDER
 from pmr.results import Response
 from pmr.scene.run_settings import Accuracy
+from pmr.system.attachment import CYLINDER
 
 WORKFLOWS = Path(__file__).parents[3] / "workflows"
 QUICK = (

@@ -15,7 +15,7 @@ from pmr.compare.accuracy.trials import Sizes, Trial, Trials
 from pmr.compare.errors import relative_error
 from pmr.compare.simulated import simulate
 from pmr.errors import InputError
-from pmr.mesh.drawing import graded_nodes
+from pmr.models.mesh_drawing import graded_nodes
 from pmr.pipeline import reduce, run
 from pmr.simulation import Excitation
 

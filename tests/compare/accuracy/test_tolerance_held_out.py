@@ -22,11 +22,11 @@ from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
 from pmr.pipeline import Outcome, run
-from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import ModalForm, modal_form
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 WHOLE = os.environ.get("PMR_SWEEP") == "full"

@@ -18,10 +18,10 @@ from oracle import flexible, project
 
 from pmr.errors import InputError
 from pmr.export.exudyn_script import script_data, write_exudyn_script
-from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase, Sine, SmoothRamp, Step, Sum, Table
 from pmr.simulation import TimeStepping
 from pmr.system.body import FullBody
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 KNOTS = {"times": (0.2, 0.5, 0.6, 1.1, 1.3), "values": (1.0, 2.0, 1.5, 1.8, -0.5)}

@@ -15,9 +15,9 @@ from oracle import project
 from pmr.errors import InputError
 from pmr.errors.text import escape_controls, is_name
 from pmr.export.exudyn_script import script_data, write_exudyn_script
-from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import SignalBase, Sine, SmoothRamp, Step, Table
 from pmr.system.body import FullBody
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 PATH = SmoothRamp(times=(0.0, 0.2), values=(2.0, 2.6))

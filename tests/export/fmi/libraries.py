@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from pmr.export.fmi import fmu
 from pmr.export.fmi.fmu import Contents, fmu_contents
-from pmr.reduced.model import ReducedModel
 from pmr.simulation.moving import read_scene
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -22,7 +22,6 @@ from pmr.errors import BEYOND_ENDS
 from pmr.export.fmi.fmu import Contents, fmu_contents
 from pmr.export.fmi.reference import reference
 from pmr.export.fmi.variables import Drivers
-from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Chirp, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation.excitation import SLIDER, Excitation
 from pmr.simulation.modal import modal_form
@@ -31,6 +30,7 @@ from pmr.simulation.native.stepper import Stepper
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -25,7 +25,6 @@ from pmr.export.fmi.fmu import PLATFORMS
 from pmr.export.fmi.reference import reference
 from pmr.export.fmi.variables import Drivers
 from pmr.pipeline import reduce
-from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Ramp, SignalBase
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.modal import modal_form
@@ -34,6 +33,7 @@ from pmr.simulation.native import systems
 from pmr.simulation.native.stepper import Stepper
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import force_outputs
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -15,10 +15,10 @@ from oracle import flexible, rich_body
 from pmr.export.fmi.fmu import Contents, fmu_contents
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.state import Settings, State
-from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import SmoothRamp
 from pmr.simulation.modal import modal_form
 from pmr.simulation.moving import read_scene
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

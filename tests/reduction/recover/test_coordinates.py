@@ -12,13 +12,11 @@ import pytest
 from boxes import box
 from one_body import displacement
 
-from pmr.constraints.polynomials import evaluate
 from pmr.fem.distributed import inner, local_csr, times
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.structural import structural_model
 from pmr.models.shell import Shell
-from pmr.reduced.model import ReducedModel
 from pmr.reduction.basis import Basis, modal_basis, reduced_model
 from pmr.reduction.free_body import FreeBody
 from pmr.reduction.recovery import Recovery
@@ -28,6 +26,8 @@ from pmr.scene.structures import Plate, ShellBody
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.petsc import Recording
 from pmr.system.body import Trajectory
+from pmr.system.polynomials import evaluate
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import BodyStates
 
 pytestmark = pytest.mark.mpi

@@ -9,13 +9,13 @@ import scipy.linalg
 from pmr.errors import InputError
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
-from pmr.reduced.model import ReducedModel
 from pmr.reduction.basis import modal_basis
 from pmr.reduction.free_body import FreeBody
 from pmr.reduction.from_scene import build_basis, project, take_snapshots
 from pmr.reduction.residual import flexible_model, section_model
 from pmr.reduction.snapshots import free_modes
 from pmr.system.body import FullBody
+from pmr.system.reduced_model import ReducedModel
 
 pytestmark = pytest.mark.mpi
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from pmr import scene
-from pmr.constraints.rows import Rows, fixed_row, sparse_row
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import AssembledBody, build
 from pmr.fullmodel.structural import MirroredLoads, images_of, mirror_images
@@ -19,6 +18,7 @@ from pmr.reduction.free_body import FreeBody
 from pmr.reduction.residual import section_model
 from pmr.reduction.residual_tables import ResidualFlexibility
 from pmr.reduction.snapshots import free_modes
+from pmr.system.rows import Rows, fixed_row, sparse_row
 
 pytestmark = pytest.mark.mpi
 

@@ -10,18 +10,18 @@ import scipy.linalg
 from springs import CompliantRows, displacement
 from textbook import static_tip_deflection
 
-from pmr.constraints.rows import Rows
 from pmr.errors import InputError
 from pmr.fem.distributed import tall
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
-from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import truncate
 from pmr.reduction.basis import Basis, modal_basis
 from pmr.reduction.free_body import FreeBody
 from pmr.reduction.from_scene import build_basis, project, take_snapshots
 from pmr.reduction.residual import FLOOR, flexible_model, section_model
 from pmr.reduction.snapshots import free_modes
+from pmr.system.reduced_model import ReducedModel
+from pmr.system.rows import Rows
+from pmr.system.truncation import truncate
 
 NO_ANCF = "compare.against=[]"
 PAPERS_BASIS = ["reduction.basis=eigenmodes", "reduction.coordinates=20"]

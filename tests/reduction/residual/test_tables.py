@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmr.constraints.polynomials import common_breaks
-from pmr.constraints.rows import Rows
 from pmr.errors import InputError, environment
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
@@ -14,6 +12,8 @@ from pmr.pipeline import reduce
 from pmr.reduction.free_body import FreeBody
 from pmr.reduction.residual_tables import BLOCK, ResidualFlexibility, check_memory, load_pairs, load_powers, tables
 from pmr.reduction.snapshots import free_modes
+from pmr.system.polynomials import common_breaks
+from pmr.system.rows import Rows
 
 pytestmark = pytest.mark.mpi
 

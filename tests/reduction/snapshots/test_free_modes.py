@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from textbook import EA, EI, LENGTH, RHO_A
 
-from pmr.constraints.rows import Rows
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import inner, times
@@ -19,6 +18,7 @@ from pmr.models.beam2d import Beam2D
 from pmr.reduction.free_body import FreeBody, rigid_modes
 from pmr.reduction.snapshots import Snapshots, free_modes
 from pmr.scene.structures import Profile
+from pmr.system.rows import Rows
 
 #: beta L of bending modes, from the characteristic equations (Blevins 1979, Table 8-1), and rigid-body modes before.
 PINNED_FREE = (1, [3.92660231, 7.06858275, 10.21017612])

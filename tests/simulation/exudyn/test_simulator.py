@@ -15,9 +15,7 @@ from numpy.typing import NDArray
 from one_body import Simulate
 from oracle import flexible, full_body, generalized_alpha, project, started
 
-from pmr.constraints.rows import Rows
 from pmr.errors import InputError, SimulationError
-from pmr.reduced.model import ReducedModel
 from pmr.scene.run_settings import Simulation
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, Step
 from pmr.simulation import InitialState, TimeStepping
@@ -26,6 +24,8 @@ from pmr.simulation.exudyn.solver import describe_slider, read_sensor
 from pmr.system.assembly import Assembly
 from pmr.system.body import FullBody, SlidingBody, Trajectory
 from pmr.system.contact_rows import ContactRows
+from pmr.system.reduced_model import ReducedModel
+from pmr.system.rows import Rows
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,6 @@ from oracle import free_modes as modes_of
 
 import pmr
 from pmr.fullmodel.build import full_model
-from pmr.reduced.carriers import CarrierRows
 from pmr.reduction.basis import modal_basis
 from pmr.reduction.free_body import FreeBody
 from pmr.reduction.residual import section_model
@@ -22,6 +21,7 @@ from pmr.reduction.snapshots import free_modes
 from pmr.scene.signals import Constant, Sine, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping, contact_step
 from pmr.simulation.native import systems
+from pmr.system.carriers import CarrierRows
 from pmr.system.contacts import ALONE, SLIDER
 from pmr.system.system import System
 

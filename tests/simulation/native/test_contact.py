@@ -19,7 +19,6 @@ from scipy.interpolate import PPoly
 from pmr.errors import InputError
 from pmr.kernel.laws import solve_contact
 from pmr.kernel.state import Failure, StepError
-from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.modal import modal_form
@@ -27,6 +26,7 @@ from pmr.simulation.native.form import failure_reason
 from pmr.simulation.native.march import without_pull
 from pmr.simulation.native.stepper import Stepper
 from pmr.system.body import Trajectory, pushing_rows
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

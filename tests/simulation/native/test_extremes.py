@@ -17,15 +17,15 @@ from one_body import displacement, energy
 from oracle import LENGTH, TIP_LOAD, flexible, full_body, nrms_error
 
 from pmr.compare.errors import relative_error
-from pmr.constraints.polynomials import evaluate
 from pmr.fullmodel.build import full_model
 from pmr.pipeline import reduce
-from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Constant, SignalBase, SmoothRamp, Table
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
 from pmr.simulation.start import InitialState
 from pmr.system.body import FullBody, SlidingBody, Trajectory
+from pmr.system.polynomials import evaluate
+from pmr.system.reduced_model import ReducedModel
 
 Array = NDArray[np.float64]
 

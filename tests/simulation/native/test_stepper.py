@@ -15,11 +15,11 @@ from driving import driven
 from oracle import Case, full_body, paper_basis, project
 
 from pmr.errors import BEYOND_ENDS, InputError, SimulationError
-from pmr.reduced.model import ReducedModel
 from pmr.simulation import TimeStepping
 from pmr.simulation.native.driving import Values
 from pmr.simulation.native.stepper import Stepper
 from pmr.simulation.start import InitialState
+from pmr.system.reduced_model import ReducedModel
 
 STEPPING = TimeStepping(end=0.4, step=1e-3, rho_inf=0.7)
 

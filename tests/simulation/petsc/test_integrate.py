@@ -16,15 +16,15 @@ from oracle import CASES, full_body, generalized_alpha, rich_body, started
 from petsc_alone import observe
 from processes import resident
 
-from pmr.constraints.rows import Rows
 from pmr.errors import InputError, SimulationError
 from pmr.fem.compat import MPI
-from pmr.reduced.matrices import Rayleigh
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, SmoothRamp, Step
 from pmr.simulation import InitialState, TimeStepping, contact_step
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.petsc import Recording, constraint
 from pmr.system.body import FullBody
+from pmr.system.body_matrices import Rayleigh
+from pmr.system.rows import Rows
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -1,1 +1,0 @@
-"""Constraint rows C(s) as piecewise polynomials in the path coordinate s."""

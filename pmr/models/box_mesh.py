@@ -1,0 +1,431 @@
+r"""The boom, meshed by gmsh: plates around a closed profile along x, as a surface (their mid-surface) or a solid.
+
+Groups: the flat walls that pads slide on, by the names of their faces (a solid's outer faces); ``corners``, the
+rounded edges; ``frames``, the transverse stiffeners; ``tail`` and ``tip``, the two ends.
+
+A box that tapers is first drawn with one profile all along; then its points are moved.  A point that was drawn in side
+k of the profile, at the share xi in [0, 1] along the side and at the depth eta, which is 0 on walls and up to 1 on
+frames, is moved to the point p with the same shares in the profile at its coordinate x:
+
+.. math:: p = (1 - \eta)\, a_k(\xi) + \eta\, b_k(\xi)
+
+a is on the middle of the wall, b is farther inside by the depth of the frames.  Both change linearly along x.  Points
+of plates that close the section, which are not on walls, keep their shares in the triangle of the axis and a side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.models.mesh_drawing import Drawing, Entity
+
+Array = NDArray[np.float64]
+Pair = tuple[float, float]
+#: Suffix of the group names of walls that are not parallel to the axis.
+TAPERED = " tapered"
+
+
+class Side(Protocol):
+    """A flat plate of a profile, or the arc of a corner.
+
+    Sides follow each other counter-clockwise, as seen from the tip.
+    """
+
+    @property
+    def name(self) -> str:
+        """Name of the group that the side becomes."""
+
+    @property
+    def start(self) -> Pair:
+        """Coordinates y and z of the start on the mid-surface, m."""
+
+    @property
+    def end(self) -> Pair:
+        """Coordinates y and z of the end on the mid-surface, m."""
+
+    @property
+    def centre(self) -> Pair | None:
+        """Centre y and z of an arc, m; None for a flat side."""
+
+    @property
+    def angle(self) -> float:
+        """Angle of an arc, rad."""
+
+    @property
+    def length(self) -> float:
+        """Length of the mid-line, m."""
+
+    @property
+    def thickness(self) -> float:
+        """Thickness of the wall, m."""
+
+    def cells(self, size: float) -> int:
+        """Number of cells of about `size` (m) into which the side is divided."""
+
+
+@dataclass(frozen=True)
+class BoxStretch:
+    """A stretch of the box from x = `start` to `end` in m; its sides change linearly from `first` to `last`.
+
+    A layer of cells ends at `end`.
+    """
+
+    start: float
+    end: float
+    first: tuple[Side, ...]
+    last: tuple[Side, ...]
+
+    @property
+    def is_tapered(self) -> bool:
+        """Whether the mid-surface is not parallel to the axis."""
+        pairs = zip(self.first, self.last, strict=True)
+        return any((a.start, a.end, a.centre) != (b.start, b.end, b.centre) for a, b in pairs)
+
+
+def shifted_ends(sides: Sequence[Side], k: int, outward: Callable[[Side], float]) -> tuple[Array, Array]:
+    """Start and end (2,) m of side k, with the sides shifted outwards from their mid-surfaces.
+
+    `outward` returns for each side how far, in m.  At a sharp corner the ends are where the shifted sides meet.
+    """
+    side, neighbours = sides[k], (sides[k - 1], sides[(k + 1) % len(sides)])
+    ends = []
+    for at, other in zip((side.start, side.end), neighbours, strict=True):
+        sharp = side.centre is None and other.centre is None
+        normals, apart = [outward_normal(side, at), outward_normal(other, at)], [outward(side), outward(other)]
+        ends.append(at + (np.linalg.solve(normals, apart) if sharp else apart[0] * normals[0]))
+    return ends[0], ends[1]
+
+
+def outward_normal(side: Side, at: Pair) -> Array:
+    """Outward unit vector (2,) of a side at one of its ends."""
+    if side.centre is not None:
+        arm = np.subtract(at, side.centre)
+        return np.asarray(arm / np.hypot(*arm))
+    along = np.subtract(side.end, side.start) / side.length
+    return np.array([along[1], -along[0]])
+
+
+#: Shares along a side beyond 0 and 1 that count as round-off of the drawing.
+SLACK = 1e-6
+#: Depth of a wall without frames, as a share of the side: its points are within this distance of its middle.
+THIN = 1e-6
+
+
+def taper_points(points: Array, sides: Sequence[Side], parts: Sequence[BoxStretch], depth: float) -> Array:
+    """Move points (N, 3) m, which were drawn with `sides` all along, to where the tapering `parts` have them.
+
+    `depth` in m is that of the frames; infinite, if these close the section.  Returns new points (N, 3).
+    """
+    tapered_points, unplaced, depth = points.copy(), np.ones(len(points), bool), depth if np.isfinite(depth) else 0.0
+    for place in (_in_side, _in_triangle):
+        for k in range(len(sides)):
+            first_share, second_share, within = place(points[:, 1:], sides, k, depth)
+            placed = unplaced & within
+            unplaced &= ~placed
+            for part in parts:
+                rows = np.flatnonzero(placed & (points[:, 0] >= part.start) & (points[:, 0] <= part.end))
+                if part.is_tapered and len(rows):
+                    share = (points[rows, 0] - part.start)[:, None] / (part.end - part.start)
+                    at = _side_points if place is _in_side else _triangle_points
+                    first, last = (
+                        at(first_share[rows], second_share[rows], each, k, depth) for each in (part.first, part.last)
+                    )
+                    tapered_points[rows, 1:] = (1.0 - share) * first + share * last
+    return tapered_points
+
+
+Places = tuple[Array, Array, NDArray[np.bool_]]
+
+
+def _in_side(p: Array, sides: Sequence[Side], k: int, depth: float) -> Places:
+    """Share xi along side k and depth eta, each (N,), of points p (N, 2), and whether both are in [0, 1]."""
+    xi, eta = _side_shares(p, sides, k, depth)
+    return xi, eta, (np.abs(xi - 0.5) <= 0.5 + SLACK) & (np.abs(eta - 0.5) <= 0.5 + SLACK)
+
+
+def _in_triangle(p: Array, sides: Sequence[Side], k: int, depth: float) -> Places:
+    """Shares (N,) of points p (N, 2) along the vectors to start and end of side k, and whether none is negative.
+
+    Such points are in the sector between the two vectors; `depth` is not used.
+    """
+    first_share, second_share = np.linalg.solve(np.array([sides[k].start, sides[k].end]).T, p.T)
+    return first_share, second_share, (first_share >= -SLACK) & (second_share >= -SLACK)
+
+
+def _triangle_points(first_share: Array, second_share: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
+    """Points (N, 2) m with these shares along the vectors to start and end of side k; `depth` is not used."""
+    return np.outer(first_share, sides[k].start) + np.outer(second_share, sides[k].end)
+
+
+def _side_shares(p: Array, sides: Sequence[Side], k: int, depth: float) -> tuple[Array, Array]:
+    """Share xi along side k and depth eta, each (N,), of points p (N, 2) m.
+
+    Outside of the side they are not in [0, 1].
+    """
+    side = sides[k]
+    scale = depth or THIN * side.length
+    if side.centre is not None:
+        arm, start = p - side.centre, np.subtract(side.start, side.centre)
+        radius, angle = np.hypot(*start), np.arctan2(arm[:, 1], arm[:, 0]) - np.arctan2(start[1], start[0])
+        angle = (angle + np.pi) % (2.0 * np.pi) - np.pi
+        return angle / side.angle, (radius - np.hypot(*arm.T)) / scale
+    (a, b), (c, d) = shifted_ends(sides, k, lambda _: 0.0), shifted_ends(sides, k, lambda _: -scale)
+    along = (b - a) / np.linalg.norm(b - a)
+    eta = (p - a) @ [-along[1], along[0]] / scale
+    start, end = (np.outer(1.0 - eta, outer) + np.outer(eta, inner) for outer, inner in ((a, c), (b, d)))
+    return (p - start) @ along / np.maximum((end - start) @ along, SLACK * side.length), eta
+
+
+def _side_points(xi: Array, eta: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
+    """Points (N, 2) m with the shares xi along side k and the depths eta."""
+    side = sides[k]
+    if side.centre is not None:
+        start = np.subtract(side.start, side.centre)
+        angle, r = np.arctan2(start[1], start[0]) + xi * side.angle, np.hypot(*start) - eta * depth
+        return np.asarray(side.centre + r[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+    (a, b), (c, d) = shifted_ends(sides, k, lambda _: 0.0), shifted_ends(sides, k, lambda _: -depth)
+    start, end = (np.outer(1.0 - eta, outer) + np.outer(eta, inner) for outer, inner in ((a, c), (b, d)))
+    return np.asarray((1.0 - xi)[:, None] * start + xi[:, None] * end)
+
+
+#: Source of errors in a box's dimensions; the caller replaces it by the scene's key.
+DIMENSIONS = "box boom"
+#: Most rectangles of a drawing: with some 40 coordinates each they are four million, which take 50 GiB.
+MOST_RECTANGLES = 100_000
+#: Smallest thickness of cells as a share of the others': gmsh merges points that are much closer.
+THINNEST = 1e-4
+#: Largest cosine of an angle that counts as a right one.
+SQUARE = 1e-6
+
+
+@dataclass(frozen=True)
+class BoxBoom:
+    """A box along x and the sizes of its cells, in m.
+
+    Layers of cells may be finer at a clamped tail, where stresses are singular.  Raises an `InputError` with the
+    source `DIMENSIONS` for dimensions that can't be meshed.
+    """
+
+    sides: tuple[Side, ...]
+    length: float = 6.0  # of the box along x
+    size: float = 0.05  # edge length of the cells around the section
+    size_along: float = 0.0  # edge length along x; 0: as around the section
+    # length of the first layer of cells at the tail, from which layers double up to the regular one; 0: as all others
+    tail_layer: float = 0.0
+    frames: tuple[float, ...] = ()  # coordinates x at which a transverse plate stiffens a shell all around
+    frame_depth: float = 0.0  # of these plates, inwards from the walls; infinite: they close the section
+    parts: tuple[BoxStretch, ...] = ()  # stretches along x; by default a single one with these sides
+
+    def __post_init__(self) -> None:
+        thinnest, around = THINNEST * self.layer, sum(side.length for side in self.sides)
+        allowed = {
+            "length": self.length > 0.0,
+            "size": 0.0 < self.size <= self.length,
+            "size_along": 0.0 <= self.size_along <= self.length,
+            "tail_layer": self.tail_layer == 0.0 or thinnest <= self.tail_layer <= self.layer,
+            "frames": bool(np.all(np.diff([0.0, *self.frames, self.length]) >= thinnest))
+            and bool(np.all(np.diff(self.stations) >= thinnest)),
+            "frame_depth": not self.frames
+            or self.frame_depth == np.inf
+            or THINNEST * self.size <= self.frame_depth < self._room,
+        }
+        words = {
+            "size": "more than 0 and up to the length",
+            "frames": "ascending places between tail and tip, at least a ten-thousandth of a cell from each other and "
+            "from where a doubler ends,",
+            "size_along": "0, or up to the length",
+            "tail_layer": "0, or from a ten-thousandth up to all of the other layers",
+            "frame_depth": "more than a ten-thousandth of a cell and less than the corners' radius, or half the width "
+            "if they are sharp",
+        }
+        for key, fits in allowed.items():
+            if not fits:
+                raise InputError(DIMENSIONS, key, getattr(self, key), words.get(key, "more than 0") + " is allowed")
+        rectangles = max(around / self.size, 8.0) * self.length / self.layer
+        if not rectangles <= MOST_RECTANGLES:  # too many to count, perhaps: a float, infinite or not
+            allowed_sizes = (
+                f"sizes that make at most {MOST_RECTANGLES:,} cells are allowed; these make {rectangles:.1e}"
+            )
+            finest = "size" if self.size <= self.layer else "size_along"
+            raise InputError(DIMENSIONS, finest, getattr(self, finest), allowed_sizes)
+
+    @property
+    def _room(self) -> float:
+        """Greatest depth of a frame within the section, m.
+
+        It is the corners' smallest radius, or half the smaller extent if all corners are sharp.
+        """
+        radii = [np.hypot(*np.subtract(side.start, side.centre)) for side in self.sides if side.centre is not None]
+        ends = np.array([side.start for side in self.sides])
+        return float(min(radii, default=np.ptp(ends, axis=0).min() / 2.0))
+
+    @property
+    def layer(self) -> float:
+        """Edge length of the cells along x, m."""
+        return self.size_along or self.size
+
+    def layers(self, start: float, end: float) -> list[float]:
+        """Ends of the layers of cells between the stations `start` and `end` (m), as shares of their distance."""
+        fine: list[float] = []
+        if start == 0.0 and self.tail_layer:
+            thickness = self.tail_layer
+            while thickness < 0.999 * self.layer and sum(fine) + thickness < (end - start) / 2.0:
+                fine.append(thickness)
+                thickness *= 2.0
+        count = max(1, round((end - start - sum(fine)) / self.layer))
+        ends = np.concatenate([np.cumsum([0.0, *fine])[:-1], np.linspace(start + sum(fine), end, count + 1) - start])
+        return [float(x) for x in ends[1:] / (end - start)]
+
+    @property
+    def stations(self) -> list[float]:
+        """Coordinates x in m where layers of cells must end: tail and tip, frames, and ends of parts."""
+        ends = {part.end for part in self.parts if part.end < self.length}
+        return [0.0, *sorted(ends | set(self.frames)), self.length]
+
+
+def write_shell(boom: BoxBoom, file: Path) -> None:
+    """Mesh the mid-surface by triangles and write it to `file`.
+
+    Each rectangle is split by both of its diagonals, which prefers no direction.
+    """
+    with Drawing() as drawing:
+        curves = _section_curves(drawing, boom, 0.0, 0.0)
+        groups: dict[str, list[Entity]] = {"tail": [(1, curve) for curve in curves]}
+        for start, end in zip(boom.stations[:-1], boom.stations[1:], strict=True):
+            swept = drawing.sweep([(1, c) for c in curves], end - start, boom.layers(start, end), quads=True)
+            curves = [tag for _, tag in swept[::4]]  # of each curve: its copy, the surface, two more lines
+            tapers = any(part.is_tapered for part in boom.parts if part.start < (start + end) / 2.0 < part.end)
+            for side, surface in zip(boom.sides, swept[1::4], strict=True):
+                groups.setdefault(side.name + tapers * TAPERED, []).append(surface)
+            if end in boom.frames:
+                groups.setdefault("frames", []).extend(_frame_surfaces(drawing, boom, curves, end))
+        groups["tip"] = [(1, curve) for curve in curves]
+        drawing.write(groups, file, lambda points: taper_points(points, boom.sides, boom.parts, boom.frame_depth))
+
+
+def write_solid(boom: BoxBoom, file: Path, hexahedra: bool = True) -> None:
+    """Mesh the walls by hexahedra, one across, or tetrahedra of the same structure, and write them to `file`.
+
+    Raises an `InputError` if there are frames, or walls of different thickness with rounded corners.
+    """
+    if boom.frames:
+        raise InputError(DIMENSIONS, "frames", boom.frames, "a solid boom has none")
+    walls = {side.thickness for side in boom.sides}
+    if len(walls) > 1 and any(side.centre is not None for side in boom.sides):
+        allowed = "one thickness of all walls is allowed for a solid with rounded corners"
+        raise InputError(DIMENSIONS, "wall", ", ".join(f"{wall:g}" for wall in sorted(walls)), allowed)
+    with Drawing() as drawing:
+        patches = _wall_patches(drawing, boom, hexahedra)
+        swept = drawing.sweep(patches, boom.length, boom.layers(0.0, boom.length), quads=hexahedra)
+        volumes = [entity for entity in swept if entity[0] == 3]
+        groups: dict[str, list[Entity]] = {"wall": volumes}
+        for face in drawing.boundary(volumes):
+            low, high = drawing.bounds(face)
+            for name, plane in _outer_faces(boom).items():
+                if plane.holds(low, high):
+                    groups.setdefault(name, []).append(face)
+        drawing.write(groups, file)
+
+
+def _section_curves(drawing: Drawing, boom: BoxBoom, x: float, inset: float) -> list[int]:
+    """Curves (tags) around the section at x, moved inwards by `inset` (m) but with the divisions of the mid-line."""
+    curves = []
+    for k, side in enumerate(boom.sides):
+        start, end = (drawing.point(x, *p) for p in shifted_ends(boom.sides, k, lambda side: -inset))
+        if side.centre is None:
+            curves.append(drawing.line(start, end, side.cells(boom.size)))
+        else:
+            curves.append(drawing.arc(start, drawing.point(x, *side.centre), end, side.cells(boom.size)))
+    return curves
+
+
+def _frame_surfaces(drawing: Drawing, boom: BoxBoom, outer: list[int], x: float) -> list[Entity]:
+    """Surfaces of a frame at x: within the curves `outer` up to the frames' depth, or all that they enclose."""
+    if boom.frame_depth == np.inf:
+        return [drawing.fill(outer)]
+    inner = _section_curves(drawing, boom, x, boom.frame_depth)
+    return drawing.strips(outer, inner, max(1, round(boom.frame_depth / boom.size)))
+
+
+def _wall_patches(drawing: Drawing, boom: BoxBoom, quads: bool) -> list[Entity]:
+    """Surfaces of the walls' cross-section at x = 0: one for each side, and one for each right-angled sharp corner."""
+    patches, count = [], len(boom.sides)
+    inside = [[drawing.point(0.0, *p) for p in shifted_ends(boom.sides, k, _inner_distance)] for k in range(count)]
+    outside = [[drawing.point(0.0, *p) for p in _outer_ends(boom, k)] for k in range(count)]
+    for k, side in enumerate(boom.sides):
+        (a, b), (d, c) = outside[k], inside[k]
+        n, after = side.cells(boom.size), (k + 1) % count
+        if side.centre is None:
+            along = drawing.line(a, b, n), drawing.line(c, d, n)
+        else:
+            centre = drawing.point(0.0, *side.centre)
+            along = drawing.arc(a, centre, b, n), drawing.arc(c, centre, d, n)
+        patches.append(drawing.patch([along[0], drawing.line(b, c, 1), along[1], drawing.line(d, a, 1)], quads))
+        if _is_square(boom, k):
+            corner = drawing.point(0.0, *shifted_ends(boom.sides, k, _outer_distance)[1])
+            next_ = outside[after][0]
+            sides = [drawing.line(b, corner, 1), drawing.line(corner, next_, 1), drawing.line(next_, c, 1)]
+            patches.append(drawing.patch([*sides, drawing.line(c, b, 1)], quads))
+    return patches
+
+
+def _outer_distance(side: Side) -> float:
+    """Distance from the mid-surface to the outer surface, m."""
+    return side.thickness / 2.0
+
+
+def _inner_distance(side: Side) -> float:
+    """Distance from the mid-surface to the inner surface, m; negative, as it counts outwards."""
+    return -side.thickness / 2.0
+
+
+def _outer_ends(boom: BoxBoom, k: int) -> tuple[Array, Array]:
+    """Ends (2,) m of the outer line of side k's patch.
+
+    They are opposite the inner line's ends where a patch of its own fills the corner, elsewhere mitred.
+    """
+    side, outer = boom.sides[k], shifted_ends(boom.sides, k, _outer_distance)
+    inner = [
+        at + side.thickness * outward_normal(side, end)
+        for end, at in zip((side.start, side.end), shifted_ends(boom.sides, k, _inner_distance), strict=True)
+    ]
+    first = inner[0] if _is_square(boom, k - 1) else outer[0]
+    return first, inner[1] if _is_square(boom, k) else outer[1]
+
+
+def _is_square(boom: BoxBoom, k: int) -> bool:
+    """Whether side k and the next one are flat and meet at a right angle."""
+    side, after = boom.sides[k], boom.sides[(k + 1) % len(boom.sides)]
+    flat = side.centre is None and after.centre is None
+    return flat and abs(float(outward_normal(side, side.end) @ outward_normal(after, after.start))) < SQUARE
+
+
+@dataclass(frozen=True)
+class _Plane:
+    """The plane of points p with normal . p = distance."""
+
+    normal: Array  # (3,)
+    distance: float
+
+    def holds(self, low: Array, high: Array) -> bool:
+        """Whether a flat face with the bounding box from `low` to `high` lies in the plane."""
+        rising = float(np.prod(self.normal[1:])) <= 0.0
+        ends = (low, high) if rising else (np.array([low[0], low[1], high[2]]), np.array([high[0], high[1], low[2]]))
+        return all(abs(self.normal @ end - self.distance) < 1e-6 for end in ends)
+
+
+def _outer_faces(boom: BoxBoom) -> dict[str, _Plane]:
+    """Planes of both ends and of the outside of each flat wall of a solid, by name."""
+    planes = {"tail": _Plane(np.eye(3)[0], 0.0), "tip": _Plane(np.eye(3)[0], boom.length)}
+    for side in boom.sides:
+        if side.centre is None:
+            normal = outward_normal(side, side.start)
+            planes[side.name] = _Plane(np.array([0.0, *normal]), float(normal @ side.start) + side.thickness / 2.0)
+    return planes

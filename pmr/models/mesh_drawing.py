@@ -1,0 +1,233 @@
+"""Meshes made by this package: patches drawn and meshed by gmsh, and the nodes of a straight planar beam.
+
+Beam nodes are generated, or read from a chain of line cells in a file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.errors.environment import import_package
+from pmr.models.named_mesh import read_mesh_file
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Entity = tuple[int, int]  # dimension and tag
+
+#: gmsh's element types: meshio's name and number of vertices.
+ELEMENTS = {1: ("line", 2), 2: ("triangle", 3), 3: ("quad", 4), 4: ("tetra", 4), 5: ("hexahedron", 8)}
+#: Bytes to append to a file that was cut off: more than a disk without room for an array has left.
+BEYOND = 2**20
+
+
+class NotDrawnError(ValueError):
+    """gmsh can't draw or mesh its input; gmsh itself raises a bare `Exception`."""
+
+
+class Drawing:
+    """A gmsh model in which equal points, and curves with equal ends, are drawn once.
+
+    It is a context manager, as gmsh is global to the process; on exit it turns gmsh's errors into `NotDrawnError`.
+    """
+
+    def __enter__(self) -> Drawing:
+        gmsh = import_package("gmsh")
+        gmsh.initialize(interruptible=False)
+        gmsh.option.setNumber("General.Terminal", 0)
+        self._model: Any = gmsh.model
+        self._finalize = gmsh.finalize
+        self._points: dict[tuple[float, ...], int] = {}
+        self._curves: dict[frozenset[int], int] = {}
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._finalize()
+        if kind is Exception:
+            raise NotDrawnError(str(error)) from None
+
+    def point(self, x: float, y: float, z: float) -> int:
+        """Tag of the point at x, y, z in m."""
+        key = tuple(round(c, 9) + 0.0 for c in (x, y, z))
+        if key not in self._points:
+            self._points[key] = self._model.geo.addPoint(x, y, z)
+        return self._points[key]
+
+    def line(self, start: int, end: int, divisions: int) -> int:
+        """Tag of a straight line between the points `start` and `end`, in `divisions` equal parts."""
+        return self._curve(start, end, divisions, lambda: self._model.geo.addLine(start, end))
+
+    def arc(self, start: int, centre: int, end: int, divisions: int) -> int:
+        """Tag of a circular arc around the point `centre` from point `start` to `end`, in `divisions` equal parts."""
+        return self._curve(start, end, divisions, lambda: self._model.geo.addCircleArc(start, centre, end))
+
+    def _curve(self, start: int, end: int, divisions: int, draw: Any) -> int:
+        """Tag of the curve between two points; `draw` makes it if there is none yet."""
+        key = frozenset((start, end))
+        if key not in self._curves:
+            self._curves[key] = draw()
+            self._model.geo.mesh.setTransfiniteCurve(self._curves[key], divisions + 1)
+        return self._curves[key]
+
+    def patch(self, sides: Sequence[int], quads: bool) -> Entity:
+        """Surface within four curves, meshed in rows and columns: rectangles if `quads`, else triangles."""
+        geo = self._model.geo
+        surface = geo.addPlaneSurface([geo.addCurveLoop(sides, reorient=True)])
+        geo.mesh.setTransfiniteSurface(surface)
+        if quads:
+            geo.mesh.setRecombine(2, surface)
+        return 2, surface
+
+    def fill(self, curves: Sequence[int]) -> Entity:
+        """Plane surface within closed curves, meshed by triangles as large as the curves' divisions."""
+        geo = self._model.geo
+        return 2, geo.addPlaneSurface([geo.addCurveLoop(list(curves), reorient=True)])
+
+    def sweep(self, entities: Sequence[Entity], distance: float, layers: list[float], quads: bool) -> list[Entity]:
+        """Sweep curves or surfaces along x by `distance` in m; returns the entities that gmsh makes, in its order.
+
+        `layers` are the ends of the layers of cells as shares of the distance.
+        """
+        once = [1] * len(layers)
+        return list(self._model.geo.extrude(list(entities), distance, 0, 0, once, layers, recombine=quads))
+
+    def strips(self, outer: Sequence[int], inner: Sequence[int], divisions: int) -> list[Entity]:
+        """Patches of rectangles between the pairs of curves in `outer` and `inner`, in `divisions` parts across."""
+        self._model.geo.synchronize()
+        patches = []
+        for left_curve, right_curve in zip(outer, inner, strict=True):
+            (a, b), (c, d) = (
+                [tag for _, tag in self._model.getBoundary([(1, curve)], oriented=False)]
+                for curve in (left_curve, right_curve)
+            )
+            if self._distance(a, c) + self._distance(b, d) > self._distance(a, d) + self._distance(b, c):
+                c, d = d, c
+            patches.append(
+                self.patch(
+                    [left_curve, self.line(b, d, divisions), right_curve, self.line(c, a, divisions)], quads=True
+                )
+            )
+        return patches
+
+    def _distance(self, a: int, b: int) -> float:
+        """Distance between two points, given by their tags, m."""
+        p, q = (np.array(self._model.getValue(0, tag, [])) for tag in (a, b))
+        return float(np.linalg.norm(p - q))
+
+    def boundary(self, entities: Sequence[Entity]) -> list[Entity]:
+        """Entities that bound all given entities as a whole."""
+        self._model.geo.synchronize()
+        return list(self._model.getBoundary(list(entities), combined=True, oriented=False))
+
+    def bounds(self, entity: Entity) -> tuple[Array, Array]:
+        """Lower and upper corner (3,) m of an entity's bounding box."""
+        box = np.array(self._model.getBoundingBox(*entity))
+        return box[:3], box[3:]
+
+    def write(
+        self, groups: Mapping[str, Sequence[Entity]], file: Path, move: Callable[[Array], Array] = np.asarray
+    ) -> None:
+        """Mesh the drawing, move its points and write it to `file`, with `groups` as physical groups.
+
+        `move` maps points (N, 3) m to their new positions.  Rectangles of a surface become four triangles each.
+
+        Raises a `NotDrawnError` if cells collapse.
+        """
+        import meshio
+
+        self._model.geo.synchronize()
+        top = max(dim for members in groups.values() for dim, _ in members)
+        self._model.mesh.generate(top)
+        tags, coordinates, _ = self._model.mesh.getNodes()
+        number = np.zeros(int(tags.max()) + 1, np.int64)
+        number[tags.astype(np.int64)] = np.arange(len(tags))
+        points = move(coordinates.reshape(-1, 3))
+        cells, physical, field_data = [], [], {}
+        for tag, (name, members) in enumerate(groups.items(), 1):
+            field_data[name] = np.array([tag, members[0][0]])
+            for entity in members:
+                for element, _, nodes in zip(*self._model.mesh.getElements(*entity), strict=True):
+                    if int(element) not in ELEMENTS:
+                        raise NotDrawnError("cells collapse where sizes are too different")
+                    kind, vertices = ELEMENTS[int(element)]
+                    block = number[nodes.astype(np.int64)].reshape(-1, vertices)
+                    if kind == "quad" and top == 2:
+                        points, block = split_quads(points, block)
+                        kind = "triangle"
+                    cells.append((kind, block))
+                    physical.append(np.full(len(block), tag))
+        data = {"gmsh:physical": physical, "gmsh:geometrical": physical}
+        mesh = meshio.Mesh(points, cells, cell_data=data, field_data=field_data)
+        try:
+            meshio.write(file, mesh, file_format="gmsh22", binary=True)
+        except OSError as error:
+            if error.errno is None:  # arrays that are cut off don't say why; what is written beyond them does
+                with file.open("ab") as stream:
+                    stream.write(bytes(BEYOND))
+            raise
+
+
+def split_quads(points: Array, quads: Indices) -> tuple[Array, Indices]:
+    """Split each of e quadrilaterals (e, 4) into four triangles around its centre.
+
+    Returns the points with the centres added, and the triangles (4 e, 3).
+    """
+    centre = len(points) + np.arange(len(quads))
+    triangles = [np.stack([quads[:, i], quads[:, (i + 1) % 4], centre], axis=1) for i in range(4)]
+    return np.concatenate([points, points[quads].mean(axis=1)]), np.stack(triangles, axis=1).reshape(-1, 3)
+
+
+def graded_nodes(length: float, elements: int, grading: float = 1.0) -> Array:
+    """Nodes (elements + 1,) in m from 0 to `length`.
+
+    Element lengths grow geometrically; `grading` is the last one over the first one.
+    """
+    if elements == 1 or grading == 1.0:
+        return np.linspace(0.0, length, elements + 1)
+    lengths = grading ** (np.arange(elements) / (elements - 1))
+    nodes = np.concatenate([[0.0], np.cumsum(lengths)])
+    return nodes * (length / nodes[-1])
+
+
+def read_nodes(file: Path, length: float) -> Array:
+    """Nodes (N,) in m, ascending, of a beam from the line cells of a file that meshio reads.
+
+    Raises an `InputError` if these form no chain on the x axis from 0 to `length`.
+    """
+
+    def refuse(problem: str) -> InputError:
+        """The error for a file with this problem."""
+        return InputError(str(file), "", None, f"{problem}; a chain of line cells on the x axis is allowed")
+
+    read = read_mesh_file(file)
+    kinds = sorted({block.kind for block in read.blocks} - {"vertex"})
+    if kinds != ["line"]:
+        raise refuse(f"cells of type {', '.join(kinds) or 'none'}")
+    lines = np.concatenate([block.corners for block in read.blocks if block.kind == "line"])
+    used = np.unique(lines)
+    points = read.points
+    if not np.isfinite(points[used]).all():
+        raise refuse("coordinates that are not finite")
+    if np.any(np.abs(points[used, 1:]) > 1e-9 * length):
+        raise refuse("points off the x axis")
+    x = points[used, 0]
+    order = np.argsort(x)
+    nodes, rank = x[order], np.empty(len(points), int)
+    rank[used[order]] = np.arange(len(used))
+    if np.any(np.diff(nodes) <= 1e-12 * length):
+        raise refuse("two nodes at one place")
+    chain = np.sort(rank[lines], axis=1)
+    if len(chain) != len(nodes) - 1 or set(map(tuple, chain)) != {(i, i + 1) for i in range(len(nodes) - 1)}:
+        raise refuse(f"{len(lines)} lines on {len(nodes)} nodes that form no single chain")
+    if abs(nodes[0]) > 1e-9 * length or abs(nodes[-1] - length) > 1e-9 * length:
+        raise refuse(f"nodes from {nodes[0]:g} to {nodes[-1]:g} m, but the beam has {length:g} m from 0")
+    nodes[0], nodes[-1] = 0.0, length
+    return np.asarray(nodes, float)

@@ -1,0 +1,358 @@
+"""Meshes of surfaces and solids with named groups, read from files and checked before anything is built on them.
+
+Decks of Abaqus and CalculiX are read by this package, all other files by meshio.  A mesh is refused if its cells are
+degenerate, inverted, folded or unconnected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from functools import cached_property
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from pmr.errors import InputError
+from pmr.errors.text import NAMED, is_name
+from pmr.fem.compat import MPI, cell_topology, create_mesh
+from pmr.files.decks import KINDS, Deck, read_deck
+from pmr.models.mesh_nodes import codes
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: Dimension of cells, by their kind in meshio's words.
+DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3}
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Cells of one kind, in meshio's words, with their corners (c, k) as numbers of points."""
+
+    kind: str
+    corners: Indices
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """Content of a mesh file: points, blocks of cells, and for each group the numbers of its cells in each block."""
+
+    points: Array  # (N, 3) m
+    blocks: list[Cells]
+    groups: Mapping[str, list[Indices]]
+
+
+def read_mesh_file(file: Path) -> MeshFile:
+    """Read points, cells and groups of a deck of Abaqus or CalculiX, or of any file that meshio reads.
+
+    Raises an `InputError` if the file can't be read, or a cell has corners that are not among its points.
+    """
+    content = (
+        _deck_content(read_deck(file)) if file.suffix.lower() == ".inp" and file.is_file() else _meshio_content(file)
+    )
+    for block in content.blocks:
+        missing = (block.corners < 0) | (block.corners >= len(content.points))
+        if missing.any():
+            raise InputError(
+                str(file),
+                "",
+                None,
+                f"{missing.any(axis=1).sum()} cells of kind {block.kind} have corners that are no points of it",
+            )
+    return content
+
+
+def _deck_content(deck: Deck) -> MeshFile:
+    """Points, cells and groups of a deck; raises an `InputError` for missing nodes or cells that are not linear."""
+    place = {number: k for k, number in enumerate(deck.nodes)}
+    blocks = list[Cells]()
+    for block in deck.elements:
+        for line, number, nodes in zip(block.lines, block.numbers, block.nodes, strict=True):
+            missing = next((node for node in nodes if node not in place), None)
+            if missing is not None:
+                raise deck.line_error(line, f"element {number} has node {missing}, which is not in the file")
+        kind = KINDS.get(block.type)
+        if kind is None:
+            raise InputError(deck.source, "", None, f"cells of type {block.type}; linear cells are allowed")
+        if block.nodes:
+            blocks.append(Cells(kind, np.array([[place[node] for node in nodes] for nodes in block.nodes], np.int64)))
+    numbers = [np.array(block.numbers) for block in deck.elements if block.nodes]
+    groups = {
+        deck.set_spellings[name]: [
+            np.flatnonzero(np.isin(element_numbers, list(members))) for element_numbers in numbers
+        ]
+        for name, members in deck.element_sets.items()
+    }
+    return MeshFile(np.array(list(deck.nodes.values()), float).reshape(-1, 3), blocks, groups)
+
+
+def _meshio_content(file: Path) -> MeshFile:
+    """Points, cells and groups that meshio reads; raises an `InputError` if it can't, or cells are not linear."""
+    import meshio
+
+    try:
+        with redirect_stdout(StringIO()), redirect_stderr(StringIO()):  # meshio prints what it tried
+            mesh = meshio.read(file)
+    except (Exception, SystemExit):  # meshio leaves with SystemExit where no reader fits
+        hint = ", of gmsh with Mesh.SaveAll = 0," if file.suffix.lower() == ".msh" else ""
+        allowed = f"meshio can't read it; a mesh with named groups{hint} is allowed"
+        raise InputError(str(file), "", None, allowed) from None
+    strange = sorted({block.type for block in mesh.cells} - set(DIMENSIONS))
+    if strange:
+        raise InputError(str(file), "", None, f"cells of type {', '.join(strange)}; linear cells are allowed")
+    points = np.asarray(mesh.points, float)
+    if points.ndim != 2 or not points.size:  # of files without any
+        points = np.empty((0, 3))
+    blocks = [Cells(block.type, np.asarray(block.data, np.int64)) for block in mesh.cells]
+    return MeshFile(points, blocks, _physical_groups(mesh))
+
+
+def _physical_groups(mesh: Any) -> dict[str, list[Indices]]:
+    """Numbers of each physical group's cells in each of meshio's blocks, from sets (MSH 4) or tags (MSH 2)."""
+    sets = {name: parts for name, parts in mesh.cell_sets.items() if not name.startswith("gmsh:")}
+    empty = np.empty(0, np.int64)
+    if sets:
+        return {
+            name: [empty if part is None else np.asarray(part, np.int64) for part in parts]
+            for name, parts in sets.items()
+        }
+    tags = mesh.cell_data.get("gmsh:physical", [])
+    return {
+        name: [
+            np.flatnonzero(tag == number) if DIMENSIONS[block.type] == dim else empty
+            for block, tag in zip(mesh.cells, tags, strict=True)
+        ]
+        for name, (number, dim) in mesh.field_data.items()
+        if len(tags)
+    }
+
+
+#: Cells with less than this share of the volume (area) of a regular cell of their size count as degenerate.
+DEGENERATE = 1e-6
+#: Neighbouring triangles that enclose less than some 8 degrees lie on top of each other.
+FOLDED = -0.99
+
+
+def mesh_fault(cell: str, points: Array, cells: Indices) -> str:
+    """Describe why a mesh is unsound; an empty text if it is sound.
+
+    `cell` is the kind of cells in dolfinx' words.
+    """
+    corners = points[cells]
+    size = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
+    if cell == "triangle":
+        content = np.linalg.norm(_normals(corners), axis=1) / size**2
+    else:
+        content = _corner_volumes(cell, corners).min(axis=1) / size**3
+    inverted, flat = int(np.sum(content < -DEGENERATE)), int(np.sum(np.abs(content) <= DEGENERATE))
+    if flat:
+        return f"{flat} of {len(cells)} cells are degenerate, without area or volume"
+    if inverted:
+        return f"{inverted} of {len(cells)} cells are inverted (negative volume at a corner)"
+    facets = cells[:, cell_topology(cell)[-2]]
+    facet_codes = codes(np.sort(facets.reshape(-1, facets.shape[-1]), axis=1), len(points)).reshape(len(cells), -1)
+    parts, sizes = _connected_parts(facet_codes)
+    if parts > 1:
+        shown = ", ".join(map(str, sizes[:4])) + (", ..." if parts > 4 else "")
+        where = "edges" if cell == "triangle" else "faces"
+        return f"the cells form {parts} parts that share no {where} (of {shown} cells); one connected body is allowed"
+    folded = _count_folds(corners, cells, facet_codes) if cell == "triangle" else 0
+    return f"{folded} pairs of neighbouring triangles lie folded on each other" if folded else ""
+
+
+def _normals(corners: Array) -> Array:
+    """Normals (C, 3) of triangles with `corners` (C, 3, 3), as long as their areas."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
+
+
+def _corner_volumes(cell: str, corners: Array) -> Array:
+    """Triple products (C, k) of the edges at each corner of a cell.
+
+    All are positive in a convex cell with the orientation of the file's format.
+    """
+    if cell == "tetrahedron":
+        at = np.array([[0, 1, 2, 3]])
+    else:  # neighbours of each vertex along the axes of the tensor product, as a right-handed triple
+        triples = [[v, v ^ 1, v ^ 2, v ^ 4] for v in range(8)]
+        at = np.array([t if bin(t[0]).count("1") % 2 == 0 else [t[0], t[2], t[1], t[3]] for t in triples])
+    o = corners[:, at[:, 0]]
+    a, b, c = (corners[:, at[:, i]] - o for i in (1, 2, 3))
+    return np.asarray(np.einsum("cki,cki->ck", np.cross(a, b), c))
+
+
+def _connected_parts(facet_codes: Indices) -> tuple[int, list[int]]:
+    """Number of parts of cells that are connected through facets, and their numbers of cells, largest first.
+
+    `facet_codes` (C, f) are the codes of each cell's facets.
+    """
+    count, per_cell = facet_codes.shape
+    _, facet = np.unique(facet_codes, return_inverse=True)
+    facet = facet.reshape(-1)
+    incidence = coo_matrix((np.ones(facet.size), (np.repeat(np.arange(count), per_cell), facet))).tocsr()
+    parts, label = connected_components(incidence @ incidence.T, directed=False)
+    return int(parts), sorted(np.bincount(label).tolist(), reverse=True)
+
+
+def _count_folds(corners: Array, cells: Indices, edge_codes: Indices) -> int:
+    """Number of pairs of triangles with a common edge that lie on the same side of it, folded on each other."""
+    opposite = np.tile(np.arange(3), len(cells))  # edge i of the reference triangle lies opposite vertex i
+    triangle = np.repeat(np.arange(len(cells)), 3)
+    order = np.argsort(edge_codes.ravel(), kind="stable")
+    code = edge_codes.ravel()[order]
+    first = np.flatnonzero(code[:-1] == code[1:])
+    sides = []
+    for which in (order[first], order[first + 1]):
+        c, k = triangle[which], opposite[which]
+        tip, a, b = corners[c, k], corners[c, (k + 1) % 3], corners[c, (k + 2) % 3]
+        edge = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
+        away = tip - a
+        away -= np.einsum("ci,ci->c", away, edge)[:, None] * edge
+        sides.append(away / np.linalg.norm(away, axis=1)[:, None])
+    return int(np.sum(np.einsum("ci,ci->c", *sides) > -FOLDED))
+
+
+#: meshio's linear cells: dolfinx' name, dimension, order of vertices (dolfinx numbers them as a tensor product).
+CELLS_OF_KIND = {
+    "vertex": ("point", 0, [0]),
+    "line": ("interval", 1, [0, 1]),
+    "triangle": ("triangle", 2, [0, 1, 2]),
+    "quad": ("quadrilateral", 2, [0, 1, 3, 2]),
+    "tetra": ("tetrahedron", 3, [0, 1, 2, 3]),
+    "hexahedron": ("hexahedron", 3, [0, 1, 3, 2, 4, 5, 7, 6]),
+}
+
+
+@dataclass(frozen=True)
+class Group:
+    """Named points, lines, faces or cells: their dimension 0 to 3, and vertices (e, k) in dolfinx' order."""
+
+    dim: int
+    entities: Indices
+
+
+@dataclass(frozen=True)
+class NamedMesh:
+    """A mesh in space of one kind of linear cells, the same on every rank.
+
+    Vertices are numbered along the longest extent, so that consecutive numbers are neighbours.
+    """
+
+    cell: str  # ``"triangle"``, ``"tetrahedron"`` or ``"hexahedron"``
+    points: Array  # (N, 3) m
+    cells: Indices  # (C, k): vertices in dolfinx' order
+    groups: Mapping[str, Group]
+    regions: Mapping[str, Indices]  # of each group of cells the cells' numbers (c,)
+    source: str = "mesh"  # where the mesh is from, for messages
+
+    @cached_property
+    def axis(self) -> int:
+        """Axis of the longest extent: 0, 1 or 2 for x, y or z."""
+        return int(np.ptp(self.points, axis=0).argmax())
+
+    @cached_property
+    def spans(self) -> tuple[Array, Array]:
+        """Start and end of each cell along the axis, (C,) m each."""
+        x = self.points[:, self.axis][self.cells]
+        return x.min(axis=1), x.max(axis=1)
+
+    def distribute(self, comm: MPI.Comm) -> Any:
+        """The mesh in dolfinx, spread over `comm`; collective."""
+        return create_mesh(comm, self.cell, self.points, self.cells)
+
+    def require(self, names: Sequence[str]) -> None:
+        """Raise an `InputError`, which lists the groups there are, if one of the named groups is missing."""
+        missing = [name for name in names if name not in self.groups]
+        if missing:
+            names_there = ", ".join(sorted(self.groups)) or "none"
+            raise InputError(self.source, "", None, f"no group named {', '.join(missing)}; found: {names_there}")
+
+
+def read_mesh(file: Path, kinds: Sequence[str], groups: Sequence[str] = ()) -> NamedMesh:
+    """Read a mesh from any file that meshio reads, or a deck.
+
+    Groups are gmsh's physical groups or a deck's element sets.
+
+    Parameters
+    ----------
+    kinds : sequence of str
+        Kinds of cells that the model allows, in dolfinx' words, e.g. ``("triangle",)``.
+    groups : sequence of str
+        Groups that the mesh must have.
+
+    Raises
+    ------
+    InputError
+        If cells are of another kind, of mixed kinds or of higher order, inverted, degenerate or unconnected, or if a
+        group is missing; the message says what the file has.
+    """
+    read = read_mesh_file(file)
+    blocks = [(*CELLS_OF_KIND[block.kind][:2], block.corners[:, CELLS_OF_KIND[block.kind][2]]) for block in read.blocks]
+    named = named_mesh(read.points, blocks, read.groups, kinds, str(file))
+    named.require(groups)
+    return named
+
+
+def named_mesh(
+    points: Array,
+    blocks: Sequence[tuple[str, int, Indices]],
+    memberships: Mapping[str, Sequence[Indices]],
+    kinds: Sequence[str],
+    source: str = "mesh",
+) -> NamedMesh:
+    """Checked mesh from blocks of cells (kind, dimension, vertices) and each group's cell numbers in every block.
+
+    `kinds` are the allowed cells; `source` is named in errors.  Raises an `InputError` as `read_mesh`.
+    """
+
+    def refuse(what: str) -> InputError:
+        """The error for a mesh with these cells."""
+        return InputError(source, "", None, f"{what}; cells of kind {' or '.join(kinds)} are allowed")
+
+    top = max((dim for _, dim, _ in blocks), default=0)
+    cell_kinds = sorted({kind for kind, dim, _ in blocks if dim == top})
+    if len(cell_kinds) > 1:
+        raise refuse(f"mixed cells: {', '.join(cell_kinds)}")
+    if not cell_kinds or cell_kinds[0] not in kinds:
+        raise refuse(f"cells of kind {cell_kinds[0] if cell_kinds else 'none'}")
+    listed = np.concatenate([vertices for _, dim, vertices in blocks if dim == top])
+    # Files of some formats list a cell once for each group that it belongs to.
+    _, first, cell_of = np.unique(np.sort(listed, axis=1), axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(np.argsort(first))
+    cells, cell_of = listed[np.sort(first)], order[cell_of.reshape(-1)]
+    used = np.unique(cells)
+    if not np.isfinite(points[used]).all():
+        raise refuse("coordinates that are not finite")
+    extent = np.ptp(points[used], axis=0)
+    x = points[used][:, extent.argmax()]
+    ordered = used[np.argsort(np.round(x / (1e-9 * extent.max())), kind="stable")]
+    number = np.full(len(points), -1, np.int64)
+    number[ordered] = np.arange(len(ordered))
+    points, cells = np.ascontiguousarray(points[ordered]), number[cells]
+    problem = mesh_fault(cell_kinds[0], points, cells)
+    if problem:
+        raise InputError(source, "", None, problem)
+    offsets = np.cumsum([0] + [len(vertices) if dim == top else 0 for _, dim, vertices in blocks])
+    groups, regions = {}, {}
+    for name, members in memberships.items():
+        if not is_name(name):
+            raise InputError(source, "groups", name, NAMED)
+        parts = [(b, np.asarray(m, np.int64)) for b, m in enumerate(members) if len(m)]
+        dims = {blocks[b][1] for b, _ in parts}
+        if len(dims) != 1:
+            held = "entities of several dimensions" if dims else "no cells; gmsh with Mesh.SaveAll leaves groups out"
+            raise InputError(source, "", None, f"group {name} holds {held}")
+        vertices = number[np.concatenate([blocks[b][2][m] for b, m in parts])]
+        if np.any(vertices < 0):
+            raise InputError(source, "", None, f"group {name} has {np.sum(vertices < 0)} points that no cell uses")
+        groups[name] = Group(dims.pop(), vertices)
+        if groups[name].dim == top:
+            regions[name] = np.unique(cell_of[np.concatenate([offsets[b] + m for b, m in parts])])
+            groups[name] = Group(top, cells[regions[name]])
+    return NamedMesh(cell_kinds[0], points, cells, groups, regions, source)

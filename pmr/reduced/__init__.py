@@ -1,1 +1,0 @@
-"""Reduced model of a body, in one file; it needs only NumPy and SciPy."""

@@ -1,0 +1,297 @@
+r"""Responses to given loads as coordinates: residual attachment modes of a body whose rows are on carriers.
+
+Let R be the flexibility that a model's modes leave out.  Under loads G on carriers and inputs it has the static
+response X = R G.  As coordinates, these responses have inertia too, and since R K R = R
+
+.. math::
+    X^T K X = G^T R G, \qquad X^T M X = G^T (R M R)\, G, \qquad X^T M \Phi = X^T K \Phi = 0
+
+follow from R and R M R between the carriers.  What is then left out is R - X (X^T K X)^{-1} X^T.  So the inertia of the
+residual part in the directions of known loads needs no full model.  Craig and Chang: On the use of attachment modes in
+substructure coupling for dynamic analysis, AIAA paper 77-405, 1977.
+
+The force c of a cylinder, which an extension with kinks makes oscillate, has modes of its own in every simulation of a
+boom:
+
+.. math:: x_1 = R c^T, \qquad x_{k+1} = R M x_k
+
+(Ritz vectors: Wilson, Yuan, Dickens: Dynamic analysis by direct superposition of Ritz vectors, Earthquake Engineering
+and Structural Dynamics 10, 1982).  They have the section's frequencies and damping along the boom.  Residual
+flexibility has neither inertia nor damping: a section would oscillate on it for ever.  The flexibility that these modes
+leave out does not give way to a cylinder's force.
+
+Modes without inertia, which follow loads at once, for terms that vary in time and act on what a basis leaves out.
+
+The flexibility R that a basis leaves out responds to contacts and loads, but not to the forces of terms, which depend
+on the motion of every point.  With geometric stiffness these forces bend the residual part: rigid motions of a section
+that is inclined and compressed come with a bending of their own.  So the first residual modes are coordinates of the
+model whose inertia simulators leave out,
+
+.. math::
+    2 \zeta \omega\, \dot\eta + \omega^2 \eta + \sum_k c_k\, \varphi^T A_k\, q = \varphi^T (B f - C^T \lambda)
+
+They follow the forces on them at once, as R does, and have the damping that R has not.  To first order in c, in the
+space of these modes, R becomes :math:`R_A = R - c\, R A R` and the basis V becomes :math:`V_A = V - c\, R A V`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.system.body_matrices import Reactions
+from pmr.system.carriers import CarrierFlexibility, CylinderResponses, EnrichmentModes
+from pmr.system.polynomials import stack_tables
+from pmr.system.reduced_model import ReducedModel
+from pmr.system.soundness import pivoted_cholesky, symmetric_part
+from pmr.system.truncation import extend, with_tables
+
+Array = NDArray[np.float64]
+
+#: Share of the inertia of all responses that may be left out, and most attachment modes.
+LEFT_OUT, MOST = 1e-8, 128
+#: Share of loads below which their responses are round-off: of loads that cancel, as a load right at a slider.
+CANCELLED = 1e-11
+#: Number of cylinder modes in a model, and in the richer model by which its error is estimated.
+CYLINDER, RICHER = 2, 3
+#: Eigenvalue of the scaled inertia up to which a direction is a combination of the others.
+DEPENDENT = 1e-9
+
+
+def with_cylinder_modes(model: ReducedModel) -> ReducedModel:
+    """Return the model with `CYLINDER` modes of its cylinder as its last coordinates.
+
+    A model without a cylinder is returned unchanged.  If the responses to the cylinder's force have no inertia, there
+    are no modes, and what round-off leaves of the flexibility under this force is removed.
+    """
+    carriers, count = model.carriers, CYLINDER
+    if carriers is None or carriers.answers is None:
+        return model
+    answers = carriers.answers
+    if not answers.inertia.any():
+        return _clear_cylinder_flexibility(model, answers)
+    turned, stiffness = _diagonalise(answers.stiffness[:count, :count], answers.inertia[:count, :count])
+    measured = np.vstack([answers.rows[:, :count], answers.inputs[:, :count]]) @ turned
+    with_modes = _append_vectors(model, stiffness, measured, answers.outputs[:, :count] @ turned)
+    assert with_modes.carriers is not None
+    reactions = None if model.reactions is None else _extend_reactions(model, model.reactions, answers, turned)
+    on_modes = replace(with_modes.carriers, answers=replace(answers, turned=turned))
+    loads = np.zeros((len(answers.rows) + len(answers.inputs), turned.shape[1]))
+    return _extend_frame_matrices(replace(with_modes, carriers=on_modes, reactions=reactions), model, loads, turned)
+
+
+def has_frame_matrices(model: ReducedModel) -> bool:
+    """Whether the matrices of a moving frame and of second order can be computed on attachment modes of this model."""
+    carriers = model.carriers
+    if carriers is None or not carriers.matrices:
+        return not model.matrices
+    return len(carriers.spanned) > 0
+
+
+def _extend_frame_matrices(
+    extended_model: ReducedModel, model: ReducedModel, loads: Array, combinations: Array
+) -> ReducedModel:
+    """Return `extended_model` with matrices and ports on its last a coordinates, which `model` does not have.
+
+    These coordinates are responses to combinations `loads` (K + i, a) of loads on K carriers and i inputs, plus
+    `combinations` (k, a) of the first k responses to the cylinder's force.  Without `matrices` on the carriers nothing
+    changes.
+    """
+    carriers, modes, r, (count, a) = model.carriers, model.enrichment, model.size, combinations.shape
+    assert carriers is not None
+    if not carriers.matrices:
+        return extended_model
+    answers, K = carriers.answers, len(carriers.values)
+    n, c = 0 if answers is None else answers.rows.shape[1], 0 if modes is None else modes.count
+    size, p = len(next(iter(carriers.matrices.values()))), len(carriers.spanned)
+    row_loads, X = loads if p else np.zeros_like(loads), np.zeros((size, r + a))
+    X[:r, :r], X[size - n : size - n + count, r:] = np.eye(r), combinations
+    if modes is not None:  # enrichment modes, which the responses of `answers` contain
+        on_modes = (carriers.enrichment.T @ row_loads[:K] + modes.B @ row_loads[K:]) / modes.stiffness[:, None]
+        shares = 0.0 if answers is None else answers.mode_shares(carriers.enrichment, modes)[:, :count] @ combinations
+        X[r : r + c, r:] = on_modes + shares
+    if p:
+        X[r + c : r + c + p, r:] = carriers.spanned @ loads
+    matrices = {name: X.T @ A @ X for name, A in carriers.matrices.items()}
+    ports = {name: row @ X for name, row in carriers.ports.items()}
+    reactions = extended_model.reactions
+    if reactions is not None:  # files of earlier versions don't have the work on these vectors
+        worked = {name: A @ X[: A.shape[1]] for name, A in reactions.matrices.items()}
+        reactions = replace(reactions, matrices=worked)
+    return replace(
+        extended_model,
+        matrices={**extended_model.matrices, **matrices},
+        ports={**extended_model.ports, **ports},
+        reactions=reactions,
+    )
+
+
+def _extend_reactions(
+    model: ReducedModel, reactions: Reactions, answers: CylinderResponses, combinations: Array
+) -> Reactions:
+    """Reactions of the model with `combinations` (k, a) of the first k responses as its last coordinates."""
+    assert model.carriers is not None
+    r, count, of_all = model.size, len(combinations), answers.supports
+    if model.enrichment is not None:  # modes of the largest basis that are no coordinates of the model
+        joined = reactions.inertia[:, r : r + model.enrichment.count]
+        of_all = of_all + joined @ answers.mode_shares(model.carriers.enrichment, model.enrichment)
+    inertia = of_all[:, :count] @ combinations
+    damping = (0.0 if model.rayleigh is None else model.rayleigh.alpha) * inertia
+    return replace(
+        reactions,
+        inertia=np.hstack([reactions.inertia[:, :r], inertia]),
+        damping=np.hstack([reactions.damping[:, :r], damping]),
+        stiffness=np.hstack([reactions.stiffness[:, :r], np.zeros_like(inertia)]),
+    )
+
+
+def with_attachment_modes(
+    model: ReducedModel, loads: Array | sp.csr_matrix, left_out: float = LEFT_OUT, at_rest: bool = False
+) -> ReducedModel:
+    """Return the model with principal responses to loads (T, K + i) in N, on K carriers and i inputs, as coordinates.
+
+    They are the responses with the most inertia, at most `MOST`, that together have all but a share `left_out` of the
+    inertia.  If there is a cylinder, `RICHER` of its modes are included.  If no load moves the residual part and there
+    is no cylinder, the model is unchanged.  The model has no reactions of rigid supports any more, unless `at_rest`:
+    then its reactions are right for a model at rest only.
+
+    A ValueError is raised if the model has no flexibility and inertia of its residual part on carriers.
+    """
+    carriers = model.carriers
+    if carriers is None or carriers.flexibility is None or carriers.inertia is None:
+        raise ValueError("attachment modes need flexibility and inertia on carriers, as section_model gives them")
+    R, S, answers = _load_matrix(carriers.flexibility), _load_matrix(carriers.inertia), carriers.answers
+    G = _principal_loads(S, sp.csr_matrix(loads), left_out)
+    measured, inertia_measured = R @ G, S @ G  # values of the responses, and of the responses to their inertia
+    outputs = np.hstack([carriers.flexibility.outputs, carriers.flexibility.direct]) @ G
+    K, M = G.T @ measured, G.T @ inertia_measured
+    if answers is not None and answers.inertia.any():
+        x, n = np.vstack([answers.rows, answers.inputs]), RICHER
+        K = np.block([[K, G.T @ x[:, :n]], [x[:, :n].T @ G, answers.stiffness[:n, :n]]])
+        M = np.block([[M, G.T @ x[:, 1 : n + 1]], [x[:, 1 : n + 1].T @ G, answers.inertia[:n, :n]]])
+        measured, outputs = np.hstack([measured, x[:, :n]]), np.hstack([outputs, answers.outputs[:, :n]])
+    turned, stiffness = _diagonalise(K, M)
+    if not len(stiffness):
+        return model if answers is None else _clear_cylinder_flexibility(model, answers)
+    with_modes, g = _append_vectors(model, stiffness, measured @ turned, outputs @ turned), G.shape[1]
+    if at_rest and model.reactions is not None:  # where forces do not depend on which inertia supports bear
+        reactions, none = model.reactions, np.zeros((len(model.reactions.names), len(stiffness)))
+        inertia, damping, stiff = (
+            np.hstack([part[:, : model.size], none])
+            for part in (reactions.inertia, reactions.damping, reactions.stiffness)
+        )
+        with_modes = replace(
+            with_modes, reactions=replace(reactions, inertia=inertia, damping=damping, stiffness=stiff)
+        )
+    return _extend_frame_matrices(with_modes, model, G @ turned[:g], turned[g:])
+
+
+def _diagonalise(K: Array, M: Array) -> tuple[Array, Array]:
+    """Combinations X (k, a) with X^T M X = I and X^T K X = diag(omega^2), and omega^2 (a,) in (rad/s)^2.
+
+    Directions without stiffness or inertia are left out: they are round-off, of a model with nearly all modes of its
+    mesh.
+    """
+    count = len(K)
+    sound = np.flatnonzero((np.diagonal(K) > 0.0) & (np.diagonal(M) > 0.0))
+    K, M = (A[np.ix_(sound, sound)] for A in (K, M))
+    scale = 1.0 / np.sqrt(np.diagonal(M))
+    size, Q = np.linalg.eigh(scale[:, None] * M * scale)
+    is_independent = size > DEPENDENT
+    apart = scale[:, None] * Q[:, is_independent] / np.sqrt(size[is_independent])
+    stiffness, turned = np.linalg.eigh(apart.T @ K @ apart)
+    stiff = stiffness > 0.0
+    X = np.zeros((count, int(np.count_nonzero(stiff))))
+    X[sound] = apart @ turned[:, stiff]
+    return X, stiffness[stiff]
+
+
+def _append_vectors(model: ReducedModel, stiffness: Array, measures: Array, outputs: Array) -> ReducedModel:
+    """Return the model with a M-orthonormal vectors of that `stiffness` (a,) as its last coordinates.
+
+    They measure `measures` (K + i, a) on K carriers and i inputs, and `outputs` (o, a).
+    """
+    carriers = model.carriers
+    assert carriers is not None
+    K = len(carriers.values)
+    on_rows = replace(carriers, values=measures[:K])
+    rows = [on_rows.row(k, name).project(np.eye(len(stiffness))) for k, name in enumerate(model.row_names)]
+    modes = EnrichmentModes(
+        stiffness=stiffness,
+        damping=np.zeros_like(stiffness) if model.rayleigh is None else model.rayleigh.modal_damping(stiffness),
+        B=measures[K:].T,
+        outputs=outputs,
+        rows=stack_tables(rows, model.domain),
+    )
+    on_modes = replace(carriers, enrichment=measures[:K], inertia=None, answers=None)
+    with_modes = extend(
+        replace(model, enrichment=modes, carriers=on_modes, reactions=None)
+    )  # which know nothing of them
+    return with_modes if carriers.answers is None else _clear_cylinder_flexibility(with_modes, carriers.answers)
+
+
+def _clear_cylinder_flexibility(model: ReducedModel, answers: CylinderResponses) -> ReducedModel:
+    """Return the model without round-off of its residual flexibility under the cylinder's force.
+
+    The responses to this force have to be coordinates of the model.
+    """
+    carriers, load = model.carriers, answers.load
+    assert carriers is not None and carriers.flexibility is not None
+
+    def rigid(A: Array) -> Array:
+        return A - np.outer(load, load @ A) / (load @ load)
+
+    flexibility = carriers.flexibility
+    residual = replace(
+        flexibility,
+        rows=symmetric_part(rigid(rigid(flexibility.rows).T)),
+        inputs=rigid(flexibility.inputs),
+        outputs=rigid(flexibility.outputs.T).T,
+    )
+    return with_tables(replace(model, carriers=replace(carriers, flexibility=residual)))
+
+
+def _load_matrix(part: CarrierFlexibility) -> Array:
+    """Flexibility or inertia (K + i, K + i) between K carriers and i inputs."""
+    return np.block([[part.rows, part.inputs], [part.inputs.T, part.energy]])
+
+
+def _principal_loads(S: Array, loads: sp.csr_matrix, left_out: float) -> Array:
+    """Combinations G (K + i, k) of the loads with G^T S G = I, those whose responses have the most inertia first.
+
+    S (K + i, K + i) is the inertia of the residual part.  At most `MOST` combinations are returned, which leave out at
+    most a share `left_out` of the inertia; loads whose responses are round-off are left out.
+    """
+    mass = np.trace(S)
+    half = pivoted_cholesky(S)  # on a coarse mesh S has a low rank
+    gathered = loads.T @ (loads @ half)  # not by squares of the loads, which would lose what cancels
+    energy, V = np.linalg.eigh(half.T @ gathered)
+    energy, V = energy[::-1], V[:, ::-1]
+    energy_so_far = np.cumsum(np.maximum(energy, 0.0))
+    enough = 1 + int(np.searchsorted(energy_so_far, (1.0 - left_out) * np.max(energy_so_far, initial=0.0)))
+    some = energy > CANCELLED**2 * mass * loads.power(2).sum()
+    chosen = slice(min(MOST, enough, int(np.count_nonzero(some))))
+    return np.asarray(gathered @ V[:, chosen] / energy[chosen])
+
+
+#: Modes without inertia of each body: its first bending in each plane (docs/moving_frame.md compares more of them).
+QUASI_STATIC = 2
+
+
+def simulated_model(model: ReducedModel, stressed: bool) -> ReducedModel:
+    """Return a model with its cylinder modes and, if it is `stressed` by terms, with modes without inertia."""
+    return with_cylinder_modes(with_quasi_static_modes(model) if stressed else model)
+
+
+def with_quasi_static_modes(model: ReducedModel, count: int = QUASI_STATIC) -> ReducedModel:
+    """Return the model with up to `count` of its first enrichment modes as last coordinates, without inertia.
+
+    A model without enrichment modes, or without residual flexibility, is returned unchanged.
+    """
+    if model.enrichment is None or model.flexibility is None:
+        return model
+    with_modes = extend(model, min(count, model.enrichment.count))
+    return replace(with_modes, quasi_static=np.arange(model.size, with_modes.size))

@@ -1,0 +1,296 @@
+r"""Rows of a reduced body on carriers, as constants: any number of rows, each with a path coordinate of its own.
+
+With c(x) = b(x) U on the full body, the basis V and the flexibility R that V leaves out,
+
+.. math::
+    c(x)\, V = b(x)\, (U V), \qquad c_\rho(x)\, R\, c_\sigma(y)^T = b_\rho(x)\, (U R U^T)\, b_\sigma(y)^T
+
+so rows that travel independently need no table in two variables.  If all rows share one path coordinate, the tables of
+`Flexibility` are these products, multiplied out.
+
+Residual flexibility: the static response of the truncated coordinates, as small tables in s; and the first modes of the
+truncated part (`EnrichmentModes`).
+
+With q = V p + R (B f - C^T lambda), the rows and outputs become
+
+.. math::
+    C V p + H f - (G + 1/k) \lambda = 0, \qquad y = O V p + W f - X \lambda, \qquad
+    G = C R C^T, \quad H = C R B, \quad X = O R C^T, \quad W = O R B
+
+(static correction after MacNeal 1971 and Rubin 1975, here with rows C(s) that move).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
+from pmr.system.polynomials import apply_table, join_columns, select_columns, select_rows, transpose
+from pmr.system.rows import Row, RowPolynomials
+from pmr.system.soundness import symmetric_part
+
+
+@dataclass(frozen=True)
+class Flexibility:
+    """Tables of the residual flexibility of a body with m rows, i inputs and o outputs over its path coordinate s."""
+
+    AXES: ClassVar = {"rows": "mm", "inputs": "mi", "outputs": "om", "direct": "oi", "energy": "ii"}
+
+    rows: PPoly  # G(s) = C R C^T (m, m) m/N: displacement at one row under a unit force at another
+    inputs: PPoly  # H(s) = C R B (m, i) m/N
+    outputs: PPoly  # X(s) = O R C^T (o, m) m/N
+    direct: Array  # W = O R B (o, i) m/N
+    energy: Array  # B^T R B (i, i) m/N: twice the residual strain energy under unit inputs
+
+    def with_rows(self, numbers: Sequence[int]) -> Flexibility:
+        """Return the flexibility of a body that has only the rows with these numbers."""
+        rows, inputs = (select_rows(table, numbers) for table in (self.rows, self.inputs))
+        outputs = select_columns(self.outputs, numbers)
+        return replace(self, rows=select_columns(rows, numbers), inputs=inputs, outputs=outputs)
+
+    def row_motion(self, s: Array, multipliers: Array, loads: Array) -> Array:
+        """Motion H(s) f - G(s) lambda (T, m) in m of the residual part at the rows, along a trajectory.
+
+        It has path coordinates s (T,) in m, multipliers lambda (T, m) in N and loads f (T, i).
+        """
+        return apply_table(self._inputs_and_rows, s, np.hstack([loads, -multipliers]))
+
+    def input_motion(self, s: Array, multipliers: Array, loads: Array) -> Array:
+        """Motion B^T R (B f - C(s)^T lambda) (T, i) in m of the residual part at the inputs, along a trajectory.
+
+        The arguments are those of `row_motion`.
+        """
+        return np.asarray(loads @ self.energy - apply_table(self._inputs_transposed, s, multipliers))
+
+    @cached_property
+    def _inputs_transposed(self) -> PPoly:
+        """H(s)^T, values (i, m)."""
+        return transpose(self.inputs)
+
+    @cached_property
+    def _inputs_and_rows(self) -> PPoly:
+        """H(s) and G(s) side by side, values (m, i + m)."""
+        return join_columns(self.inputs, self.rows)
+
+
+@dataclass(frozen=True)
+class EnrichmentModes:
+    """The first c modes that a model truncates, M-orthonormal and ascending; with m rows, i inputs and o outputs.
+
+    Their flexibility is part of the model's tables.  The error of the model is estimated with them as coordinates, and
+    `pmr.system.truncation` makes them coordinates.
+    """
+
+    AXES: ClassVar = {"stiffness": "c", "damping": "c", "B": "ci", "outputs": "oc", "rows": "mc"}
+
+    stiffness: Array  # omega^2 (c,) in (rad/s)^2
+    damping: Array  # phi^T D phi = 2 zeta omega (c,) 1/s
+    B: Array  # (c, i)
+    outputs: Array  # (o, c)
+    rows: PPoly  # C(s) phi (m, c)
+    # (r + c, r + c): `matrices` of the model with these modes as its last coordinates
+    matrices: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def count(self) -> int:
+        """Number of modes c."""
+        return len(self.stiffness)
+
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class CarrierFlexibility:
+    """Residual flexibility between K carriers, i inputs and o outputs."""
+
+    AXES: ClassVar = {"rows": "KK", "inputs": "Ki", "outputs": "oK", "direct": "oi", "energy": "ii"}
+
+    rows: Array  # U R U^T (K, K) m/N
+    inputs: Array  # U R B (K, i) m/N
+    outputs: Array  # O R U^T (o, K) m/N
+    direct: Array  # O R B (o, i) m/N
+    energy: Array  # B^T R B (i, i) m/N
+
+    def tables(self, C: RowPolynomials) -> Flexibility:
+        """Tables over the path of rows C on these carriers, all rows at the same path coordinate."""
+        outputs = transpose(C.times(self.outputs.T))
+        return Flexibility(C.quadratic_form(self.rows), C.times(self.inputs), outputs, self.direct, self.energy)
+
+    def add_modes(self, U: Array, modes: EnrichmentModes, share: Array) -> CarrierFlexibility:
+        """Return the flexibility plus share_j phi_j phi_j^T for c modes phi_j, which measure U (K, c) on the carriers.
+
+        `share` (c,) is 1 / omega^2 for modes that are truncated, its negative for modes that become coordinates.
+        """
+        scaled = share[:, None] * modes.B
+        return CarrierFlexibility(
+            rows=self.rows + symmetric_part(U * share @ U.T),
+            inputs=self.inputs + U @ scaled,
+            outputs=self.outputs + modes.outputs * share @ U.T,
+            direct=self.direct + modes.outputs @ scaled,
+            energy=self.energy + symmetric_part(modes.B.T @ scaled),
+        )
+
+
+@dataclass(frozen=True)
+class CylinderResponses:
+    r"""Responses x_k, k = 1 to n, to a force on one row c that does not travel: at rest (k = 1), then by inertia.
+
+    .. math:: x_1 = R c^T, \qquad x_{k+1} = R M x_k
+
+    If an eigenmode phi joins R, each :math:`x_k` gains :math:`\varphi\, (c \varphi) / \omega^{2k}`; if it leaves R,
+    :math:`x_k` loses this.
+    """
+
+    AXES: ClassVar = {"load": "K", "rows": "Kn", "inputs": "in", "outputs": "on", "stiffness": "nn", "inertia": "nn"}
+    AXES |= {"supports": "hn", "turned": "ka"}
+
+    load: Array  # (K,): weights of the row c on the carriers
+    rows: Array  # U x (K, n) in m/N for k = 1, times s^2 for each further k
+    inputs: Array  # B^T x (i, n)
+    outputs: Array  # O x (o, n)
+    stiffness: Array  # x^T K x (n, n)
+    inertia: Array  # x^T M x (n, n)
+    supports: Array  # Phi^T M x (h, n) with the motions Phi of `pmr.system.body_matrices`, for the largest basis only
+    # (k, a): combinations of the first k responses that are the model's last a coordinates; a is 0 if none are
+    turned: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def mode_shares(self, U: Array, modes: EnrichmentModes) -> Array:
+        """Share (c, n) of each of c modes that each response gains; the modes measure U (K, c) on the carriers."""
+        powers = np.arange(1, self.rows.shape[1] + 1)
+        return np.asarray((self.load @ U)[:, None] / modes.stiffness[:, None] ** powers)
+
+    def add_modes(self, U: Array, modes: EnrichmentModes, sign: float) -> CylinderResponses:
+        """Return the responses with modes added to R, or removed where `sign` is -1; U and `modes` as for `shares`."""
+        shares = self.mode_shares(U, modes)
+        return replace(
+            self,
+            rows=self.rows + sign * U @ shares,
+            inputs=self.inputs + sign * modes.B.T @ shares,
+            outputs=self.outputs + sign * modes.outputs @ shares,
+            stiffness=self.stiffness + sign * shares.T @ (modes.stiffness[:, None] * shares),
+            inertia=self.inertia + sign * shares.T @ shares,
+        )
+
+
+@dataclass(frozen=True)
+class CarrierRows:
+    """The m rows of a body with r coordinates on K carriers, with the flexibility that the coordinates leave out."""
+
+    AXES: ClassVar = {"values": "Kr", "enrichment": "Kc"}
+
+    values: Array  # U V (K, r): values of the coordinates on the carriers
+    # b(x) of each row, by its number, "0" and on, as `pmr.system.rows.Row` has it
+    breaks: Mapping[str, Array]
+    touched: Mapping[str, Indices]
+    coefficients: Mapping[str, Array]
+    enrichment: Array  # U phi (K, c) of the model's enrichment modes
+    flexibility: CarrierFlexibility | None = None  # R, which the coordinates leave out, between the carriers
+    # R M R between the carriers, in s^2 m/N: response to the inertia of the residual part (`pmr.compare.estimate`)
+    inertia: CarrierFlexibility | None = None
+    # responses to the force of the cylinder of a boom's section (`pmr.system.attachment`)
+    answers: CylinderResponses | None = None
+    # the model's `matrices` between the N vectors of the largest basis, p vectors that span the residual responses to
+    # loads on carriers and inputs (p is 0 if these are many), and the n vectors of `answers` (if any)
+    matrices: Mapping[str, Array] = field(default_factory=dict)
+    ports: Mapping[str, Array] = field(default_factory=dict)  # its `ports` on all these vectors, (N + p + n,)
+    spanned: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (p, K + i): these responses in the p vectors
+    # work (h, N + p + n) of `matrices` on the motions of h rigid supports (`pmr.system.body_matrices`)
+    supports: Mapping[str, Array] = field(default_factory=dict)
+
+    @classmethod
+    def from_rows(
+        cls, rows: Sequence[Row], values: Array, flexibility: CarrierFlexibility | None = None
+    ) -> CarrierRows:
+        """Rows on common carriers, on which the coordinates have the `values` U V (K, r); no enrichment modes."""
+        breaks, touched, coefficients = (
+            {str(k): getattr(row, name) for k, row in enumerate(rows)} for name in ("breaks", "touched", "coefficients")
+        )
+        return cls(np.asarray(values), breaks, touched, coefficients, np.zeros((len(values), 0)), flexibility)
+
+    def row(self, number: int, name: str) -> Row:
+        """Row with that number, under that name, as a row of the r coordinates with the carriers U V."""
+        k = str(number)
+        return Row(name, self.breaks[k], self._sparse_values, self.touched[k], self.coefficients[k])
+
+    @cached_property
+    def _sparse_values(self) -> sp.csr_matrix:
+        """`values` as a sparse matrix: the carriers of `row`."""
+        return sp.csr_matrix(self.values)
+
+    def polynomials(self, breaks: Array) -> RowPolynomials:
+        """Weights b(x) of all rows on the given `breaks` (k + 1,) in m, which have to hold the breaks of each row."""
+        return RowPolynomials.from_rows([self.row(k, str(k)).refine(breaks) for k in range(len(self.breaks))])
+
+    def project(self, X: Array) -> CarrierRows:
+        """Return the rows on other coordinates z (k,), the old ones being X z with X (r, k)."""
+        return replace(self, values=self.values @ X)
+
+    def with_rows(self, numbers: Sequence[int]) -> CarrierRows:
+        """Return the carriers with only the rows of these numbers."""
+        return replace(
+            self,
+            breaks={str(k): self.breaks[str(number)] for k, number in enumerate(numbers)},
+            touched={str(k): self.touched[str(number)] for k, number in enumerate(numbers)},
+            coefficients={str(k): self.coefficients[str(number)] for k, number in enumerate(numbers)},
+        )
+
+    def truncate(self, r: int, modes: EnrichmentModes) -> CarrierRows:
+        """Return the rows on the first r coordinates.
+
+        The other coordinates, which are the `modes`, join the flexibility and become the first enrichment modes.
+        """
+        values, beyond = self.values[:, :r], self.values[:, r:]
+        return replace(
+            self._add_modes(beyond, modes, 1.0), values=values, enrichment=np.hstack([beyond, self.enrichment])
+        )
+
+    def extend(self, modes: EnrichmentModes) -> CarrierRows:
+        """Return the rows with the first enrichment modes, which are `modes`, as last coordinates: undo `truncated`."""
+        back, enrichment = self.enrichment[:, : modes.count], self.enrichment[:, modes.count :]
+        return replace(self._add_modes(back, modes, -1.0), values=np.hstack([self.values, back]), enrichment=enrichment)
+
+    def _add_modes(self, U: Array, modes: EnrichmentModes, sign: float) -> CarrierRows:
+        """Return the rows with modes added to flexibility, inertia and answers, or removed where `sign` is -1.
+
+        The modes measure U (K, c) on the carriers.
+        """
+        assert self.flexibility is not None
+        flexibility = self.flexibility.add_modes(U, modes, sign / modes.stiffness)
+        inertia = None if self.inertia is None else self.inertia.add_modes(U, modes, sign / modes.stiffness**2)
+        answers = None if self.answers is None else self.answers.add_modes(U, modes, sign)
+        return replace(self, flexibility=flexibility, inertia=inertia, answers=answers)
+
+    def contradiction(self, m: int) -> str | None:
+        """Description of what is wrong with the arrays of m rows; None if they are sound."""
+        for k in map(str, range(m)):
+            x, touched, b = self.breaks[k], self.touched[k], self.coefficients[k]
+            if x.ndim != 1 or touched.ndim != 2 or len(touched) != len(x) - 1 or not np.all(np.diff(x) > 0.0):
+                return f"the carriers' row {k} has breaks that do not increase, or not one more than intervals"
+            if b.ndim != 3 or b.shape[1:] != touched.shape or not np.isfinite(b).all():
+                return f"the carriers' row {k} has coefficients of shape {b.shape} or that are not finite"
+            if not np.all((touched >= 0) & (touched < len(self.values))):
+                return f"the carriers' row {k} touches a carrier that there is none of"
+        answers = self.answers
+        least = self.values.shape[1] + (0 if answers is None else answers.rows.shape[1] - answers.turned.shape[1])
+        if (p := len(self.spanned)) and (
+            self.spanned.shape[1] < len(self.values) or not np.isfinite(self.spanned).all()
+        ):
+            return f"the carriers' spanned has shape {self.spanned.shape} or is not finite"
+        least += p
+        for name, A in self.matrices.items():
+            if A.shape != (len(A), len(A)) or len(A) < least or not np.isfinite(A).all():
+                return f"the carriers' matrices.{name} has shape {A.shape} or is not finite"
+            least = len(A)
+        for name, row in self.ports.items():
+            if row.shape != (len(row),) or len(row) < least or not np.isfinite(row).all():
+                return f"the carriers' ports.{name} has shape {row.shape} or is not finite"
+        return None

@@ -1,0 +1,426 @@
+r"""Constraint rows C(s) of sliders and pads, exact in the path coordinate s.
+
+.. math:: C(s) = b(s)\, U
+
+U (K, n) is fixed and sparse: its K rows, the *carriers*, are the displacements that the constraint row combines.  The
+weights b(s) (K,) are a piecewise polynomial that is not zero on a few carriers of each interval only.  A slider holds
+the interpolated displacement of a beam: its carriers are the coordinates themselves, its weights the shape functions of
+one element, C1 for cubic Hermite elements.  A pad that slides over a mesh touches thousands of coordinates, but only
+through K weighted means.  What a full model has to know of the path, such as its compliance U R U^T, then takes K
+static solves, however fine the mesh is.  Where several rows together touch fewer than K / 2 coordinates, as pads on a
+beam do, these coordinates are their common carriers.
+
+Products of rows C(s) = b(s) U on common carriers and breaks, all of them at the same path coordinate, are tables.  With
+the values U X (K, c) of a matrix X (n, c) on the carriers, and with R = U Q U^T (K, K) of a symmetric matrix Q (n, n)
+between them,
+
+.. math:: C(s)\, X = b(s)\, (U X), \qquad C(s)\, Q\, C(s)^T = b(s)\, R\, b(s)^T
+
+Two rows (`StraightRows`) that are zero while a beam does not bend between a fixed point and a moving one.  With the row
+w(x) of the beam's displacement at x, the fixed point at p and the moving one at s,
+
+.. math:: w(p) + (s - p)\, w'(p) - w(s) = 0 \qquad \text{and} \qquad (s - p)\, w'(s) - w(s) + w(p) = 0
+
+both ends have the slope of the line through them.  Both rows are zero for rigid motions, so what holds them exerts no
+resultant force and no resultant moment; their multipliers are in N and, times s - p, moments in N m.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import PPoly
+
+from pmr.system.polynomials import clip_to_domain, common_breaks, interval_around, refine_table, same_degree
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One constraint row C(s) = b(s) U of a full model, on K carriers: the rows of U (K, n), which b(s) (K,) weights.
+
+    Each interval of s touches d of the carriers.  On ``[breaks[j], breaks[j + 1]]``
+
+    ``C(s) = sum_l sum_p coefficients[p, j, l] (s - breaks[j])**(degree - p) carriers[touched[j, l]]``.
+    """
+
+    name: str  # in messages, tables and charts
+    breaks: Array  # (k + 1,) m
+    carriers: sp.csr_matrix  # U (K, n)
+    touched: Indices  # (k, d): numbers of the carriers that the row touches on each of k intervals
+    coefficients: Array  # (degree + 1, k, d): highest power first, as in `scipy.interpolate.PPoly`
+    compliance: float = 0.0  # m/N: 1/k of a pad that gives way, C q = lambda / k; 0 for a rigid one
+    # m, of a row that only pushes: the value of C q at which it closes; None where it holds both ways
+    clearance: float | None = None
+    unit: str = "N"  # of its multiplier: N, or N m where it measures a rotation
+
+    @cached_property
+    def _polynomial(self) -> PPoly:
+        """Weights of the touched carriers as a piecewise polynomial with values (d,)."""
+        return PPoly(*(np.require(array, requirements="W") for array in (self.coefficients, self.breaks)))
+
+    @property
+    def slope(self) -> Row:
+        """Row dC/ds on the same carriers."""
+        degree = len(self.coefficients) - 1
+        lowered = self.coefficients[:-1] * np.arange(degree, 0.0, -1.0)[:, None, None]
+        return replace(self, coefficients=lowered if degree else np.zeros_like(self.coefficients))
+
+    @property
+    def entries(self) -> sp.csr_matrix:
+        """Coefficients as a sparse matrix (powers k, K): k rows for the intervals of the highest power, and so on."""
+        powers, k, d = self.coefficients.shape
+        at = np.broadcast_to(self.touched, (powers, k, d)).ravel()
+        return sp.csr_matrix((self.coefficients.ravel(), at, d * np.arange(powers * k + 1)), (powers * k, self._count))
+
+    @property
+    def _count(self) -> int:
+        """Number K of carriers."""
+        return int(self.carriers.shape[0])
+
+    def weights(self, s: ArrayLike, derivative: int = 0) -> sp.csr_matrix:
+        """Weights b(s), or their derivative of that order with respect to s, at s (T,) in m: sparse (T, K).
+
+        A ValueError is raised where s lies outside the path.
+        """
+        return self._sparse(*self.touched_weights(s, derivative))
+
+    def _sparse(self, touched: Indices, entries: Array) -> sp.csr_matrix:
+        """Sparse matrix (T, K) with `entries` (T, d) in the columns `touched` (T, d)."""
+        ends = touched.shape[1] * np.arange(len(touched) + 1)
+        return sp.csr_matrix((entries.ravel(), touched.ravel(), ends), (len(touched), self._count))
+
+    def touched_weights(self, s: ArrayLike, derivative: int) -> tuple[Indices, Array]:
+        """Numbers of the carriers that the row touches at s (T,) in m, and their weights b(s), both (T, d).
+
+        With a `derivative` of 1 or more, the weights are that derivative of b.  A ValueError is raised where s lies
+        outside the path.
+        """
+        s = clip_to_domain(np.atleast_1d(np.asarray(s, float)), self.breaks[0], self.breaks[-1], self.name)
+        j = np.searchsorted(self.breaks[1:-1], s, side="right")
+        return self.touched[j], self._polynomial(s, nu=derivative)
+
+    def at(self, s: ArrayLike, derivative: int = 0) -> sp.csr_matrix:
+        """C(s), or its derivative of that order with respect to s, at s (T,) in m: sparse (T, n).
+
+        A ValueError is raised where s lies outside the path.
+        """
+        return self.weights(s, derivative) @ self.carriers
+
+    def forces_on_coordinates(self, s: Array, force: Array, derivative: int = 0) -> sp.csr_matrix:
+        """Multipliers `force` (T,) times C(s), or times its derivative of that order, at s (T,) in m: sparse (T, n)."""
+        touched, b = self.touched_weights(s, derivative)
+        return self._sparse(touched, b * force[:, None]) @ self.carriers
+
+    def apply(self, s: Array, q: Array, derivative: int = 0) -> Array:
+        """C(s) q (T,), or its derivative of that order times q, for s (T,) in m and coordinates q (T, n)."""
+        touched, b = self.touched_weights(s, derivative)
+        return np.einsum("td,td->t", b, np.take_along_axis((self.carriers @ q.T).T, touched, axis=1))
+
+    @property
+    def moves(self) -> bool:
+        """Whether the row depends on s."""
+        return len(self.breaks) > 2 or len(self.coefficients) > 1
+
+    @cached_property
+    def held_coordinate(self) -> int | None:
+        """Number of the coordinate that the row holds at zero; None unless it is `fixed` and does only that."""
+        if not self.is_fixed:
+            return None
+        C = self.at(self.breaks[0])
+        return int(C.indices[0]) if C.nnz == 1 and C.data[0] == 1.0 else None
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether the row is rigid, holds both ways and does not depend on s; a basis may satisfy it exactly."""
+        return self.compliance == 0.0 and self.clearance is None and not self.moves
+
+    def project(self, V: Array, first: int = 0) -> PPoly:
+        """Piecewise polynomial C(s) V with values (r,), for a basis V (n, r).
+
+        `V` (n_local, r) may also be one rank's rows ``first`` to ``first + n_local`` of the basis; the coefficients
+        that all ranks compute then add up to those of the whole basis.
+        """
+        measured = self.carriers[:, first : first + len(V)] @ V
+        return PPoly(np.einsum("pkd,kdr->pkr", self.coefficients, measured[self.touched]), self.breaks)
+
+    def refine(self, breaks: Array) -> Row:
+        """Return this row on finer `breaks`, which have to hold all breaks of the row within their range: exact."""
+        if np.array_equal(breaks, self.breaks):
+            return self
+        finer = refine_table(self._polynomial, breaks)
+        touched = self.touched[interval_around(finer.x, self.breaks)]
+        return replace(self, breaks=finer.x, touched=touched, coefficients=finer.c)
+
+
+def row_on_coordinates(name: str, breaks: Array, dofs: ArrayLike, coefficients: Array, size: int) -> Row:
+    """Row whose carriers are single coordinates out of `size`, those numbered in `dofs` (k, d) on each of k intervals.
+
+    `breaks` (k + 1,) in m and `coefficients` (powers, k, d) are those of `Row`.
+    """
+    dofs = np.asarray(dofs, np.int64)
+    numbers, touched = np.unique(dofs, return_inverse=True)
+    carriers = sp.csr_matrix((np.ones(len(numbers)), numbers, np.arange(len(numbers) + 1)), (len(numbers), size))
+    return Row(name, breaks, carriers, touched.reshape(dofs.shape), coefficients)
+
+
+def columns_by_interval(touching: Indices, n: int, k: int) -> tuple[Indices, Indices, Indices]:
+    """Columns that each of k intervals touches, out of n, from codes ``interval * n + column`` in any order.
+
+    Returned are the codes that occur, once each and ascending; the index of each among those of its interval; and the
+    columns (k, w), where an interval that touches fewer than w repeats its last column.
+    """
+    different = np.unique(touching)
+    interval, width = different // n, np.bincount(different // n, minlength=k)
+    place = np.arange(len(different)) - np.repeat(np.cumsum(width) - width, width)
+    columns = np.zeros((k, max(1, int(width.max(initial=0)))), np.int64)
+    columns[interval, place] = different % n
+    missing = np.arange(columns.shape[1]) >= width[:, None]
+    return different, place, np.where(missing, columns.max(axis=1, keepdims=True), columns)
+
+
+def dense_entries(entries: sp.csr_matrix, powers: int) -> tuple[Indices, Array]:
+    """Undo `Row.entries`: columns (k, d) that each of k intervals touches, and coefficients (powers, k, d) there.
+
+    `entries` is sparse (powers k, K).  An interval that touches fewer than d columns repeats its last one, with zeros.
+    """
+    every, (height, n) = sp.csr_matrix(entries, copy=True), entries.shape
+    every.sum_duplicates()
+    every = every.tocoo()
+    k = height // powers
+    touching = (every.row % k).astype(np.int64) * n + every.col
+    different, place, touched = columns_by_interval(touching, n, k)
+    coefficients = np.zeros((powers, *touched.shape))
+    coefficients[every.row // k, every.row % k, place[np.searchsorted(different, touching)]] = every.data
+    return touched, coefficients
+
+
+def fixed_row(name: str, carrier: sp.csr_matrix, domain: tuple[float, float]) -> Row:
+    """Row that does not depend on s, from its entries `carrier` (1, n): a support, or a slider that stays where it is.
+
+    The `domain` in m is the interval of path coordinates on which it is defined.
+    """
+    return Row(name, np.array(domain, float), sp.csr_matrix(carrier), np.zeros((1, 1), np.int64), np.ones((1, 1, 1)))
+
+
+def sparse_row(dofs: ArrayLike, entries: ArrayLike, size: int) -> sp.csr_matrix:
+    """Sparse row (1, size) with the `entries` at the coordinates with the numbers `dofs`."""
+    columns, values = np.atleast_1d(np.asarray(dofs, np.int64)), np.atleast_1d(np.asarray(entries, float))
+    return sp.csr_matrix((values, (np.zeros(len(columns), np.int64), columns)), (1, size))
+
+
+@dataclass(frozen=True)
+class Rows:
+    """All m constraint rows of a full model with n = `size` coordinates, a matrix (m, n) at each s."""
+
+    rows: tuple[Row, ...]
+    size: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the rows."""
+        return tuple(row.name for row in self.rows)
+
+    @property
+    def compliance(self) -> Array:
+        """Compliance 1/k (m,) of each row's pad, in m/N; 0 where the row is rigid."""
+        return np.array([row.compliance for row in self.rows])
+
+    @property
+    def clearance(self) -> Array:
+        """Clearance (m,) in m of each row that only pushes; NaN where a row holds both ways."""
+        return np.array([np.nan if row.clearance is None else row.clearance for row in self.rows])
+
+    @property
+    def moving_numbers(self) -> list[int]:
+        """Numbers of the rows that depend on s: the sliders."""
+        return [i for i, row in enumerate(self.rows) if row.moves]
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """Lowest and highest path coordinate in m at which every row is defined."""
+        return max(row.breaks[0] for row in self.rows), min(row.breaks[-1] for row in self.rows)
+
+    def at(self, s: float, derivative: int = 0) -> sp.csr_matrix:
+        """C(s) at one s in m, or its derivative of that order with respect to s: sparse (m, n)."""
+        if not self.rows:
+            return sp.csr_matrix((0, self.size))
+        touched, entries = zip(*(row.touched_weights(s, derivative) for row in self.shared_carriers.rows), strict=True)
+        ends = np.cumsum([0, *(part.size for part in touched)])
+        weights = np.concatenate(entries, axis=None), np.concatenate(touched, axis=None), ends
+        U = self.shared_carriers.carriers
+        return sp.csr_matrix(weights, (len(self.rows), U.shape[0])) @ U
+
+    @property
+    def held_coordinates(self) -> dict[int, int]:
+        """Number of the coordinate that each support on a node holds, by the row's number (`Row.held_coordinate`)."""
+        return {i: row.held_coordinate for i, row in enumerate(self.rows) if row.held_coordinate is not None}
+
+    @property
+    def fixed(self) -> list[int]:
+        """Numbers of the rows that are rigid, hold both ways and do not depend on s: supports, and pads that stay."""
+        return [i for i, row in enumerate(self.rows) if row.is_fixed]
+
+    @property
+    def fixed_combinations(self) -> tuple[str, ...]:
+        """Names of the `fixed` rows that combine several coordinates."""
+        return tuple(row.name for row in self.rows if row.is_fixed and row.held_coordinate is None)
+
+    @cached_property
+    def shared_carriers(self) -> SharedCarriers:
+        """These rows on common carriers."""
+        return _shared_carriers(self.rows, self.size)
+
+
+@dataclass(frozen=True)
+class SharedCarriers:
+    """Rows on K common carriers: row C(s) = b(s) U with the same U (K, n) for all."""
+
+    # (K, n): each carrier once; or the single coordinates that they touch, where these are less than half as many
+    carriers: sp.csr_matrix
+    rows: tuple[Row, ...]  # all on these carriers
+
+    def row(self, number: int, name: str) -> Row:
+        """Row with that number, under that name."""
+        return replace(self.rows[number], name=name)
+
+    def refine(self, breaks: Array) -> SharedCarriers:
+        """Return all rows on common `breaks`, which have to hold all breaks of each row within their range: exact."""
+        return replace(self, rows=tuple(row.refine(breaks) for row in self.rows))
+
+    def align_breaks(self, domain: tuple[float, float]) -> SharedCarriers:
+        """Return all rows on the union of their breaks within `domain` (m), as needed for a single table."""
+        return self.refine(common_breaks([row._polynomial for row in self.rows], domain))
+
+
+def _shared_carriers(rows: Sequence[Row], size: int) -> SharedCarriers:
+    """Rows on carriers that are stored once each; on single coordinates where these are less than half as many."""
+    numbers: dict[bytes, int] = {}
+    new, touched = [sp.csr_matrix((0, size))], []
+    for row in rows:
+        used, count = np.unique(row.touched), len(numbers)
+        carriers = row.carriers[used].sorted_indices()
+        ends = zip(carriers.indptr[:-1], carriers.indptr[1:], strict=True)
+        contents = [carriers.indices[a:b].astype(np.int64).tobytes() + carriers.data[a:b].tobytes() for a, b in ends]
+        at = np.array([numbers.setdefault(content, len(numbers)) for content in contents])
+        new.append(carriers[np.unique(at, return_index=True)[1][np.unique(at) >= count]])
+        touched.append(at[np.searchsorted(used, row.touched)])
+    U = sp.vstack(new, format="csr")
+    on_common = [replace(row, carriers=U, touched=numbers) for row, numbers in zip(rows, touched, strict=True)]
+    coordinates = np.unique(U.indices)
+    if 2 * len(coordinates) >= U.shape[0]:  # mirror images among the carriers of a mesh may be worth as much
+        return SharedCarriers(U, tuple(on_common))
+    return _on_single_coordinates(on_common, coordinates)
+
+
+def _on_single_coordinates(rows: Sequence[Row], coordinates: Indices) -> SharedCarriers:
+    """Rows on the single coordinates with these ascending numbers, from rows on common carriers.
+
+    These are all coordinates that the common carriers touch.
+    """
+    U, count = rows[0].carriers[:, coordinates], len(coordinates)
+    single = sp.csr_matrix((np.ones(count), coordinates, np.arange(count + 1)), (count, rows[0].carriers.shape[1]))
+    on_coordinates = []
+    for row in rows:
+        touched, coefficients = dense_entries(sp.csr_matrix(row.entries @ U), len(row.coefficients))
+        on_coordinates.append(replace(row, carriers=single, touched=touched, coefficients=coefficients))
+    return SharedCarriers(single, tuple(on_coordinates))
+
+
+#: Most entries of R that `RowPolynomials.quadratic_form` gathers at once.
+AT_ONCE = 2**20
+
+
+@dataclass(frozen=True)
+class RowPolynomials:
+    """Weights b(s) of m rows, on the w carriers that they touch together on each of k intervals, out of K."""
+
+    breaks: Array  # (k + 1,) m
+    touched: Indices  # (k, w): numbers of the carriers
+    coefficients: Array  # (m, powers, k, w): highest power first
+
+    @classmethod
+    def from_rows(cls, rows: Sequence[Row]) -> RowPolynomials:
+        """Polynomials of rows that have their carriers and breaks in common."""
+        degree = same_degree(*(row.coefficients for row in rows))
+        n, interval = rows[0].carriers.shape[0], np.arange(len(rows[0].breaks) - 1)
+        touching = [interval[:, None] * n + row.touched for row in rows]
+        different, place, touched = columns_by_interval(np.concatenate(touching, axis=None), n, len(interval))
+        coefficients = np.zeros((len(rows), len(degree[0]), *touched.shape))
+        for of_row, c, numbers in zip(coefficients, degree, touching, strict=True):
+            at = place[np.searchsorted(different, numbers)]
+            for l in range(at.shape[1]):
+                of_row[:, interval, at[:, l]] += c[:, :, l]
+        return cls(rows[0].breaks, touched, coefficients)
+
+    def times(self, X: Array) -> PPoly:
+        """Table C(s) X with values (m, c), from the values U X (K, c) on the carriers, which are the argument `X`."""
+        m, powers, k, w = self.coefficients.shape
+        blocks = self.coefficients.transpose(2, 0, 1, 3).reshape(k, m * powers, w)
+        c = (blocks @ np.ascontiguousarray(X)[self.touched]).reshape(k, m, powers, X.shape[1])
+        return PPoly(np.ascontiguousarray(c.transpose(2, 0, 1, 3)), self.breaks)
+
+    def quadratic_form(self, R: sp.csr_matrix | Array) -> PPoly:
+        """Table b(s) R b(s)^T = C(s) Q C(s)^T, values (m, m), from symmetric R = U Q U^T (K, K) between carriers.
+
+        On each interval only the block (w, w) of R is used that belongs to the carriers which the rows touch on it.
+        """
+        m, powers, k, w = self.coefficients.shape
+        blocks = self.coefficients.transpose(2, 1, 0, 3).reshape(k, powers * m, w)
+        result, some = np.zeros((2 * powers - 1, k, m, m)), max(1, AT_ONCE // w**2)
+        for j in range(0, k, some):
+            at, b = self.touched[j : j + some], blocks[j : j + some]
+            product = (b @ _entries_between(R, at) @ b.swapaxes(1, 2)).reshape(len(b), powers, m, powers, m)
+            for p in range(powers):
+                result[p : p + powers, j : j + some] += product[:, p].transpose(2, 0, 1, 3)
+        return PPoly((result + result.swapaxes(2, 3)) / 2.0, self.breaks)
+
+
+def _entries_between(R: sp.csr_matrix | Array, touched: Indices) -> Array:
+    """Entries (k, w, w) of R (K, K) between the carriers `touched` (k, w) on each of k intervals."""
+    rows, columns = np.broadcast_arrays(touched[:, :, None], touched[:, None])
+    if isinstance(R, np.ndarray):
+        return np.asarray(R[rows, columns])
+    return np.asarray(R[rows.ravel(), columns.ravel()]).reshape(rows.shape)
+
+
+@dataclass(frozen=True)
+class StraightRows:
+    """Two rows, called `names`, that hold a planar beam straight between the point at `end` (m) and a moving one."""
+
+    end: float
+    names: tuple[str, str]
+
+    def rows(self, point: Row) -> tuple[Row, Row]:
+        """Rows w(p) + (s - p) w'(p) - w(s) and (s - p) w'(s) - w(s) + w(p), with p = `end`, in this order.
+
+        `point` is the row w(s) of the deflection at the moving point.  Both results are piecewise polynomials in s with
+        the breaks and the degree of `point`: exact.  They take their names from `names`.
+        """
+        j = max(int(np.searchsorted(point.breaks, self.end, side="right")) - 1, 0)
+        j = min(j, len(point.breaks) - 2)
+        along = PPoly(point.coefficients, point.breaks)
+        w, slope, rates = along(self.end), along(self.end, 1), along.derivative().c
+        ahead = (point.breaks[:-1] - self.end)[:, None]  # s - p where an interval begins
+        constant = np.zeros_like(point.coefficients)
+        constant[-1] = w
+        sloping = constant.copy()
+        sloping[-2] += slope
+        sloping[-1] += ahead * slope
+        changing = np.zeros_like(point.coefficients)  # (s - p) w'(s)
+        changing[:-1] += rates
+        changing[1:] += ahead * rates
+        touched = np.hstack([point.touched, np.broadcast_to(point.touched[j], point.touched.shape)])
+        parts = [(-point.coefficients, sloping), (changing - point.coefficients, constant)]
+        first, second = (
+            replace(point, name=name, touched=touched, coefficients=np.concatenate(part, axis=2))
+            for name, part in zip(self.names, parts, strict=True)
+        )
+        return first, second

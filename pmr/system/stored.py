@@ -1,0 +1,119 @@
+r"""A reduced model as the arrays of a file, in which nothing is stored twice.
+
+It has the arrays of `pmr.files.npz`, with two exceptions.  Of a table over the path that is a product of what the
+carriers measure, :math:`C = b\, (U V)`, :math:`G = b\, R\, b^T` and so on (`pmr.system.rows`), only the breaks are
+stored, not the coefficients.  Of a symmetric matrix between carriers, or between vectors, the lower triangle is stored,
+row by row, as ``name.triangle``; of an antisymmetric matrix, as ``name.antitriangle``.
+
+Files of earlier versions store all arrays in full, and are read as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
+from pmr.files import npz
+from pmr.system.carriers import CarrierRows
+from pmr.system.soundness import describe_misfit
+
+Array = NDArray[np.float64]
+#: Prefix of arrays that may be written as triangles, and smallest size of such matrices.
+TRIANGLES, LEAST = "carriers.", 8
+_SIGNS = {"triangle": 1.0, "antitriangle": -1.0}
+
+
+class HasCarriers(Protocol):
+    """Dataclass that has rows on carriers (`pmr.system.reduced_model.ReducedModel`)."""
+
+    @property
+    def carriers(self) -> CarrierRows | None:
+        """Rows on carriers, None if there are none."""
+
+
+def pack(model: HasCarriers, prefix: str = "") -> dict[str, NDArray[Any]]:
+    """Arrays to be stored for a model, with `prefix` before their names."""
+    content = npz.record_arrays(model)
+    sound = model.carriers is not None and not _describe_fault(model.carriers)
+    for name, table in (_path_tables(model.carriers, content) if model.carriers and sound else {}).items():
+        if np.array_equal(table.c, content[f"{name}.coefficients"]):
+            del content[f"{name}.coefficients"]
+    compact = dict[str, NDArray[Any]]()
+    for name, array in content.items():
+        kind = _triangle_kind(array) if name.startswith(TRIANGLES) else None
+        if kind is None:
+            compact[prefix + name] = array
+        else:
+            compact[f"{prefix}{name}.{kind}"] = array[np.tril_indices(len(array))]
+    return compact
+
+
+def unpack(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, NDArray[Any]]:
+    """Arrays with `prefix` before their names, all in full, from those of a file.
+
+    They are as `pmr.files.npz.record_from_arrays` reads them, whose errors are raised; a ValueError is raised if tables
+    are missing and carriers are not sound, or if a triangle has a wrong number of entries.
+    """
+    content = dict[str, NDArray[Any]]()
+    for name, array in data.items():
+        if name.startswith(prefix):
+            name = name.removeprefix(prefix)
+            stem, _, kind = name.rpartition(".")
+            if kind in _SIGNS and name.startswith(TRIANGLES):
+                content[stem] = _unpack_triangle(array, _SIGNS[kind])
+            else:
+                content[name] = array
+    tables = {name.removesuffix(".breaks") for name in content if name.endswith(".breaks")}
+    if any(f"{name}.coefficients" not in content for name in tables) and any(
+        name.startswith(TRIANGLES) for name in content
+    ):
+        carriers = npz.record_from_arrays(CarrierRows, content, TRIANGLES)
+        if wrong := _describe_fault(carriers):
+            raise ValueError(wrong)
+        for name, table in _path_tables(carriers, content).items():
+            content.setdefault(f"{name}.coefficients", table.c)
+    return {prefix + name: array for name, array in content.items()}
+
+
+def _describe_fault(carriers: CarrierRows) -> str | None:
+    """Description of what is wrong with carriers; None if products with them can be computed."""
+    return describe_misfit(carriers, {}, TRIANGLES) or carriers.contradiction(len(carriers.breaks))
+
+
+def _path_tables(carriers: CarrierRows, arrays: Mapping[str, NDArray[Any]]) -> dict[str, PPoly]:
+    """Tables that follow from what the carriers measure, by name, on the breaks of the rows in `arrays`.
+
+    Only tables whose breaks in `arrays` are those of the rows are returned.
+    """
+    breaks = arrays.get("rows.breaks")
+    if not carriers.breaks or breaks is None:
+        return {}
+    C = carriers.polynomials(breaks)
+    tables = {"rows": C.times(carriers.values), "enrichment.rows": C.times(carriers.enrichment)}
+    if carriers.flexibility is not None:
+        products = carriers.flexibility.tables(C)
+        tables |= {f"flexibility.{name}": getattr(products, name) for name in ("rows", "inputs", "outputs")}
+    on_breaks = [name for name in tables if np.array_equal(arrays.get(f"{name}.breaks", ()), breaks)]
+    return {name: tables[name] for name in on_breaks}
+
+
+def _triangle_kind(A: Array) -> str | None:
+    """``triangle`` for a symmetric matrix, ``antitriangle`` for an antisymmetric one; None for others or small ones."""
+    if A.ndim != 2 or A.shape[0] != A.shape[1] or len(A) < LEAST:
+        return None
+    return next((kind for kind, sign in _SIGNS.items() if np.array_equal(A, sign * A.T)), None)
+
+
+def _unpack_triangle(triangle: Array, sign: float) -> Array:
+    """Matrix (n, n) with that lower triangle, row by row; symmetric for the sign 1, antisymmetric for -1."""
+    n = int((np.sqrt(8.0 * triangle.size + 1.0) - 1.0) / 2.0 + 0.5)
+    if triangle.shape != (n * (n + 1) // 2,):
+        raise ValueError(f"{triangle.shape} is no triangle of a matrix")
+    square, below = np.empty((n, n)), np.tri(n, dtype=bool)
+    square.T[below] = sign * triangle
+    square[below] = triangle
+    return square

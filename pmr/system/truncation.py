@@ -1,0 +1,196 @@
+r"""Modes that move from the coordinates into the tables of the residual flexibility, and back.
+
+.. math::
+    G_r = G_{r+c} + \sum_{j=r+1}^{r+c} \frac{(C \varphi_j)(C \varphi_j)^T}{\omega_j^2},
+    \qquad \text{and in the same way } H, X, W, B^T R B
+
+So a model with r + c modes contains every smaller one (docs/moving_residual_flexibility.md, section 12).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.system.carriers import CarrierRows, EnrichmentModes, Flexibility
+from pmr.system.polynomials import (
+    add_tables,
+    join_columns,
+    multiply_matrix,
+    multiply_tables,
+    select_columns,
+    transpose,
+)
+from pmr.system.reduced_model import ReducedModel
+
+Array = NDArray[np.float64]
+
+#: Largest entry that couples two modes, relative to their diagonal entries, in a modal form.
+MODAL = 1e-6
+
+
+def truncate(model: ReducedModel, r: int) -> ReducedModel:
+    """Return the model on its first r modes; the others join the residual flexibility and the enrichment modes.
+
+    A ValueError is raised if the coordinates are no eigenmodes in ascending order, if there is no residual flexibility,
+    if r is not between 1 and one less than the model's size, or if a mode without stiffness would be truncated.
+    """
+    if model.flexibility is None:
+        raise ValueError("a model without residual flexibility has no tables that its modes could join: leading() cuts")
+    if not is_modal(model):
+        raise ValueError("only eigenmodes in ascending order can join the residual flexibility")
+    if not 0 < r < model.size:
+        raise ValueError(f"{r} modes of {model.size}: at least one has to stay and one to go")
+    stiffness = np.diagonal(model.K)
+    if not np.all(stiffness[r:] > MODAL * stiffness[-1] * np.finfo(float).eps):
+        raise ValueError("a rigid-body motion has no flexibility: rigid-body modes have to stay")
+    modes = EnrichmentModes(
+        stiffness=stiffness[r:],
+        damping=np.diagonal(model.D)[r:],
+        B=model.B[r:],
+        outputs=model.outputs[:, r:],
+        rows=select_columns(model.rows, slice(r, None)),
+        matrices=model.matrices,
+    )
+    return with_tables(
+        replace(
+            replace(model, flexibility=None, carriers=None).leading(r),
+            flexibility=_join_tables(model, modes, 1.0),
+            enrichment=modes if model.enrichment is None else _chain_modes(modes, model.enrichment),
+            carriers=None if model.carriers is None else model.carriers.truncate(r, modes),
+        )
+    )
+
+
+def extend(model: ReducedModel, count: int | None = None) -> ReducedModel:
+    """Return the model with its first `count` enrichment modes (None: all) as last coordinates; undo `truncate`.
+
+    A ValueError is raised if the model has fewer enrichment modes, or `count` is less than 1.
+    """
+    available = 0 if model.enrichment is None else model.enrichment.count
+    count = available if count is None else count
+    if model.enrichment is None or model.flexibility is None or not 0 < count <= available:
+        raise ValueError(f"{count} enrichment modes of {available}: the model has no more")
+    back = _select_modes(model.enrichment, slice(count))
+    longer = replace(
+        model,
+        M=_block_diagonal(model.M, np.ones(count)),
+        D=_block_diagonal(model.D, back.damping),
+        K=_block_diagonal(model.K, back.stiffness),
+        B=np.concatenate([model.B, back.B]),
+        outputs=np.hstack([model.outputs, back.outputs]),
+        rows=join_columns(model.rows, back.rows),
+        matrices={name: _extend_matrix(A, back.matrices.get(name), count) for name, A in model.matrices.items()},
+        ports={name: _extend_port(model, name, count) for name in model.ports},
+        flexibility=_join_tables(model, back, -1.0),
+        enrichment=_select_modes(model.enrichment, slice(count, None)) if count < available else None,
+        carriers=None if model.carriers is None else model.carriers.extend(back),
+    )
+    return with_tables(longer)
+
+
+def with_tables(model: ReducedModel) -> ReducedModel:
+    """Return the model with tables that are computed from its carriers, unchanged if these can't give tables."""
+    carriers = model.carriers
+    if not _has_tables(carriers):
+        return model
+    assert carriers is not None and carriers.flexibility is not None
+    C, modes = carriers.polynomials(model.rows.x), model.enrichment
+    return replace(
+        model,
+        rows=C.times(carriers.values),
+        flexibility=carriers.flexibility.tables(C),
+        enrichment=None if modes is None else replace(modes, rows=C.times(carriers.enrichment)),
+    )
+
+
+def _has_tables(carriers: CarrierRows | None) -> bool:
+    """Whether tables follow from the carriers: if they have flexibility and rows."""
+    return carriers is not None and carriers.flexibility is not None and len(carriers.breaks) > 0
+
+
+def is_modal(model: ReducedModel) -> bool:
+    """Whether the coordinates are M-orthonormal modes in ascending order, with K and D diagonal."""
+    if np.any(np.abs(model.M - np.eye(model.size)) > MODAL):
+        return False
+    # round-off decides on the order of equal frequencies, those of rigid motions among them
+    ascending = np.all(np.diff(np.diagonal(model.K)) >= -_round_off(model.K))
+    return bool(ascending) and _is_diagonal(model.K) and _is_diagonal(model.D)
+
+
+def _is_diagonal(A: Array) -> bool:
+    """Whether off-diagonal entries are small relative to the diagonal ones (`MODAL`)."""
+    scale = np.sqrt(np.abs(np.outer(np.diagonal(A), np.diagonal(A))))
+    coupling = np.abs(A - np.diag(np.diagonal(A)))
+    return bool(np.all(coupling <= MODAL * scale + _round_off(A)))
+
+
+def _round_off(A: Array) -> float:
+    """Absolute round-off to expect in entries of A."""
+    return 1e-9 * float(np.abs(A).max(initial=0.0))
+
+
+def _join_tables(model: ReducedModel, modes: EnrichmentModes, sign: float) -> Flexibility:
+    """Tables of the residual flexibility with the modes' part added, or removed where `sign` is -1.
+
+    They are left unchanged if `with_tables` will compute them anew.
+    """
+    tables = model.flexibility
+    assert tables is not None
+    if _has_tables(model.carriers):
+        return tables
+    share, rows = sign / modes.stiffness, modes.rows
+    scaled = share[:, None] * modes.B
+    return Flexibility(
+        rows=add_tables(tables.rows, multiply_tables(rows, rows, share)),
+        inputs=add_tables(tables.inputs, multiply_matrix(rows, scaled)),
+        outputs=add_tables(tables.outputs, transpose(multiply_matrix(rows, (share * modes.outputs).T))),
+        direct=tables.direct + modes.outputs @ scaled,
+        energy=tables.energy + modes.B.T @ scaled,
+    )
+
+
+def _extend_matrix(A: Array, on_all_modes: Array | None, count: int) -> Array:
+    """Matrix A (r, r) extended to `count` more modes by its values `on_all_modes`; None stands for zeros."""
+    r = len(A) + count
+    return np.pad(A, (0, count)) if on_all_modes is None else np.ascontiguousarray(on_all_modes[:r, :r])
+
+
+def _extend_port(model: ReducedModel, name: str, count: int) -> Array:
+    """Port (r + count,) of that name, extended to `count` more modes; by zeros where their values are not known."""
+    port_of_carriers = None if model.carriers is None else model.carriers.ports.get(name)
+    beyond = np.zeros(count) if port_of_carriers is None else port_of_carriers[model.size : model.size + count]
+    return np.append(model.ports[name], beyond)
+
+
+def _block_diagonal(A: Array, diagonal: Array) -> Array:
+    """Block-diagonal matrix of A and the entries `diagonal`."""
+    result = np.diag(np.concatenate([np.zeros(len(A)), diagonal]))
+    result[: len(A), : len(A)] = A
+    return result
+
+
+def _chain_modes(first: EnrichmentModes, second: EnrichmentModes) -> EnrichmentModes:
+    """Enrichment modes of `first`, followed by those of `second`."""
+    return EnrichmentModes(
+        stiffness=np.concatenate([first.stiffness, second.stiffness]),
+        damping=np.concatenate([first.damping, second.damping]),
+        B=np.concatenate([first.B, second.B]),
+        outputs=np.hstack([first.outputs, second.outputs]),
+        rows=join_columns(first.rows, second.rows),
+        matrices=second.matrices,
+    )
+
+
+def _select_modes(modes: EnrichmentModes, numbers: slice) -> EnrichmentModes:
+    """Enrichment modes with these numbers; their matrices are those of all modes."""
+    return replace(
+        modes,
+        stiffness=modes.stiffness[numbers],
+        damping=modes.damping[numbers],
+        B=modes.B[numbers],
+        outputs=modes.outputs[:, numbers],
+        rows=select_columns(modes.rows, numbers),
+    )

@@ -1,0 +1,104 @@
+"""Mesh files: what is not read, and cells without points, are refused in a line of ours."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from pmr.errors import InputError
+from pmr.models.named_mesh import read_mesh, read_mesh_file
+
+DECK = """*NODE
+1, 0., 0., 0.
+2, 1., 0., 0.
+3, 1., 1., 0.
+4, 0., 1., 0.
+*ELEMENT, TYPE=S3, ELSET=Low
+1, 1, 2, 3
+*ELEMENT, TYPE=S3
+2, 1, 3, 4
+*ELEMENT, TYPE=T3D2, ELSET=tail
+3, 4, 1
+*ELSET, ELSET=Both, GENERATE
+1, 2
+"""
+
+
+def written(folder: Path, text: str, name: str = "plate.inp") -> Path:
+    (folder / name).write_text(text)
+    return folder / name
+
+
+def test_a_deck_is_read_as_cells_and_groups(tmp_path: Path) -> None:
+    read = read_mesh_file(written(tmp_path, DECK))
+    assert [(block.kind, block.corners.tolist()) for block in read.blocks] == [
+        ("triangle", [[0, 1, 2]]),
+        ("triangle", [[0, 2, 3]]),
+        ("line", [[3, 0]]),
+    ]
+    groups = {name: [part.tolist() for part in parts] for name, parts in read.groups.items()}
+    assert groups == {"Low": [[0], [], []], "tail": [[], [], [0]], "Both": [[0], [0], []]}
+    mesh = read_mesh(tmp_path / "plate.inp", ("triangle",), ("tail", "Both"))
+    assert len(mesh.cells) == 2 and len(mesh.regions["Low"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("*NODE", "*INCLUDE, INPUT=a.inp\n*NODE", "line 1: *INCLUDE is not read"),
+        ("1, 1, 2, 3", "1, 1, 2, 9", "line 7: element 1 has node 9, which is not in the file"),
+        ("*ELSET", "*NODE\n1, 5., 0., 0.\n*ELSET", "line 13: node 1 is there a second time"),
+        ("TYPE=T3D2", "TYPE=T3D3", "cells of type T3D3; linear cells are allowed"),
+        ("*NODE", "*NODE, SYSTEM=C", "line 1: SYSTEM=C is not read"),
+    ],
+)
+def test_a_deck_that_is_not_read_is_refused_by_its_line(old: str, new: str, says: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        read_mesh(written(tmp_path, DECK.replace(old, new, 1)), ("triangle",))
+    assert f"plate.inp: {says}" in str(caught.value) and len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("corner", [7, -1])
+def test_cells_with_corners_that_are_no_points_are_refused(corner: int, tmp_path: Path) -> None:
+    points = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]])
+    file = tmp_path / "plate.vtk"
+    meshio.write(file, meshio.Mesh(points, [("triangle", np.array([[0, 1, 2]]))]), binary=False)
+    text = file.read_text()
+    assert text.count("0\n1\n2\n") == 1
+    file.write_text(text.replace("0\n1\n2\n", f"0\n1\n{corner}\n"))
+    with pytest.raises(InputError, match="1 cells of kind triangle have corners that are no points of it"):
+        read_mesh(file, ("triangle",))
+
+
+GMSH = """$MeshFormat
+2.2 0 8
+$EndMeshFormat
+$PhysicalNames
+1
+1 5 "tail"
+$EndPhysicalNames
+$Nodes
+3
+1 0 0 0
+2 1 0 0
+3 1 1 0
+$EndNodes
+$Elements
+2
+1 1 2 0 1 1 2
+2 2 2 0 1 1 2 3
+$EndElements
+"""
+
+
+def test_groups_that_gmsh_left_out_are_said_to_be(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="group tail holds no cells; gmsh with Mesh.SaveAll leaves groups out"):
+        read_mesh(written(tmp_path, GMSH, "all.msh"), ("triangle",))
+
+
+def test_a_file_of_gmsh_that_is_not_read_says_how_to_save_it(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="meshio can't read it; .* of gmsh with Mesh.SaveAll = 0"):
+        read_mesh(written(tmp_path, "$MeshFormat\n", "cut.msh"), ("triangle",))
