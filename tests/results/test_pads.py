@@ -9,8 +9,8 @@ from pmr.results.pads import CUBE, THICK, pads_over_time
 def test_pads_of_the_mouth_stay_and_those_of_the_tail_move_with_the_body(make_space, make_fields) -> None:  # noqa: F811
     result = make_space(fields=make_fields("triangle"))
     found, along = pads_over_time(result), result.moving_fields[""][1]
-    assert found is not None and len(found.names) == sum(len(ring.places) for ring in result.scene.pads)
-    moving = [ring.moving for ring in result.scene.pads for _ in ring.places]
+    assert found is not None and len(found.names) == sum(len(ring.named_pads) for ring in result.scene.pads)
+    moving = [ring.moving for ring in result.scene.pads for _ in ring.named_pads]
     start = found.corners[:, :, :, 0].min(axis=2)
     for k, stays in enumerate(moving):
         assert np.allclose(start[:, k] - start[0, k], 0.0 if stays else along - along[0])
