@@ -33,12 +33,12 @@ WORKFLOWS = TESTS.parent / "workflows"
 #: Where BLAS and LAPACK have a hand in what is compared: run under several kernels of OpenBLAS, but of slow tests only
 #: those that are marked so.
 NUMERICAL = (
-    *("compare", "constraints", "convergence", "fem", "fullmodel", "models", "reduction", "reduced"),
+    *("compare", "convergence", "fem", "fullmodel", "models", "reduction", "system"),
     *("simulation", "studies/kinds", "system", "errors/test_environment.py", "test_run.py"),
 )
 #: Rooms that compute with FEniCSx, PETSc and SLEPc: of the others CI runs slow tests on one stack alone.
 FENICSX = (
-    *("convergence", "fem", "fullmodel", "mesh", "models", "reduction", "simulation/petsc"),
+    *("convergence", "fem", "fullmodel", "models", "reduction", "simulation/petsc"),
     "test_random_structures.py",
 )
 #: What reads scenes, pages and sources, by packages of one version on both stacks: tested on one of them, but for
