@@ -33,7 +33,7 @@ WORKFLOWS = TESTS.parent / "workflows"
 #: Where BLAS and LAPACK have a hand in what is compared: run under several kernels of OpenBLAS, but of slow tests only
 #: those that are marked so.
 NUMERICAL = (
-    *("compare", "convergence", "fem", "fullmodel", "models", "reduction", "system"),
+    *("compare", "convergence", "fem", "fullmodel", "models", "reduction"),
     *("simulation", "studies/kinds", "system", "errors/test_environment.py", "test_run.py"),
 )
 #: Rooms that compute with FEniCSx, PETSc and SLEPc: of the others CI runs slow tests on one stack alone.
