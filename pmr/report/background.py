@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import os
+import pickle
 import signal
-import sys
 import threading
-from collections.abc import Sequence
-from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from collections.abc import Callable, Sequence
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from pmr.errors import environment
 from pmr.report.blocks import Figures, ReportFiles
 from pmr.results import RunResult
 
-#: A copy of this process has all that this one has imported; elsewhere than on Linux libraries forbid copies.
-START = "fork" if sys.platform == "linux" else "spawn"
 #: Results and their figures, in the order in which the second process drew them; empty in the first process.
 _drawings = list[tuple[RunResult, Figures]]()
 
@@ -27,14 +26,13 @@ _drawings = list[tuple[RunResult, Figures]]()
 class BackgroundReport:
     """Report of a run, drawn by a second process if there is a free core for it, else by this one in `write`.
 
-    Results are sent to the second process one at a time, each when it is idle and reads at once: Python before 3.11.5
-    waits for ever if that process ends before it has read a result that is larger than a pipe's buffer.
+    Results are handed over in files: if a process ends before it has read what is larger than a pipe holds, this one
+    would wait for ever (Python before 3.11.5).
     """
 
     def __init__(self) -> None:
         self._drawn = list[Future[None]]()
         self._pool: ProcessPoolExecutor | None = None
-        self._turns = ThreadPoolExecutor(1)
 
     def __enter__(self) -> BackgroundReport:
         """Start the second process if a core is free, and let it import what it draws with.
@@ -42,9 +40,10 @@ class BackgroundReport:
         If no process can be started, this one draws in `write`.
         """
         if has_free_core():
-            pool = ProcessPoolExecutor(1, get_context(START), _follow_parent)
+            self._folder = TemporaryDirectory(ignore_cleanup_errors=True)
+            pool = ProcessPoolExecutor(1, get_context("spawn"), _follow_parent)
             with suppress(OSError):  # no process can be started: this one draws
-                self._turns.submit(pool.submit(_load).result)
+                pool.submit(_load)
                 self._pool = pool
         return self
 
@@ -53,11 +52,11 @@ class BackgroundReport:
 
         All other child processes that multiprocessing has started are terminated too.
         """
-        self._turns.shutdown(wait=False, cancel_futures=True)
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)
             for process in active_children():  # a run that fails does not wait for drawings
                 process.terminate()
+            self._folder.cleanup()
 
     def draw(self, result: RunResult) -> None:
         """Queue a result for the second process to draw, and return at once; without that process do nothing.
@@ -65,24 +64,36 @@ class BackgroundReport:
         No figure shows ``budget`` of the result's summary, so this may still change until `write`.
         """
         if self._pool is not None:
-            pool = self._pool
-            self._drawn.append(self._turns.submit(lambda: pool.submit(_draw, result).result()))
+            self._drawn.append(self._submit(self._pool, _draw, result))
 
     def write(self, results: Sequence[RunResult], folder: Path) -> ReportFiles:
         """Write the report of all `results` into `folder` and return its files; blocks until they are written.
 
         The results come in the order in which `draw` got them, with their final summaries.  If there is no second
-        process or it was killed, this one draws them: see `pmr.report.document.write_report`.
+        process, it was killed, or results could not be handed over, this one draws them: see
+        `pmr.report.document.write_report`.
         """
-        with suppress(BrokenExecutor):  # the process was killed
+        with suppress(BrokenExecutor, OSError):  # the process was killed, or there is no room for files
             if self._pool is not None:
                 for drawn in self._drawn:
                     drawn.result()
-                self._pool.submit(_write, folder.absolute(), [result.summary for result in results]).result()
+                summaries = [result.summary for result in results]
+                self._submit(self._pool, _write, folder.absolute(), summaries).result()
                 return ReportFiles.in_folder(folder)
         from pmr.report.document import write_report
 
         return write_report(results, folder)
+
+    def _submit(self, pool: ProcessPoolExecutor, function: Callable[..., None], *arguments: object) -> Future[None]:
+        """Call a function in the second process, which reads its arguments from a file."""
+        file = Path(self._folder.name, f"{len(self._drawn)}-{function.__name__}")
+        try:
+            file.write_bytes(pickle.dumps(arguments))
+            return pool.submit(_call, function, file)
+        except (BrokenExecutor, OSError) as error:
+            failed = Future[None]()
+            failed.set_exception(error)
+            return failed
 
 
 def has_free_core() -> bool:
@@ -113,6 +124,11 @@ def _load() -> None:
     pmr.report.document.import_weasyprint()
     for name in pmr.report.document.templates().list_templates():
         pmr.report.document.templates().get_template(name)
+
+
+def _call(function: Callable[..., None], file: Path) -> None:
+    """Call a function with the arguments that a file of this run's holds, in the second process."""
+    function(*pickle.loads(file.read_bytes()))
 
 
 def _draw(result: RunResult) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
-import multiprocessing.process
+import multiprocessing.context
 import os
 import signal
 import subprocess
@@ -106,7 +106,7 @@ def test_where_no_process_can_be_started_this_one_writes_the_report(
     def refuse(process: object) -> None:
         raise BlockingIOError("Resource temporarily unavailable")
 
-    monkeypatch.setattr(multiprocessing.process.BaseProcess, "start", refuse)
+    monkeypatch.setattr(multiprocessing.context.SpawnProcess, "start", refuse)
     with BackgroundReport() as report:
         report.draw(boom)
         assert report.write([boom], tmp_path).html.is_file()
@@ -135,19 +135,28 @@ def test_the_other_process_ends_with_one_that_is_killed(tmp_path: Path) -> None:
 
 
 REFUSED = """
-import numpy, sys
+import multiprocessing, numpy, os, signal, sys, time
 from pmr.errors import environment
 from pmr.report.background import BackgroundReport
 
 environment.available_cores = lambda: 2
 if __name__ == "__main__":
     with BackgroundReport() as report:
+        (process,) = multiprocessing.active_children()
+        if sys.argv[1] == "idle":
+            report.draw(None)
+            report._drawn[0].exception()
+            os.kill(process.pid, signal.SIGSTOP)
         report.draw(numpy.zeros(1_000_000))
+        if sys.argv[1] == "idle":
+            time.sleep(0.5)
+            process.kill()
         sys.exit(3)
 """
 
 
-def test_a_run_that_fails_while_the_process_is_being_loaded_ends(tmp_path: Path) -> None:
-    """Although what was to be drawn is larger than a pipe holds: the process ends in front of it."""
+@pytest.mark.parametrize("state", ["loading", pytest.param("idle", marks=pytest.mark.slow)])
+def test_a_run_that_fails_ends_although_its_result_is_larger_than_a_pipe_holds(state: str, tmp_path: Path) -> None:
+    """The process that would draw is terminated before it has read the result, or killed while it reads."""
     (script := tmp_path / "refused.py").write_text(REFUSED)
-    assert subprocess.run([sys.executable, str(script)], check=False, timeout=PATIENCE).returncode == 3
+    assert subprocess.run([sys.executable, str(script), state], check=False, timeout=PATIENCE).returncode == 3
