@@ -62,7 +62,7 @@ from pmr.fullmodel.build import build
 from pmr.scene import Scene
 heavy = build(pmr.load_scene("boom_shell", ["body.model='thick'", "mesh.size=0.2", "mesh.along=1.0"]))
 light = build(pmr.load_scene("boom_shell", ["mesh.size=0.2", "mesh.along=1.0"]))
-print(round(heavy.model.masses.own / light.model.masses.own, 9))
+print(round(heavy.model.masses.body / light.model.masses.body, 9))
 changes = ["reduction={basis='shapes', coordinates=8}", "mesh.elements=8", "time.end=0.01", "compare.against=[]"]
 scene = pmr.load_scene("paper_simple", changes)
 reduced = pmr.reduce(scene).reduced
