@@ -18,17 +18,21 @@ from pmr.errors import environment
 from pmr.report.blocks import Figures, ReportFiles
 from pmr.results import RunResult
 
-#: A copy of this process has all that this one has imported; elsewhere than on Linux libraries forbid copies.
+#: How the second process is started.  On Linux it is a copy of this process, which has already imported all modules;
+#: on other systems some libraries do not allow such copies.
 START = "fork" if sys.platform == "linux" else "spawn"
 #: Results and their figures, in the order in which the second process drew them; empty in the first process.
 _drawings = list[tuple[RunResult, Figures]]()
 
 
 class BackgroundReport:
-    """Report of a run, drawn by a second process if there is a free core for it, else by this one in `write`.
+    """Report of a run, drawn by a second process while the run goes on.
 
-    Results are sent to the second process one at a time, each when it is idle and reads at once: Python before 3.11.5
-    waits for ever if that process ends before it has read a result that is larger than a pipe's buffer.
+    If no core is free for a second process, this process draws the report in `write`.
+
+    Results are sent to the second process one at a time, each when that process is idle and reads at once.  The reason
+    is that Python before 3.11.5 waits for ever if the second process ends before it has read a result larger than a
+    pipe's buffer.
     """
 
     def __init__(self) -> None:
@@ -37,9 +41,9 @@ class BackgroundReport:
         self._turns = ThreadPoolExecutor(1)
 
     def __enter__(self) -> BackgroundReport:
-        """Start the second process if a core is free, and let it import what it draws with.
+        """Start the second process if a core is free, and let it import the modules that draw.
 
-        If no process can be started, this one draws in `write`.
+        If no process can be started, this process draws the figures in `write`.
         """
         if has_free_core():
             pool = ProcessPoolExecutor(1, get_context(START), _follow_parent)
@@ -60,19 +64,20 @@ class BackgroundReport:
                 process.terminate()
 
     def draw(self, result: RunResult) -> None:
-        """Queue a result for the second process to draw, and return at once; without that process do nothing.
+        """Queue a result for the second process to draw, and return at once; do nothing if there is no second process.
 
-        No figure shows ``budget`` of the result's summary, so this may still change until `write`.
+        No figure shows the entry ``budget`` of the result's summary, so this entry may still change until `write` is
+        called.
         """
         if self._pool is not None:
             pool = self._pool
             self._drawn.append(self._turns.submit(lambda: pool.submit(_draw, result).result()))
 
     def write(self, results: Sequence[RunResult], folder: Path) -> ReportFiles:
-        """Write the report of all `results` into `folder` and return its files; blocks until they are written.
+        """Write the report of all `results` into `folder` and return its files; blocks until the files are written.
 
-        The results come in the order in which `draw` got them, with their final summaries.  If there is no second
-        process or it was killed, this one draws them: see `pmr.report.document.write_report`.
+        `results` are the results that `draw` received, in the same order, with their final summaries.  If there is no
+        second process, or if it was killed, this process draws the figures (`pmr.report.document.write_report`).
         """
         with suppress(BrokenExecutor):  # the process was killed
             if self._pool is not None:
@@ -86,9 +91,10 @@ class BackgroundReport:
 
 
 def has_free_core() -> bool:
-    """Whether a second process would have a core for itself: several cores may be used, and by this process alone.
+    """Whether a second process would have a core for itself.
 
-    Processes that MPI started together with this one count as users of the cores.
+    This is so if this process may use several cores and no other process uses them.  Processes that MPI started
+    together with this one count as users of the cores.
     """
     return environment.available_cores() > 1 and environment.launched_process_count() == 1
 
@@ -107,7 +113,7 @@ def _end_with_parent() -> None:
 
 
 def _load() -> None:
-    """Import the modules that draw and compile the templates; the second process runs it while the run computes."""
+    """Import the modules that draw, and compile the templates; the second process calls this while the run computes."""
     import pmr.report.document
 
     pmr.report.document.import_weasyprint()
@@ -116,14 +122,14 @@ def _load() -> None:
 
 
 def _draw(result: RunResult) -> None:
-    """Draw the figures of a result, and append the result and its figures to `_drawings`, in the second process."""
+    """Draw the figures of a result and append (result, figures) to `_drawings`; called in the second process."""
     from pmr.report.document import draw_figures
 
     _drawings.append((result, draw_figures(result, len(_drawings) + 1)))
 
 
 def _write(folder: Path, summaries: Sequence[dict[str, Any]]) -> None:
-    """Write the report of the drawn results with their final summaries into `folder`, in the second process."""
+    """Write the report of the drawn results, with final summaries, into `folder`; called in the second process."""
     from pmr.report.document import write_report
 
     results = [replace(result, summary=summary) for (result, _), summary in zip(_drawings, summaries, strict=True)]
