@@ -74,7 +74,10 @@ def is_raised(result: RunResult) -> bool:
 
 @dataclass(frozen=True)
 class Fixture:
-    """Support across the axis that rests at `position` m; `kind` is its symbol, ``clamped`` or a point."""
+    """Support at `position` m that acts across the axis and does not move along it.
+
+    `kind` is its symbol: ``clamped``, or a symbol of a support at a point.
+    """
 
     position: float
     kind: str
@@ -140,7 +143,7 @@ def moving_part(result: RunResult) -> str:
 
 
 def force_words(result: RunResult) -> str:
-    """Name of the contact forces: ``pad forces``; of a body alone on sliders ``slider force`` or ``slider forces``."""
+    """Words for the contact forces: ``pad forces``, or ``slider force`` (``slider forces``) for a body on sliders."""
     sliders = len(result.scene.points) if is_alone(result) else 0
     return "pad forces" if not sliders else "slider force" if sliders == 1 else "slider forces"
 
@@ -214,7 +217,7 @@ def axial_supports(result: RunResult) -> list[str]:
 
 
 def changing_angles(result: RunResult) -> dict[str, SignalBase]:
-    """Signals of the luffing and slewing angles that change during the run, by name; empty without a frame."""
+    """Signals of the angles of luffing and slewing that change during the run, by name; empty without a frame."""
     frame, end = result.scene.frame, result.scene.time.end
     angles = {} if frame is None else dict(zip(("luffing", "slewing"), frame.angles, strict=True))
     bounds = {name: angle.bounds(0.0, end) for name, angle in angles.items()}

@@ -239,7 +239,10 @@ def _error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> li
 
 
 def _largest_share_cells(shares: Array) -> tuple[str, ...]:
-    """Cell with the largest share; if there are no shares, cells that fill the row and say the limit is not reached."""
+    """Cell with the largest of `shares`, the error bars as shares of the load.
+
+    If there are no shares, the cells fill the row and say that the limit is not reached.
+    """
     return (_format_share(shares.max()),) if len(shares) else (NOT_REACHED, *["–"] * len(PARTS))
 
 
@@ -290,7 +293,10 @@ def _format_amount(limit: Mapping[str, Any], amount: float | None) -> str:
 
 
 def _load_grid(chart: LoadChart, error: Array, luffing: Array) -> Grid:
-    """Build the table of loads over at most `ROWS` reaches and `COLUMNS` angles of `luffing` (A,) in degrees."""
+    """Build the table of loads over at most `ROWS` reaches and at most `COLUMNS` angles.
+
+    `error` are error bars in kg, and `luffing` (A,) are all A angles in degrees.
+    """
     E, A = chart.load.shape
     rows, columns = spread_indices(E, ROWS), spread_indices(A, COLUMNS)
 
@@ -328,7 +334,10 @@ def governing_pages(study: FinishedStudy, names: list[str], arrays: Parts, prefi
 def _governing_page(
     study: FinishedStudy, names: list[str], n: int, row: int, arrays: Mapping[str, Array], anchor: str
 ) -> Block:
-    """Build the block about the largest load that limit number `n` governs, in run number `row` with these arrays."""
+    """Build the block about the largest load that limit number `n` governs.
+
+    It occurs in run number `row`, and `arrays` are those of this run.
+    """
     k = int(arrays["at.place"][n])
     load, error = float(arrays["load"][k, n]), float(arrays["error"][k, n])
     out = {p.removeprefix("extension."): float(v) for p, v in study.results.runs[row].parameters.items() if v}
@@ -386,7 +395,7 @@ def _stop_sentences(study: FinishedStudy, limit: str, stops: Array) -> Iterator[
 
 
 def _use_tables(names: list[str], n: int, arrays: Mapping[str, Array], sections: tuple[str, ...]) -> list[Table]:
-    """Build tables of the use of each limit, stresses of probes, displacements of the sections' tips, and forces."""
+    """Build tables of the use of each limit, stresses of probes, displacements of sections' tips, and forces."""
     used = zip(names, arrays["at.used"][n], strict=True)
     tables = [Table("Used of each limit", tuple((name, f"{100.0 * share:.3g}{SPACE}%") for name, share in used))]
     if len(stress := arrays["at.stress"][n]):

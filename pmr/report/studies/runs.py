@@ -120,7 +120,10 @@ def _key_numbers(done: Sequence[RunRecord], error: str | None) -> Iterator[KeyNu
 
 
 def _cost_differs(runs: Sequence[RunRecord]) -> bool:
-    """Whether a parameter varies on which the time of a simulation depends; without one, times differ by chance."""
+    """Whether a parameter varies on which the time of a simulation depends.
+
+    If no such parameter varies, times differ between runs by chance only.
+    """
     return any(key.partition(".")[0].partition("[")[0] in COSTLY for run in runs for key in run.parameters)
 
 
@@ -246,7 +249,10 @@ def _grids(runs: Sequence[RunRecord]) -> Iterator[Grid]:
 
 
 def _columns(runs: Sequence[RunRecord]) -> list[str]:
-    """Names of the runs' values and of the times of their simulations, without values that have their own tables."""
+    """Names of the runs' values and of the times of their simulations.
+
+    Names of values that have their own tables are left out.
+    """
     figures = (name for run in runs for name in run.figures if not name.startswith(tables.ROOMS))
     seconds = (name for run in runs for name in run.seconds if name.startswith("simulate.") and _cost_differs(runs))
     return list(dict.fromkeys([*figures, *seconds]))
@@ -304,7 +310,7 @@ def error_over_time_figure(done: Sequence[RunRecord], parameter: str, error: str
 
 
 def _curves(done: Sequence[RunRecord], parameter: str) -> list[tuple[dict[str, Any], list[RunRecord]]]:
-    """Group runs that differ in one parameter only, with keywords for `Axes.plot` of each group."""
+    """Group runs that differ in `parameter` only; return each group after the keywords of its curve for `Axes.plot`."""
     groups: dict[str, list[RunRecord]] = {}
     for run in done:
         groups.setdefault(run_name(run, parameter) if len(run.parameters) > 1 else "", []).append(run)

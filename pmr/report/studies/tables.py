@@ -207,7 +207,10 @@ def largest_values(runs: Sequence[RunRecord]) -> dict[str, list[str]]:
 
 
 def _extreme_amount(run: RunRecord, names: str, extreme: Callable[..., float | None]) -> float | None:
-    """Largest or least amount, by `which`, of a run's values whose names match the pattern `names`, or None."""
+    """Largest or least absolute value of a run's values whose names match the pattern `names`.
+
+    `extreme` is the function max or min.  The result is None if no name matches.
+    """
     numbers = (number_of(value) for name, value in run.figures.items() if re.fullmatch(names, name))
     return extreme((abs(value) for value in numbers if value is not None), default=None)
 

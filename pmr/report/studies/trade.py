@@ -79,7 +79,7 @@ def front_figure(study: FinishedStudy) -> Figure:
 
 
 def error_front(times_and_errors: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Points (seconds, error) that no other one beats in both, in increasing order of time."""
+    """Points (seconds, error) for which no other point has less time and less error, in increasing order of time."""
     best: list[tuple[float, float]] = []
     for seconds, error in sorted(times_and_errors):
         if not best or error < best[-1][1]:
@@ -113,7 +113,7 @@ def _times_and_errors(run: RunRecord) -> list[tuple[float, float]]:
 
 
 def _tolerance_grid(study: FinishedStudy, scene: str) -> Grid:
-    """Build the table of coordinates and steps with which each method meets a tolerance, for a scene."""
+    """Build the table of the number of coordinates and the step by which each method meets a tolerance in a scene."""
     rows = []
     for method, name in NAMES.items():
         cells = [study.figures.get(f"{scene}.{method}.{tolerance:g}") for tolerance in TOLERANCES]
