@@ -1,10 +1,12 @@
 """Checks whether mass and stiffness matrices of another program belong to their nodes and directions.
 
-A body that nothing holds can move as a rigid body of its nodes without resistance of K.  Where K does resist, the nodes
-must be near coordinates that were left out, as at supports, or at springs to ground.  Otherwise rows, directions, axes
-or points are not those of K; what they should be follows from the motions that K leaves free (`pmr.files.reasons`).
+A body that nothing holds can move as a rigid body of its nodes without resistance of its stiffness K.  If K does resist
+at some nodes, these have to be near coordinates that were left out, as at supports, or at springs to ground.  If they
+are not, then the rows, directions, axes or points are not those that K was made for.  What they should be follows from
+the motions that K leaves free (`pmr.files.reasons`).
 
-Each check yields the input that is wrong (``M``, ``K``, ``points`` or ``direction``) and the reason in words.
+Each check gets the mass M and the stiffness in `body`.  If it finds an error it yields (name, reason): the name of the
+input that is wrong (``M``, ``K``, ``points`` or ``direction``) and the reason in words.
 """
 
 from __future__ import annotations
@@ -34,13 +36,13 @@ from pmr.files.units import check_density, check_speed
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Steps of Lanczos' method for the least eigenvalue of a matrix with a diagonal of ones, and the least value that
-#: rounding may explain.
+#: Number of steps of Lanczos' method for the least eigenvalue of a matrix with a diagonal of ones, and the least
+#: eigenvalue that rounding may explain.
 STEPS, NEGATIVE = 60, -1e-6
-#: Powers of ten that a diagonal entry may be below the median: smaller ones are negligible in double precision,
-#: squared or not.
+#: Number of powers of ten by which a diagonal entry may be smaller than the median entry; still smaller entries are
+#: negligible in double precision, and so are their square roots.
 VANISHING = 30
-#: Most coordinates for which all eigenvalues of K are computed, in half a second.
+#: Largest number of coordinates for which all eigenvalues of K are computed, which takes half a second.
 DENSE_ALWAYS = 1000
 #: Warning about matrices that can't be checked against their nodes.
 UNCHECKED = (
@@ -50,7 +52,10 @@ UNCHECKED = (
 
 
 def misfit(M: sp.csr_matrix, body: Resistance) -> tuple[str, str] | None:
-    """Return the input (``M``, ``K``, ``points``, ``direction``) that does not fit first, and the reason; or None."""
+    """Return (name, reason) of the first check that fails, or None if the matrices fit their nodes and directions.
+
+    The name is that of the wrong input: ``M``, ``K``, ``points`` or ``direction``.
+    """
     checks: tuple[Callable[[sp.csr_matrix, Resistance], Iterator[tuple[str, str]]], ...] = (
         _vanishing_entries,
         _negative_eigenvalues,
@@ -95,7 +100,7 @@ def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str
 
 
 def _negative_eigenvalues(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield ``M`` or ``K``, and the reason, if the matrix has negative eigenvalues."""
+    """Yield (``M`` or ``K``, reason) if the matrix has negative eigenvalues."""
     for name, A in (("M", M), ("K", body.K)):
         least = _least_eigenvalue(A)
         if least < NEGATIVE:
@@ -109,9 +114,9 @@ def _negative_eigenvalues(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[
 
 
 def _least_eigenvalue(A: sp.csr_matrix) -> float:
-    """Return an upper bound of the least eigenvalue of A with its diagonal scaled to one.
+    """Return an upper bound of the least eigenvalue of a matrix A whose diagonal is scaled to one.
 
-    It is found by Lanczos' method from a fixed vector.
+    The bound is computed by Lanczos' method, which starts from a fixed vector.
     """
     scale = 1.0 / np.sqrt(A.diagonal())
     v = np.random.default_rng(3).standard_normal(A.shape[0])
@@ -146,7 +151,7 @@ def _unknown_motions(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, 
 
 
 def _separate_parts(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield ``K`` and the reason, if some nodes are joined to the others neither by stiffness nor by the ground."""
+    """Yield (``K``, reason) if some nodes are connected by stiffness neither to the other nodes nor to the ground."""
     links = sp.coo_matrix(
         (np.ones(len(body.node)), (body.node, np.arange(len(body.node)))), (len(body.points), body.K.shape[0])
     )
@@ -168,7 +173,7 @@ def _separate_parts(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, s
 
 
 def _missing_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield ``M`` and the reason, if it equals K, or gives a rigid body no mass along some axis."""
+    """Yield (``M``, reason) if M equals K, or if the body moved as a whole has no mass along some axis."""
     if M.nnz == body.K.nnz > len(body.node) and abs(M - body.K).count_nonzero() == 0:
         yield "M", "a mass is allowed: this is the same matrix as the stiffness"
     T = rigid_motions(body.points[body.node], body.direction)[:, :3]
@@ -185,9 +190,9 @@ def _missing_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str
 
 
 def _misplaced_rows(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield the wrong input and the reason, if rows resist a rotation but no translation.
+    """Yield (wrong input, reason) if rows of K resist a rotation about their node but no translation.
 
-    Nodes are then not where K has them.
+    The points of such nodes are not those that K was made for.
     """
     sums, sizes = body.sums_of_moments
     wrong = np.zeros(len(body.points), dtype=bool)
@@ -227,10 +232,10 @@ def _wrong_axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]
 
 
 def _wrong_axes_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield ``direction`` and the reason, if M couples displacements of a node with those of others across axes.
+    """Yield (``direction``, reason) if M couples displacements of two nodes along different axes.
 
-    Elements couple displacements of two nodes by m_ij along each axis, near supports too.  It is checked if M has
-    displacements alone and at least half of the nodes show no such coupling.
+    Elements couple displacements of the nodes i and j by the same mass m_ij along each axis, near supports too.  The
+    check is made if M has displacements alone and at least half of the nodes show no coupling between different axes.
     """
     entries, count = M.tocoo(), len(body.points)
     row, column = body.node[entries.row], body.node[entries.col]
@@ -251,7 +256,7 @@ def _wrong_axes_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[st
 
 
 def _free_mechanisms(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield ``K`` and the reason, if it leaves other motions than rigid ones free, or has negative eigenvalues.
+    """Yield (``K``, reason) if K leaves motions free that are not rigid, or if it has negative eigenvalues.
 
     Only matrices of up to `DENSE_ALWAYS` coordinates are checked.
     """
@@ -301,18 +306,21 @@ def _wrong_centre_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[
 
 
 def centre_of_mass(J: Array) -> Array:
-    """Return the centre of mass (3,) in m from the inertia J = R^T M R (6, 6); R are rigid motions about the origin."""
+    """Return the centre of mass (3,) in m from the inertia J = R^T M R (6, 6) under the six rigid motions R.
+
+    M is the mass matrix; the rotations among the rigid motions are about axes through the origin.
+    """
     moments = np.array([J[1, 5] - J[2, 4], J[2, 3] - J[0, 5], J[0, 4] - J[1, 3]])
     return np.asarray(1.5 * moments / np.trace(J[:3, :3]))
 
 
 def _free_motion_count(body: Resistance) -> int:
-    """Return the number of motions, rigid or not, that a dense K leaves free."""
+    """Return the number of motions, rigid or not, that a dense stiffness K leaves free."""
     return int(np.sum(_scaled_eigenvalues(body) < 1e-13 * len(body.node)))
 
 
 def _scaled_eigenvalues(body: Resistance) -> Array:
-    """Return the eigenvalues (n,) of K with its diagonal scaled to one, ascending."""
+    """Return the eigenvalues (n,) of K, with its diagonal scaled to one, in ascending order."""
     scale = 1.0 / np.sqrt(body.K.diagonal())
     return np.asarray(np.linalg.eigvalsh(body.K.toarray() * scale * scale[:, None]))
 
@@ -323,7 +331,7 @@ def _is_dense(body: Resistance) -> bool:
 
 
 def _nodes_without_rotations(body: Resistance) -> Mask:
-    """Return a mask (N,) of nodes with displacements that lack a rotation which most nodes have."""
+    """Return a mask (N,) of nodes that have displacements but lack a rotation that most nodes have."""
     missing, displaced = np.zeros(len(body.points), dtype=bool), ~body.missing_displacements.any(axis=1)
     for k in range(3, 6):
         rotates = np.bincount(body.node[body.direction == k], minlength=len(body.points)) > 0
@@ -333,10 +341,10 @@ def _nodes_without_rotations(body: Resistance) -> Mask:
 
 
 def _supported_nodes(body: Resistance) -> Mask:
-    """Return a mask (N,) of nodes near others that lack displacements, whose forces agree with that.
+    """Return a mask (N,) of nodes whose forces are explained by supports near them.
 
-    Under translations along the axes that no near node lacks, such a node has no forces, or those of a spring to
-    ground.
+    Such a node is near nodes that lack displacements.  Under translations along the axes that these nodes do not lack,
+    it has no forces, or those of a spring to ground.
     """
     lacks = np.stack([body.near(body.missing_displacements[:, k]) for k in range(3)], axis=1)
     springs = np.where(lacks[:, :, None] | lacks[:, None], 0.0, body.blocks)

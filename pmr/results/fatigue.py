@@ -69,9 +69,9 @@ class SNLine:
 
 
 def damage(t: Array, stress: Array, line: SNLine, times: float = 1.0) -> float:
-    """Return the damage by a stress (T,) in Pa at times t (T,) in s, repeated `times` times; 1 is failure.
+    """Return the damage, a number, by a stress (T,) in Pa at times t (T,) in s, repeated `times` times; 1 is failure.
 
-    Cycles below a hundredth of the largest range are left out, see `rainflow_cycles`.
+    Cycles with a range below a hundredth of the largest range are left out (`rainflow_cycles`).
     """
     loops = rainflow_cycles(t, stress)
     return times * line.damage(loops[:, 0], loops[:, 2])

@@ -50,7 +50,10 @@ class Grid:
     regions: Mapping[str, Indices] = field(default_factory=dict)
 
     def region(self, cell: int) -> str:
-        """Return the names of the regions that contain a cell, joined by commas; empty if there are none."""
+        """Return the names of the regions that contain the cell number `cell`, joined by commas.
+
+        The text is empty if no region contains this cell.
+        """
         return ", ".join(sorted(name for name, cells in self.regions.items() if cell in cells))
 
 
@@ -160,7 +163,7 @@ class FramedBody:
 
     @property
     def omega(self) -> Array:
-        """Lowest m angular frequencies (m,) in rad/s, ascending, with the ground frame fixed and the others free."""
+        """Lowest m angular frequencies (m,) in rad/s, ascending, with the ground frame fixed and all others free."""
         values = scipy.linalg.eigh(self.M[6:, 6:], self.K[6:, 6:], eigvals_only=True)[::-1]
         return np.asarray(1.0 / np.sqrt(values[: self.modes]))
 
@@ -198,7 +201,7 @@ class NodalBody:
     points : (N, 3) array, m
     M, K : (3 N, 3 N) sparse matrices
         K includes the springs of flexible pads and supports at s.  Rigid pads and supports are not in K, but the modes
-        do not move them.
+        satisfy their constraints.
     modes : (3 N, m) array
         Lowest modes at s, M-orthonormal, in 1/sqrt(kg).
     omega : (m,) array, rad/s

@@ -92,7 +92,7 @@ class StressRows:
         return np.flatnonzero(self.face == self.faces.index(face))
 
     def by_cell(self, values: Array, cells: int) -> dict[str, Array]:
-        """Return for each face the largest of values (S, P) in each cell, (S, cells).
+        """Return the largest of values (S, P) in each of `cells` cells: an array (S, cells) for each face, by name.
 
         A cell without a point on a face has its largest value on any face; a cell without points has minus infinity.
         """
@@ -168,10 +168,12 @@ class StressHistory:
 def stress_history(
     rows: StressRows, grid: Grid, t: Array, largest: Array, point: Indices, at_peak: Array | None = None
 ) -> StressHistory:
-    """Return the history of the largest stress (S,) in Pa at the points (S,) of `rows` at times t (S,), with its peak.
+    """Return the history of the largest stress (S,) in Pa at times t (S,) in s, with its peak over all times.
 
-    `at_peak` is von Mises' stress (P,) in Pa at the time of the peak.  With it points that share the largest stress are
-    found; the first of them in the order of the points is the peak, so that round-off does not choose.
+    The largest stress occurs at the points `point` (S,), which are indices of points of `rows`.  `at_peak` is von
+    Mises' stress (P,) in Pa at all points of `rows` at the time of the peak.  If it is given, the points that share the
+    largest stress are found.  The first of them, in the order of the points, is then taken as the peak, so that
+    round-off does not decide.
     """
     k = int(largest.argmax())
     like = np.array([point[k]])
@@ -368,5 +370,8 @@ class RunningEnvelope:
 
 
 def _extreme_entries(what: str, value: float, t: float, x: float) -> dict[str, float]:
-    """Return value, time t in s and position x in m of an extreme by the keys ``WHAT``, ``t_WHAT`` and ``x_WHAT``."""
+    """Return value, time t in s and position x in m of an extreme, by three keys.
+
+    The keys are `what`, and `what` with ``t_`` or ``x_`` before it.
+    """
     return {what: float(value), f"t_{what}": float(t), f"x_{what}": float(x)}

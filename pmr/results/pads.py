@@ -27,8 +27,8 @@ def pad_corners(ring: PadRing, place: tuple[str, Face, float], body: Array, box:
 
     `cube` (k, 3) are the corners of a unit cube, which is moved and scaled to become the pad.  `place` has the pad's
     name, its face and its position in m across the face.  `body` (2, 3) are the least and the largest coordinates of
-    the body in m. The faces bottom and top are normal to z, right and left are normal to y; other names are slanted
-    faces of its `box`.
+    the body in m.  The faces bottom and top are normal to z, right and left are normal to y; all other faces are
+    slanted faces of `box`.
     """
     _, face, across = place
     size, local = np.array([ring.length, ring.width, THICK]), cube - [0.5, 0.5, 0.0]
