@@ -13,7 +13,7 @@ from pathlib import Path
 
 from pmr.errors import InputError
 
-#: For each type of linear element, the kind of its cells with the name that meshio uses.
+#: For each type of linear element, the kind of its cells in meshio's words; then the number of corners of each kind.
 KINDS: Mapping[str, str] = {
     **dict.fromkeys(("T2D2", "T2D2H", "T3D2", "T3D2H", "B21", "B21H", "B31", "B31H", "B31R", "B33"), "line"),
     **dict.fromkeys(("CPS3", "CPE3", "STRI3", "S3", "S3R", "S3RS", "R3D3", "M3D3"), "triangle"),
@@ -38,7 +38,7 @@ class DataLine:
 
 @dataclass(frozen=True)
 class Card:
-    """A card: line number, keyword and names of options in capital letters, and its data lines."""
+    """A card: number of its line, keyword and names of options in capital letters, and data lines."""
 
     number: int
     keyword: str
@@ -48,7 +48,10 @@ class Card:
 
 @dataclass(frozen=True)
 class Elements:
-    """Elements of one card: their type, and for each its number, its line in the file and the numbers of its nodes."""
+    """Elements of one card: their type, and three entries for each element.
+
+    These are its number, its line in the file and the numbers of its nodes.
+    """
 
     type: str
     numbers: list[int]
@@ -279,7 +282,10 @@ def _set_by_name(deck: Deck, sets: dict[str, set[int]], card: Card, option: str)
 
 
 def _whole_number(deck: Deck, line: DataLine, text: str, what: str) -> int:
-    """Return a text as a whole number; raises InputError, which says `what` is allowed, if it is none."""
+    """Return a text as a whole number.
+
+    Raises InputError if the text is none; `what` is the description of what is allowed.
+    """
     if not _is_label_number(text):
         raise deck.line_error(line.number, f"{what} is allowed, not {text!r}")
     return int(text)

@@ -40,7 +40,7 @@ Mask = NDArray[np.bool_]
 #: eigenvalue that rounding may explain.
 STEPS, NEGATIVE = 60, -1e-6
 #: Number of powers of ten by which a diagonal entry may be smaller than the median entry; still smaller entries are
-#: negligible in double precision, and so are their square roots.
+#: negligible in double precision, and so are their squares.
 VANISHING = 30
 #: Largest number of coordinates for which all eigenvalues of K are computed, which takes half a second.
 DENSE_ALWAYS = 1000
@@ -74,15 +74,18 @@ def misfit(M: sp.csr_matrix, body: Resistance) -> tuple[str, str] | None:
 
 
 def is_uncheckable(body: Resistance) -> bool:
-    """Whether all nodes are near supports inside the matrices, so that points and axes can't be checked against K."""
+    """Whether all nodes are near supports that are included in K.
+
+    If they are, points and axes can't be checked against K.
+    """
     used = np.unique(body.node)
     return bool(body.near(body.missing_displacements.any(axis=1))[used].all())
 
 
 def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield ``M`` or ``K``, and the reason, if its least diagonal entry is negligible beside the median entry.
+    """Yield (``M`` or ``K``, reason) if the matrix's least diagonal entry is negligible beside its median entry.
 
-    Logarithms are compared: squares of such entries might not be numbers.
+    Logarithms are compared, as squares of such entries might not be representable numbers.
     """
     for name, A, what in (("M", M, "mass"), ("K", body.K, "stiffness")):
         diagonal = A.diagonal()
@@ -135,7 +138,7 @@ def _least_eigenvalue(A: sp.csr_matrix) -> float:
 
 
 def _unknown_motions(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield ``direction`` and the reason, if some rigid motion moves no coordinate, or only as other ones do."""
+    """Yield (``direction``, reason) if a rigid motion moves no coordinate, or only as other rigid motions do."""
     R = rigid_motions((body.points - body.points.mean(axis=0))[body.node], body.direction)
     R /= np.maximum(np.linalg.norm(R, axis=0), 1e-9 * np.linalg.norm(R))
     independent = list[int]()
@@ -211,7 +214,10 @@ def _misplaced_rows(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, s
 
 
 def _wrong_axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield wrong input and reason, if rows far from supports resist a translation, and not as a spring does."""
+    """Yield (wrong input, reason) if rows of K far from supports resist a translation.
+
+    Springs to ground resist translations too, so nodes that are held as by a spring are not reported.
+    """
     held = body.grounded_nodes & ~body.spring_nodes
     if _is_dense(body):
         wrong = held if held.any() and _free_motion_count(body) > 6 - len(body.held_motions()) else np.zeros_like(held)
@@ -281,9 +287,10 @@ def _free_mechanisms(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, 
 
 
 def _wrong_centre_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield ``M`` and the reason, if it couples translations, or its centre of mass is outside of the body.
+    """Yield (``M``, reason) if M couples translations along different axes.
 
-    It is checked if no support or spring inside K holds the body.
+    The same is yielded if the centre of mass is outside of the body.  The check is made only if no support or spring in
+    K holds the body.
     """
     if len(body.held_motions()):
         return
@@ -326,7 +333,7 @@ def _scaled_eigenvalues(body: Resistance) -> Array:
 
 
 def _is_dense(body: Resistance) -> bool:
-    """Whether more than half of the entries of K are stored, and K is small enough to be decomposed."""
+    """Whether more than half of the entries of K are stored, and K is small enough for dense decompositions."""
     return body.K.nnz > 0.5 * body.K.shape[0] ** 2 and body.K.shape[0] <= DENSE
 
 

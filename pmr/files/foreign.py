@@ -48,13 +48,16 @@ class ForeignFiles:
     #: File with node and direction (1 to 6) of each row: ``.dof`` with lines ``node.direction``, or ``.csv`` with lines
     #: ``node,direction``; ``.bdf``, ``.pch`` and Abaqus's ``.mtx`` state them with each entry of a matrix
     dofs: Path
-    #: File of the nodes and their groups: ``.inp`` with ``*NODE`` and ``*NSET``, ``.bdf`` with GRID and SET1 (a group is
-    #: called ``set7``), or ``.csv`` with lines ``node,x,y,z`` that end with the names of the node's groups
+    #: File of the nodes and their groups: ``.inp`` with ``*NODE`` and ``*NSET``, ``.bdf`` with GRID and SET1 (the group
+    #: of set 7 is ``set7``), or ``.csv`` with lines ``node,x,y,z`` that end with the names of the node's groups
     nodes: Path
 
 
 def foreign_files(stiffness: Path, mass: Path | None, dofs: Path | None, nodes: Path | None) -> ForeignFiles:
-    """Return the files of a model; a file that is None has the default name beside `stiffness`, or is `stiffness`."""
+    """Return the files of a model.
+
+    A file that is None gets its default name beside `stiffness`, or is `stiffness` itself.
+    """
     suffix = stiffness.suffix.lower()
     combined = {".bdf": ("mass", "dofs", "nodes"), ".op4": ("mass",), ".pch": ("mass", "dofs"), ".mtx": ("dofs",)}
     paths = {"mass": mass, "dofs": dofs, "nodes": nodes}
@@ -185,7 +188,10 @@ def _read_triplets(path: Path) -> sp.csr_matrix:
 
 
 def _read_coordinates(path: Path, between: str, head: int) -> Indices:
-    """Read node and direction (n, 2) from the lines after the first `head` ones, separated by the sign `between`."""
+    """Read node and direction (n, 2) from all lines after the first `head` ones.
+
+    `between` is the sign that separates the two.
+    """
     pairs = list[tuple[int, int]]()
     for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
         parts = line.strip().split(between)

@@ -37,9 +37,10 @@ class Entries:
         return np.unique(np.vstack([self.rows, self.columns]), axis=0)
 
     def matrix(self, pairs: Indices) -> sp.csr_matrix:
-        """Return the symmetric matrix (n, n) on the coordinates `pairs` (n, 2), which contain those of all entries.
+        """Return the symmetric matrix (n, n) on the coordinates `pairs` (n, 2).
 
-        Of two entries that mirror each other the file may leave out either one.
+        `pairs` have to include the coordinates of all entries.  Of two entries that mirror each other, the file may
+        have both or only one.
         """
         number = {(int(node), int(direction)): k for k, (node, direction) in enumerate(pairs)}
         rows, columns = ([number[int(n), int(d)] for n, d in part] for part in (self.rows, self.columns))
@@ -49,7 +50,7 @@ class Entries:
 
 
 class UnreadableError(ValueError):
-    """A file does not have the form that is `allowed`; `line` is the one that differs, 0: the file as a whole."""
+    """A file does not have the form `allowed`; `line` is the line that differs, or 0 for the whole file."""
 
     def __init__(self, allowed: str, line: int = 0) -> None:
         super().__init__(allowed)
@@ -70,10 +71,10 @@ def read_entries(path: Path) -> Entries:
 def read_number_table(
     path: Path, kinds: Sequence[type], form: str, delimiter: str | None = None, comment: str = "#", head: int = 0
 ) -> Array:
-    """Return the numbers (e, c) of the lines after the first `head` ones, c numbers of the given `kinds` in each line.
+    """Return the numbers (e, c) in the e lines after the first `head` ones.
 
-    `form` describes a line in messages.  Raises UnreadableError with the first line of another form, or if the file is
-    cut off.
+    Each line has c numbers of the given `kinds`, and `form` describes a line in messages.  Raises UnreadableError with
+    the number of the first line of another form, or if the file is cut off.
     """
     content = path.read_bytes()
     if not content.endswith(b"\n"):
@@ -93,7 +94,10 @@ def read_number_table(
 
 
 def _is_row(parts: Sequence[str], kinds: Sequence[type]) -> bool:
-    """Whether texts are as many numbers of the given kinds: whole numbers for int, any number for float."""
+    """Whether the texts `parts` are as many numbers of the given `kinds`.
+
+    For the kind int a whole number is needed, for float any number.
+    """
     if len(parts) != len(kinds):
         return False
     try:
@@ -209,7 +213,7 @@ def _set_entries(text: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
 
 
 def read_output4(path: Path) -> dict[str, sp.csr_matrix]:
-    """Read the matrices of an OUTPUT4 file by name; raises InputError or UnreadableError as `read_bulk`."""
+    """Read the matrices of an OUTPUT4 file, by name; raises the errors of `read_bulk`."""
     read = import_package("pyNastran.op4.op4").read_op4
     try:
         with redirect_stdout(StringIO()):  # pyNastran prints what it can't read
