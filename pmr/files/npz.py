@@ -194,9 +194,7 @@ def _read_array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]
             raise DamagedError(f"{info.filename} claims the shape {shape}, which is not what it holds")
         flat = np.empty(count, dtype)
         room = memoryview(flat.view(np.uint8).data)
-        if stream.readinto(room) < len(room) or stream.read(
-            1
-        ):  # at the end of the stream zipfile compares the checksum
+        if stream.readinto(room) < len(room) or stream.read(1):  # at its end the checksum is compared
             raise DamagedError(f"{info.filename} is shorter or longer than it claims to be")
     return flat.reshape(shape, order="F" if fortran else "C")
 
