@@ -1,6 +1,6 @@
 """``pmr info``: installed packages, or the content of a file, in lines of a name and a description.
 
-The functions return these lines as a mapping from name to description.
+The functions return such lines as a mapping from name to description.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _TABLES = ("versions", "scene")  # of a model's provenance
 
 
 def describe_file(file: Path) -> dict[str, str]:
-    """Return the description of a file with a reduced model or a system of bodies."""
+    """Return lines, by name, about a file with a reduced model or with a system of bodies."""
     from pmr import ReducedModel
     from pmr.system.saved import read
     from pmr.system.system import System
@@ -47,7 +47,7 @@ def describe_file(file: Path) -> dict[str, str]:
 
 
 def describe_system(system: System) -> dict[str, str]:
-    """Return the description of a system of several bodies."""
+    """Return lines, by name, about a system of several bodies: its bodies, paths, inputs, outputs and frequencies."""
     scene = system.provenance.get("scene")
     title = scene.get("title", "unknown") if isinstance(scene, dict) else "unknown"
     rows = {
@@ -68,7 +68,7 @@ def describe_system(system: System) -> dict[str, str]:
 
 
 def _frequencies(system: System) -> dict[str, str]:
-    """Return lines with the lowest frequencies at both ends of all paths, with all contacts closed.
+    """Return lines, by name, with the lowest frequencies in Hz at both ends of all paths, with all contacts closed.
 
     An end at which they can't be computed is left out.
     """
@@ -104,7 +104,7 @@ def _list_names(names: list[str]) -> str:
 
 
 def describe_scene(scene: scenes.Scene) -> dict[str, str]:
-    """Return the description of a scene."""
+    """Return lines, by name, about a scene."""
     from pmr.scene.members import members
 
     rows = {"title": scene.title, "hash": scene.hash}
@@ -121,7 +121,7 @@ def describe_scene(scene: scenes.Scene) -> dict[str, str]:
 
 
 def _describe_frame(scene: scenes.Scene) -> dict[str, str]:
-    """Return the description of a boom's moving frame; empty without one."""
+    """Return lines, by name, about the moving frame of a boom; empty if the scene has no frame."""
     if scene.frame is None:
         return {}
     motions = []
@@ -135,7 +135,7 @@ def _describe_frame(scene: scenes.Scene) -> dict[str, str]:
 
 
 def _describe_body(member: Member) -> dict[str, str]:
-    """Return the description of the body in a scene with a single body."""
+    """Return lines, by name, about the body of a scene with a single body."""
     from pmr.scene.choice import choose_model, is_undecided
 
     chosen, (low, high), part = choose_model(member), member.bounds, member.part
@@ -200,7 +200,7 @@ def _describe_reduction(reduction: scenes.Reduction) -> str:
 
 
 def describe_model(model: ReducedModel) -> dict[str, str]:
-    """Return the description of a reduced model."""
+    """Return lines, by name, about a reduced model."""
     import numpy as np
 
     low, high = model.domain
@@ -227,7 +227,7 @@ def describe_model(model: ReducedModel) -> dict[str, str]:
 
 
 def _describe_inputs(names: Sequence[str], units: Sequence[str]) -> dict[str, str]:
-    """Return the names of inputs with their units, and the meaning of inputs for the accelerations of a frame."""
+    """Return lines, by name: the inputs with their units, and the meaning of the inputs for a frame's accelerations."""
     from pmr.scene.frame import INERTIA, MINUS_THE_ACCELERATION
 
     sign = {"inertia inputs": MINUS_THE_ACCELERATION} if any(INERTIA in name for name in names) else {}
@@ -291,7 +291,7 @@ def info(
 
 
 def _estimate_lines(summary: Path) -> dict[str, str]:
-    """Return the estimated errors from the file `summary` of a run; empty if there is no such file."""
+    """Return lines, by name, with the estimated errors in the file `summary` of a run; empty without such a file."""
     try:
         estimates = json.loads(summary.read_text(encoding="utf-8"))["estimate"]
         shares = {place: float(estimates[place]) for place in ("tip", "beam") if estimates[place] is not None}

@@ -296,7 +296,7 @@ class _StageLines:
                 self._print()
 
     def _print(self) -> None:
-        """Print the present stage unless it was printed before."""
+        """Print the present stage, unless it has been printed before."""
         if self._stage and self._stage not in self._printed:
             self._printed.add(self._stage)
             print_text(err, f"{self._title}: {self._stage}, after {duration_text(time.monotonic() - self._begin)}")

@@ -266,7 +266,7 @@ def chart(
 
 
 def _chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
-    """Return the text of a chart study over the ranges of the scene's extensions and luffing angle.
+    """Return the text of a study file for a load chart, over the ranges of the scene's extensions and luffing angle.
 
     `up_to` is the largest load in kg.  Raises InputError if the scene has no luffing angle.
     """

@@ -105,7 +105,7 @@ def _code_digest(path: tuple[str, ...]) -> str:
 
 
 def _content_digests(point: metadata.EntryPoint) -> Iterator[tuple[str, str]]:
-    """Yield name and digest of each file of an entry point's package or module, and of its distribution."""
+    """Yield (name, digest) of each file of an entry point's package or module, and of each file of its distribution."""
     listed = (point.dist.files if point.dist else None) or ()
     files = {Path(str(file.locate())): str(file) for file in listed if ".dist-info/" not in str(file)}
     for place in _source_folders(point.module):

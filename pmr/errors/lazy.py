@@ -9,10 +9,7 @@ from warnings import warn
 
 
 class FormerName(NamedTuple):
-    """Present name of an object with another public name in earlier versions.
-
-    `FormerName` also has the version that removes the old name.
-    """
+    """Present name of an object that had another public name, and the version of pmr that removes this earlier name."""
 
     now: str
     until: str

@@ -155,7 +155,7 @@ class _PartInstances:
 
 
 def _read_nodes(deck: Deck, card: Card) -> None:
-    """Add the nodes of a card to the deck."""
+    """Add the nodes on a card to the deck."""
     if card.options.get("SYSTEM", "R").upper() != "R":
         allowed = "nodes in rectangular coordinates are allowed"
         raise deck.line_error(card.number, f"SYSTEM={card.options['SYSTEM']} is not read; {allowed}")
@@ -183,7 +183,7 @@ def _read_nodes(deck: Deck, card: Card) -> None:
 
 
 def _read_elements(deck: Deck, card: Card) -> None:
-    """Add the elements of a card to the deck."""
+    """Add the elements on a card to the deck."""
     _refuse_options(deck, card, {"TYPE", "ELSET"})
     block = Elements(card.options.get("TYPE", "").upper(), [], [], [])
     count, parts, begun = CORNERS.get(KINDS.get(block.type, "")), list[int](), 0

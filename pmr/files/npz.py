@@ -88,7 +88,7 @@ _DAMAGE = (
 
 
 class DamagedError(ValueError):
-    """A file does not contain what its directory or headers claim."""
+    """The content of a file differs from what the file's directory or its headers state."""
 
 
 def read(

@@ -1,4 +1,4 @@
-"""Pictures of bodies: at up to three extensions, close to the largest stress, and of the mesh."""
+"""Pictures of bodies: whole bodies at up to three extensions, the part with the largest stress, and the mesh."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class _Views:
         self.limits = (0.0, largest_colour_stress(result) / 1e6 if self.stressed else 1.0)
 
     def shots(self) -> Iterator[View]:
-        """Yield each picture, in the order of the page."""
+        """Yield the pictures to be rendered, in the order of the page."""
         chosen = drawn_moments(self.result)
         views = [Shot((*self._body_pieces(m), *self._surrounding_pieces(m)), SIDE, self.limits) for m in chosen]
         for number, (moment, shot) in enumerate(zip(chosen, frame_shots(views, WIDTH), strict=True), start=1):

@@ -85,7 +85,7 @@ class ErrorTable:
 
     @property
     def has_deviating_rows(self) -> bool:
-        """Whether any value differs from the published one by more than 5 %."""
+        """Whether the value of any row differs from the published one by more than 5 %."""
         return bool(deviating_rows(self.rows))
 
 
@@ -113,12 +113,15 @@ def count_verdicts(table: Sequence[Row]) -> dict[str, int]:
 
 
 def deviating_rows(table: Sequence[Row]) -> list[Row]:
-    """Rows whose value differs from the published one by more than 5 %."""
+    """Rows of the table whose value differs from the published one by more than 5 %."""
     return [row for row in table if row.mark not in (None, WITHIN)]
 
 
 def _deviation(value: float, published: float) -> float:
-    """Relative deviation (value - published) / published; infinite if `published` is 0, unless the value is 0 too."""
+    """Relative deviation (value - published) / published.
+
+    If `published` is 0, the deviation is 0 for a value of 0, and infinite for any other value.
+    """
     if published == 0.0:
         return 0.0 if value == 0.0 else float("inf")
     return (value - published) / published
@@ -216,7 +219,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Player:
-    """Animation of a page: `kind` names its script, `data` is what the script reads, ready for JSON."""
+    """Animation of a page: `kind` names the script that plays it, `data` is the script's input, ready for JSON."""
 
     kind: str
     data: dict[str, Any]

@@ -80,7 +80,7 @@ class Surface:
 
     @property
     def edges(self) -> Indices:
-        """Edges of the faces, each once, as pairs (E, 2) of indices of points."""
+        """Edges of the surface's faces as pairs (E, 2) of indices of points; each of the E edges occurs once."""
         ends = np.concatenate([self.faces, self.faces[:, :1]], axis=1)
         pairs = np.sort(np.stack([ends[:, :-1].ravel(), ends[:, 1:].ravel()], axis=1), axis=1)
         return np.unique(pairs, axis=0)
@@ -117,7 +117,7 @@ def body_surfaces(result: RunResult) -> dict[str, Surface]:
 
 
 def _tube(fields: Fields, box: Box | None) -> Surface:
-    """Build the surface of a beam: its walls along the axis, without end faces."""
+    """Build the surface of a beam: the walls of its box along the axis, without faces at its ends."""
     thin = np.array([(-_THIN, -_THIN), (_THIN, -_THIN), (_THIN, _THIN), (-_THIN, _THIN)]) / 2.0
     count = len(fields.points)
     corners = np.tile([side.start for side in box.sides] if box else thin, (count, 1, 1))
@@ -257,7 +257,7 @@ def moment_of_peak(result: RunResult) -> Moment:
 
 
 class PointOfBody(NamedTuple):
-    """Name of a body, and a point (3,) in m in its axes."""
+    """Name of a body, and a point (3,) in m in the axes of this body."""
 
     body: str
     point: Array
@@ -301,7 +301,7 @@ def _summary_peak(result: RunResult) -> Mapping[str, Any]:
 
 
 def _summary_peak_frame(result: RunResult) -> int | None:
-    """Index of the stored time at which the summary's largest stress occurs; None if this time is not stored."""
+    """Index of the stored time at which the summary's largest stress occurs; None if that time is not stored."""
     t, field_times = _summary_peak(result).get("t"), times(result)
     if t is None:
         return None

@@ -62,7 +62,7 @@ def draw_figures(result: RunResult, number: int) -> Figures:
 
 
 def _anchor(number: int) -> str:
-    """Identifier of the chapter about a result, by its number in the report."""
+    """Identifier of the chapter about a result; `number` is the number of the result in its report."""
     return f"case-{number}"
 
 
@@ -145,7 +145,7 @@ def import_weasyprint() -> Any:
     name, find = "weasyprint", ctypes.util.find_library
 
     def nowhere(name: str) -> str | None:
-        """Find no library of this name."""
+        """Find no library: return None for every name."""
         return None
 
     ctypes.util.find_library = nowhere

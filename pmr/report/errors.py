@@ -95,7 +95,7 @@ def error_notes(result: RunResult, table: Sequence[Row]) -> list[str]:
 
 
 def error_name(result: RunResult, kind: str) -> str:
-    """Name of the quantity that an error of the summary measures, such as ``all sections`` for the kind ``beam``."""
+    """Name of the quantity that an error measures, such as ``all sections`` for the kind ``beam``."""
     names = {"tip": "tip", "beam": "beam" if is_alone(result) else "all sections", "pad_force": force_words(result)}
     return names.get(kind) or error_label(kind)
 
@@ -146,7 +146,7 @@ def _error_rows(result: RunResult) -> Iterator[Row]:
 
 
 def _missing_rows(result: RunResult) -> Iterator[Row]:
-    """Yield a row for each reference that could not be used for comparison; the run's warnings say why."""
+    """Yield a row for each reference that could not be used for comparison; warnings of the run give the reasons."""
     for kind in result.summary.get("not_judged", {}):
         yield Row("reduced against full", error_name(result, kind), "not judged")
     for name in result.summary.get("no_reference", {}):

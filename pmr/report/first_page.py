@@ -181,7 +181,7 @@ def _full_name(result: RunResult, name: str) -> str:
 
 
 def _luffing_rows(result: RunResult) -> Rows:
-    """Yield a row with the largest force of the luffing cylinder along its axis, and the range of its length."""
+    """Yield a row with the luffing cylinder's largest force along its axis, and with the range of its length."""
     if (cylinder := result.summary.get("luffing_cylinder")) is not None:
         largest, stroke = Extremes.from_summary(cylinder["force"]).largest, cylinder["length"]
         long = format_range(stroke["min"], stroke["max"], f"{SPACE}m long")

@@ -262,7 +262,7 @@ def _describe_weight(result: RunResult) -> str:
 
 
 def _describe_mass(mass: PointMass) -> str:
-    """Describe a point mass by its mass in kg and the part of the body it is on."""
+    """Describe a point mass by its mass in kg and the part of the body that it is attached to."""
     return f"{format_input(mass.mass, 'kg')} on {mass.on}"
 
 

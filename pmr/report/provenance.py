@@ -68,7 +68,7 @@ def size_rows(result: RunResult) -> Rows:
 
 
 def time_rows(seconds: Mapping[str, Any]) -> Rows:
-    """Yield a row with the wall time of each part of the run; nested mappings are flattened."""
+    """Yield a row with the wall time in s of each part of the run; `seconds` are these times, in nested mappings."""
     for name, value in seconds.items():
         if isinstance(value, Mapping):
             yield from time_rows(value)

@@ -192,7 +192,7 @@ def size_sentence(result: RunResult) -> str:
 
 
 def accuracy_sentences(result: RunResult) -> Iterator[str]:
-    """Yield sentences on the errors of the reduced model against the full one and against ANCF."""
+    """Yield sentences on the errors of the reduced model against the full model and against ANCF."""
     errors = result.summary.get("errors", {})
     if against := _tip_and_beam(errors.get("reduced_vs_full")):
         tip, beam = against

@@ -104,7 +104,7 @@ class Columns:
 
 
 def values_of(response: Response) -> Array:
-    """Return all columns of a response side by side, (T, c), in the order of `Columns.from_scene`."""
+    """Return all c columns of a response side by side, (T, c), in the order of `Columns.from_scene`."""
     parts = [response.displacement, response.slider_force, response.others]
     return np.hstack([part for part in parts if part is not None])
 

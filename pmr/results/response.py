@@ -278,12 +278,12 @@ class Extremes:
 
     @property
     def lowest(self) -> Extreme:
-        """The smallest value, with its time and path coordinate."""
+        """The smallest value of the history, with its time and path coordinate."""
         return Extreme(self.least, self.t_least, self.s_least)
 
     @property
     def highest(self) -> Extreme:
-        """The largest value, with its time and path coordinate."""
+        """The largest value of the history, with its time and path coordinate."""
         return Extreme(self.most, self.t_most, self.s_most)
 
     @property

@@ -180,7 +180,7 @@ def combine_parts(parts: Sequence[SummaryPart]) -> dict[str, Any]:
 
 
 def grave_warnings(parts: Iterable[SummaryPart]) -> list[str]:
-    """Return the grave warnings of all parts."""
+    """Return the grave warnings of all parts, in the order of the parts."""
     return [line for part in parts for line in part.grave]
 
 
@@ -314,12 +314,12 @@ class RunResult:
         npz.write(folder / "trajectories.npz", arrays)
 
     def save_summary(self, folder: Path) -> None:
-        """Write summary.json alone."""
+        """Write summary.json into `folder`, and no other file."""
         (folder / "summary.json").write_text(npz.json_text(self.summary, indent=1), encoding="utf-8")
 
     @classmethod
     def load(cls, folder: Path) -> RunResult:
-        """Read a folder that `save` wrote, in this version or an earlier one."""
+        """Return the result from a folder that `save` of this version or of an earlier one wrote."""
         finish_swap(folder)
         file = folder / "scene.json"
         scene = stored_scene(json.loads(file.read_text(encoding="utf-8")), str(file))
@@ -361,7 +361,7 @@ def _fields_file(body: str) -> str:
 
 
 def _read_paths(data: Data, columns: Columns) -> Paths:
-    """Return the paths from the arrays of trajectories.npz."""
+    """Return the paths from the arrays of trajectories.npz and the names of their columns."""
     if "s" in data:
         return Paths((SLIDER,), data["s"][:, None], data["s_rate"][:, None])
     values = data["extensions"]

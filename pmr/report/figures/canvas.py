@@ -127,7 +127,7 @@ def mix_with_white(colour: str, share: float) -> Any:
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Draw figures in the style of the report within a ``with``; settings of Matplotlib are restored afterwards."""
+    """Draw figures in the style of the report within a ``with`` block; then the settings of Matplotlib are restored."""
     with mpl.rc_context(dict(_STYLE)):
         yield
 

@@ -307,7 +307,7 @@ def largest_stress(result: RunResult) -> LargestStress | None:
 
 
 def _tip_distance(result: RunResult) -> Array:
-    """Distance of the tip along the boom (T,) in m."""
+    """Distance (T,) in m of the tip from the base's tail, along the boom."""
     if result.reach is not None:
         return result.abscissa_at(result.responses["reduced"].t)
     return np.full(len(result.responses["reduced"].t), reach(result))

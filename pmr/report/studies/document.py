@@ -24,7 +24,7 @@ CHAPTERS = {
 
 
 def write_report(folder: Path) -> ReportFiles:
-    """Write report.html and report.pdf of the study or collection in `folder` into it, and return their paths."""
+    """Write report.html and report.pdf of a study or a collection into its folder, and return their paths."""
     return write_page(render_studies(folder), folder)
 
 

@@ -139,7 +139,7 @@ def format_combination(key: str) -> str:
 
 
 def _comparison_row(statement: Statement, figure: Scalar) -> Row:
-    """Build the row of a published statement and the study's value."""
+    """Build the row of the table with a published statement and the study's value `figure`."""
     shown = format_figure(figure, statement.quantity)
     if statement.value is None:
         return Row(statement.text, "", shown, statement.words or None)

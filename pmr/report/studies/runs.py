@@ -352,7 +352,7 @@ def _legend_margin(done: Sequence[RunRecord], parameter: str) -> dict[str, float
 
 
 def _add_legend(figure: Figure, done: Sequence[RunRecord], parameter: str) -> None:
-    """Add a legend of the curves, three in a row; none for a single curve."""
+    """Add a legend of the curves to a figure, with three entries in a row; a single curve has no legend."""
     looks = [look for look, _ in _curves(done, parameter)][:MOST_CURVES]
     if len(looks) > 1:
         handles = [Line2D([], [], **look) for look in looks]
