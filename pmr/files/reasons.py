@@ -196,7 +196,7 @@ def _rigid_followers(body: Resistance, wrong: Mask, first: int, expected: Array,
     The motions are translations if `first` is 0 and rotations if it is 3.  `expected` (N, 3, 3) are the displacements
     of the nodes that follow the motions, with the motion in the last axis.  The displacements that are returned (g, 3,
     3) differ from `expected` by more than `least`.  Only nodes of the mask `wrong` (N,) that have all three
-    displacements are tried. Those that do follow count as other nodes in a second pass.
+    displacements are tried.  Nodes that turn out to follow count among the other nodes in a second pass.
     """
     displaced = ~body.missing_displacements.any(axis=1)
     motions = rigid_motions((body.points - body.points.mean(axis=0))[body.node], body.direction)[:, first : first + 3]

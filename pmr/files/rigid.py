@@ -1,8 +1,8 @@
 r"""Rigid motions of the nodes of a body, and forces of another program's stiffness matrix under them.
 
-Let K be the stiffness matrix, x_i the position of the node of row i, and d(j) the direction of coordinate j with the
-unit vector e.  A rigid motion r is split, about the node of row i, into a translation t and a rotation w.  The force on
-row i is then
+Let K be the stiffness matrix, x_i the position of the node of row i, d(j) the direction of coordinate j, and e_d(j) the
+unit vector along this direction.  A rigid motion r is split, about the node of row i, into a translation t and a
+rotation w.  The force on row i is then
 
 .. math:: (K r)_i = F_i\, t + G_i\, w, \qquad F_i = \sum_j K_{ij}, \qquad
     G_i = \sum_j K_{ij}\, (e_{d(j)} \cdot (w \times (x_j - x_i)))

@@ -6,9 +6,9 @@ von Mises' stress for the stress components that the model has.  The stresses :m
 
 .. math:: \sigma = S q, \qquad \sigma_v = \sqrt{\sigma^T A\, \sigma}
 
-Section forces of beams are integrals over the area A of the face of a section that looks along x.  With the normal
-stress :math:`\sigma` and the principal axes y and z of the section, the normal force N, the bending moments M and the
-shear forces V are
+Section forces of beams are integrals over the face of a section that looks along x, with the element of area dA.  Let
+:math:`\sigma` now be the normal stress, and y and z the principal axes of the section.  The normal force N, the bending
+moments M and the shear forces V are
 
 .. math::
     N = \int \sigma\, dA, \quad M_y = \int z\, \sigma\, dA, \quad M_z = -\int y\, \sigma\, dA, \quad
