@@ -28,23 +28,23 @@ from pmr.cli.study import chart, study
 from pmr.errors import ConvergenceError, InputError, SimulationError, environment
 from pmr.files.whole import FULL, NotWrittenError
 
-_UsageError: type[Exception] = typer.BadParameter.__mro__[1]  # of click, or of the copy of it that typer brings
+_UsageError: type[Exception] = typer.BadParameter.__mro__[1]  # the class of click, or of the copy of click in typer
 
 
 class _Commands(TyperGroup):
-    """Group of commands whose wrong use raises an InputError, as any other wrong input does."""
+    """Group of commands that raises an InputError for wrong use, as for any other wrong input."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse arguments; raises InputError for wrong ones, and prints the help without any."""
+        """Parse arguments; raises InputError for wrong ones.  If there are no arguments, the help is printed."""
         if not args:
-            return super().parse_args(ctx, args)  # which prints the help
+            return super().parse_args(ctx, args)  # typer prints the help
         try:
             return super().parse_args(ctx, args)
         except _UsageError as error:
             raise _refusal(error, ctx) from None
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command; raises InputError for wrong use."""
+        """Run the command; raises InputError if it is used in a wrong way."""
         try:
             return super().invoke(ctx)
         except _UsageError as error:
@@ -52,7 +52,10 @@ class _Commands(TyperGroup):
 
 
 def _refusal(error: Any, ctx: Any) -> InputError:
-    """Return an InputError for wrong use of a command: what is missing, with its help text, or click's message."""
+    """Return an InputError for a command that was used in a wrong way.
+
+    It names the argument that is missing, with its help text, or has the message of click.
+    """
     command, about = (error.ctx or ctx).command_path, getattr(getattr(error, "param", None), "help", None)
     message = error.format_message().rstrip(".")
     if message.startswith("Missing") and about:
@@ -87,14 +90,17 @@ def _before_any_command(
     ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print errors only.")] = False,
 ) -> None:
-    """Set whether errors alone are printed."""
+    """Set whether only errors are printed."""
     out.quiet = quiet
 
 
 def main() -> None:
-    """Run the command line; exits with code 2 for wrong input and 1 for a failed solver, with a message in one line."""
+    """Run the command line; errors are printed as a message in one line.
+
+    The process exits with code 2 for wrong input, and with code 1 if a solver fails.
+    """
     prepare_streams()
-    warnings.filterwarnings("ignore", "A NumPy version")  # of SciPy; what comes of it is said below
+    warnings.filterwarnings("ignore", "A NumPy version")  # SciPy warns of it; errors due to it are reported below
     handler = RichHandler(console=err, show_path=False)
     handler.setFormatter(VisibleText("%(message)s"))
     logging.basicConfig(level=logging.WARNING, handlers=[handler])
@@ -119,7 +125,7 @@ def main() -> None:
             )
         if isinstance(error, ImportError) or "numpy.dtype size changed" in str(error):
             exit_with_message(environment.import_failure_message(error), 2)
-        if rank_count() > 1:  # the others would wait for this rank for ever
+        if rank_count() > 1:  # the other ranks would wait for this one for ever
             err.print_exception()
             exit_with_message("a rank failed", 1)
         raise

@@ -1,4 +1,4 @@
-"""Shared parts of the commands: options, resolution of file names, printing, and checks of output files."""
+"""Shared parts of the commands: options, search for files, printing, and checks of output files."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ Folder = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Where results go.  [default: reports/NAME of the file]")
 ]
 
-#: Worker processes that one machine can start, with some files open for each.
+#: Largest number of worker processes; each of them keeps some files open.
 MOST_JOBS = 256
 
-# What is printed is text: [brackets] are no markup and :names: no pictures.
+# Output is plain text: [brackets] are not read as markup, and :names: are not replaced by pictures.
 PLAIN: dict[str, Any] = {"markup": False, "emoji": False, "highlight": False}
 
 
 class Output(Console):
-    """A console that goes on silently if it can't print, as on a full disk: results are stored all the same."""
+    """A console that goes on silently if it can't print, as on a full disk, since all results are stored anyway."""
 
-    failure: OSError | None = None  # the first one
+    failure: OSError | None = None  # the first error of printing
 
     def print(self, *objects: Any, **options: Any) -> None:
-        """Print objects unless printing has failed before; a failure is kept in `failure`."""
+        """Print objects, unless an earlier call could not print; the error of such a call is kept in `failure`."""
         if self.failure is not None:
             return
         try:
@@ -60,20 +60,20 @@ out, err = Output(**PLAIN), Output(stderr=True, **PLAIN)
 
 
 def print_text(console: Console, text: str) -> None:
-    """Print a text in one line as it is, without colours and wrapping; control characters are written as escapes."""
+    """Print a text in one line, without colours and without wrapping; control characters are written as escapes."""
     console.print(escape_controls(text), soft_wrap=True)
 
 
 def print_sentences(console: Console, text: str) -> None:
-    """Print sentences, wrapped between words on a terminal, in one line where the output is no terminal."""
+    """Print sentences: on a terminal wrapped between words, elsewhere in one line."""
     shown = wrap_at_spaces(text, console.width, "  ") if console.is_terminal else escape_controls(text)
     console.print(shown, soft_wrap=True)
 
 
 def wrap_at_spaces(text: str, width: int, indent: str = "") -> str:
-    """Return a text in lines of at most `width` letters, wrapped at spaces alone: a number stays with its unit.
+    """Return a text in lines of at most `width` letters, wrapped at spaces only, so that a number stays with its unit.
 
-    All lines but the first begin with `indent`.
+    All lines after the first one begin with `indent`.
     """
     lines = textwrap.wrap(
         escape_controls(text), width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
@@ -90,16 +90,18 @@ class VisibleText(logging.Formatter):
 
 
 def report_failure_message(error: Exception, folder: Path) -> str:
-    """Return the message that a report can't be drawn while all results are stored in `folder`."""
+    """Return the message for an error of a report that can't be drawn, while all results are stored in `folder`."""
     reason = " ".join(f"{type(error).__name__}: {error}".split())
     return f"the report can't be drawn ({reason}); the results themselves are in {folder}"
 
 
 def prepare_folder(folder: Path, ours: Sequence[str] = ()) -> None:
-    """Create a folder if need be; raise InputError unless it, and files in it that match `ours`, can be written.
+    """Create a folder if it does not exist, and check that results can be written to it.
 
-    Where there are such files, it is not the root of the file system either.  A folder for a run's results, scene.json
-    among them, has results of a run or no file that a pattern among `ours` matches, for old ones are removed.
+    Raises InputError in three cases: if the folder, or a file in it that matches one of the patterns `ours`, can't be
+    written; if `ours` is not empty and the folder is the root of the file system; and if results of a run (`ours`
+    includes scene.json) would replace files of others.  The last is the case if the folder has no scene.json, but a
+    file that matches a pattern of `ours`.
     """
     try:
         if ours and folder.resolve() == folder.resolve().parent:
@@ -125,7 +127,10 @@ def prepare_folder(folder: Path, ours: Sequence[str] = ()) -> None:
 
 
 def check_output_file(file: Path, *read: Path) -> None:
-    """Raise InputError unless a file can be written: it is new or an ordinary file, and none of the files to `read`."""
+    """Raise InputError unless a file can be written.
+
+    It has to be new or an ordinary file, and must be none of the files in `read`, from which the command reads.
+    """
     prepare_folder(file.parent)
     try:
         ensure_ordinary(file)
@@ -149,7 +154,8 @@ def scene_file(path: Path) -> Path:
 def study_file(path: Path) -> Path:
     """Return a study file: `path` itself, `study.toml` in that folder, or a workflow of that name.
 
-    The name of an experiment of the paper gives its script.  Raises InputError if the file is a scene.
+    For an experiment of the paper by Weyrer et al. (docs/paper.md), the path of its script is returned.  Raises
+    InputError if the file is a scene.
     """
     from pmr.scene.tomlfiles import experiments
 
@@ -164,14 +170,14 @@ def study_file(path: Path) -> Path:
 
 
 def _find_file(path: Path, within: str) -> Path:
-    """Return a file by its path, the file called `within` in a folder, or a workflow by its name."""
-    from pmr.scene.tomlfiles import resolve_path  # what reads scenes takes longer to load than a help text to print
+    """Return a file by its path, or the file called `within` in a folder, or a workflow by its name."""
+    from pmr.scene.tomlfiles import resolve_path  # loaded late: it takes longer than printing a help text
 
     return resolve_path(path, within)
 
 
 def _tables_or_empty(file: Path) -> dict[str, object]:
-    """Return the tables of a file; empty if it can't be read, which a later reader reports."""
+    """Return the tables of a file; empty if the file can't be read, as a later function reports the reason."""
     from pmr.scene.tomlfiles import read_tables
 
     try:
@@ -183,14 +189,14 @@ def _tables_or_empty(file: Path) -> dict[str, object]:
 def prepare_streams() -> None:
     """Open standard input, output and error if they are closed, and let standard output write any letter.
 
-    Otherwise a file of results would get the number of a closed stream, and with it what libraries print.  Letters that
-    the encoding lacks are written as escapes, as on standard error.
+    If they were left closed, a file of results could get the number of a closed stream, and would contain what
+    libraries print.  Letters that the encoding lacks are written as escapes, as on standard error.
     """
     for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
         try:
             os.fstat(number)
         except OSError:
-            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free, this one
+            os.open(os.devnull, os.O_RDWR)  # it gets the lowest free number, which is this one
         if getattr(sys, name) is None:
             setattr(sys, name, open(number, mode, closefd=False))
     if isinstance(sys.stdout, TextIOWrapper):
@@ -198,9 +204,9 @@ def prepare_streams() -> None:
 
 
 def output_failure() -> OSError | None:
-    """Return the error for which standard output takes no more text; None while it works.
+    """Return the error by which standard output takes no more text; None while standard output works.
 
-    Text that it has not taken is dropped; else Python would try to write it again at its end.
+    After an error the text that was not taken is dropped, as Python would try to write it again at its end.
     """
     try:
         sys.stdout.flush()
@@ -211,7 +217,7 @@ def output_failure() -> OSError | None:
 
 
 def exit_with_message(message: str, code: int) -> NoReturn:
-    """Print a message on standard error, and end this process and all other ranks with an exit code."""
+    """Print a message on standard error, and end this process and all other MPI ranks with the exit code `code`."""
     print_text(err, f"pmr: {message}")
     if rank_count() > 1:
         sys.modules["mpi4py.MPI"].COMM_WORLD.Abort(code)
@@ -219,12 +225,12 @@ def exit_with_message(message: str, code: int) -> NoReturn:
 
 
 def rank_count() -> int:
-    """Return the number of MPI ranks of this run, 1 if MPI was not loaded; MPI is not started."""
+    """Return the number of MPI ranks of this run; 1 if MPI was not loaded.  MPI is not started for it."""
     mpi = sys.modules.get("mpi4py.MPI")
     return mpi.COMM_WORLD.size if mpi else 1
 
 
 def rank_number() -> int:
-    """Return the number of this MPI rank, 0 if MPI was not loaded."""
+    """Return the number of this MPI rank; 0 if MPI was not loaded."""
     mpi = sys.modules.get("mpi4py.MPI")
     return mpi.COMM_WORLD.rank if mpi else 0

@@ -72,7 +72,7 @@ def export(
     """
     check_output_file(out_file, model) if out_file else prepare_folder(model.parent)
     finish_swap(model.parent)
-    with err.status(Text(f"writing {escape_controls(to)}")):  # on a terminal alone
+    with err.status(Text(f"writing {escape_controls(to)}")):  # shown on a terminal only
         written = write(to, model, out_file, Options(fmi, at, section, platforms, sources or None))
     if section is not None:
         print_text(out, f"section {section} alone, without its joints")
@@ -192,7 +192,7 @@ def matrices(
 
 
 def _held_motions_text(count: int) -> str:
-    """Return a clause about the number of rigid motions that supports and springs in a stiffness hold."""
+    """Return a clause on the number of rigid motions that supports and springs in a stiffness hold."""
     if not count:
         return "free to move as a rigid body"
     return f"supports and springs in its stiffness hold {count} of 6 rigid motions"

@@ -1,6 +1,6 @@
 """``pmr info``: installed packages, or the content of a file, in lines of a name and a description.
 
-The functions return these lines as a mapping from name to description.
+The functions return such lines as a mapping from name to description.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pmr.scene.members import Member
     from pmr.system.system import System
 
-#: Most names of one kind that are listed; of more names only the first and the last.
+#: Largest number of names of one kind that are all listed; of more names, only the first and the last are.
 LISTED = 8
 #: Number of lowest frequencies that are listed.
 FREQUENCIES = 4
@@ -34,7 +34,7 @@ _TABLES = ("versions", "scene")  # of a model's provenance
 
 
 def describe_file(file: Path) -> dict[str, str]:
-    """Return the description of a file with a reduced model or a system of bodies."""
+    """Return lines, by name, about a file with a reduced model or with a system of bodies."""
     from pmr import ReducedModel
     from pmr.system.saved import read
     from pmr.system.system import System
@@ -47,7 +47,7 @@ def describe_file(file: Path) -> dict[str, str]:
 
 
 def describe_system(system: System) -> dict[str, str]:
-    """Return the description of a system of several bodies."""
+    """Return lines, by name, about a system of several bodies: its bodies, paths, inputs, outputs and frequencies."""
     scene = system.provenance.get("scene")
     title = scene.get("title", "unknown") if isinstance(scene, dict) else "unknown"
     rows = {
@@ -68,9 +68,9 @@ def describe_system(system: System) -> dict[str, str]:
 
 
 def _frequencies(system: System) -> dict[str, str]:
-    """Return lines with the lowest frequencies with all contacts closed, at both ends of all paths.
+    """Return lines, by name, with the lowest frequencies in Hz at both ends of all paths, with all contacts closed.
 
-    Ends at which they can't be computed are left out.
+    An end at which they can't be computed is left out.
     """
     import numpy as np
 
@@ -85,7 +85,7 @@ def _frequencies(system: System) -> dict[str, str]:
         try:
             hertz = Assembly(system).frequencies(system.side_coordinates(s), FREQUENCIES)
         except (InputError, SimulationError, np.linalg.LinAlgError):
-            continue  # where two rigid pads meet
+            continue  # two rigid pads meet at this end
         without = ", without second order" if system.terms else ""
         rows[f"frequencies, {where}{without}"] = f"{', '.join(f'{f:.4g}' for f in hertz if np.isfinite(f))} Hz"
     return rows
@@ -99,12 +99,12 @@ def _path_unit(path: str) -> str:
 
 
 def _list_names(names: list[str]) -> str:
-    """Return names joined by commas; of more than `LISTED` only the first and the last."""
+    """Return names joined by commas; for more than `LISTED` names, the first and the last one only."""
     return ", ".join(names if len(names) <= LISTED else [names[0], "...", names[-1]])
 
 
 def describe_scene(scene: scenes.Scene) -> dict[str, str]:
-    """Return the description of a scene."""
+    """Return lines, by name, about a scene."""
     from pmr.scene.members import members
 
     rows = {"title": scene.title, "hash": scene.hash}
@@ -121,7 +121,7 @@ def describe_scene(scene: scenes.Scene) -> dict[str, str]:
 
 
 def _describe_frame(scene: scenes.Scene) -> dict[str, str]:
-    """Return the description of a boom's moving frame; empty without one."""
+    """Return lines, by name, about the moving frame of a boom; empty if the scene has no frame."""
     if scene.frame is None:
         return {}
     motions = []
@@ -135,7 +135,7 @@ def _describe_frame(scene: scenes.Scene) -> dict[str, str]:
 
 
 def _describe_body(member: Member) -> dict[str, str]:
-    """Return the description of the body of a scene that has only one."""
+    """Return lines, by name, about the body of a scene with a single body."""
     from pmr.scene.choice import choose_model, is_undecided
 
     chosen, (low, high), part = choose_model(member), member.bounds, member.part
@@ -163,12 +163,12 @@ def _section_line(scene: scenes.Scene, member: Member) -> str:
 
 
 def _axis_text(load: Load) -> str:
-    """Return the axis of a load, with "of the ground" where it is one."""
+    """Return the axis of a load, followed by "of the ground" if it is an axis of the ground."""
     return load.direction if load.axes == "body" else f"{load.direction} of the ground"
 
 
 def _load_texts(member: Member) -> list[str]:
-    """Return name, position and axis of each load of a body, and "gravity" if it has weight."""
+    """Return name, position and axis of each load on a body; the last text is "gravity" if the body has weight."""
     places = [load.on if isinstance(load.on, str) else f"{load.on:g} m" for load in member.part.loads]
     loads = [
         f"{load.name} on {on} along {_axis_text(load)}" for load, on in zip(member.part.loads, places, strict=True)
@@ -200,7 +200,7 @@ def _describe_reduction(reduction: scenes.Reduction) -> str:
 
 
 def describe_model(model: ReducedModel) -> dict[str, str]:
-    """Return the description of a reduced model."""
+    """Return lines, by name, about a reduced model."""
     import numpy as np
 
     low, high = model.domain
@@ -227,7 +227,7 @@ def describe_model(model: ReducedModel) -> dict[str, str]:
 
 
 def _describe_inputs(names: Sequence[str], units: Sequence[str]) -> dict[str, str]:
-    """Return the names of inputs with their units, and what the inputs mean by which a frame accelerates bodies."""
+    """Return lines, by name: the inputs with their units, and the meaning of the inputs for a frame's accelerations."""
     from pmr.scene.frame import INERTIA, MINUS_THE_ACCELERATION
 
     sign = {"inertia inputs": MINUS_THE_ACCELERATION} if any(INERTIA in name for name in names) else {}
@@ -235,7 +235,7 @@ def _describe_inputs(names: Sequence[str], units: Sequence[str]) -> dict[str, st
 
 
 def _describe_outputs(model: ReducedModel) -> str:
-    """Return number and names of outputs by unit; of more than `LISTED` names only the first and the last."""
+    """Return number and names of outputs, by unit; for more than `LISTED` names, the first and the last one only."""
     count = len(model.outputs)
     units = model.output_units or ("m",) * count
     names = model.output_names or tuple(f"at {x:g} m" for x in model.output_positions)
@@ -291,7 +291,7 @@ def info(
 
 
 def _estimate_lines(summary: Path) -> dict[str, str]:
-    """Return the estimated errors in a run's `summary` file; empty if there is no such file."""
+    """Return lines, by name, with the estimated errors in the file `summary` of a run; empty without such a file."""
     try:
         estimates = json.loads(summary.read_text(encoding="utf-8"))["estimate"]
         shares = {place: float(estimates[place]) for place in ("tip", "beam") if estimates[place] is not None}

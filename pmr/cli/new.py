@@ -25,7 +25,7 @@ def scene_schema() -> str:
 
 
 def study_schema(*kinds: str) -> str:
-    """Return the JSON schema of a study file of the given kinds, by default of all kinds, as text."""
+    """Return as text the JSON schema of a study file of the given kinds; without kinds, that of all kinds."""
     from pmr.scene.hints import union_schema
     from pmr.studies.files import schemas
 

@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from pmr.report.blocks import Row
     from pmr.scene import Scene
 
-QUIET = 10.0  # s that a run takes at least before it prints stages, without a terminal: short runs print results alone
-NAMES = 28  # letters on a line of the name of a quantity
+QUIET = 10.0  # s; without a terminal, runs print their stages only after this time, so that short runs print results
+NAMES = 28  # largest number of letters that a line has for the name of a quantity
 
 
 def run(
@@ -169,14 +169,14 @@ def run(
                 progress("write", 0.0)
                 try:
                     written = report.write([outcome.result for outcome in outcomes], folder)
-                except Exception as error:  # whatever it is: what was computed is there, and worth more
+                except Exception as error:  # any error of the report; the computed results are stored
                     exit_with_message(report_failure_message(error, folder), 1)
             print_text(out, f"report  {written.html}")
             print_text(out, f"        {written.pdf}")
 
 
 def _print_hints(scene: Scene) -> None:
-    """Print a warning for each unusual number of a scene whose run failed: it may be the reason."""
+    """Print a warning for each unusual number in a scene whose run failed, as this number may be the reason."""
     from pmr.scene.hints import hints
 
     for hint in hints(scene) if rank_number() == 0 else ():
@@ -184,7 +184,7 @@ def _print_hints(scene: Scene) -> None:
 
 
 def _save_results(folder: Path, of_all: Path, report: BackgroundReport, outcome: Outcome) -> None:
-    """Write all results but the report into `folder`, and remove old reports there and in `of_all`.
+    """Write all results other than the report into `folder`, and remove old reports in `folder` and `of_all`.
 
     `of_all` is the folder of the report about all scenes of the run.
     """
@@ -212,9 +212,9 @@ def _save_results(folder: Path, of_all: Path, report: BackgroundReport, outcome:
 
 
 def _tolerance_overrides(tolerance: str, file: Path) -> list[str]:
-    """Return the overrides for ``--tolerance 1%``: the tolerance, and a reduction whose size can be chosen by it.
+    """Return the overrides for ``--tolerance 1%``: the tolerance, and a reduction whose size follows from it.
 
-    Sections of a boom have that reduction anyway.  Raises InputError for a tolerance that is no share between 0 and 1.
+    Sections of a boom have such a reduction anyway.  Raises InputError unless the tolerance is between 0 and 1.
     """
     from pmr.scene import has_sections
 
@@ -232,7 +232,7 @@ def _tolerance_overrides(tolerance: str, file: Path) -> list[str]:
 
 
 def _print_outcome(outcome: Outcome) -> None:
-    """Print capacity, errors with published ones, coordinates, computing times and warnings of a run."""
+    """Print capacity, errors (beside published ones), coordinates, computing times and warnings of a run."""
     from pmr.report import errors, first_page
 
     result, summary = outcome.result, outcome.result.summary
@@ -262,7 +262,7 @@ def _print_outcome(outcome: Outcome) -> None:
 
 
 def _print_errors(error_rows: Sequence[Row]) -> None:
-    """Print a table of errors, with a column of published numbers if there are any."""
+    """Print a table of errors, with a column of published numbers if any row has one."""
     published = any(row.published for row in error_rows)
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     for head in ("e_NRMS, or largest value", "here", *(("published", "") if published else ())):
@@ -279,7 +279,7 @@ def _print_errors(error_rows: Sequence[Row]) -> None:
 
 
 class _StageLines:
-    """Progress as a line on standard error at the begin of each stage, for runs that take longer than `QUIET`."""
+    """Progress of a run without a terminal: a line on standard error at the begin of each stage, after `QUIET` s."""
 
     def __init__(self, title: str) -> None:
         self._title, self._begin = title, time.monotonic()
@@ -289,28 +289,28 @@ class _StageLines:
         self._timer.start()
 
     def __call__(self, stage: str, share: float) -> None:
-        """Note the present stage, and print it once the run has taken `QUIET` s."""
+        """Store the present stage, and print it if the run has taken `QUIET` s."""
         if share < 1.0:
             self._stage = stage
             if time.monotonic() - self._begin >= QUIET:
                 self._print()
 
     def _print(self) -> None:
-        """Print the present stage unless it was printed before."""
+        """Print the present stage, unless it has been printed before."""
         if self._stage and self._stage not in self._printed:
             self._printed.add(self._stage)
             print_text(err, f"{self._title}: {self._stage}, after {duration_text(time.monotonic() - self._begin)}")
 
     def stop(self) -> None:
-        """Stop printing."""
+        """Stop printing stages."""
         self._timer.cancel()
 
 
 @contextmanager
 def _progress(title: str, shown: bool) -> Iterator[Report]:
-    """Yield a function that shows progress: a bar for each stage on a terminal, elsewhere a line.
+    """Yield a function that shows progress: on a terminal a bar for each stage, elsewhere a line.
 
-    It shows nothing unless `shown`, which is false on all ranks but the first.
+    The function shows nothing if `shown` is false, as it is on all ranks but the first.
     """
     if shown and not err.is_terminal:
         lines = _StageLines(title)

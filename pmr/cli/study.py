@@ -38,9 +38,9 @@ if TYPE_CHECKING:
     from pmr.studies.call import Outcome, Progress, Watch
     from pmr.studies.files import Project
 
-LOGGED_EVERY = 30.0  # s, where there is no terminal
+LOGGED_EVERY = 30.0  # s between two lines of progress if there is no terminal
 SHOWN_FAILURES, SHOWN_RUNS = 10, 20
-COLUMN = 14  # letters that a column of the table takes
+COLUMN = 14  # number of letters that a column of the table takes
 
 
 def study(
@@ -99,7 +99,7 @@ def study(
     try:
         with _worker_pool(jobs) as pool:
             if pool is None:
-                return  # a rank that has worked for the first one
+                return  # this rank is a worker, and the first rank has finished
             project = files.load(file, overrides or ())
             chosen = project.select_runs(only) if only else project
             for part in chosen.parts:
@@ -118,7 +118,7 @@ def study(
 
         try:
             print_text(out, f"report {write_report(folder).html}")
-        except Exception as error:  # whatever it is: the tables are there, and worth more
+        except Exception as error:  # any error of the report; the tables are stored
             print_text(err, f"pmr: {report_failure_message(error, folder)}")
             raise typer.Exit(1) from None
     print_text(out, f"{outcome.done} of {len(chosen.runs)} runs are there; {outcome.computed} tasks were computed now")
@@ -131,9 +131,9 @@ def study(
 def _run_experiment(
     script: Path, out_dir: Path | None, jobs: int | None, overrides: list[str], only: list[str], listed: bool
 ) -> NoReturn:
-    """Run a script of the paper's experiments in its own process and exit with its code.
+    """Run the script of an experiment of the paper (docs/paper.md) in its own process, and exit with its code.
 
-    Raises InputError for the options --only and --list, which it does not have.
+    Raises InputError for the options --only and --list, which scripts do not have.
     """
     if only or listed:
         allowed = f"a study file is allowed: {script.name} is one script, whose rows are computed in processes"
@@ -145,7 +145,7 @@ def _run_experiment(
 
 
 def _worker_pool(jobs: int | None) -> AbstractContextManager[workers.Pool | None]:
-    """Return a context with the pool of worker processes; under MPI it is None on ranks that are workers."""
+    """Return a context with the pool of worker processes; under MPI, ranks that are workers get None."""
     from pmr.studies import workers
 
     if workers.count_ranks() == 1:
@@ -157,7 +157,7 @@ def _worker_pool(jobs: int | None) -> AbstractContextManager[workers.Pool | None
 
 @contextmanager
 def _show_progress() -> Iterator[Watch]:
-    """Yield a function that shows progress: a bar on a terminal, elsewhere a line every `LOGGED_EVERY` s."""
+    """Yield a function that shows progress: on a terminal a bar, elsewhere a line every `LOGGED_EVERY` s."""
     if not err.is_terminal:
         due = [time.monotonic() + LOGGED_EVERY]
 
@@ -199,7 +199,7 @@ def _print_results(project: Project, outcome: Outcome) -> None:
 
 
 def _print_failures(outcome: Outcome) -> None:
-    """Print the reasons of runs that failed or are missing, the first `SHOWN_FAILURES` of them."""
+    """Print the reasons of the first `SHOWN_FAILURES` runs that failed or are missing."""
     wrong = [
         f"{record.status}: {f'{name}/' if name else ''}{record.key}: {record.reason}"
         for name, results in outcome.results.items()
@@ -215,7 +215,7 @@ def _print_failures(outcome: Outcome) -> None:
 
 
 STUDY = "chart.toml"
-#: Numbers of extensions and of angles in a chart study that `pmr chart` writes.
+#: Number of extensions and number of angles in the chart study that `pmr chart` writes.
 EXTENSIONS, ANGLES = 12, 10
 LIMITS = """
 # What may not be passed, each with a factor of yours; without one the chart shows what buckles the boom.
@@ -266,7 +266,7 @@ def chart(
 
 
 def _chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
-    """Return the text of a chart study over the ranges of the scene's extensions and luffing angle.
+    """Return the text of a study file for a load chart, over the ranges of the scene's extensions and luffing angle.
 
     `up_to` is the largest load in kg.  Raises InputError if the scene has no luffing angle.
     """

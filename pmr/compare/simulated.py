@@ -277,7 +277,11 @@ def _part_differences(recorded: object, present: object, key: str) -> Iterator[D
 
 
 def _is_equal(recorded: object, present: object) -> bool:
-    """Whether a present value equals the recorded one, except for round-off and changes by JSON."""
+    """Whether a present value equals the recorded one, with three differences allowed.
+
+    Numbers may differ by round-off (1e-12 relative), tuples are read back from JSON as lists, and of a path only the
+    file's name counts.
+    """
     if isinstance(present, tuple) and isinstance(recorded, list | tuple):
         return len(present) == len(recorded) and all(map(_is_equal, recorded, present))
     if isinstance(present, float) and isinstance(recorded, int | float):

@@ -8,17 +8,17 @@ from typing import Any, TypeVar
 from pmr.errors.text import escape_controls
 
 Found = TypeVar("Found")
-WIDEST = 60  # letters of a value that is shown
-#: Share of a range by which a path may exceed its ends, as measured paths do; it is then cut off at the end.
+WIDEST = 60  # largest number of letters of a value that a message shows
+#: Share of a path's range by which the path may exceed its ends, as measured paths do; the excess is then cut off.
 BEYOND_ENDS = 1e-5
 
 
 class InputError(ValueError):
-    """An input is not possible: a value of a scene, a study, an option or a file.
+    """An input is not possible: a value of a scene, of a study, of an option or of a file.
 
-    `source` is the file (or option) with the value.  `key` is the dotted key, such as ``body.length``, or empty if the
-    error is about the whole file.  `value` is the value that was read (None: not shown), and `allowed` says in words
-    what is accepted.
+    `source` is the file or the option with the value.  `key` is the dotted key, such as ``body.length``, or empty if
+    the error concerns the whole file.  `value` is the value that was read, or None if the message shows no value.
+    `allowed` says in words what is accepted.
     """
 
     def __init__(self, source: str, key: str, value: Any, allowed: str) -> None:
@@ -26,15 +26,21 @@ class InputError(ValueError):
         super().__init__(self._line())
 
     def __reduce__(self) -> tuple[type[InputError], tuple[Any, ...]]:
-        # An exception is otherwise rebuilt from its line alone; errors travel between ranks and workers.
+        # Errors are sent between ranks and workers; without this method only the message would be sent.
         return InputError, (self.source, self.key, self.value, self.allowed)
 
     def with_source(self, source: str) -> InputError:
-        """Return this error with the file or option in which the user wrote the value, if its source is ``"scene"``."""
+        """Return this error with the file or the option in which the user wrote the value as its source.
+
+        An error with another source than ``"scene"`` is returned unchanged.
+        """
         return InputError(source, self.key, self.value, self.allowed) if self.source == "scene" else self
 
     def with_key(self, key: str) -> InputError:
-        """Return this error with the key as the scene's file spells it, if its source is ``"scene"``."""
+        """Return this error with the key as it is written in the file of the scene.
+
+        An error with another source than ``"scene"`` is returned unchanged.
+        """
         return InputError(self.source, key, self.value, self.allowed) if self.source == "scene" else self
 
     def _line(self) -> str:
@@ -46,7 +52,7 @@ class InputError(ValueError):
 
 
 class NotHeldError(InputError):
-    """Something is free to move; `short` says what in a clause: ``"middle and fly can move along y"``."""
+    """A part can move freely; `short` is a clause that names it, such as ``"middle and fly can move along y"``."""
 
     def __init__(self, source: str, key: str, value: Any, allowed: str, short: str) -> None:
         super().__init__(source, key, value, allowed)
@@ -61,9 +67,9 @@ class SimulationError(RuntimeError):
 
 
 class GrowthError(SimulationError):
-    """A motion grows without bound: most of its energy was put in by neither loads nor moving rows.
+    """A motion grows without bound: most of its energy comes neither from loads nor from moving constraints.
 
-    `rigid_rows` are the names of the moving rigid rows, whose multipliers may be the cause.
+    `rigid_rows` are the names of the rigid constraints that move, whose multipliers may cause the growth.
     """
 
     def __init__(self, message: str, rigid_rows: tuple[str, ...] = ()) -> None:
@@ -71,7 +77,10 @@ class GrowthError(SimulationError):
         self.rigid_rows = rigid_rows
 
     def refusal(self, step: float, rho_inf: float) -> InputError:
-        """Return this error as an InputError of the key to change: step (s), rho_inf or flexibility of the scene."""
+        """Return this error as an InputError that names the scene's key to change: time step, `rho_inf` or flexibility.
+
+        `step` is the scene's time step in s, and `rho_inf` its spectral radius at infinite frequency.
+        """
         key, value, allowed = "time.step", step, "a smaller one is allowed"
         if self.rigid_rows and rho_inf > 0.0:
             key, value = "time.rho_inf", rho_inf
@@ -85,7 +94,7 @@ class ConvergenceError(RuntimeError):
 
 
 class TooManyModesError(ConvergenceError):
-    """More modes were requested than the `most` that a model has."""
+    """More modes were requested (`count`) than the model has (`most`)."""
 
     def __init__(self, count: int, most: int) -> None:
         super().__init__(
@@ -99,10 +108,12 @@ class TooManyModesError(ConvergenceError):
 
 
 def call_on_first_rank(comm: Any, make: Callable[[], Found]) -> Found | None:
-    """Call `make` on rank 0; return its result there and None on other ranks; collective.
+    """Call `make` on rank 0; return its result on rank 0 and None on the other ranks.
 
-    An InputError, SimulationError or ConvergenceError on rank 0 is raised on all ranks: else the others would wait in
-    the next exchange for a rank that has left.
+    Collective: all ranks have to call it.
+
+    An InputError, SimulationError or ConvergenceError on rank 0 is raised on all ranks; otherwise the other ranks would
+    wait for rank 0 in their next exchange.
     """
     result, refused = None, None
     if comm.rank == 0:

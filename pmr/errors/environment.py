@@ -1,6 +1,7 @@
 """Environment of a run: versions, commit, machine and plug-ins that a result depends on, and times of its stages.
 
-Plug-ins are what other installed packages add by entry points: signals, models, bases, export formats and limits.
+Plug-ins are objects that other installed packages add by entry points: signals, models, bases, export formats and
+limits.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from typing import Any
 
 from pmr.errors import InputError, SimulationError
 
-#: Groups of entry points, and what an entry point of each group has to be.
+#: Groups of entry points, and the description of what an entry point of each group has to be.
 GROUPS = {
     "pmr.models": "a module, or an object, with KINDS of cells and of(body, mesh), as pmr.models.shell has them",
     "pmr.bases": "a function of a full model and a pmr.scene.Reduction that returns this rank's rows of vectors (n, k)",
@@ -38,9 +39,9 @@ GROUPS = {
 
 @cache
 def plugin_objects(group: str, reserved: frozenset[str]) -> dict[str, Any]:
-    """Return the objects of all entry points of a group by name; `reserved` are the names that pmr uses itself.
+    """Return the objects of all entry points of a group, by name; `reserved` are the names that pmr itself uses.
 
-    Raises InputError if one can't be imported or its name is taken.
+    Raises InputError if an object can't be imported, or if its name is reserved or used twice.
     """
     objects: dict[str, Any] = {}
     for point in sorted(_entry_points(group)):
@@ -54,10 +55,10 @@ def plugin_objects(group: str, reserved: frozenset[str]) -> dict[str, Any]:
 
 
 def plugin_object(group: str, name: str, reserved: frozenset[str]) -> Any:
-    """Return the object of a group by its name.
+    """Return the object called `name` in a group of entry points.
 
-    Raises InputError as `plugin_objects`, or if no installed package has the name: a file may come from another
-    machine.
+    Raises InputError in the cases of `plugin_objects`, and if no installed package has the name: the file that names it
+    may come from another machine.
     """
     objects = plugin_objects(group, reserved)
     if name not in objects:
@@ -66,33 +67,37 @@ def plugin_object(group: str, name: str, reserved: frozenset[str]) -> Any:
 
 
 def plugin_names(group: str) -> set[str]:
-    """Return the names of all entry points of a group without importing them."""
+    """Return the names of all entry points of a group; their objects are not imported."""
     return {point.name for point in _entry_points(group)}
 
 
 def plugin_error(group: str, name: str, says: str | None = None) -> InputError:
-    """Return the error of an entry point; `says` is the reason, by default that it is not what its group expects."""
+    """Return the error for an entry point; `says` is the reason.
+
+    By default the reason is that the object is not what its group expects.
+    """
     return InputError("installed plug-ins", group, name, says or f"{GROUPS[group]} is allowed")
 
 
 def plugin_versions() -> list[str]:
-    """Return name and version of each distribution with plug-ins, on which results depend beside `pmr`."""
+    """Return name and version of each distribution with plug-ins; results depend on these plug-ins and on pmr."""
     points = [point for group in GROUPS for point in _entry_points(group)]
     return sorted({f"{point.dist.name} {point.dist.version}" for point in points if point.dist})
 
 
 def plugins_digest() -> str:
-    """Return a digest of the versions and all files of installed plug-ins, on which results depend beside `pmr`.
+    """Return a digest of the versions and of all files of installed plug-ins, on which results depend.
 
-    It covers the packages or modules that entry points name, modules in the same folder as single-file modules, and the
-    files that their distributions list as installed.  Files are read once in a process, as their code is.
+    It covers the packages or modules that entry points name, the modules in the same folder as a module of a single
+    file, and the files that the plug-ins' distributions list as installed.  Files are read once in a process, as their
+    code is imported once.
     """
     return _code_digest(tuple(sys.path))
 
 
 @cache
 def _code_digest(path: tuple[str, ...]) -> str:
-    """Return the digest of `plugins_digest` for distributions on `path`."""
+    """Return the digest of `plugins_digest` for the distributions in the folders `path`."""
     points = _entry_points_on(path)
     contents = {content for point in points for content in _content_digests(point)}
     named_by = sorted((point.group, point.name, point.value) for point in points)
@@ -100,7 +105,7 @@ def _code_digest(path: tuple[str, ...]) -> str:
 
 
 def _content_digests(point: metadata.EntryPoint) -> Iterator[tuple[str, str]]:
-    """Yield name and digest of each file of an entry point's package or module, and of its distribution."""
+    """Yield (name, digest) of each file of an entry point's package or module, and of each file of its distribution."""
     listed = (point.dist.files if point.dist else None) or ()
     files = {Path(str(file.locate())): str(file) for file in listed if ".dist-info/" not in str(file)}
     for place in _source_folders(point.module):
@@ -112,7 +117,10 @@ def _content_digests(point: metadata.EntryPoint) -> Iterator[tuple[str, str]]:
 
 
 def _source_folders(module: str) -> list[Path]:
-    """Return the folders of the outermost regular package of a module, or its file; empty if it can't be found."""
+    """Return the folders of the outermost regular package that contains a module.
+
+    For a module in no package, its file is returned.  The list is empty if the module can't be found.
+    """
     parts = module.split(".")
     for depth in range(1, len(parts) + 1):
         try:
@@ -135,16 +143,20 @@ def _entry_points(group: str) -> list[metadata.EntryPoint]:
 
 @cache
 def _entry_points_on(path: tuple[str, ...]) -> list[metadata.EntryPoint]:
-    """Return the entry points of all groups in the distributions on `path`, which are read once in a process."""
+    """Return the entry points of all groups in the distributions in the folders `path`.
+
+    They are read once in a process.
+    """
     points = metadata.entry_points()
     return [point for group in GROUPS for point in points.select(group=group)]
 
 
 MEMINFO = Path("/proc/meminfo")
-#: Environment variables in which launchers of MPI write the number of processes.
+#: Environment variables in which launchers of MPI state the number of processes.
 LAUNCHED = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_STEP_NUM_TASKS")
-#: Settings of Open MPI for a process that no launcher started: no daemon, no networks, no session folder.  All isolated
-#: processes of a user share one, ompi.HOST.UID/jf.0/1/0, and the first to end would remove it while others start.
+#: Settings of Open MPI for a process that no launcher started: no daemon, no networks, no session folder.  All such
+#: processes of a user would share the session folder ompi.HOST.UID/jf.0/1/0, and the first process that ends would
+#: remove it while others start.
 UNLAUNCHED = {
     "OMPI_MCA_ess_singleton_isolated": "1",
     "OMPI_MCA_pml": "ob1",
@@ -157,9 +169,9 @@ _NUMERICAL = ("numpy", "scipy", "exudyn", "fenics-dolfinx", "petsc4py", "slepc4p
 
 
 _REPORTS = "pip install jinja2 matplotlib fonttools weasyprint installs what reports need"
-#: Packages that write reports.
+#: Packages that are needed to write reports.
 REPORT = ("jinja2", "matplotlib", "fontTools", "weasyprint")
-#: Optional packages: what they are for, and how to install them.
+#: Purpose of each optional package, and how to install it.
 _NEEDED = {
     "dolfinx": (
         "FEniCSx makes models from forms, all but matrices: apt, conda or pip install '.[fenicsx]' in a checkout has it"
@@ -180,10 +192,10 @@ _NEEDED = {
 
 
 def import_package(name: str) -> Any:
-    """Import and return the package or module `name` when it is needed.
+    """Import and return the package or module `name`, at the time when it is needed.
 
-    Raises InputError if it, or a library that it loads, is missing; it says what the package does and how to install
-    it.
+    Raises InputError if the package, or a library that it loads, is missing.  The message says what the package does
+    and how to install it.
     """
     try:
         return importlib.import_module(name)
@@ -193,25 +205,25 @@ def import_package(name: str) -> Any:
 
 
 def check_installed(name: str) -> None:
-    """Raise InputError if a package is missing, before long work; the package is not imported."""
+    """Raise InputError if the package `name` is missing, without importing it; called before long work."""
     if util.find_spec(name) is None:
         raise InputError("installation", name, None, f"not found; {_NEEDED[name]}")
 
 
 def check_report() -> None:
-    """Raise InputError if a package that writes reports is missing."""
+    """Raise InputError if a package that is needed to write reports is missing."""
     for name in REPORT:
         check_installed(name)
 
 
 def import_failure_message(error: Exception) -> str:
-    """Return the message for an error of packages that can't be loaded: one is missing or has an unsuitable version."""
+    """Return the message for an import error: a package is missing or has an unsuitable version."""
     problem = f"installation: {' '.join(str(error).split())}; NumPy is {_version('numpy')}, SciPy {_version('scipy')}"
     return f"{problem}: `make setup` puts the versions back that fit together, elsewhere install pmr anew"
 
 
 def check_temporary() -> None:
-    """Raise InputError unless the folder for temporary files, if the environment names one, can be written to."""
+    """Raise InputError if the environment names a folder for temporary files that can't be written to."""
     named = {key: os.environ[key] for key in ("TMPDIR", "TEMP", "TMP") if os.environ.get(key)}
     for key, folder in tuple(named.items())[:1]:
         try:
@@ -223,7 +235,10 @@ def check_temporary() -> None:
 
 
 def check_current_folder() -> None:
-    """Raise InputError if the current folder was removed: relative names of files fail, and PETSc does not start."""
+    """Raise InputError if the current folder was removed.
+
+    Relative names of files would fail there, and PETSc would not start.
+    """
     try:
         os.getcwd()
     except OSError as error:
@@ -241,10 +256,11 @@ def available_memory() -> int | None:
 
 @contextmanager
 def mpi_without_launcher() -> Iterator[None]:
-    """Let MPI start in this block without looking for other processes, unless a launcher started this one.
+    """In this block let MPI start without looking for other processes; do nothing if a launcher started this process.
 
-    Open MPI would start a daemon for later processes and look for fast networks, which takes 0.3 s.  Variables that the
-    user has set stay, and the others are removed after the block, so that later processes do not inherit them.
+    Open MPI would otherwise start a daemon for later processes and look for fast networks, which takes 0.3 s.
+    Environment variables that the user has set are kept.  All others that this function sets are removed after the
+    block, so that later processes do not inherit them.
     """
     names = [] if launched_process_count() > 1 else [name for name in UNLAUNCHED if name not in os.environ]
     os.environ.update({name: UNLAUNCHED[name] for name in names})
@@ -256,15 +272,15 @@ def mpi_without_launcher() -> Iterator[None]:
 
 
 def launched_process_count() -> int:
-    """Return the number of processes that a launcher of MPI started together, 1 without a launcher.
+    """Return the number of processes that a launcher of MPI started together; 1 if there was no launcher.
 
-    Raises InputError if a variable of a launcher holds no such number.
+    Raises InputError if the variable of a launcher does not hold such a number.
     """
     return max(map(_processes, LAUNCHED))
 
 
 def _processes(variable: str) -> int:
-    """Return the number of processes in an environment variable of a launcher; 1 if it is not set."""
+    """Return the number of processes that a launcher's environment variable states; 1 if the variable is not set."""
     text = os.environ.get(variable, "1")
     if not re.fullmatch("[0-9]{1,9}", text) or int(text) < 1:
         allowed = "the number of processes, which a launcher of MPI sets, is allowed; `unset` removes the variable"
@@ -273,14 +289,17 @@ def _processes(variable: str) -> int:
 
 
 def package_versions() -> dict[str, str]:
-    """Return the versions of pmr, Python and the packages that a result depends on."""
+    """Return the versions of pmr, Python and the packages that a result depends on, by name."""
     from pmr import __version__
 
     return {"pmr": __version__, "python": platform.python_version()} | {name: _version(name) for name in _PACKAGES}
 
 
 def checkout_commit() -> str | None:
-    """Return the commit of the checkout that pmr runs from, with " with changes" if files differ; None elsewhere."""
+    """Return the commit of the Git checkout that pmr runs from, followed by " with changes" if files differ from it.
+
+    It is None if pmr does not run from a checkout.
+    """
     folder = Path(__file__).resolve().parents[2]
     if not (folder / ".git").exists():
         return None
@@ -294,21 +313,24 @@ def checkout_commit() -> str | None:
 
 
 def source_texts() -> Mapping[str, str]:
-    """Return the text of each of pmr's source files in Python and C, by its path within pmr."""
+    """Return the texts of pmr's source files in Python and C, by their paths within pmr."""
     files = sorted(file for kind in ("*.py", "*.c", "*.h") for file in _PMR.rglob(kind))
     return _read_texts(tuple((file, file.stat().st_mtime_ns) for file in files))
 
 
 @lru_cache(1)
 def _read_texts(files: tuple[tuple[Path, int], ...]) -> Mapping[str, str]:
-    """Return the texts of files; their times of last change are arguments so that the cache notices changes."""
+    """Return the texts of files by path; `files` holds each path with its time of last change.
+
+    The times are there so that the cache notices changes.
+    """
     return {file.relative_to(_PMR).as_posix(): file.read_text(encoding="utf-8") for file, _ in files}
 
 
 def code_digest(files: Mapping[str, str], leave_out: Sequence[str] = ()) -> str:
     """Return a digest of source files, numerical packages and plug-ins.
 
-    `files` are texts by path within pmr; paths that begin with one of `leave_out` are left out.
+    `files` are texts by path within pmr; those whose path begins with one of `leave_out` are left out.
     """
     digest = hashlib.sha256()
     for name, text in sorted(files.items()):
@@ -321,7 +343,7 @@ def code_digest(files: Mapping[str, str], leave_out: Sequence[str] = ()) -> str:
 
 @cache
 def _version(package: str) -> str:
-    """Return the version of an installed package, or "not installed"."""
+    """Return the version of an installed package, or the text "not installed"."""
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
@@ -329,12 +351,12 @@ def _version(package: str) -> str:
 
 
 def today() -> str:
-    """Return the date of this machine's clock as YYYY-MM-DD."""
+    """Return today's date, by this machine's clock, as YYYY-MM-DD."""
     return datetime.date.today().isoformat()
 
 
 def describe_machine() -> dict[str, str]:
-    """Return processor, available cores and operating system; names of hosts or users are left out."""
+    """Return processor, available cores and operating system of this machine, without names of host or user."""
     return {
         "processor": _processor(),
         "cores": str(available_cores()),
@@ -348,7 +370,7 @@ def available_cores() -> int:
 
 
 def _processor() -> str:
-    """Return the name of the processor."""
+    """Return the name of this machine's processor."""
     cpuinfo = Path("/proc/cpuinfo")
     if sys.platform == "linux" and cpuinfo.exists():
         for line in cpuinfo.read_text().splitlines():
@@ -357,22 +379,23 @@ def _processor() -> str:
     return platform.processor() or platform.machine()
 
 
-#: Function that is called with a stage's name and the share of it that is done, 0 to 1.
+#: Function that is called with the name of a stage and the share (0 to 1) of the stage that is done.
 Progress = Callable[[str, float], None]
 
 
 @dataclass
 class Clock:
-    """Clock that measures the wall time of stages by name, in `seconds`, and reports their progress."""
+    """Clock that measures the wall time in s of stages, by name in `seconds`, and reports their progress."""
 
     progress: Progress = lambda stage, share: None
     seconds: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[Callable[[float], None]]:
-        """Measure a stage, which may come several times; yield a function that takes the share of it that is done.
+        """Measure the time of a stage, which may come several times, during the block.
 
-        A SimulationError in the block gets the stage's name in its message.
+        A function is yielded that reports the share (0 to 1) of the stage that is done.  A SimulationError in the block
+        gets the name of the stage in its message.
         """
         self.progress(name, 0.0)
         start = time.perf_counter()

@@ -1,4 +1,4 @@
-"""Public names of a package that are imported when they are first used, and names of earlier versions."""
+"""Public names of a package whose modules are imported at their first use, and names of earlier versions."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from warnings import warn
 
 
 class FormerName(NamedTuple):
-    """Present name of a public name of earlier versions, and the version that removes the old one."""
+    """Present name of an object that had another public name, and the version of pmr that removes this earlier name."""
 
     now: str
     until: str
 
 
-#: Public names of earlier versions of `pmr` that have another name now.
+#: Present names of objects of `pmr`, by the public names that they had in earlier versions.
 FORMER: Mapping[str, FormerName] = {}
 
 
@@ -25,11 +25,11 @@ def lazy_names(
     before: Callable[[], object] | None = None,
     former: Mapping[str, FormerName] | None = None,
 ) -> Callable[[str], Any]:
-    """Return the function `__getattr__` of a package with public names at `places`, each ``module:name``.
+    """Return a function to be used as ``__getattr__`` of a package, which imports public names at their first use.
 
-    `before` is called before a module is imported; it raises an error if the import would fail.  A name in `former`
-    gives the object of its present name and a DeprecationWarning.  For any other name the function raises
-    AttributeError, which lists the names.
+    `places` maps each public name to its object, written ``module:name``.  `before` is called before a module is
+    imported; it raises an error if the import would fail.  For a name in `former` the function returns the object of
+    the present name, with a DeprecationWarning.  For any other name it raises AttributeError, which lists the names.
     """
 
     def find(name: str) -> Any:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 #: Control characters, which change how a text is displayed: control codes, line ends, marks that change the direction
-#: of writing or have no width, halves of surrogate pairs, and characters that XML and Unicode exclude.
+#: of writing, marks without width, halves of surrogate pairs, and characters that XML and Unicode exclude.
 _STEERING = re.compile(
     "[\x00-\x1f\x7f-\x9f\xad\u061c\u180e\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\uffff"
     "\ud800-\udfff\U000e0000-\U000e0fff\U000ffffe-\U0010ffff]"
@@ -25,9 +25,9 @@ NAMED = f"letters, digits and {' '.join(NAME_SIGNS.strip())} are allowed, {LONGE
 
 
 def escape_controls(text: str) -> str:
-    r"""Return the text in one line, with control characters written as Python escapes them, ``\x1b`` or ``\u202e``.
+    r"""Return the text in one line, with control characters as Python escapes them, such as ``\x1b`` or ``\u202e``.
 
-    Everything else stays: letters of any script, symbols, brackets and what some programs take for markup.
+    All other characters are unchanged: letters of any script, symbols, brackets, and markup of other programs.
     """
     return _STEERING.sub(lambda match: match[0].encode("unicode_escape").decode("ascii"), text)
 
@@ -35,8 +35,8 @@ def escape_controls(text: str) -> str:
 def is_name(text: str, longest: int = LONGEST_NAME) -> bool:
     """Whether all programs that read a file (table, deck, script, page, path) read the text as one name.
 
-    A name has letters, digits and signs of any script, of ASCII's punctuation only `NAME_SIGNS`.  It is one line that
-    begins with a letter, a digit or _, leads to no folder above, and has at most `longest` characters.
+    Such a name has letters, digits and signs of any script; of ASCII's punctuation only those in `NAME_SIGNS`.  It is
+    one line, begins with a letter, a digit or _, does not lead to a folder above, and has at most `longest` characters.
     """
     plain = all(sign.isalnum() or sign in NAME_SIGNS for sign in text if sign.isascii())
     begins = text[:1].isalnum() or text[:1] == "_"
@@ -46,23 +46,32 @@ def is_name(text: str, longest: int = LONGEST_NAME) -> bool:
 
 
 def missing_file_reason(path: Path, what: str = "file") -> str:
-    """Return why there is no file to read at `path`: none of this name, or a folder; `what` names its kind."""
+    """Return the reason why there is no file to read at `path`: the name does not exist, or is a folder.
+
+    `what` names the kind of file in this sentence.
+    """
     return f"no such {what}" + ", but a folder" * isdir(path)
 
 
 def similar_name_hint(name: object, names: Iterable[str]) -> str:
-    """Return a question whether the most similar of `names` was meant, with a space at its end, or an empty text."""
+    """Return a question whether the most similar one of `names` was meant, followed by a space.
+
+    The text is empty if no name is similar.
+    """
     close = get_close_matches(str(name), list(names), n=1)
     return f"did you mean {close[0]!r}? " if close else ""
 
 
 def two_digits(value: float) -> str:
-    """Return `value` with two significant digits, as a decimal number from 1e-4 to 1e6."""
+    """Return `value` as text with two significant digits, from 1e-4 to 1e6 as a decimal number."""
     return f"{float(f'{value:.2g}'):g}"
 
 
 def percent(fraction: float, whole: str = "") -> str:
-    """Return an error, a fraction, in per cent in words; from 10 on as a multiple of the `whole`, if that is named."""
+    """Return an error, given as a fraction, as words in per cent.
+
+    If `whole` names the quantity that the fraction refers to, fractions from 10 on are given as a multiple of it.
+    """
     if not isfinite(fraction):
         return "an unknown amount"
     return (
@@ -71,21 +80,24 @@ def percent(fraction: float, whole: str = "") -> str:
 
 
 def two_digits_below(value: float) -> str:
-    """Return a positive `value` rounded down to two significant digits, as a limit that is still small enough."""
+    """Return a positive `value` as text, rounded down to two significant digits.
+
+    A limit that is printed in this way is not larger than the limit itself.
+    """
     place = floor(log10(value)) - 1
     return f"{float(f'{floor(value / 10.0**place * (1.0 + 1e-12))}e{place}'):g}"
 
 
 def warning_kind(warning: str) -> str:
-    """Return the kind of a warning: its words before the first of ``,:;(``, without numbers.
+    """Return the kind of a warning: its words before the first of ``,:;(``.
 
-    Numbers differ from run to run.
+    Numbers are left out, as they differ from run to run.
     """
     return " ".join(re.split(r"[,:;(]", _NUMBER.sub("", warning), maxsplit=1)[0].split())
 
 
 def duration_text(seconds: float) -> str:
-    """Return a time in s as text, in s, min or h."""
+    """Return a time given in s as text, in s, min or h."""
     if seconds < 60.0:
         return f"{seconds:.0f} s"
     if seconds < 3600.0:
@@ -96,7 +108,7 @@ def duration_text(seconds: float) -> str:
 def non_finite_names(data: Any, name: str = "") -> Iterator[str]:
     """Yield the dotted names of all numbers in `data` that are not finite, such as ``errors.reduced_vs_full.tip``.
 
-    `name` is that of `data` itself.
+    `name` is the name of `data` itself, with which all these names begin.
     """
     if isinstance(data, float) and not isfinite(data):
         yield name
@@ -109,5 +121,5 @@ def non_finite_names(data: Any, name: str = "") -> Iterator[str]:
 
 
 def non_finite_remarks(data: Any) -> list[str]:
-    """Return a line for each number in `data` that is not finite."""
+    """Return a sentence for each number in `data` that is not finite."""
     return [f"{name} is not finite; in summary.json it is null" for name in non_finite_names(data)]

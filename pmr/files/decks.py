@@ -1,8 +1,8 @@
-"""Nodes, elements and sets of an input deck of Abaqus or CalculiX; unreadable content is refused with its line.
+"""Nodes, elements and sets of an input deck of Abaqus or CalculiX; content that can't be read is refused with its line.
 
-A deck is a sequence of cards: a line with a star, a keyword and options, and the lines of data after it.  `READERS`
-has a function for each keyword that is read, `REFUSED` the reasons why some others are refused; further keywords do not
-concern nodes and elements and are ignored.
+A deck is a sequence of cards.  A card is a line with a star, a keyword and options, followed by lines of data.
+`READERS` has a function for each keyword that is read, and `REFUSED` has the reasons why some others are refused.  All
+further keywords do not concern nodes and elements and are ignored.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 
 from pmr.errors import InputError
 
-#: Kind of cell, as meshio calls it, of each type of linear element; number of corners of each kind.
+#: For each type of linear element, the kind of its cells in meshio's words; then the number of corners of each kind.
 KINDS: Mapping[str, str] = {
     **dict.fromkeys(("T2D2", "T2D2H", "T3D2", "T3D2H", "B21", "B21H", "B31", "B31H", "B31R", "B33"), "line"),
     **dict.fromkeys(("CPS3", "CPE3", "STRI3", "S3", "S3R", "S3RS", "R3D3", "M3D3"), "triangle"),
@@ -24,21 +24,21 @@ KINDS: Mapping[str, str] = {
 CORNERS: Mapping[str, int] = {"line": 2, "triangle": 3, "quad": 4, "tetra": 4, "hexahedron": 8}
 
 
-#: Numbers of nodes and elements have fewer digits.
+#: Numbers of nodes and elements have to have fewer digits than this.
 MOST_DIGITS = 18
 
 
 @dataclass(frozen=True)
 class DataLine:
-    """A line of data: its number in the file and its fields."""
+    """A line of data: its number in the file, from 1, and its fields."""
 
-    number: int  # in the file, from 1
+    number: int  # number of the line in the file, from 1
     fields: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Card:
-    """A card: line number, keyword and names of options in capital letters, and its data lines."""
+    """A card: number of its line, keyword and names of options in capital letters, and data lines."""
 
     number: int
     keyword: str
@@ -48,7 +48,10 @@ class Card:
 
 @dataclass(frozen=True)
 class Elements:
-    """Elements of one card: their type, and for each its number, its line in the file and the numbers of its nodes."""
+    """Elements of one card: their type, and three entries for each element.
+
+    These are its number, its line in the file and the numbers of its nodes.
+    """
 
     type: str
     numbers: list[int]
@@ -58,26 +61,26 @@ class Elements:
 
 @dataclass
 class Deck:
-    """Content of a deck; sets have their names in small letters and members that exist."""
+    """Content of a deck; the names of sets are in small letters, and sets contain only nodes or elements that exist."""
 
     source: str
-    nodes: dict[int, tuple[float, float, float]] = field(default_factory=dict)  # by number, in the file's order, m
+    nodes: dict[int, tuple[float, float, float]] = field(default_factory=dict)  # m, by number, in the file's order
     elements: list[Elements] = field(default_factory=list)
     element_numbers: set[int] = field(default_factory=set)
     node_sets: dict[str, set[int]] = field(default_factory=dict)
     element_sets: dict[str, set[int]] = field(default_factory=dict)
-    set_spellings: dict[str, str] = field(default_factory=dict)  # names of sets as they were written first
-    constraints: list[tuple[int, str]] = field(default_factory=list)  # line and keyword of each card of `CONSTRAINTS`
+    set_spellings: dict[str, str] = field(default_factory=dict)  # names of sets as first written
+    constraints: list[tuple[int, str]] = field(default_factory=list)  # line, keyword of cards in `CONSTRAINTS`
 
     def line_error(self, line: int, why: str) -> InputError:
-        """Return the error of a line of the file."""
+        """Return an error for the line number `line` of the file."""
         return InputError(self.source, f"line {line}", None, why)
 
 
 def read_deck(path: Path) -> Deck:
     """Read nodes, elements and sets of a deck.
 
-    Raises InputError with file and line if a card can't be read, or has content that pmr does not read.
+    Raises InputError with file and line if a card can't be read, or if it has content that pmr does not support.
     """
     deck, parts = Deck(str(path)), _PartInstances()
     sets = list[Card]()
@@ -91,20 +94,20 @@ def read_deck(path: Path) -> Deck:
             sets.append(card)
         elif card.keyword in READERS:
             READERS[card.keyword](deck, card)
-    for card in sets:  # behind all nodes and elements, which may stand anywhere
+    for card in sets:  # sets are read last, as nodes and elements may stand anywhere in the file
         _read_set(deck, card)
     return deck
 
 
 def _cards(deck: Deck, text: str) -> Iterator[Card]:
-    """Yield the cards of a deck's text; lines before the first card are ignored."""
+    """Yield the cards in the text of a deck; lines before the first card are ignored."""
     card: tuple[int, str] | None = None
     data = list[DataLine]()
     for number, line in enumerate(text.splitlines(), 1):
         line = line.strip()
         if line.startswith("**") or not line:
             continue
-        if card and not data and card[1].endswith(","):  # a keyword goes on
+        if card and not data and card[1].endswith(","):  # the keyword line goes on
             card = card[0], card[1] + line
         elif not line.startswith("*"):
             data.append(DataLine(number, tuple(part.strip() for part in line.split(","))))
@@ -117,20 +120,24 @@ def _cards(deck: Deck, text: str) -> Iterator[Card]:
 
 
 def _card(number: int, head: str, data: Sequence[DataLine]) -> Card:
-    """Return the card of line `number` from its head line and its data lines."""
+    """Return the card of line `number`, made of its head line `head` and its data lines."""
     keyword, *parts = (part.strip() for part in head[1:].split(","))
     options = {name.strip().upper(): value.strip().strip('"') for name, _, value in (o.partition("=") for o in parts)}
     return Card(number, " ".join(keyword.upper().split()), options, tuple(data))
 
 
 class _PartInstances:
-    """Instances of parts seen so far: each part may have one, without translation; others would share its numbers."""
+    """Instances of parts seen so far.
+
+    Each part may have one instance that is not moved; a second instance would have nodes and elements of the same
+    numbers.
+    """
 
     def __init__(self) -> None:
         self._instances = dict[str, int]()
 
     def check_instance(self, deck: Deck, card: Card) -> None:
-        """Raise InputError if a card is an instance that is moved, or the second one of its part."""
+        """Raise InputError if a card is an instance that is moved, or the second instance of its part."""
         if card.keyword != "INSTANCE":
             return
         part = card.options.get("PART", card.options.get("NAME", "")).lower()
@@ -148,7 +155,7 @@ class _PartInstances:
 
 
 def _read_nodes(deck: Deck, card: Card) -> None:
-    """Add the nodes of a card to the deck."""
+    """Add the nodes on a card to the deck."""
     if card.options.get("SYSTEM", "R").upper() != "R":
         allowed = "nodes in rectangular coordinates are allowed"
         raise deck.line_error(card.number, f"SYSTEM={card.options['SYSTEM']} is not read; {allowed}")
@@ -159,7 +166,7 @@ def _read_nodes(deck: Deck, card: Card) -> None:
         while place and not place[-1]:
             place.pop()
         if len(place) > 3 and any(place[3:]):
-            place = place[:3]  # normals of shells follow
+            place = place[:3]  # the numbers that follow are normals of shells
         node = _whole_number(deck, line, number, "the whole number of a node")
         if node in deck.nodes:
             raise deck.line_error(
@@ -176,7 +183,7 @@ def _read_nodes(deck: Deck, card: Card) -> None:
 
 
 def _read_elements(deck: Deck, card: Card) -> None:
-    """Add the elements of a card to the deck."""
+    """Add the elements on a card to the deck."""
     _refuse_options(deck, card, {"TYPE", "ELSET"})
     block = Elements(card.options.get("TYPE", "").upper(), [], [], [])
     count, parts, begun = CORNERS.get(KINDS.get(block.type, "")), list[int](), 0
@@ -184,7 +191,7 @@ def _read_elements(deck: Deck, card: Card) -> None:
         begun = begun if parts else line.number
         parts.extend(_whole_number(deck, line, field, "a whole number") for field in line.fields if field)
         if len(parts) < 1 + count if count else not line.fields[-1]:
-            continue  # it goes on in the next line
+            continue  # the element goes on in the next line
         if parts[0] in deck.element_numbers:
             raise deck.line_error(
                 begun, f"element {parts[0]} is there a second time; one part is allowed, each number once"
@@ -206,7 +213,8 @@ def _read_elements(deck: Deck, card: Card) -> None:
 def _read_set(deck: Deck, card: Card) -> None:
     """Add the members of a set's card to the deck.
 
-    They are numbers, names of other sets, a range (first, last, step), or the nodes of a set of elements.
+    The card lists them as numbers, as names of other sets, as a range (first, last, step), or as a set of elements
+    whose nodes are the members.
     """
     of_nodes = card.keyword == "NSET"
     _refuse_options(deck, card, {"NSET", "ELSET", "GENERATE", "UNSORTED", "INTERNAL", "INSTANCE"})
@@ -239,7 +247,7 @@ def _read_set(deck: Deck, card: Card) -> None:
 
 
 def _element_set_nodes(deck: Deck, card: Card) -> set[int]:
-    """Return the nodes of the set of elements that the card names."""
+    """Return the nodes of all elements in the element set that the card names."""
     name = card.options["ELSET"].lower()
     if name not in deck.element_sets:
         raise deck.line_error(
@@ -256,7 +264,7 @@ def _element_set_nodes(deck: Deck, card: Card) -> set[int]:
 
 
 def _check_existing(deck: Deck, line: DataLine, card: Card, existing: Set[int], numbers: list[int]) -> None:
-    """Raise InputError for the first of the numbers that does not exist."""
+    """Raise InputError for the first of `numbers` that is not in `existing`, the numbers of all nodes or elements."""
     missing = next((number for number in numbers if number not in existing), None)
     if missing is not None:
         what = "node" if card.keyword == "NSET" else "element"
@@ -264,26 +272,32 @@ def _check_existing(deck: Deck, line: DataLine, card: Card, existing: Set[int], 
 
 
 def _set_by_name(deck: Deck, sets: dict[str, set[int]], card: Card, option: str) -> set[int]:
-    """Return the members of the set that an option of a card names, from `sets`; a new empty set if there is none."""
+    """Return the members of the set whose name is the value of a card's `option`.
+
+    `sets` has all sets so far; if it has none of this name, a new empty set is added and returned.
+    """
     name = card.options[option]
     deck.set_spellings.setdefault(name.lower(), name)
     return sets.setdefault(name.lower(), set())
 
 
 def _whole_number(deck: Deck, line: DataLine, text: str, what: str) -> int:
-    """Return a text as a whole number; raises InputError, which says `what` is allowed, if it is none."""
+    """Return a text as a whole number.
+
+    Raises InputError if the text is none; `what` is the description of what is allowed.
+    """
     if not _is_label_number(text):
         raise deck.line_error(line.number, f"{what} is allowed, not {text!r}")
     return int(text)
 
 
 def _is_label_number(text: str) -> bool:
-    """Whether a text is a whole number that nodes and elements may have."""
+    """Whether a text is a whole number that can be the number of a node or an element."""
     return text.isascii() and text.isdigit() and len(text) < MOST_DIGITS
 
 
 def _refuse_options(deck: Deck, card: Card, allowed: set[str]) -> None:
-    """Raise InputError for the first option of a card that is not allowed."""
+    """Raise InputError for the first option of a card that is not among the `allowed` ones."""
     for name in card.options:
         if name and name not in allowed:
             raise deck.line_error(card.number, f"the option {name} of *{card.keyword} is not read")
@@ -297,8 +311,8 @@ REFUSED: Mapping[str, str] = {
     "SYSTEM": "nodes in the axes of the whole are allowed",
     **dict.fromkeys(("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SUBSTRUCTURE PATH"), _IN_PLACE),
 }
-#: Keyword for axes of single nodes, and keywords by which coordinates of some nodes depend on those of others:
-#: programs leave the dependent coordinates out of their matrices.
+#: Keyword that gives nodes their own axes.  Then keywords by which coordinates of some nodes depend on coordinates of
+#: other nodes; programs leave the dependent coordinates out of their matrices.
 TURNED = "TRANSFORM"
 CONSTRAINTS = (
     TURNED,

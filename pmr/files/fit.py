@@ -1,10 +1,12 @@
 """Checks whether mass and stiffness matrices of another program belong to their nodes and directions.
 
-A body that nothing holds can move as a rigid body of its nodes without resistance of K.  Where K does resist, the nodes
-must be near coordinates that were left out, as at supports, or at springs to ground.  Otherwise rows, directions, axes
-or points are not those of K; what they should be follows from the motions that K leaves free (`pmr.files.reasons`).
+A body that nothing holds can move as a rigid body of its nodes without resistance of its stiffness K.  If K does resist
+at some nodes, these have to be near coordinates that were left out, as at supports, or at springs to ground.  If they
+are not, then the rows, directions, axes or points are not those that K was made for.  What they should be follows from
+the motions that K leaves free (`pmr.files.reasons`).
 
-Each check yields the input that is wrong (``M``, ``K``, ``points`` or ``direction``) and the reason in words.
+Each check gets the mass M and the stiffness in `body`.  If it finds an error it yields (name, reason): the name of the
+input that is wrong (``M``, ``K``, ``points`` or ``direction``) and the reason in words.
 """
 
 from __future__ import annotations
@@ -34,13 +36,13 @@ from pmr.files.units import check_density, check_speed
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Steps of Lanczos' method for the least eigenvalue of a matrix with a diagonal of ones, and the least value that
-#: rounding may explain.
+#: Number of steps of Lanczos' method for the least eigenvalue of a matrix with a diagonal of ones, and the least
+#: eigenvalue that rounding may explain.
 STEPS, NEGATIVE = 60, -1e-6
-#: Powers of ten that a diagonal entry may be below the median: smaller ones are negligible in double precision,
-#: squared or not.
+#: Number of powers of ten by which a diagonal entry may be smaller than the median entry; still smaller entries are
+#: negligible in double precision, and so are their squares.
 VANISHING = 30
-#: Most coordinates for which all eigenvalues of K are computed, in half a second.
+#: Largest number of coordinates for which all eigenvalues of K are computed, which takes half a second.
 DENSE_ALWAYS = 1000
 #: Warning about matrices that can't be checked against their nodes.
 UNCHECKED = (
@@ -50,7 +52,10 @@ UNCHECKED = (
 
 
 def misfit(M: sp.csr_matrix, body: Resistance) -> tuple[str, str] | None:
-    """Return the input (``M``, ``K``, ``points``, ``direction``) that does not fit first, and the reason; or None."""
+    """Return (name, reason) of the first check that fails, or None if the matrices fit their nodes and directions.
+
+    The name is that of the wrong input: ``M``, ``K``, ``points`` or ``direction``.
+    """
     checks: tuple[Callable[[sp.csr_matrix, Resistance], Iterator[tuple[str, str]]], ...] = (
         _vanishing_entries,
         _negative_eigenvalues,
@@ -69,15 +74,18 @@ def misfit(M: sp.csr_matrix, body: Resistance) -> tuple[str, str] | None:
 
 
 def is_uncheckable(body: Resistance) -> bool:
-    """Whether all nodes are near supports inside the matrices, so that points and axes can't be checked against K."""
+    """Whether all nodes are near supports that are included in K.
+
+    If they are, points and axes can't be checked against K.
+    """
     used = np.unique(body.node)
     return bool(body.near(body.missing_displacements.any(axis=1))[used].all())
 
 
 def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield ``M`` or ``K``, and the reason, if its least diagonal entry is negligible beside the median entry.
+    """Yield (``M`` or ``K``, reason) if the matrix's least diagonal entry is negligible beside its median entry.
 
-    Logarithms are compared: squares of such entries might not be numbers.
+    Logarithms are compared, as squares of such entries might not be representable numbers.
     """
     for name, A, what in (("M", M, "mass"), ("K", body.K, "stiffness")):
         diagonal = A.diagonal()
@@ -95,7 +103,7 @@ def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str
 
 
 def _negative_eigenvalues(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield ``M`` or ``K``, and the reason, if the matrix has negative eigenvalues."""
+    """Yield (``M`` or ``K``, reason) if the matrix has negative eigenvalues."""
     for name, A in (("M", M), ("K", body.K)):
         least = _least_eigenvalue(A)
         if least < NEGATIVE:
@@ -109,9 +117,9 @@ def _negative_eigenvalues(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[
 
 
 def _least_eigenvalue(A: sp.csr_matrix) -> float:
-    """Return an upper bound of the least eigenvalue of A with its diagonal scaled to one.
+    """Return an upper bound of the least eigenvalue of a matrix A whose diagonal is scaled to one.
 
-    It is found by Lanczos' method from a fixed vector.
+    The bound is computed by Lanczos' method, which starts from a fixed vector.
     """
     scale = 1.0 / np.sqrt(A.diagonal())
     v = np.random.default_rng(3).standard_normal(A.shape[0])
@@ -130,7 +138,7 @@ def _least_eigenvalue(A: sp.csr_matrix) -> float:
 
 
 def _unknown_motions(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield ``direction`` and the reason, if some rigid motion moves no coordinate, or only as other ones do."""
+    """Yield (``direction``, reason) if a rigid motion moves no coordinate, or only as other rigid motions do."""
     R = rigid_motions((body.points - body.points.mean(axis=0))[body.node], body.direction)
     R /= np.maximum(np.linalg.norm(R, axis=0), 1e-9 * np.linalg.norm(R))
     independent = list[int]()
@@ -146,7 +154,7 @@ def _unknown_motions(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, 
 
 
 def _separate_parts(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield ``K`` and the reason, if some nodes are joined to the others neither by stiffness nor by the ground."""
+    """Yield (``K``, reason) if some nodes are connected by stiffness neither to the other nodes nor to the ground."""
     links = sp.coo_matrix(
         (np.ones(len(body.node)), (body.node, np.arange(len(body.node)))), (len(body.points), body.K.shape[0])
     )
@@ -168,7 +176,7 @@ def _separate_parts(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, s
 
 
 def _missing_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield ``M`` and the reason, if it equals K, or gives a rigid body no mass along some axis."""
+    """Yield (``M``, reason) if M equals K, or if the body moved as a whole has no mass along some axis."""
     if M.nnz == body.K.nnz > len(body.node) and abs(M - body.K).count_nonzero() == 0:
         yield "M", "a mass is allowed: this is the same matrix as the stiffness"
     T = rigid_motions(body.points[body.node], body.direction)[:, :3]
@@ -185,9 +193,9 @@ def _missing_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str
 
 
 def _misplaced_rows(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield the wrong input and the reason, if rows resist a rotation but no translation.
+    """Yield (wrong input, reason) if rows of K resist a rotation about their node but no translation.
 
-    Nodes are then not where K has them.
+    The points of such nodes are not those that K was made for.
     """
     sums, sizes = body.sums_of_moments
     wrong = np.zeros(len(body.points), dtype=bool)
@@ -206,7 +214,10 @@ def _misplaced_rows(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, s
 
 
 def _wrong_axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield wrong input and reason, if rows far from supports resist a translation, and not as a spring does."""
+    """Yield (wrong input, reason) if rows of K far from supports resist a translation.
+
+    Springs to ground resist translations too, so nodes that are held as by a spring are not reported.
+    """
     held = body.grounded_nodes & ~body.spring_nodes
     if _is_dense(body):
         wrong = held if held.any() and _free_motion_count(body) > 6 - len(body.held_motions()) else np.zeros_like(held)
@@ -227,10 +238,10 @@ def _wrong_axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]
 
 
 def _wrong_axes_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield ``direction`` and the reason, if M couples displacements of a node with those of others across axes.
+    """Yield (``direction``, reason) if M couples displacements of two nodes along different axes.
 
-    Elements couple displacements of two nodes by m_ij along each axis, near supports too.  It is checked if M has
-    displacements alone and at least half of the nodes show no such coupling.
+    Elements couple displacements of the nodes i and j by the same mass m_ij along each axis, near supports too.  The
+    check is made if M has displacements alone and at least half of the nodes show no coupling between different axes.
     """
     entries, count = M.tocoo(), len(body.points)
     row, column = body.node[entries.row], body.node[entries.col]
@@ -251,7 +262,7 @@ def _wrong_axes_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[st
 
 
 def _free_mechanisms(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield ``K`` and the reason, if it leaves other motions than rigid ones free, or has negative eigenvalues.
+    """Yield (``K``, reason) if K leaves motions free that are not rigid, or if it has negative eigenvalues.
 
     Only matrices of up to `DENSE_ALWAYS` coordinates are checked.
     """
@@ -276,9 +287,10 @@ def _free_mechanisms(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, 
 
 
 def _wrong_centre_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield ``M`` and the reason, if it couples translations, or its centre of mass is outside of the body.
+    """Yield (``M``, reason) if M couples translations along different axes.
 
-    It is checked if no support or spring inside K holds the body.
+    The same is yielded if the centre of mass is outside of the body.  The check is made only if no support or spring in
+    K holds the body.
     """
     if len(body.held_motions()):
         return
@@ -301,29 +313,32 @@ def _wrong_centre_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[
 
 
 def centre_of_mass(J: Array) -> Array:
-    """Return the centre of mass (3,) in m from the inertia J = R^T M R (6, 6); R are rigid motions about the origin."""
+    """Return the centre of mass (3,) in m from the inertia J = R^T M R (6, 6) under the six rigid motions R.
+
+    M is the mass matrix; the rotations among the rigid motions are about axes through the origin.
+    """
     moments = np.array([J[1, 5] - J[2, 4], J[2, 3] - J[0, 5], J[0, 4] - J[1, 3]])
     return np.asarray(1.5 * moments / np.trace(J[:3, :3]))
 
 
 def _free_motion_count(body: Resistance) -> int:
-    """Return the number of motions, rigid or not, that a dense K leaves free."""
+    """Return the number of motions, rigid or not, that a dense stiffness K leaves free."""
     return int(np.sum(_scaled_eigenvalues(body) < 1e-13 * len(body.node)))
 
 
 def _scaled_eigenvalues(body: Resistance) -> Array:
-    """Return the eigenvalues (n,) of K with its diagonal scaled to one, ascending."""
+    """Return the eigenvalues (n,) of K, with its diagonal scaled to one, in ascending order."""
     scale = 1.0 / np.sqrt(body.K.diagonal())
     return np.asarray(np.linalg.eigvalsh(body.K.toarray() * scale * scale[:, None]))
 
 
 def _is_dense(body: Resistance) -> bool:
-    """Whether more than half of the entries of K are stored, and K is small enough to be decomposed."""
+    """Whether more than half of the entries of K are stored, and K is small enough for dense decompositions."""
     return body.K.nnz > 0.5 * body.K.shape[0] ** 2 and body.K.shape[0] <= DENSE
 
 
 def _nodes_without_rotations(body: Resistance) -> Mask:
-    """Return a mask (N,) of nodes with displacements that lack a rotation which most nodes have."""
+    """Return a mask (N,) of nodes that have displacements but lack a rotation that most nodes have."""
     missing, displaced = np.zeros(len(body.points), dtype=bool), ~body.missing_displacements.any(axis=1)
     for k in range(3, 6):
         rotates = np.bincount(body.node[body.direction == k], minlength=len(body.points)) > 0
@@ -333,10 +348,10 @@ def _nodes_without_rotations(body: Resistance) -> Mask:
 
 
 def _supported_nodes(body: Resistance) -> Mask:
-    """Return a mask (N,) of nodes near others that lack displacements, whose forces agree with that.
+    """Return a mask (N,) of nodes whose forces are explained by supports near them.
 
-    Under translations along the axes that no near node lacks, such a node has no forces, or those of a spring to
-    ground.
+    Such a node is near nodes that lack displacements.  Under translations along the axes that these nodes do not lack,
+    it has no forces, or those of a spring to ground.
     """
     lacks = np.stack([body.near(body.missing_displacements[:, k]) for k in range(3)], axis=1)
     springs = np.where(lacks[:, :, None] | lacks[:, None], 0.0, body.blocks)

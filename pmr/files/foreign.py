@@ -1,7 +1,7 @@
 """Files of other programs: matrices, node and direction of each coordinate, nodes and named groups.
 
-CalculiX writes ``*.sti``, ``*.mas`` and ``*.dof`` of a ``*FREQUENCY, SOLVER=MATRIXSTORAGE`` step; nodes and their sets
-are in its input file, as in that of Abaqus.
+CalculiX writes ``*.sti``, ``*.mas`` and ``*.dof`` in a step ``*FREQUENCY, SOLVER=MATRIXSTORAGE``.  The nodes and their
+sets are in its input file, as for Abaqus.
 """
 
 from __future__ import annotations
@@ -31,29 +31,33 @@ from pmr.files.rigid import DIRECTIONS
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Errors that readers of SciPy and NumPy raise at damaged files; a bad format of Fortran is a SyntaxError.
+#: Errors that readers of SciPy and NumPy raise for damaged files; for a bad Fortran format this is a SyntaxError.
 _OF_VALUES = (ValueError, TypeError, LookupError, AttributeError, OverflowError, NotImplementedError, SyntaxError)
 DAMAGED = (*_OF_VALUES, OSError, BadZipFile, zlib.error)
 
 
 @dataclass(frozen=True)
 class ForeignFiles:
-    """Files in which another program stored its model."""
+    """Paths of the files in which another program stored its model."""
 
-    #: ``.sti``; ``.mtx`` (Matrix Market, or Abaqus's own), ``.npz`` (SciPy), ``.rb`` or ``.hb`` (Harwell-Boeing); of
-    #: Nastran ``.bdf`` or ``.pch`` (DMIG) and ``.op4``, with names that begin with K and M where there are several
+    #: File of the stiffness: ``.sti`` (CalculiX), ``.mtx`` (Matrix Market, or Abaqus's own format), ``.npz`` (SciPy),
+    #: ``.rb`` or ``.hb`` (Harwell-Boeing), ``.bdf`` or ``.pch`` (DMIG of Nastran) or ``.op4`` (Nastran).  If a file of
+    #: Nastran has several matrices, the names of stiffness and mass begin with K and M
     stiffness: Path
-    mass: Path  #: ``.mas``, or a type of the stiffness's
-    #: Node and direction of each row: ``.dof``, lines ``node.direction`` with 1 to 6, or ``.csv``, ``node,direction``;
-    #: ``.bdf``, ``.pch`` and Abaqus's ``.mtx`` name them with each entry
+    mass: Path  #: File of the mass: ``.mas``, or a type that the stiffness may have
+    #: File with node and direction (1 to 6) of each row: ``.dof`` with lines ``node.direction``, or ``.csv`` with lines
+    #: ``node,direction``; ``.bdf``, ``.pch`` and Abaqus's ``.mtx`` state them with each entry of a matrix
     dofs: Path
-    #: ``.inp``: ``*NODE`` and ``*NSET``; ``.bdf``: GRID and SET1, as ``set7``; or ``.csv``, ``node,x,y,z`` and names of
-    #: groups behind them
+    #: File of the nodes and their groups: ``.inp`` with ``*NODE`` and ``*NSET``, ``.bdf`` with GRID and SET1 (the group
+    #: of set 7 is ``set7``), or ``.csv`` with lines ``node,x,y,z`` that end with the names of the node's groups
     nodes: Path
 
 
 def foreign_files(stiffness: Path, mass: Path | None, dofs: Path | None, nodes: Path | None) -> ForeignFiles:
-    """Return the files of a model; a file that is None has the default name beside `stiffness`, or is `stiffness`."""
+    """Return the files of a model.
+
+    A file that is None gets its default name beside `stiffness`, or is `stiffness` itself.
+    """
     suffix = stiffness.suffix.lower()
     combined = {".bdf": ("mass", "dofs", "nodes"), ".op4": ("mass",), ".pch": ("mass", "dofs"), ".mtx": ("dofs",)}
     paths = {"mass": mass, "dofs": dofs, "nodes": nodes}
@@ -67,16 +71,16 @@ def foreign_files(stiffness: Path, mass: Path | None, dofs: Path | None, nodes: 
 
 @dataclass(frozen=True)
 class _Nodes:
-    """Nodes of a model: their numbers (N,), points (N, 3) in m and groups, and cards that constrain coordinates."""
+    """Nodes of a model: their N numbers (N,), points (N, 3) in m and groups, and cards that constrain coordinates."""
 
     numbers: Indices
     points: Array
-    groups: dict[str, Indices]  # numbers of their nodes
-    constraints: Sequence[tuple[int, str]] = ()  # line and keyword of each card
+    groups: dict[str, Indices]  # numbers of the nodes in each group, by its name
+    constraints: Sequence[tuple[int, str]] = ()  # line and keyword of each card that constrains coordinates
 
 
 def read_foreign(files: ForeignFiles) -> GivenMatrices:
-    """Read the matrices of another program and the node and direction of each of their coordinates.
+    """Read the matrices of another program, and the node and direction of each of their coordinates.
 
     Raises InputError if a file is missing, of another kind or incomplete, or if the files do not fit each other.
     """
@@ -85,7 +89,7 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
         _read_by_suffix(files.mass, _MATRICES | _nastran_readers("M")),
     )
     pairs, nodes = _read_by_suffix(files.dofs, _DOFS), _read_by_suffix(files.nodes, _NODES)
-    for file in (files.stiffness, files.mass):  # those whose entries name their coordinates
+    for file in (files.stiffness, files.mass):  # files whose entries name their nodes and directions
         if _is_labelled(file) and not np.array_equal(_read_by_suffix(file, _DOFS), pairs):
             raise InputError(str(file), "", None, f"the nodes and directions of {files.dofs.name} are allowed")
     if len(pairs) != K.shape[0]:
@@ -111,9 +115,10 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
 
 
 def _check_constraints(source: str, nodes: _Nodes, pairs: Indices) -> None:
-    """Refuse nodes with axes of their own, and constraint cards if some displacements have no row in the matrices.
+    """Raise InputError for nodes with their own axes, and for cards that constrain coordinates.
 
-    `pairs` (n, 2) are the node and direction (from 1) of each row.
+    Such cards are refused only if some displacements have no row in the matrices.  `pairs` (n, 2) are the node and the
+    direction (from 1) of each row.
     """
     missing = 3 * len(nodes.numbers) - int(np.isin(pairs[:, 1], (1, 2, 3)).sum())
     for line, keyword in nodes.constraints:
@@ -132,14 +137,14 @@ def _check_constraints(source: str, nodes: _Nodes, pairs: Indices) -> None:
 
 
 def _read_by_suffix(path: Path, readers: dict[str, Callable[[Path], object]]) -> Any:
-    """Return what the reader for a file's suffix returns; raises InputError if it can't read the file."""
+    """Return the result of the reader for the file's suffix; raises InputError if this reader can't read the file."""
     suffix = path.suffix.lower()
     if suffix not in readers:
         raise InputError(str(path), "", None, f"files that end in {', '.join(readers)} are allowed")
     if not isfile(path):
         raise InputError(str(path), "", None, missing_file_reason(path))
     try:
-        with warnings.catch_warnings():  # of SciPy's, about classes that it will return and keys of Harwell-Boeing
+        with warnings.catch_warnings():  # SciPy warns of future return types and of keys of Harwell-Boeing files
             warnings.simplefilter("ignore")
             return readers[suffix](path)
     except InputError:
@@ -154,10 +159,10 @@ def _read_by_suffix(path: Path, readers: dict[str, Callable[[Path], object]]) ->
 
 
 def _complete_symmetric(A: sp.spmatrix) -> sp.csr_matrix:
-    """Return a whole symmetric matrix from one of which one triangle or all entries are stored.
+    """Return a whole symmetric matrix from one that has only one triangle stored, or all entries.
 
-    Raises UnreadableError if it is not real and square, or has fewer entries than rows: a size by mistake might not fit
-    into memory.
+    Raises UnreadableError if the matrix is not real and square, or if it has fewer entries than rows.  The latter
+    protects memory against a wrong size in the file.
     """
     n = A.shape[0]
     if np.iscomplexobj(A):
@@ -166,7 +171,7 @@ def _complete_symmetric(A: sp.spmatrix) -> sp.csr_matrix:
         allowed = f"a square matrix with entries in all rows is allowed, not {A.nnz} entries in {n} x {A.shape[1]}"
         raise UnreadableError(allowed)
     if sp.isspmatrix_csr(A) or sp.isspmatrix_csc(A):
-        A.check_format(full_check=True)  # SciPy ends the process at indices that are out of range
+        A.check_format(full_check=True)  # SciPy would crash at indices out of range
     A = sp.csr_matrix(A, dtype=float)
     lower, upper = sp.tril(A, -1), sp.triu(A, 1)
     if lower.nnz and upper.nnz:
@@ -175,7 +180,7 @@ def _complete_symmetric(A: sp.spmatrix) -> sp.csr_matrix:
 
 
 def _read_triplets(path: Path) -> sp.csr_matrix:
-    """Read a matrix from lines of row, column (from 1) and entry."""
+    """Read a matrix from lines with row, column (both from 1) and entry."""
     entries = labelled.read_number_table(path, (int, int, float), "row, column and entry")
     rows, columns = (entries[:, k].astype(np.int64) - 1 for k in (0, 1))
     n = int(max(rows.max(), columns.max())) + 1
@@ -183,7 +188,10 @@ def _read_triplets(path: Path) -> sp.csr_matrix:
 
 
 def _read_coordinates(path: Path, between: str, head: int) -> Indices:
-    """Read node and direction (n, 2) from the lines after the first `head` ones, separated by the sign `between`."""
+    """Read node and direction (n, 2) from all lines after the first `head` ones.
+
+    `between` is the sign that separates the two.
+    """
     pairs = list[tuple[int, int]]()
     for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
         parts = line.strip().split(between)
@@ -197,13 +205,16 @@ def _read_coordinates(path: Path, between: str, head: int) -> Indices:
 
 
 def _is_node_number(text: str) -> bool:
-    """Whether a text is a whole number that nodes may have."""
+    """Whether a text is a whole number that can be the number of a node."""
     text = text.strip()
     return text.isascii() and text.isdigit() and len(text) < MOST_DIGITS
 
 
 def _read_csv_nodes(path: Path) -> _Nodes:
-    """Read nodes and groups from a CSV file: node, x, y, z in m and names of groups in each line after the first."""
+    """Read nodes and groups from a CSV file; its first line is skipped.
+
+    Each line has node, x, y, z in m and the names of the groups that the node belongs to.
+    """
     numbers, points, groups = list[int](), list[list[float]](), dict[str, list[int]]()
     for at, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
         number, *parts = (part.strip() for part in line.split(","))
@@ -238,24 +249,27 @@ def _make_nodes(numbers: list[int], points: Sequence[Sequence[float]], groups: d
 
 
 def _refuse_unknown(source: str, key: str, numbers: Indices, place: dict[int, int], nodes: Path) -> None:
-    """Raise an InputError of `key` for the first of the numbers that is no node; `nodes` is the file of the nodes."""
+    """Raise an InputError with the key `key` for the first of `numbers` that is not a node in the file `nodes`.
+
+    `place` has the index of each node, by its number.
+    """
     unknown = [int(number) for number in numbers if int(number) not in place]
     if unknown:
         raise InputError(source, key, unknown[0], f"nodes that {nodes.name} has are allowed")
 
 
 def _is_labelled(path: Path) -> bool:
-    """Whether the entries of a matrix file name their nodes and directions."""
+    """Whether the entries of a matrix file state the nodes and directions of their row and column."""
     return path.suffix.lower() in _DMIG or (path.suffix.lower() == ".mtx" and not _is_market(path))
 
 
 def _is_market(path: Path) -> bool:
-    """Whether a file is of Matrix Market."""
+    """Whether a file has the format of Matrix Market."""
     return path.read_bytes()[:14] == b"%%MatrixMarket"
 
 
 def _read_market(path: Path) -> sp.csr_matrix:
-    """Read a matrix in the format of Matrix Market, or as Abaqus writes it."""
+    """Read a matrix in the format of Matrix Market, or in the format that Abaqus writes."""
     if not _is_market(path):
         entries = labelled.read_entries(path)
         return _complete_symmetric(entries.matrix(entries.pairs))
@@ -274,7 +288,7 @@ def _read_bulk_nodes(path: Path) -> _Nodes:
 
 
 def _nastran_readers(letter: str) -> dict[str, Callable[[Path], object]]:
-    """Return readers, by suffix, of the matrix of a Nastran file whose name begins with `letter`."""
+    """Return readers, by the suffix of the file, for the matrix of a Nastran file whose name begins with `letter`."""
     entries = {s: lambda path: labelled.only_matrix(labelled.read_bulk(path).matrices, letter) for s in _DMIG}
     return {
         **entries,

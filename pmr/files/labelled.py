@@ -1,4 +1,4 @@
-"""Matrices whose entries name node and direction of their row and column, as Abaqus and Nastran write them.
+"""Matrices whose entries state node and direction of their row and column, as Abaqus and Nastran write them.
 
 pyNastran reads the files of Nastran: matrices (DMIG entries, OUTPUT4) and grid points of bulk data.
 """
@@ -25,7 +25,7 @@ SQUARE, SYMMETRIC = 1, 6
 
 @dataclass(frozen=True)
 class Entries:
-    """E entries `values` (E,) of a matrix; `rows` and `columns` (E, 2) are node and direction of each entry."""
+    """E entries `values` (E,) of a matrix; `rows` (E, 2) and `columns` (E, 2) are node and direction of each entry."""
 
     rows: Indices
     columns: Indices
@@ -33,13 +33,14 @@ class Entries:
 
     @property
     def pairs(self) -> Indices:
-        """All node and direction pairs (n, 2) of rows and columns, ascending."""
+        """All different pairs (n, 2) of node and direction in rows and columns, in ascending order."""
         return np.unique(np.vstack([self.rows, self.columns]), axis=0)
 
     def matrix(self, pairs: Indices) -> sp.csr_matrix:
-        """Return the symmetric matrix (n, n) on the coordinates `pairs` (n, 2), which contain those of all entries.
+        """Return the symmetric matrix (n, n) on the coordinates `pairs` (n, 2).
 
-        Of two entries that mirror each other the file may leave out either one.
+        `pairs` have to include the coordinates of all entries.  Of two entries that mirror each other, the file may
+        have both or only one.
         """
         number = {(int(node), int(direction)): k for k, (node, direction) in enumerate(pairs)}
         rows, columns = ([number[int(n), int(d)] for n, d in part] for part in (self.rows, self.columns))
@@ -49,17 +50,17 @@ class Entries:
 
 
 class UnreadableError(ValueError):
-    """A file does not have the form that is `allowed`; `line` is the one that differs, 0: the file as a whole."""
+    """A file does not have the form `allowed`; `line` is the line that differs, or 0 for the whole file."""
 
     def __init__(self, allowed: str, line: int = 0) -> None:
         super().__init__(allowed)
-        self.line = line  # from 1; 0 where it is the file as a whole
+        self.line = line  # from 1; 0 for the whole file
 
 
 def read_entries(path: Path) -> Entries:
-    """Read lines ``node, direction, node, direction, entry``, as Abaqus's ``*MATRIX OUTPUT`` writes them.
+    """Read the entries of a matrix from lines ``node, direction, node, direction, entry``.
 
-    Raises UnreadableError for other lines.
+    Abaqus writes this form by ``*MATRIX OUTPUT``.  Raises UnreadableError for lines of another form.
     """
     form = "node, direction, node, direction and entry"
     columns = read_number_table(path, (int, int, int, int, float), form, delimiter=",", comment="*")
@@ -70,10 +71,10 @@ def read_entries(path: Path) -> Entries:
 def read_number_table(
     path: Path, kinds: Sequence[type], form: str, delimiter: str | None = None, comment: str = "#", head: int = 0
 ) -> Array:
-    """Return the numbers (e, c) of the lines after the first `head` ones, c numbers of the given `kinds` in each line.
+    """Return the numbers (e, c) in the e lines after the first `head` ones.
 
-    `form` describes a line in messages.  Raises UnreadableError with the first line of another form, or if the file is
-    cut off.
+    Each line has c numbers of the given `kinds`, and `form` describes a line in messages.  Raises UnreadableError with
+    the number of the first line of another form, or if the file is cut off.
     """
     content = path.read_bytes()
     if not content.endswith(b"\n"):
@@ -93,7 +94,10 @@ def read_number_table(
 
 
 def _is_row(parts: Sequence[str], kinds: Sequence[type]) -> bool:
-    """Whether texts are as many numbers of the given kinds: whole numbers for int, any number for float."""
+    """Whether the texts `parts` are as many numbers of the given `kinds`.
+
+    For the kind int a whole number is needed, for float any number.
+    """
     if len(parts) != len(kinds):
         return False
     try:
@@ -106,25 +110,25 @@ def _is_row(parts: Sequence[str], kinds: Sequence[type]) -> bool:
 
 @dataclass(frozen=True)
 class Bulk:
-    """Content of a bulk data file."""
+    """Content of a bulk data file of Nastran."""
 
     matrices: dict[str, sp.csr_matrix]  #: Real DMIG matrices by name, square or symmetric
-    pairs: Indices  #: (n, 2) array: grid point and component (1 to 6) of each row, ascending
-    numbers: Indices  #: (N,) array: grid points
-    points: Array  #: (N, 3) array, m
-    groups: dict[str, Indices]  #: Grid points of each SET1 entry, as ``set7``
+    pairs: Indices  #: (n, 2) array: grid point and component (1 to 6) of each of the n rows, ascending
+    numbers: Indices  #: (N,) array: numbers of the grid points
+    points: Array  #: (N, 3) array, m: positions of the grid points
+    groups: dict[str, Indices]  #: Grid points of each SET1 entry, by names such as ``set7``
 
 
-#: Cards that pyNastran reads of a file; sets are ours, for it makes lists of their ranges, whether their points exist
-#: or not.
+#: Cards of a file that pyNastran reads.  This module reads sets itself, as pyNastran expands their ranges to lists of
+#: all numbers, even of points that do not exist.
 CARDS = frozenset(("GRID", "DMIG", "INCLUDE", "ENDDATA"))
 
 
 def read_bulk(path: Path) -> Bulk:
     """Read the matrices, grid points and sets of a bulk data file of Nastran.
 
-    Raises InputError if pyNastran is missing, UnreadableError if the file can't be read, has complex matrices, or grid
-    points with axes of their own.
+    Raises InputError if pyNastran is missing.  Raises UnreadableError if the file can't be read, or if it has complex
+    matrices or grid points with their own axes.
     """
     deck = import_package("pyNastran.bdf.bdf").BDF(debug=None)
     deck.disable_cards(deck.cards_to_read - CARDS)
@@ -132,7 +136,7 @@ def read_bulk(path: Path) -> Bulk:
     try:
         with redirect_stdout(StringIO()):
             deck.read_bdf(str(path), xref=False, punch=True)
-    except (Exception, SystemExit):  # pyNastran has many, and prints its reasons
+    except (Exception, SystemExit):  # pyNastran raises many kinds of errors, and prints the reasons
         raise UnreadableError("bulk data of GRID, SET1 and DMIG entries are allowed") from None
     entries = dict[str, Entries]()
     for name, card in deck.dmig.items():
@@ -163,7 +167,7 @@ def read_bulk(path: Path) -> Bulk:
 def _group_sets(text: Sequence[str], grids: Indices) -> dict[str, Indices]:
     """Return the members of each SET1 entry by name, such as ``set7``.
 
-    Ranges contain those of their numbers that are in `grids`.
+    A range contains all of its numbers that are in `grids`.
     """
     sets = dict[str, Indices]()
     for line, fields in _set_entries(text):
@@ -185,7 +189,10 @@ def _group_sets(text: Sequence[str], grids: Indices) -> dict[str, Indices]:
 
 
 def _set_entries(text: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
-    """Yield first line and fields of each SET1 entry; its continuations begin with a blank, plus, star or comma."""
+    """Yield the number of the first line and the fields of each SET1 entry.
+
+    Continuation lines of an entry begin with a blank, plus, star or comma.
+    """
     begun, fields = 0, list[str]()
     for number, line in enumerate(text, 1):
         line = line.partition("$")[0].rstrip().expandtabs(8)
@@ -206,21 +213,21 @@ def _set_entries(text: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
 
 
 def read_output4(path: Path) -> dict[str, sp.csr_matrix]:
-    """Read the matrices of an OUTPUT4 file by name; raises InputError or UnreadableError as `read_bulk`."""
+    """Read the matrices of an OUTPUT4 file, by name; raises the errors of `read_bulk`."""
     read = import_package("pyNastran.op4.op4").read_op4
     try:
-        with redirect_stdout(StringIO()):  # it prints what it can't read
+        with redirect_stdout(StringIO()):  # pyNastran prints what it can't read
             return {name.strip(): sp.csr_matrix(matrix.data) for name, matrix in read(str(path), debug=None).items()}
-    except Exception:  # of files that are cut off, or of another form
+    except Exception:  # the file is cut off or of another form
         raise UnreadableError(
             "OUTPUT4 in binary form, or as text with short integers and exponents E, is allowed"
         ) from None
 
 
 def only_matrix(matrices: dict[str, sp.csr_matrix], letter: str) -> sp.csr_matrix:
-    """Return the only matrix, or the only one whose name begins with `letter`.
+    """Return the only matrix, or else the only one whose name begins with `letter`.
 
-    Raises UnreadableError if none or several do.
+    Raises UnreadableError if no name or several names begin with `letter`.
     """
     candidates = [matrix for name, matrix in matrices.items() if len(matrices) == 1 or name.upper().startswith(letter)]
     if len(candidates) != 1:

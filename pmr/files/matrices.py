@@ -1,4 +1,4 @@
-"""Mass and stiffness matrices of another program's model with the node and direction of each coordinate, checked."""
+"""Mass and stiffness matrices of another program's model, with node and direction of each coordinate, checked."""
 
 from __future__ import annotations
 
@@ -23,34 +23,37 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 FORMAT, FORMAT_VERSION = "pmr-matrices", 1
-#: Largest difference of M and K from their transpose, as a share of the largest entry.
+#: Largest difference between a matrix (M or K) and its transpose, as a share of the largest entry of the matrix.
 SYMMETRY = 1e-9
 _PARTS = ("data", "indices", "indptr")
 
 
 @dataclass(frozen=True)
 class GivenMatrices:
-    """M q'' + K q = f of a body whose n coordinates are displacements and rotations of N nodes.
+    """Mass M and stiffness K of a body whose n coordinates q are displacements and rotations of N nodes.
+
+    With the forces f on the coordinates, the body moves by M q'' + K q = f.
 
     Raises InputError if the matrices are not square, of one size, finite and symmetric, or have a diagonal entry that
     is not positive.  It is also raised if `node`, `direction` or `groups` refer to a node or direction that does not
     exist, or if the matrices do not fit the nodes (`pmr.files.fit.misfit`).
     """
 
-    M: sp.csr_matrix  #: (n, n), symmetric; SI units; without the supports that slide
-    K: sp.csr_matrix  #: (n, n), symmetric; SI units; without the supports that slide
-    points: Array  #: (N, 3), m
+    M: sp.csr_matrix  #: (n, n), symmetric, in SI units; without supports that slide
+    K: sp.csr_matrix  #: (n, n), symmetric, in SI units; without supports that slide
+    points: Array  #: (N, 3), m: positions of the nodes
     node: Indices  #: (n,) node of each coordinate, from 0; nodes are fixed along directions without a coordinate
-    direction: Indices  #: (n,) direction of each coordinate, 0 to 5, as `DIRECTIONS`
-    groups: Mapping[str, Indices] = field(default_factory=dict)  #: (g,) nodes by name: faces for pads, tail and tip
-    source: str = "matrices"  #: File, for messages
-    #: (h, 6): rows that vanish for the rigid motions about the origin that supports and springs inside K leave free
+    direction: Indices  #: (n,) direction of each coordinate, an index of `DIRECTIONS`
+    groups: Mapping[str, Indices] = field(default_factory=dict)  #: (g,) nodes by group: faces for pads, tail and tip
+    source: str = "matrices"  #: Name of the file, for messages
+    #: (h, 6) matrix on rigid motions about the origin: its product with a motion is zero if and only if supports and
+    #: springs in K leave the motion free
     held: Array = field(init=False, repr=False, compare=False)
-    #: whether all nodes are beside supports inside the matrices, so that K says nothing of places and axes
+    #: whether all nodes are near supports that are included in K, so that points and axes can't be checked against K
     unchecked: bool = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Check all fields, and find what supports and springs inside K hold."""
+        """Check all fields, and find the rigid motions that supports and springs in K hold."""
         n = self.K.shape[0]
         for name, A in (("K", self.K), ("M", self.M)):
             self._check_matrix(name, A, n)
@@ -87,18 +90,21 @@ class GivenMatrices:
 
     @cached_property
     def _inertia(self) -> Array:
-        """R^T M R (6, 6) of the rigid motions R about the origin."""
+        """Inertia R^T M R (6, 6) under the six rigid motions R about the origin."""
         R = rigid_motions(self.points[self.node], self.direction)
         return np.asarray(R.T @ (self.M @ R))
 
     @property
     def lacks(self) -> bool:
-        """Whether some nodes lack displacements, as supports inside the matrices hold them, or no element has them."""
+        """Whether some displacements of nodes have no coordinate.
+
+        This is so at supports, and at nodes that belong to no element.
+        """
         return int(np.sum(self.direction < 3)) < 3 * len(self.points)
 
     @property
     def mass(self) -> float:
-        """Total mass in kg, the mean over the three axes; mass at coordinates that the matrices lack is missing."""
+        """Total mass in kg, the mean over three axes; mass at displacements without a coordinate is not included."""
         return float(np.trace(self._inertia[:3, :3]) / 3.0)
 
     @property
@@ -117,9 +123,9 @@ class GivenMatrices:
 
     @classmethod
     def load(cls, path: Path) -> GivenMatrices:
-        """Return the matrices in a file that `save` wrote.
+        """Return the matrices from a file that `save` wrote.
 
-        Raises InputError if it is missing, of another kind, or its content is not valid.
+        Raises InputError if the file is missing or of another kind, or if its content is not valid.
         """
         if not isfile(path):
             raise InputError(str(path), "", None, f"{missing_file_reason(path)}; pmr matrices writes one")
@@ -143,7 +149,10 @@ class GivenMatrices:
         return cls(M, K, points, node, direction, groups, str(path))
 
     def _check_matrix(self, name: str, A: sp.csr_matrix, n: int) -> None:
-        """Raise an InputError unless matrix A is (n, n), finite and symmetric with a positive diagonal."""
+        """Raise an InputError unless the matrix A is (n, n), finite and symmetric with a positive diagonal.
+
+        `name` is the name of the matrix in the message.
+        """
         if A.shape != (n, n) or n == 0:
             raise self._refusal(name, list(A.shape), f"a square matrix of the size of K, {n}, is allowed")
         if not np.isfinite(A.data).all():
@@ -162,7 +171,7 @@ class GivenMatrices:
             raise self._refusal(name, float(diagonal[at]), allowed)
 
     def _refusal(self, key: str, value: Any, allowed: str) -> InputError:
-        """Return the error of a key of the matrices' file."""
+        """Return an error with the key of an entry in the matrices' file, its value, and what is allowed."""
         return InputError(self.source, key, value, allowed)
 
 
@@ -174,21 +183,23 @@ def from_matrices(
     node: ArrayLike | None = None,
     direction: ArrayLike | None = None,
 ) -> GivenMatrices:
-    """Check mass and stiffness from another program and return a body of them; its `save` writes a file for scenes.
+    """Check mass and stiffness from another program and return them as a body.
+
+    The method `save` of the body writes a file that scenes can name.
 
     Parameters
     ----------
     M, K : (n, n) arrays or sparse matrices
-        Symmetric; SI units.
+        Mass and stiffness, symmetric, in SI units.
     points : (N, 3) array, m
-        Nodes; z up, the axis along x.
+        Positions of the nodes, with z upwards and the body's axis along x.
     groups : mapping of name to sequence of int, optional
         Nodes of the faces that pads slide on, and of tail and tip: numbers from 0, or a mask of N truth values.
     node, direction : sequences of int, optional
-        Node and direction of each coordinate, the direction as 0 to 5 for x, y, z, rx, ry, rz.  Without them all nodes
-        have the same three or six coordinates, node by node.
+        Node and direction of each coordinate, the direction as 0 to 5 for x, y, z, rx, ry, rz.  If they are not given,
+        all nodes have the same three or six coordinates, node by node.
 
-    Raises InputError as `GivenMatrices`, and for values of another shape or kind.
+    Raises InputError in the cases of `GivenMatrices`, and for values of another shape or kind.
     """
     at = _read_argument("points", points, lambda A: np.asarray(A, dtype=float))
     M, K = (_read_argument(name, A, _real_sparse) for name, A in (("M", M), ("K", K)))
@@ -210,7 +221,7 @@ def from_matrices(
 
 
 def whole_numbers(values: ArrayLike) -> Indices:
-    """Return values (n,) as integers; raises ValueError if one is no whole number, or is a truth value."""
+    """Return values (n,) as integers; raises ValueError if a value is not a whole number, or is a truth value."""
     values = np.asarray(values)
     integers = values.astype(np.int64)
     if values.dtype.kind not in "iuf" or values.ndim != 1 or not np.array_equal(integers, values):
@@ -219,7 +230,7 @@ def whole_numbers(values: ArrayLike) -> Indices:
 
 
 def _group_members(values: NDArray[Any], count: int) -> Indices:
-    """Return the numbers of nodes, ascending and without duplicates, of a list or a mask of `count` truth values."""
+    """Return the numbers of nodes in a list, or in a mask of `count` truth values, ascending and without duplicates."""
     if values.dtype == bool:
         if values.shape != (count,):
             raise ValueError(f"a mask of {count} truth values is allowed, not of {values.shape}")
@@ -228,7 +239,7 @@ def _group_members(values: NDArray[Any], count: int) -> Indices:
 
 
 def _real_sparse(A: Any) -> sp.csr_matrix:
-    """Return a matrix as sparse rows of floats; raises ValueError unless it is real."""
+    """Return a matrix as a sparse matrix of floats; raises ValueError if the matrix is not real."""
     matrix = sp.csr_matrix(A)
     if matrix.dtype.kind not in "iuf":
         raise ValueError(f"real numbers are allowed, not {matrix.dtype}")
@@ -236,9 +247,9 @@ def _real_sparse(A: Any) -> sp.csr_matrix:
 
 
 def _read_argument(key: str, values: Any, read: Callable[[Any], Any]) -> Any:
-    """Return read(values); raises InputError of the key if that fails."""
+    """Return read(values); raises InputError with the key `key` if this call fails."""
     try:
-        with np.errstate(invalid="ignore"):  # of casts, which are checked
+        with np.errstate(invalid="ignore"):  # casts are checked, so NumPy need not warn of them
             return read(values)
     except (ValueError, TypeError, OverflowError) as error:
         raise InputError("matrices", key, None, str(error)) from None

@@ -1,13 +1,13 @@
 """Arrays, tables and dataclasses in npz files and JSON, read safely from files of unknown origin.
 
-A zip's directory says how large each member is, and each member's header which shape its array has.  Either may be
-wrong: a file of two megabytes may claim two gigabytes.  `read` compares these claims with the size of the file before
-it allocates anything.
+The directory of a zip file states the size of each member, and the header of each member states the shape of its array.
+Both may be wrong: a file of two megabytes may claim to contain two gigabytes.  `read` compares these claims with the
+size of the file before it allocates memory.
 
 JSON has no NaN and no infinity: `json_text` writes them as null, so that every reader of JSON can read it.
 
-`record_arrays` and `record_from_arrays` convert frozen dataclasses to named arrays and back; the types of the fields
-decide how:
+`record_arrays` and `record_from_arrays` convert frozen dataclasses to named arrays and back; the type of a field
+decides how the field is stored:
 
 ======================================  ===============================================================
 type of a field                         arrays
@@ -22,7 +22,7 @@ a dataclass                             ``name.field`` for each field
 any of these or None                    no array if the value is None
 ======================================  ===============================================================
 
-A field that a file lacks takes its default, so files of earlier versions stay readable.
+A field that is not in a file gets its default value, so files of earlier versions stay readable.
 """
 
 from __future__ import annotations
@@ -51,15 +51,15 @@ T = TypeVar("T")
 
 
 def json_text(data: Any, indent: int | None = None) -> str:
-    """Return `data` as JSON, with null for each number that is not finite.
+    """Return `data` as JSON, with null in place of each number that is not finite.
 
-    Raises TypeError if it holds anything but numbers, text, truth values, None, lists, tuples and mappings.
+    Raises TypeError if `data` contains anything but numbers, text, truth values, None, lists, tuples and mappings.
     """
     return json.dumps(_replace_non_finite(data), indent=indent, allow_nan=False)
 
 
 def _replace_non_finite(data: Any) -> Any:
-    """Return `data` with None in place of each number that is not finite, in nested tables and lists too."""
+    """Return `data` with None in place of each number that is not finite, in nested mappings and lists too."""
     if isinstance(data, float):
         return data if math.isfinite(data) else None
     if isinstance(data, Mapping):
@@ -70,17 +70,17 @@ def _replace_non_finite(data: Any) -> Any:
 HEADER = "header"
 OLD_HEADER = "header.json"  # text instead of an array, in results of tasks of version 1
 MOST_MEMBERS = 10_000
-LONGEST_HEADER = 10_000  # bytes of the header of one array
-#: Share of an array's bytes that compression has to save, and entries of the array by which this is estimated.
+LONGEST_HEADER = 10_000  # largest size of the header of one array in bytes
+#: Least share of an array's bytes that compression has to save, and number of entries by which the share is estimated.
 WORTH, SAMPLE = 0.2, 8192
-#: Most bytes of a model over those of its file, and bytes that any file may claim.
+#: Largest size of a model's arrays as a multiple of the size of its file, and size in bytes that is always allowed.
 MOST_EXPANSION, ROOM = 100.0, 2**24
-#: Readers of an array's header by its version.
+#: Functions that read the header of an array, by the version of the header.
 _READ_HEADER: Mapping[tuple[int, int], Any] = {
     (1, 0): np.lib.format.read_array_header_1_0,
     (2, 0): np.lib.format.read_array_header_2_0,
 }
-_KINDS = "biufU"  # numbers and text; neither objects (pickles) nor records
+_KINDS = "biufU"  # kinds of arrays that are read: numbers and text, neither objects (pickles) nor records
 _DAMAGE = (
     *(OSError, EOFError, KeyError, TypeError, ValueError, OverflowError, RecursionError, MemoryError),
     *(NotImplementedError, RuntimeError, SyntaxError, struct.error, zipfile.BadZipFile, zlib.error),
@@ -88,7 +88,7 @@ _DAMAGE = (
 
 
 class DamagedError(ValueError):
-    """A file does not contain what its directory or headers claim."""
+    """The content of a file differs from what the file's directory or its headers state."""
 
 
 def read(
@@ -96,11 +96,11 @@ def read(
 ) -> dict[str, NDArray[Any]]:
     """Read the arrays of an npz file by name: all of them, or those that `only` names.
 
-    The arrays may take `expansion` times the size of the file (1: not compressed), or `room` bytes if that is more:
-    zeros are compressed to almost nothing.  Nothing larger is ever allocated.
+    All arrays together may take `expansion` times the size of the file (1 for arrays that are not compressed), or
+    `room` bytes if that is more, as zeros are compressed to almost nothing.  Nothing larger is ever allocated.
 
-    Raises DamagedError if a size, a shape or a type in the file can't be true, a checksum is wrong, or an array holds
-    anything but numbers and text.
+    Raises DamagedError if a size, a shape or a type that the file states can't be true, if a checksum is wrong, or if
+    an array contains anything but numbers and text.
     """
     try:
         with file.open("rb") as stream, zipfile.ZipFile(stream) as archive:
@@ -118,16 +118,17 @@ def read(
 def write(
     file: Path, arrays: Mapping[str, ArrayLike], header: Mapping[str, Any] | None = None, compressed: bool = False
 ) -> None:
-    """Write arrays by name to an npz file, in whole or not at all; equal arrays give equal bytes.
+    """Write arrays by name to an npz file, completely or not at all; equal arrays give equal bytes.
 
-    A `header` is stored as JSON beside them.  With `compressed`, arrays that shrink by the share `WORTH` at least are
-    compressed; others would only be slower to read.  Raises NotWrittenError if there is no room for the file.
+    The `header` is stored as JSON with the arrays.  If `compressed`, arrays of which compression saves at least the
+    share `WORTH` are compressed; compression would only make the others slower to read.  Raises NotWrittenError if
+    there is no room for the file.
     """
     if header is not None:
         arrays = {HEADER: np.array(json_text(header)), **arrays}
     with replacement_file(file) as part, zipfile.ZipFile(part, "w") as archive:
         for name, values in arrays.items():
-            info = zipfile.ZipInfo(f"{name}.npy")  # of a time that is always the same
+            info = zipfile.ZipInfo(f"{name}.npy")  # its time is always the same
             if compressed and _is_worth_compressing(np.asanyarray(values)):
                 info.compress_type = zipfile.ZIP_DEFLATED
             with archive.open(info, "w", force_zip64=True) as member:
@@ -135,13 +136,16 @@ def write(
 
 
 def _is_worth_compressing(array: NDArray[Any]) -> bool:
-    """Whether compressing the first `SAMPLE` entries of an array saves the share `WORTH` of their bytes at least."""
+    """Whether compression of the first `SAMPLE` entries of an array saves at least the share `WORTH` of their bytes."""
     sample = array.ravel()[:SAMPLE].tobytes()
     return len(zlib.compress(sample, 1)) < (1.0 - WORTH) * len(sample)
 
 
 def pop_header(arrays: dict[str, NDArray[Any]]) -> Any:
-    """Remove the header from `arrays`, in place, and return it; raises DamagedError if there is none."""
+    """Remove the header from the mapping `arrays`, which is changed, and return the header.
+
+    Raises DamagedError if there is no header.
+    """
     try:
         header = arrays.pop(HEADER)
         return json.loads(header.tobytes() if header.dtype == np.uint8 else str(header))
@@ -152,7 +156,7 @@ def pop_header(arrays: dict[str, NDArray[Any]]) -> Any:
 def _checked_members(archive: zipfile.ZipFile, size: int, expansion: float, room: int) -> Sequence[zipfile.ZipInfo]:
     """Return the members of an archive in a file of `size` bytes; raises DamagedError if their sizes can't be true.
 
-    `expansion` and `room` are those of `read`.
+    `expansion` and `room` have the same meaning as for `read`.
     """
     members = archive.infolist()
     if len(members) > MOST_MEMBERS or len({info.filename for info in members}) < len(members):
@@ -166,12 +170,15 @@ def _checked_members(archive: zipfile.ZipFile, size: int, expansion: float, room
 
 
 def _array_name(info: zipfile.ZipInfo) -> str:
-    """Return the name of the array that a member of the archive holds."""
+    """Return the name of the array that a member of the archive contains."""
     return HEADER if info.filename == OLD_HEADER else info.filename.removesuffix(".npy")
 
 
 def _read_array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
-    """Read the array of a member; raises DamagedError if its header does not agree with the member's size."""
+    """Read the array in a member of the archive.
+
+    Raises DamagedError if the array's header does not agree with the member's size.
+    """
     if info.filename == OLD_HEADER:
         return np.array(archive.read(info).decode())
     member: Any = archive.open(info)
@@ -193,9 +200,9 @@ def _read_array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]
 
 
 def record_arrays(record: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
-    """Return all fields of a dataclass as arrays by name, each name after `prefix`.
+    """Return all fields of a dataclass as arrays, by the fields' names with `prefix` before them.
 
-    Raises TypeError if a table holds values that JSON does not know.
+    Raises TypeError if a mapping contains values that JSON does not know.
     """
     by_name: dict[str, NDArray[Any]] = {}
     cls: Any = type(record)
@@ -217,9 +224,10 @@ def record_arrays(record: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
 
 
 def record_from_arrays(cls: Callable[..., T], data: Mapping[str, NDArray[Any]], prefix: str = "") -> T:
-    """Return the dataclass `cls` from what `record_arrays` returned, with numbers in the types of its fields.
+    """Return the dataclass `cls` from the arrays that `record_arrays` returned.
 
-    Raises KeyError if a field without a default is missing, TypeError or ValueError if an array is of another type.
+    Numbers get the types of the fields.  Raises KeyError if a field without a default is missing, and TypeError or
+    ValueError if an array is of another type.
     """
     values: dict[str, Any] = {}
     for field in fields(cls):  # type: ignore[arg-type]
@@ -235,9 +243,10 @@ def record_from_arrays(cls: Callable[..., T], data: Mapping[str, NDArray[Any]], 
 
 
 def rename_keys(data: Mapping[str, NDArray[Any]], names: Mapping[str, str]) -> dict[str, NDArray[Any]]:
-    """Return `data` with the first of the prefixes in `names` that a name begins with replaced by its new prefix.
+    """Return `data` with the names of this version in place of the names that earlier versions wrote.
 
-    Earlier versions wrote files with other names.
+    `names` maps beginnings of earlier names to their replacements; of those with which a name begins, the first is
+    replaced.
     """
     arrays_by_name = {}
     for name, array in data.items():
@@ -247,13 +256,14 @@ def rename_keys(data: Mapping[str, NDArray[Any]], names: Mapping[str, str]) -> d
 
 
 def _field_value(hint: Any, parts: Mapping[str, NDArray[Any]]) -> Any:
-    """Return a field's value from its arrays.
+    """Return the value of a dataclass's field from the field's arrays.
 
     Parameters
     ----------
     hint : type of the field, without None
     parts : mapping
-        Arrays by the rest of their key after the field's name; ``""`` for the array of the field's own name.
+        Arrays of the field, by the part of their key that follows the field's name; this part is ``""`` for an array
+        with the field's name as its key.
     """
     hint = _expand_alias(hint)
     origin, arguments = get_origin(hint), get_args(hint)
@@ -279,19 +289,19 @@ def _field_value(hint: Any, parts: Mapping[str, NDArray[Any]]) -> Any:
 
 
 def _expand_alias(hint: Any) -> Any:
-    """Return the type that NumPy's alias `NDArray` stands for from NumPy 2.5 on; other types unchanged."""
+    """Return the type that NumPy's alias `NDArray` stands for from NumPy 2.5 on; other types are returned unchanged."""
     alias = getattr(get_origin(hint), "__value__", None)
     return hint if alias is None else alias[get_args(hint)]
 
 
 @cache
 def _field_types(cls: Any) -> dict[str, Any]:
-    """Return the types of a dataclass's fields by name, each without its ``None``."""
+    """Return the types of a dataclass's fields, by the fields' names; None is removed from optional types."""
     hints = get_type_hints(cls)
     return {field.name: _without_none(hints[field.name]) for field in fields(cls)}
 
 
 def _without_none(hint: Any) -> Any:
-    """Return the first type of an optional type that is not None; other types unchanged."""
+    """Return the first type of an optional type that is not None; other types are returned unchanged."""
     types = [part for part in get_args(hint) if part is not NoneType]
     return types[0] if NoneType in get_args(hint) else hint

@@ -1,7 +1,7 @@
 """Reasons why a stiffness does not fit its nodes: what points, order, axes or units would have to be.
 
-Each function takes a body that K resists where it should move freely.  It returns the input that is wrong (``points``
-or ``direction``) and the reason in words, or None if its reason does not apply.
+Each function gets a body whose stiffness K resists motions that should be free.  It returns (name, reason): the name of
+the wrong input (``points`` or ``direction``) and the reason in words.  It returns None if its reason does not apply.
 """
 
 from __future__ import annotations
@@ -17,17 +17,19 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-#: Most coordinates for which dense matrices are decomposed to find the reason of a refusal.
+#: Largest number of coordinates for which dense matrices are decomposed to find the reason of a refusal.
 DENSE = 3000
-#: Relative difference up to which two numbers are equal, such as positions as shares of the body's length.
+#: Relative difference up to which two numbers count as equal; for positions it is a share of the body's length.
 ALIKE = 1e-2
 
 
 def affine_change(body: Resistance) -> tuple[str, str] | None:
-    """Return wrong input and reason, if one linear map leads from directions, axes or units of points to those of K.
+    """Return (wrong input, reason) if one linear map leads from the directions or points of the body to those of K.
 
-    K leaves u = Q (w x P x) free, with turned or reordered directions Q and stretched points P.  With E = Q P all these
-    motions u = A x have E^T A skew, which E follows from.  None if there is no such map.
+    Such a map changes axes, order or units.  Let a node at x have the displacement u in a rotation by the vector w.  If
+    the directions are turned or reordered by the matrix Q, and the points stretched by the matrix P, K leaves motions u
+    = Q (w x P x) free.  They are motions u = A x with three matrices A.  With the map E = Q P, all three products E^T A
+    are skew-symmetric, and E follows from this.  None is returned if there is no such map.
     """
     x, translations = body.points - body.points.mean(axis=0), body.direction < 3
     fields = np.zeros((len(body.node), 12))
@@ -55,7 +57,7 @@ def affine_change(body: Resistance) -> tuple[str, str] | None:
                 f"places in the unit of K are allowed: it turns freely with places {unit:.4g} times these; "
                 "are they in mm?"
             )
-    equations = np.zeros((3, 3, 3, 3, 3))  # of E^T A + A^T E, by motion, row, column and entry of E
+    equations = np.zeros((3, 3, 3, 3, 3))  # E^T A + A^T E by motion, row and column, per unit of each entry of E
     for k in range(3):
         for i in range(3):
             for j in range(3):
@@ -70,7 +72,7 @@ def affine_change(body: Resistance) -> tuple[str, str] | None:
 
 
 def _describe_axes(E: Array) -> tuple[str, str]:
-    """Return wrong input and reason for a linear map E (3, 3) between points and K: units, order of axes, or turn."""
+    """Return (wrong input, reason) for a linear map E (3, 3) between points and K: units, order of axes, or turn."""
     largest = np.abs(E).argmax(axis=1)
     smaller = E.copy()
     smaller[np.arange(3), largest] = 0.0
@@ -99,14 +101,17 @@ def _describe_axes(E: Array) -> tuple[str, str]:
 
 
 def _mirrored_signs(factors: Array) -> Array:
-    """Return the factors (3,), all negated if more than one is negative: K is the same for a mirrored body."""
+    """Return the factors (3,), with all signs reversed if more than one factor is negative.
+
+    Both are equivalent, as K is the same for a mirrored body.
+    """
     return np.asarray(factors if np.sum(factors < 0.0) <= 1 else -factors)
 
 
 def misplaced_nodes(body: Resistance, wrong: Mask) -> tuple[str, str] | None:
-    """Return wrong input and reason, if single nodes of `wrong` (N,) are not where K has them; else None.
+    """Return (wrong input, reason) if single nodes of the mask `wrong` (N,) are not where K has them; else None.
 
-    The points that K has follow from how these nodes move under rotations of the other nodes.
+    The points that K was made for follow from how these nodes move under rotations of the other nodes.
     """
     length = float(np.ptp(body.points, axis=0).max())
     levers = np.cross(np.eye(3)[None], (body.points - body.points.mean(axis=0))[:, None]).transpose(0, 2, 1)
@@ -134,11 +139,12 @@ def misplaced_nodes(body: Resistance, wrong: Mask) -> tuple[str, str] | None:
 
 
 def turned_nodes(body: Resistance, wrong: Mask, near_supports: Mask) -> tuple[str, str] | None:
-    """Return wrong input and reason, if nodes of `wrong` (N,) have axes of their own; else None.
+    """Return (wrong input, reason) if nodes among `wrong` (N,), a mask, have their own axes; else None.
 
     Such nodes follow translations of the other nodes along turned or reversed axes.  A reversed axis can resist
-    translations as a spring to ground does, so that nodes with springs that K couples with `wrong` are tried too.
-    Nodes of the mask `near_supports` (N,) do not follow others as free ones do, so that first all others are tried.
+    translations as a spring to ground does; so nodes that seem to have springs, and that K couples with nodes of
+    `wrong`, are tried too.  Nodes of the mask `near_supports` (N,) do not follow other nodes as free nodes do; so nodes
+    that are not in this mask are tried first.
     """
     coupled = np.zeros(len(wrong), dtype=bool)
     row, column, _ = body.entries
@@ -155,7 +161,7 @@ def turned_nodes(body: Resistance, wrong: Mask, near_supports: Mask) -> tuple[st
 
 
 def _describe_turn(Q: Array) -> str:
-    """Return orthogonal axes Q (3, 3) in words: along which axes of the places they are, or by what angle turned."""
+    """Return orthogonal axes Q (3, 3) in words: the axes of the points that they follow, or the angle of a turn."""
     largest = np.abs(Q).argmax(axis=1)
     if np.abs(Q[np.arange(3), largest]).min() > 1.0 - ALIKE:
         signs = np.where(Q[np.arange(3), largest] < 0.0, "-", "")
@@ -165,10 +171,11 @@ def _describe_turn(Q: Array) -> str:
 
 
 def lone_turned_nodes(body: Resistance) -> Mask:
-    """Return a mask (N,) of nodes that follow translations of all others along turned axes, as no support causes.
+    """Return a mask (N,) of nodes that follow translations of all other nodes along turned axes.
 
-    A node follows with U = -K_nn^-1 sum_j K_nj over the others: U is the identity away from supports, shortens motions
-    near them, and is another orthogonal matrix for a node with axes of its own.
+    Let K_nn be the stiffness block of a node n, and K_nj its coupling with node j.  Node n follows unit translations of
+    all others with the displacements U = -K_nn^-1 sum_j K_nj.  Away from supports, U is the identity, and near supports
+    it shortens motions.  Only for a node with its own axes U is another orthogonal matrix.
     """
     turned, T = np.zeros(len(body.points), dtype=bool), body.motions[:, :3]
     order = np.argsort(body.node, kind="stable")
@@ -184,12 +191,12 @@ def lone_turned_nodes(body: Resistance) -> Mask:
 
 
 def _rigid_followers(body: Resistance, wrong: Mask, first: int, expected: Array, least: float) -> tuple[Indices, Array]:
-    """Return the nodes (g,) that do not follow three rigid motions of the others as expected, and how they do.
+    """Return the numbers (g,) of nodes that do not follow three rigid motions of the others, and their displacements.
 
-    The motions are translations for `first` 0 and rotations for 3.  The nodes' displacements under them are `expected`
-    (N, 3, 3), with the motion in the last axis; the second result (g, 3, 3) are the true ones, which differ by more
-    than `least`.  Only nodes of `wrong` (N,) with all displacements are returned; a second pass treats those that
-    follow after all as part of the others.
+    The motions are translations if `first` is 0 and rotations if it is 3.  `expected` (N, 3, 3) are the displacements
+    of the nodes that follow the motions, with the motion in the last axis.  The displacements that are returned (g, 3,
+    3) differ from `expected` by more than `least`.  Only nodes of the mask `wrong` (N,) that have all three
+    displacements are tried.  Nodes that turn out to follow count among the other nodes in a second pass.
     """
     displaced = ~body.missing_displacements.any(axis=1)
     motions = rigid_motions((body.points - body.points.mean(axis=0))[body.node], body.direction)[:, first : first + 3]
@@ -210,7 +217,7 @@ def _rigid_followers(body: Resistance, wrong: Mask, first: int, expected: Array,
 
 
 def rows_by_direction(body: Resistance) -> tuple[str, str] | None:
-    """Return wrong input and reason, if rows are ordered by direction instead of node by node; else None."""
+    """Return (wrong input, reason) if rows of K are ordered by direction, and not node by node; else None."""
     count = len(body.node)
     each = count // max(len(np.unique(body.node)), 1)
     if each not in (3, 6) or not np.array_equal(body.direction, np.tile(np.arange(each), count // each)):
@@ -223,9 +230,12 @@ def rows_by_direction(body: Resistance) -> tuple[str, str] | None:
 
 
 def all_axes_turned(body: Resistance) -> tuple[str, str] | None:
-    """Return wrong input and reason, if K is that of these points with different axes at each node; else None.
+    """Return (wrong input, reason) if K was made for these points, but with different axes at each node; else None.
 
-    Its free motions are then z_j = Q_j (1, -[x_j]) A, so that tr(z_j B z_j^T) = 3 + 2 |x_j|^2 with one symmetric B.
+    Let z_j (3, 6) be the displacements of node j in six motions that K leaves free, and x_j its position.  Let [x_j] be
+    the matrix of the cross product with x_j, Q_j the axes of the node, and A (6, 6) a matrix that is the same for all
+    nodes.  Then z_j = Q_j (1, -[x_j]) A, so that tr(z_j B z_j^T) = 3 + 2 |x_j|^2 holds with one symmetric matrix B for
+    all nodes.
     """
     count = len(body.points)
     order = np.lexsort((body.direction, body.node))

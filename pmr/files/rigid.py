@@ -1,12 +1,15 @@
 r"""Rigid motions of the nodes of a body, and forces of another program's stiffness matrix under them.
 
-A rigid motion r is split, about the node of row i, into a translation t and a rotation w:
+Let K be the stiffness matrix, x_i the position of the node of row i, d(j) the direction of coordinate j, and e_d(j) the
+unit vector along this direction.  A rigid motion r is split, about the node of row i, into a translation t and a
+rotation w.  The force on row i is then
 
 .. math:: (K r)_i = F_i\, t + G_i\, w, \qquad F_i = \sum_j K_{ij}, \qquad
     G_i = \sum_j K_{ij}\, (e_{d(j)} \cdot (w \times (x_j - x_i)))
 
-Both vanish where nothing but the body itself acts on the row.  F shows what holds it to the ground and does not depend
-on the positions of nodes; G beside a vanishing F shows that nodes are not where K has them.
+F (n, 3) is summed for each direction of translation, and G (n, 3) for each direction of the rotation w of size 1.  Both
+are zero if no support and no spring to ground acts on the row.  F shows what holds the row to the ground, and does not
+depend on the positions of nodes.  If F is zero and G is not, nodes are not at the points that K was made for.
 """
 
 from __future__ import annotations
@@ -22,21 +25,23 @@ from scipy.spatial import cKDTree
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Directions of a coordinate: displacements along the axes and rotations about them.
+#: Names of the directions of a coordinate: displacements along the axes and rotations about them.
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
-#: Least and largest share of a row's entries by which their sum may differ from zero through rounding alone: files have
-#: nine to sixteen digits, places of nodes are known to a thousandth of a cell's size or better.
+#: Least and largest rounding of the sum of a row's entries, as a share of the sum of their magnitudes.  The first pair
+#: is for entries, which files state with nine to sixteen digits.  The second pair is for positions of nodes, which are
+#: known to a thousandth of a cell's size or better.
 ROUNDING, ROUNDING_OF_POINTS = (1e-13, 1e-8), (1e-11, 1e-3)
-#: Rounding is estimated as this multiple of a quantile of the rows' sums as shares of their entries: of the lower
-#: quartile of all rows, or of the upper quartile of rows without a support for the rounding of points.
+#: Rounding is estimated as this multiple of a quartile, over rows, of the sum of a row's entries as a share of the sum
+#: of their magnitudes.  It is the lower quartile of all rows for the rounding of entries, and the upper quartile of
+#: rows without a support for the rounding of positions.
 SPREAD = 100.0
 
 
 def rigid_motions(at: Array, component: Indices) -> Array:
-    """Return n coordinates under six rigid motions, (n, 6): unit translations along x, y, z and rotations about them.
+    """Return n coordinates under six rigid motions, (n, 6): unit translations along x, y, z, then rotations about them.
 
-    The rotations are about axes through the origin.  Each coordinate is the displacement or rotation `component` (n,),
-    an index of `DIRECTIONS`, of a point of `at` (n, 3) in m.
+    The axes of the rotations go through the origin.  Coordinate i is the displacement or rotation `component[i]`, an
+    index of `DIRECTIONS`, of the point `at[i]` (3,) in m.
     """
     motions, translations = np.zeros((len(at), 6)), component < 3
     motions[np.arange(len(at)), component] = 1.0
@@ -45,9 +50,10 @@ def rigid_motions(at: Array, component: Indices) -> Array:
 
 
 def elastic_energies(K: sp.csr_matrix, R: Array, q: Array) -> Array:
-    """Return q^T K q (k,) in N m of motions q (n, k) without the part of supports and springs to ground inside K.
+    """Return q^T K q (k,) in N m of k motions q (n, k), without the part of supports and springs to ground in K.
 
-    With the rigid motions R (n, r) that part has the stiffness K R (R^T K R)^+ R^T K, and what remains leaves R free.
+    With r rigid motions R (n, r), this part has the stiffness K R (R^T K R)^+ R^T K, where ^+ is the pseudoinverse.
+    The remaining stiffness does not resist R.
     """
     resisted = K @ R
     on_ground = resisted.T @ q
@@ -57,18 +63,22 @@ def elastic_energies(K: sp.csr_matrix, R: Array, q: Array) -> Array:
 
 @dataclass(frozen=True)
 class Resistance:
-    """Forces F and moments G (n, 3) on rows of K under unit translations and under rotations about each row's node.
+    """Resistance of the stiffness K (n, n) of a body on N nodes to rigid motions.
 
-    Entries that are within rounding are zero.
+    F (n, 3) are the forces on rows of K under unit translations, G (n, 3) those under unit rotations about the node of
+    each row (see the module).  Entries of F and G that are within rounding are set to zero.
     """
 
     K: sp.csr_matrix
-    points: Array  # (N, 3) m
-    node: Indices  # (n,)
-    direction: Indices  # (n,)
+    points: Array  # (N, 3) m, positions of the nodes
+    node: Indices  # (n,) node of each row of K
+    direction: Indices  # (n,) direction of each row of K, an index of `DIRECTIONS`
 
     def __post_init__(self) -> None:
-        """Take a copy of a K whose entries are unsorted: `on_pattern` shares its indices, and SciPy sorts in place."""
+        """Replace a K whose entries are unsorted by a sorted copy.
+
+        `on_pattern` shares its indices, and SciPy would sort them in place.
+        """
         if not self.K.has_canonical_format:
             ordered = self.K.copy()
             ordered.sum_duplicates()
@@ -76,13 +86,13 @@ class Resistance:
 
     @cached_property
     def entries(self) -> tuple[Indices, Indices, Array]:
-        """Row, column and absolute value of each stored entry of K."""
+        """Row, column and absolute value of each stored entry of K, as three arrays (e,) for e entries."""
         entries = self.K.tocoo()
         return entries.row, entries.col, np.abs(entries.data)
 
     @cached_property
     def edges(self) -> Array:
-        """Distance in m between the two nodes of each entry of `pairs`."""
+        """Distances (e,) in m between the nodes of row and column of each of the e stored entries of K."""
         row, column, _ = self.entries
         squares = np.zeros(len(row))
         for x in self.points[self.node].T:
@@ -90,12 +100,15 @@ class Resistance:
         return np.sqrt(squares)
 
     def on_pattern(self, values: Array) -> sp.csr_matrix:
-        """Return a matrix (n, n) with `values` as the entries of `pairs`; it shares K's indices."""
+        """Return a sparse matrix (n, n) with `values` (e,) in place of the e stored entries of K.
+
+        It shares its indices with K.
+        """
         return sp.csr_matrix((values, self.K.indices, self.K.indptr), shape=self.K.shape)
 
     @cached_property
     def _translations(self) -> tuple[Array, Array]:
-        """F (n, 3) without rounding, and the rounding (n,) of each row."""
+        """F (n, 3) with entries within rounding set to zero, and the rounding (n,) of each row."""
         T = self.motions[:, :3]
         return _remove_rounding(self.K @ T, (abs(self.K) @ T).sum(axis=1), ROUNDING, 0.25)
 
@@ -108,17 +121,17 @@ class Resistance:
 
     @cached_property
     def missing_displacements(self) -> NDArray[np.bool_]:
-        """Mask (N, 3) of nodes and axes without a displacement among the coordinates, as at supports."""
+        """Mask (N, 3) of displacements of nodes along x, y, z that have no coordinate, as at supports."""
         lacking = np.ones((len(self.points), 3), dtype=bool)
         translations = self.direction < 3
         lacking[self.node[translations], self.direction[translations]] = False
         return lacking
 
     def near(self, missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return a mask (N,) of nodes near one of the `missing` (N,), which is a mask too.
+        """Return a mask (N,) of nodes that are near a node of the mask `missing` (N,).
 
-        Near is up to 1.2 times as far as the farthest node that K couples with a node, and half the body's length at
-        most.
+        A node is near if its distance is at most 1.2 times that of the farthest node that K couples with it, and at
+        most half the body's length.
         """
         if not missing.any():
             return np.zeros(len(missing), dtype=bool)
@@ -129,17 +142,21 @@ class Resistance:
 
     @cached_property
     def blocks(self) -> Array:
-        """Forces (N, 3, 3) on each node under translations; zero along axes without a coordinate."""
+        """Forces (N, 3, 3) on each node along three axes (rows) under three translations (columns).
+
+        They are zero along axes without a coordinate.
+        """
         blocks, translations = np.zeros((len(self.points), 3, 3)), self.direction < 3
         blocks[self.node[translations], self.direction[translations]] = self.forces[translations]
         return blocks
 
     @cached_property
     def spring_nodes(self) -> NDArray[np.bool_]:
-        """Mask (N,) of grounded nodes held by a spring, at the node or at a point within the body's length of it.
+        """Mask (N,) of grounded nodes that are held by a spring.
 
-        Forces are then a symmetric matrix S times the point's displacement: F = S, and G = S (w x d) with the vector d
-        from the node to the point.
+        The spring acts at the node, or at a point within the body's length of the node.  The forces are then a
+        symmetric matrix S (3, 3) times the displacement of this point.  With the vector d from the node to the point, F
+        = S, and G w = S (w x d) for a rotation w.
         """
         translations = self.direction < 3
         S, G = self.blocks, np.zeros((len(self.points), 3, 3))
@@ -159,7 +176,7 @@ class Resistance:
 
     @cached_property
     def sums_of_moments(self) -> tuple[Array, Array]:
-        """G (n, 3) with its rounding, and the sum (n,) of the magnitudes of its terms."""
+        """G (n, 3) including rounding, and for each row the sum (n,) of the magnitudes of the terms of G."""
         _, column, size = self.entries
         local = np.where(self.direction[column] < 3, self.edges, 1.0)
         sums, middle = self.K @ self.motions, self.points.mean(axis=0)
@@ -168,9 +185,9 @@ class Resistance:
 
     @cached_property
     def _rotations(self) -> tuple[Array, Array]:
-        """G (n, 3) without rounding, and the rounding (n,) of each row.
+        """G (n, 3) with entries within rounding set to zero, and the rounding (n,) of each row.
 
-        Rows at nodes with supports, which move their neighbours' rows, keep their rounding.
+        Rows at nodes with supports keep entries within rounding, as supports displace the rows of their neighbours.
         """
         sums, sizes = self.sums_of_moments
         near_supports = (self.grounded_nodes & ~self.spring_nodes)[self.node]
@@ -179,12 +196,12 @@ class Resistance:
 
     @cached_property
     def motions(self) -> Array:
-        """Rigid motions (n, 6) about the mean of all points."""
+        """Coordinates (n, 6) under the six rigid motions about the mean of all points."""
         return rigid_motions((self.points - self.points.mean(axis=0))[self.node], self.direction)
 
     @property
     def rounding_share(self) -> float:
-        """Rounding of K: lower quartile over rows of F as a share of the row's entries; at least 1e-16."""
+        """Rounding of K, at least 1e-16: the lower quartile over rows of F as a share of the row's entries."""
         T = self.motions[:, :3]
         sizes = (abs(self.K) @ T).sum(axis=1)
         shares = np.abs(self.K @ T).max(axis=1)[sizes > 0.0] / sizes[sizes > 0.0]
@@ -192,19 +209,19 @@ class Resistance:
 
     @property
     def forces(self) -> Array:
-        """F (n, 3) in N/m, or N m/m where the coordinate is a rotation."""
+        """F (n, 3), in N/m for rows of displacements and in N m/m for rows of rotations."""
         return self._translations[0]
 
     @property
     def moments(self) -> Array:
-        """G (n, 3) in N/rad, or N m/rad where the coordinate is a rotation."""
+        """G (n, 3), in N/rad for rows of displacements and in N m/rad for rows of rotations."""
         return self._rotations[0]
 
     def held_motions(self) -> Array:
-        """Return h independent rows (h, 6) on rigid motions about the origin, zero for motions that K leaves free.
+        """Return a matrix (h, 6) on rigid motions about the origin; it is zero for motions that K leaves free.
 
-        They are singular vectors of all rows, each divided by its rounding; singular values within rounding count as
-        zero.
+        h is the number of rigid motions that supports and springs in K hold.  The rows are singular vectors of F and G,
+        where each row of F and G is divided by its rounding, and singular values within rounding count as zero.
         """
         (F, of_forces), (G, of_moments) = self._translations, self._rotations
         middle = self.points.mean(axis=0)
@@ -223,9 +240,9 @@ class Resistance:
         return np.asarray(Vt[:rank] @ about_origin)
 
     def _levers(self, about: Array) -> Array:
-        """Return displacements (n, 3, 3) of each row's node under unit rotations about axes through `about` (3,) in m.
+        """Return the displacements (n, 3, 3) of each row's node under three unit rotations.
 
-        The last axis is that of the rotation.
+        The axes of the rotations go through `about` (3,) in m.  The last axis of the array is the rotation.
         """
         x = self.points[self.node] - about
         return np.asarray(np.cross(np.eye(3)[None], x[:, None]).transpose(0, 2, 1))
@@ -234,19 +251,20 @@ class Resistance:
 def _remove_rounding(
     sums: Array, sizes: Array, limits: tuple[float, float], part: float, free: NDArray[np.bool_] | None = None
 ) -> tuple[Array, Array]:
-    """Return sums (n, 3) with those that are rounding set to zero, and the rounding (n,) of each row.
+    """Return sums (n, 3) with entries within rounding set to zero, and the rounding (n,) of each row.
 
     Parameters
     ----------
     sums : (n, 3) array
+        Sums over the entries of n rows, for three motions.
     sizes : (n,) array
-        Sums of the magnitudes of each row's terms.
+        For each row, the sum of the magnitudes of the terms of its sums.
     limits : pair of float
-        Least and largest rounding, as a share of the size.
+        Least and largest rounding, as a share of `sizes`.
     part : float
-        Share of the rows that have no sums but rounding, by whose sums rounding is estimated.
+        Share of the rows that are taken to have sums of rounding only; the rounding is estimated from these rows.
     free : (n,) mask, optional
-        Rows that the estimate is based on; by default all.
+        Rows that the estimate is based on; by default all rows.
     """
     least, most = limits
     shares = np.divide(np.abs(sums).max(axis=1), sizes, out=np.zeros(len(sums)), where=sizes > 0.0)

@@ -1,6 +1,7 @@
 """Checks whether mass and stiffness matrices of another program are in SI units, by speed of sound and density.
 
-Each check yields the input that is wrong (``M`` or ``points``) and the reason in words.
+Each check yields (name, reason) if the units are wrong: the name of the wrong input (``M`` or ``points``) and the
+reason in words.
 """
 
 from __future__ import annotations
@@ -16,16 +17,17 @@ from pmr.files.rigid import Resistance, rigid_motions
 
 Array = NDArray[np.float64]
 
-#: Least and largest speed of sound in a body, m/s: soft plastics have 500, diamond 1.8e4.
+#: Least and largest speed of sound in m/s that a body may have; in soft plastics it is 500, in diamond 1.8e4.
 SLOWEST, FASTEST = 250.0, 3e4
-#: Least density in kg/m^3 of a body in its convex hull (air), and in the part that stiffness fills (foam).
+#: Least density in kg/m^3 of a body in its convex hull (that of air), and in the part of the hull where all nodes are
+#: coupled by stiffness (that of foam).
 LIGHTEST, LIGHTEST_SOLID = 1.0, 10.0
-#: Vertices of the edges of a tetrahedron.
+#: Pairs of vertices at the ends of the six edges of a tetrahedron.
 _EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 
 
 def check_speed(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield ``points`` and the reason, if the speed of sound shows that the units of the matrices do not fit."""
+    """Yield (``points``, reason) if the speed of sound shows that the units of the matrices do not fit each other."""
     least, most = speeds_of_sound(M, body)
     if most < SLOWEST or least > FASTEST:
         speed, guess = (
@@ -43,9 +45,10 @@ def check_speed(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]
 
 
 def check_density(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Yield ``M`` and the reason, if the body is lighter than air in its convex hull, or than foam where it is stiff.
+    """Yield (``M``, reason) if the body is lighter than air in its convex hull, or lighter than foam where it is stiff.
 
-    Nodes that supports hold and that K would couple with others are in the hull too.  Masses are then probably in t.
+    Nodes without coordinates, as at supports, are in the hull too if they are as near to others as coupled nodes are.
+    If the density is too small, masses are probably in t.
     """
     T = rigid_motions(body.points[body.node], body.direction)[:, :3]
     mass, distance = float(np.diag(T.T @ (M @ T)).max()), cKDTree(body.points[body.node]).query(body.points)[0]
@@ -54,7 +57,7 @@ def check_density(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str
         return
     try:
         cells = Delaunay(body.points[nodes])
-    except QhullError:  # of nodes in a plane
+    except QhullError:  # all nodes are in a plane
         return
     x = cells.points[cells.simplices]
     volumes = np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) / 6.0
@@ -72,11 +75,12 @@ def check_density(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str
 
 
 def speeds_of_sound(M: sp.csr_matrix, body: Resistance) -> tuple[float, float]:
-    """Return rough bounds, least and largest, of the speed of sound in the body in m/s; 0 and infinity if unknown.
+    """Return rough bounds, the least and the largest, of the speed of sound in a body in m/s.
 
-    Both come from stretching the body: with its whole mass, and for the largest without payloads.
-    The least is at most the median over nodes of the distance to the nearest coupled node times the node's own
-    frequency (rad/s).  Stiff links and nodes with little mass therefore do not make a body too fast.
+    They are 0 and infinity if the speed is not known.  Both bounds follow from stretching the body: the least with its
+    whole mass, the largest without payloads.  The least one is at most the median over nodes of the distance to the
+    nearest coupled node times the node's own frequency (in rad/s).  Stiff links and nodes with little mass therefore do
+    not make a body seem too fast.
     """
     row = body.entries[0]
     apart = (body.edges > 0.0) & (body.direction[row] < 3)
@@ -93,12 +97,14 @@ def speeds_of_sound(M: sp.csr_matrix, body: Resistance) -> tuple[float, float]:
 
 
 def _stretch_speeds(M: sp.csr_matrix, body: Resistance) -> Array:
-    """Return speeds of sound (a, 2) in m/s by stretching along each axis, with the whole mass and without payloads.
+    """Return speeds of sound (a, 2) in m/s by stretching along each of a axes.
 
-    Displacements u are the distance to the nearest node that supports hold along the axis, or else the position, so
-    that their slope is one and supports do no work: c^2 = u^T (K - S) u / m, where S are springs to ground.  What a
-    node has beyond four times the median of all counts as payload.  Axes with longer distances come first; those along
-    which nothing stretches are left out.
+    The first column is for the whole mass, the second one for the mass without payloads.  With the displacements u of a
+    stretch, the mass m, and springs to ground S in the stiffness K, the speed c is given by c^2 = u^T (K - S) u / m.
+    The displacement of a node is its distance to the nearest node that supports hold along the axis or, if there is
+    none, its position; so the slope of u is one and supports do no work.  The mass of a node that exceeds four times
+    the median of all nodes counts as payload.  Axes with longer distances come first, and axes along which nothing is
+    stretched are left out.
     """
     speeds = list[tuple[float, float, float]]()
     free = ~body.near(body.missing_displacements.any(axis=1)) & body.spring_nodes

@@ -1,19 +1,19 @@
-"""Files and folders that are written in whole or not at all, even if a process is killed; locks; cached folders.
+"""Files and folders that are written completely or not at all, even if a process is killed; locks; cached folders.
 
-One file (`replacement_file`) is written under another name and renamed when it is complete: a kill, a full disk or an
-error leaves what was there before.
+One file (`replacement_file`) is written under another name and renamed when it is complete.  A kill, a full disk or an
+error therefore leaves the former file unchanged.
 
-Several files of a folder that belong together (`replacement_folder`) are written into a new folder in it. When they are
-complete that folder is renamed in one step: from then on the new files count. Then they are moved to the names of the
-old ones one by one, which takes less than a millisecond; if the process is killed meanwhile, the next one that opens
-the folder completes the moves (`finish_swap`). So the target may be the current directory, a symbolic link or the root
-of a disk, and other files in it are not touched.
+Several files of a folder that belong together (`replacement_folder`) are written into a new folder inside of it.  When
+all are complete, this new folder is renamed in one step; from then on the new files count.  Then they are moved one by
+one to the names of the old files, which takes less than a millisecond.  If the process is killed in this time, the next
+process that opens the folder completes the moves (`finish_swap`).  So the target may be the current directory, a
+symbolic link or the root of a disk, and all other files in it are not touched.
 
-A folder that takes long to compute (`complete_folder`) is made under another name and then renamed. A lock, which the
-system takes from a process that ends, lets one process make it while the others wait, and tells a folder that a dead
-process left from one that is being made.
+A folder that takes long to compute (`complete_folder`) is made under another name and then renamed.  A lock, which the
+system releases when its process ends, lets one process make the folder while others wait.  It also distinguishes a
+folder that is being made from one that a dead process left.
 
-`user_cache_folder` is where computed results are cached for a user.
+`user_cache_folder` is the folder in which computed results are cached for a user.
 """
 
 from __future__ import annotations
@@ -37,22 +37,25 @@ Made = TypeVar("Made")
 
 
 PART = ".part"
-#: Errors of the system for no room, no access, or a file larger than allowed.
+#: Error numbers of the system for no room, no access, or a file that is larger than allowed.
 _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.EACCES, errno.EPERM, errno.EISDIR}
 _NO_ROOM |= {errno.ENAMETOOLONG, errno.ENOTDIR, errno.ELOOP}
-#: Errors of the system for a full disk, whatever was to be written.
+#: Error numbers of the system for a full disk, or a file that is larger than allowed.
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 _fcntl: Any = import_module("fcntl") if util.find_spec("fcntl") else None  # Windows has none
 
 
 class NotWrittenError(OSError):
-    """Something could not be written, and what was there before still is; the message is one line."""
+    """A file or folder could not be written, and its former content is unchanged; the message is one line."""
 
     reason = ""  #: Message of the system; empty if the error is not the system's
 
 
 def ensure_ordinary(path: Path) -> None:
-    """Raise NotWrittenError unless `path` is an ordinary file or free: links, devices and folders are not replaced."""
+    """Raise NotWrittenError unless `path` is an ordinary file or does not exist.
+
+    Links, devices and folders are not replaced by files.
+    """
     if path.is_symlink() or (path.exists() and not path.is_file()):
         kind = "a link" if path.is_symlink() else "a folder" if path.is_dir() else "a device or a pipe"
         raise NotWrittenError(f"{path} is {kind}, which is not replaced; a file, or a name that is free, is allowed")
@@ -60,9 +63,10 @@ def ensure_ordinary(path: Path) -> None:
 
 @contextmanager
 def replacement_file(path: Path) -> Iterator[Path]:
-    """Yield a temporary path to write to, which replaces `path` in one step if the block ends without an error.
+    """Yield a temporary path to write to; the file replaces `path` in one step if the block ends without an error.
 
-    Raises NotWrittenError as `ensure_ordinary`, or if there is no room; the temporary file is then removed.
+    Raises NotWrittenError in the cases of `ensure_ordinary`, or if there is no room; the temporary file is then
+    removed.
     """
     ensure_ordinary(path)
     part = path.with_name(f"{path.name}.{os.getpid()}{PART}")
@@ -72,13 +76,13 @@ def replacement_file(path: Path) -> Iterator[Path]:
             flush_file(part)
             os.replace(part, path)
     finally:
-        with suppress(OSError):  # not there, or on a disk that can't be written to
+        with suppress(OSError):  # the file does not exist, or its disk can't be written to
             part.unlink()
 
 
 @contextmanager
 def report_full_disk(path: Path) -> Iterator[None]:
-    """Raise NotWrittenError of `path` instead of the system's error if the block finds no room or no access."""
+    """Raise NotWrittenError with `path` in place of the system's error if the block finds no room or no access."""
     try:
         yield
     except OSError as error:
@@ -91,17 +95,17 @@ def report_full_disk(path: Path) -> Iterator[None]:
 
 
 def flush_file(path: Path) -> None:
-    """Write a file's content to the disk, before its name is made to say that it is complete."""
+    """Write a file's content to the disk; called before the file gets the name that shows that it is complete."""
     with path.open("rb") as file:
         os.fsync(file.fileno())
 
 
 @contextmanager
 def hold_lock(path: Path, wait: bool = True) -> Iterator[bool]:
-    """Hold the lock of an existing file or folder during the block; yield whether it is held.
+    """Hold the lock of an existing file or folder during the block; yield whether the lock is held.
 
-    It is not where the file system has no locks or, with `wait` false, where another process holds the lock; else the
-    call blocks until that process releases it.
+    It is not held if the file system has no locks, or if `wait` is false and another process holds it.  If `wait` is
+    true, the call blocks until the other process releases the lock.
 
     Raises FileNotFoundError if the file or folder does not exist.
     """
@@ -125,13 +129,13 @@ _NEW, _COMPLETE, _LIST = ".pmr-new-", ".pmr-complete", ".moves.json"
 
 @contextmanager
 def replacement_folder(folder: Path, ours: Sequence[str]) -> Iterator[Path]:
-    """Yield an empty folder to write to; if the block ends without an error its files replace `ours` in `folder`.
+    """Yield an empty folder to write to; if the block ends without an error, its files replace files of `folder`.
 
-    `ours` are names, or patterns of names, of all files that may ever be written, relative to `folder`, which is
-    created if need be.  Old files among them that are not written again are removed.
+    `ours` are names, or patterns of names, relative to `folder`, of all files that may ever be written.  Files of
+    `folder` with such names that are not written again are removed.  `folder` is created if it does not exist.
 
-    Raises NotWrittenError if there is no room, and ValueError if a file was written whose name is not among `ours`: the
-    old files then stay, and the new ones are removed.
+    Raises NotWrittenError if there is no room, and ValueError if a file was written whose name is not among `ours`; the
+    old files then remain, and the new ones are removed.
     """
     with report_full_disk(folder):
         folder.mkdir(parents=True, exist_ok=True)
@@ -154,7 +158,7 @@ def replacement_folder(folder: Path, ours: Sequence[str]) -> Iterator[Path]:
 
 
 def finish_swap(folder: Path) -> None:
-    """Complete the moves that a killed process had begun in a folder, and remove its incomplete new files."""
+    """Complete the moves in a folder that a killed process had begun, and remove its incomplete new files."""
     new_folders = [path for path in folder.glob(f"{_NEW}*") if path.is_dir()]
     if new_folders or (folder / _COMPLETE).exists():
         with report_full_disk(folder), hold_lock(folder):
@@ -166,7 +170,7 @@ def finish_swap(folder: Path) -> None:
 
 
 def remove_matching(folder: Path, ours: Sequence[str]) -> None:
-    """Remove the files of a folder with the given names or patterns."""
+    """Remove the files of a folder that match one of the names or patterns `ours`."""
     for name in _matching_names(folder, ours):
         (folder / name).unlink(missing_ok=True)
 
@@ -182,15 +186,15 @@ def _finish_moves(folder: Path) -> None:
             (folder / name).unlink(missing_ok=True)
         for name in names:
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            with suppress(FileNotFoundError):  # moved before
+            with suppress(FileNotFoundError):  # the file was moved before
                 os.replace(complete / name, folder / name)
     shutil.rmtree(complete)
 
 
 def _listed_moves(file: Path, folder: Path) -> tuple[list[str], list[str]]:
-    """Return the files to be moved into the folder and those to be removed, from a list of unknown origin.
+    """Return the files to be moved into the folder and the files to be removed, from a list of unknown origin.
 
-    Raises InputError if the list names anything outside of the folder; no file has been touched then.
+    Raises InputError if the list names anything outside of the folder; no file is touched in that case.
     """
     try:
         moves = json.loads(file.read_text())
@@ -205,10 +209,10 @@ def _listed_moves(file: Path, folder: Path) -> tuple[list[str], list[str]]:
 
 
 def _new_file_names(new: Path, folder: Path, ours: Sequence[str]) -> list[str]:
-    """Return the names of all files in `new`, ascending.
+    """Return the names of all files in the folder `new`, in ascending order.
 
-    Raises ValueError if one is not among `ours`, NotWrittenError if it would replace something in `folder` that is no
-    ordinary file.
+    Raises ValueError if a name is not among `ours`, and NotWrittenError if a file would replace something in `folder`
+    that is not an ordinary file.
     """
     names = sorted(path.relative_to(new).as_posix() for path in new.rglob("*") if path.is_file())
     unknown = [name for name in names if not any(fnmatch(name, pattern) for pattern in ours)]
@@ -220,19 +224,20 @@ def _new_file_names(new: Path, folder: Path, ours: Sequence[str]) -> list[str]:
 
 
 def _matching_names(folder: Path, ours: Sequence[str]) -> list[str]:
-    """Return the names of the files in a folder that match names or patterns."""
+    """Return the names of the files in a folder that match one of the names or patterns `ours`."""
     paths = [path.relative_to(folder).as_posix() for pattern in ours for path in folder.glob(pattern)]
     return [name for name in paths if not (folder / name).is_dir()]
 
 
 def complete_folder(folder: Path, is_whole: Callable[[Path], bool], make: Callable[[Path], Made], comm: Any) -> Made:
-    """Return the result of `make`, called with `folder` if it is whole, or with a new folder; collective.
+    """Return the result of `make`, called with `folder` if it is complete, else with a new folder.
 
-    The new folder then replaces `folder`.  All ranks of `comm` see its disk.  `is_whole`, asked on rank 0, tells
-    whether the folder is complete.  `make` loads from a whole folder and fills an empty one; it fails on all ranks or
-    on none.  A whole folder that can't be loaded is made again.
+    The new folder then replaces `folder`.  Collective: all ranks of `comm` have to call this function, and all have to
+    see the folder's disk.  `is_whole` says on rank 0 whether a folder is complete.  `make` loads its result from a
+    complete folder, and fills an empty folder; it has to fail on all ranks or on none.  A complete folder that can't be
+    loaded is made again.
 
-    Raises OSError on rank 0 if there is no folder to write to.
+    Raises OSError on rank 0 if there is no folder that can be written to.
     """
     first = comm.rank == 0
     complete = comm.bcast(is_whole(folder) if first else None)
@@ -246,9 +251,9 @@ def complete_folder(folder: Path, is_whole: Callable[[Path], bool], make: Callab
 
 
 def _make_locked(folder: Path, is_whole: Callable[[Path], bool], make: Callable[[Path], Made], comm: Any) -> Made:
-    """Return the result of `make`, called with a new folder; collective.
+    """Return the result of `make`, called with a new folder, while rank 0 holds the lock of `folder`; collective.
 
-    Rank 0 holds the folder's lock meanwhile.  If another process has made the folder before, `make` loads from it.
+    If another process has completed the folder before the lock is held, `make` loads its result from this folder.
     """
     if comm.rank > 0:
         result = make(comm.bcast(None))
@@ -257,7 +262,7 @@ def _make_locked(folder: Path, is_whole: Callable[[Path], bool], make: Callable[
     folder.parent.mkdir(parents=True, exist_ok=True)
     lock = folder.with_name(f"{folder.name}.lock")
     lock.touch()
-    with hold_lock(lock) as alone:  # without locks two processes do the same work, each in a folder of its own
+    with hold_lock(lock) as alone:  # without locks two processes do the same work, each in its own folder
         if is_whole(folder):  # another process has made it while this one waited for the lock
             result = make(comm.bcast(folder))
             comm.barrier()
@@ -268,7 +273,7 @@ def _make_locked(folder: Path, is_whole: Callable[[Path], bool], make: Callable[
         part = Path(tempfile.mkdtemp(prefix=f"{folder.name}.", suffix=".part", dir=folder.parent))
         try:
             result = make(comm.bcast(part))
-            comm.barrier()  # the other ranks load from it, too
+            comm.barrier()  # the other ranks load from the folder, too
             _publish(part, folder, is_whole)
         finally:
             _discard(part)
@@ -276,7 +281,10 @@ def _make_locked(folder: Path, is_whole: Callable[[Path], bool], make: Callable[
 
 
 def _publish(part: Path, folder: Path, is_whole: Callable[[Path], bool]) -> None:
-    """Rename a complete temporary folder to `folder`, which it replaces unless that one is whole by now."""
+    """Rename the complete temporary folder `part` to `folder`, unless another process has completed `folder` by now.
+
+    An incomplete `folder` is replaced.
+    """
     for file in part.iterdir():
         with file.open("rb") as content:
             os.fsync(content.fileno())
@@ -287,25 +295,26 @@ def _publish(part: Path, folder: Path, is_whole: Callable[[Path], bool]) -> None
 
 
 def _discard(folder: Path) -> None:
-    """Remove a folder and its content; errors are ignored."""
+    """Remove a folder and its content, and ignore errors."""
     shutil.rmtree(folder, ignore_errors=True)
 
 
-#: Most files in a user's cache folder, two for each measurement.
+#: Largest number of files in a user's cache folder, two for each measurement of a structure.
 MOST_KEPT = 100
 
 
 def user_cache_folder() -> Path | None:
-    """Return a user's cache folder for measured structures: ``$PMR_CACHE``, or ``pmr`` in ``~/.cache``.
+    """Return the folder in which measured structures are cached for a user: ``$PMR_CACHE``, or ``pmr`` in ``~/.cache``.
 
-    It is created if need be; None if it can't be.  The oldest files beyond `MOST_KEPT` are removed.
+    The folder is created if it does not exist; None is returned if it can't be created.  If it has more than
+    `MOST_KEPT` files, the oldest ones are removed.
     """
     folder = Path(os.environ.get("PMR_CACHE") or Path.home() / ".cache" / "pmr")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:
         return None
-    with contextlib.suppress(OSError):  # what can't be listed or removed stays
+    with contextlib.suppress(OSError):  # files that can't be listed or removed remain
         files = sorted(folder.glob("*.npz"), key=lambda file: file.stat().st_mtime)
         for file in files[:-MOST_KEPT]:
             file.unlink()

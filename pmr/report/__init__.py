@@ -1,1 +1,1 @@
-"""Reports of results: one HTML page and one PDF of runs or studies; nothing is computed for them but their form."""
+"""Reports of results: one HTML page and one PDF for runs or for studies; they show results and compute no new ones."""

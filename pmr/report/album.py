@@ -1,4 +1,4 @@
-"""Pictures of bodies: at up to three extensions, close to the largest stress, and of the mesh."""
+"""Pictures of bodies: whole bodies at up to three extensions, the part with the largest stress, and the mesh."""
 
 from __future__ import annotations
 
@@ -36,25 +36,25 @@ from pmr.results import RunResult
 
 Array = NDArray[np.float64]
 
-WIDTH = 1500  # px
+WIDTH = 1500  # px, of a picture
 SIDE = (0.34, -0.88, 0.30)  # direction from the body to the camera
-NEAR = 1.0  # height of the close picture in m of the body
+NEAR = 1.0  # m, height of the part of the body that the close picture shows
 STEEL, PAD, MOVING, SECTION = "#b9c4cd", "#3b4a57", "#d55e00", "#9fb0bd"
 
 
 @dataclass(frozen=True)
 class Album:
-    """Pictures of a run; without pictures, `absent` is a clause that says why, or empty."""
+    """Pictures of a run; if there are none, `absent` is a clause that gives the reason, or it is empty."""
 
     pictures: tuple[Picture, ...] = ()
     absent: str = ""
 
 
 def start_album(result: RunResult, prefix: str) -> Callable[[], Album]:
-    """Start another process that renders the pictures, and return a function that waits for them.
+    """Start another process that renders the pictures, and return a function that waits for them and returns the album.
 
-    That function returns the album.  Without recovered fields this is empty and gives no reason.  `prefix` is put
-    before the identifiers of the pictures.
+    The album is empty and gives no reason if the run has no recovered fields.  `prefix` is put before the identifiers
+    of the pictures.
     """
     if not fields_by_body(result):
         return Album
@@ -64,7 +64,7 @@ def start_album(result: RunResult, prefix: str) -> Callable[[], Album]:
     thread.shutdown(wait=False)
 
     def make_album() -> Album:
-        """Wait for the pictures and return them, or an album without pictures that says why."""
+        """Wait for the pictures and return them as an album; if rendering failed, the album is empty and says why."""
         try:
             pictures = developed.result()
         except NoPictureError as error:
@@ -80,7 +80,7 @@ def start_album(result: RunResult, prefix: str) -> Callable[[], Album]:
 
 
 class View(NamedTuple):
-    """Picture that is planned: its name, what is rendered, and the caption."""
+    """A planned picture: its name, what is rendered, and its caption."""
 
     name: str
     shot: Shot
@@ -88,7 +88,7 @@ class View(NamedTuple):
 
 
 class _Views:
-    """What all pictures of a run share: surfaces of bodies, surroundings, colour limits, scale of displacements."""
+    """Data that all pictures of a run share: surfaces of bodies, surroundings, colour limits, scale of displacement."""
 
     def __init__(self, result: RunResult) -> None:
         self.result, self.fields, self.places = result, fields_by_body(result), body_shifts(result)
@@ -99,7 +99,7 @@ class _Views:
         self.limits = (0.0, largest_colour_stress(result) / 1e6 if self.stressed else 1.0)
 
     def shots(self) -> Iterator[View]:
-        """Yield each picture, in the order of the page."""
+        """Yield the pictures to be rendered, in the order of the page."""
         chosen = drawn_moments(self.result)
         views = [Shot((*self._body_pieces(m), *self._surrounding_pieces(m)), SIDE, self.limits) for m in chosen]
         for number, (moment, shot) in enumerate(zip(chosen, frame_shots(views, WIDTH), strict=True), start=1):
@@ -109,9 +109,9 @@ class _Views:
         yield self._mesh_view()
 
     def _body_pieces(self, moment: Moment, edges: float = 0.6) -> Iterator[Piece]:
-        """Yield the bodies at a moment, displacements enlarged by `scale`.
+        """Yield the bodies at a moment, with displacements enlarged by the factor `self.scale`.
 
-        Colours show the von Mises stress in MPa if there is one; `edges` is the width of mesh lines in px.
+        Colours show the von Mises stress in MPa if the fields have stresses; `edges` is the width of mesh lines in px.
         """
         for name, surface in self.surfaces.items():
             fields = self.fields[name]
@@ -121,21 +121,24 @@ class _Views:
             yield Piece(self._turn_to_ground(moment.frame, points), surface.faces, values, STEEL, edges=edges)
 
     def _surrounding_pieces(self, moment: Moment, opacity: float = 0.22) -> Iterator[Piece]:
-        """Yield the pads and the next outer section at a moment; only the section has this opacity."""
+        """Yield the pads and the next outer section at a moment.
+
+        `opacity` (0 to 1) is that of the section; pads are opaque.
+        """
         back = np.array([moment.s, 0.0, 0.0])
         pieces = [*_pieces(self.stage.near, PAD), *_pieces(self.stage.tail, PAD, back)]
         pieces += [replace(piece, opacity=opacity, edges=1.0) for piece in _pieces(self.stage.section, SECTION)]
         yield from (replace(piece, points=self._turn_to_ground(moment.frame, piece.points)) for piece in pieces)
 
     def _turn_to_ground(self, frame: int, points: Array) -> Array:
-        """Turn points (..., 3) in m from the boom's axes into the ground's at the stored time `frame`.
+        """Turn points (..., 3) in m from the boom's axes into the ground's axes at the stored time number `frame`.
 
-        Without a frame that moves both are the same.
+        If the scene has no moving frame, the points are returned unchanged.
         """
         return points if self.pose is None else self.pose.positions_at(frame, points)
 
     def _peak_view(self, moment: Moment) -> View:
-        """Build the view of the largest stress, seen from the side it is on, the body's axis level."""
+        """Build the view of the largest stress, seen from the side on which it occurs, with the body's axis level."""
         name, place = place_of_peak(self.result, moment)
         points = self.surfaces[name].points
         low, high = points.min(axis=0), points.max(axis=0)
@@ -160,9 +163,9 @@ class _Views:
         )
 
     def _time_clause(self, moment: Moment) -> str:
-        """Clause with the time of the close picture.
+        """Return a clause with the time of the close picture.
 
-        It also names the time of the largest stress, if no fields are stored at this.
+        If no fields are stored at the time of the largest stress, the clause also names that time.
         """
         at, displacements = f"{moment.t:.2f}{SPACE}s", "displacements as above"
         peak = self.result.summary.get("stress_peak", {}).get("reduced", {}).get("t", moment.t)
@@ -171,7 +174,7 @@ class _Views:
         return f"At {at}, of the times whose fields are kept the nearest to {peak:.2f}{SPACE}s; {displacements}"
 
     def _mesh_view(self) -> View:
-        """Build the view of the meshes, with bodies and pads where they are at the first stored time."""
+        """Build the view of the meshes, with bodies and pads in their positions at the first stored time."""
         bodies = [
             Piece(surface.points + (self.places[name][0], 0.0, 0.0), surface.faces, None, "#eef2f5", edges=0.9)
             for name, surface in self.surfaces.items()
@@ -189,7 +192,11 @@ class _Views:
         return View("mesh", shot, f"The mesh: {format_input(cells)} cells, {format_input(vertices)} vertices{pads}.")
 
     def _caption(self, moment: Moment) -> str:
-        """Caption of a view: extension beyond the mouth or reach, time, largest stress, scale of displacements."""
+        """Return the caption of a view.
+
+        It states the extension beyond the mouth (or the reach), the time, the largest stress and the scale of
+        displacements.
+        """
         deformed = f"displacements {format_input(self.scale)} times their size"
         stress = f", largest von Mises stress {format_quantity(moment.peak, 'Pa')}" if self.stressed else ""
         length = f"{moment.extension:.2f}{SPACE}m"
@@ -198,7 +205,10 @@ class _Views:
 
 
 def _pieces(blocks: Sequence[Block], colour: str, back: Array | float = 0.0) -> list[Piece]:
-    """Join blocks to one piece of one colour, moved by minus `back` (3,) in m; without blocks there is none."""
+    """Join blocks to one piece in one colour, moved by minus `back` (3,) in m.
+
+    The list that is returned holds this piece; it is empty without blocks.
+    """
     first_corners = accumulate((len(block.corners) for block in blocks), initial=0)
     faces = [block.sides + first for block, first in zip(blocks, first_corners, strict=False)]
     points = [block.corners for block in blocks]

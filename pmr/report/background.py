@@ -24,8 +24,9 @@ _drawings = list[tuple[RunResult, Figures]]()
 
 
 class BackgroundReport:
-    """Report of a run, drawn by a second process if there is a free core for it, else by this one in `write`.
+    """Report of a run, drawn by a second process while the run goes on.
 
+    If no core is free for a second process, this process draws the report in `write`.
     Results are handed over in files: if a process ends before it has read what is larger than a pipe holds, this one
     would wait for ever (Python before 3.11.5).
     """
@@ -35,9 +36,9 @@ class BackgroundReport:
         self._pool: ProcessPoolExecutor | None = None
 
     def __enter__(self) -> BackgroundReport:
-        """Start the second process if a core is free, and let it import what it draws with.
+        """Start the second process if a core is free, and let it import the modules that draw.
 
-        If no process can be started, this one draws in `write`.
+        If no process can be started, this process draws the figures in `write`.
         """
         if has_free_core():
             self._folder = TemporaryDirectory(ignore_cleanup_errors=True)
@@ -59,19 +60,20 @@ class BackgroundReport:
             self._folder.cleanup()
 
     def draw(self, result: RunResult) -> None:
-        """Queue a result for the second process to draw, and return at once; without that process do nothing.
+        """Queue a result for the second process to draw, and return at once; do nothing if there is no second process.
 
-        No figure shows ``budget`` of the result's summary, so this may still change until `write`.
+        No figure shows the entry ``budget`` of the result's summary, so this entry may still change until `write` is
+        called.
         """
         if self._pool is not None:
             self._drawn.append(self._submit(self._pool, _draw, result))
 
     def write(self, results: Sequence[RunResult], folder: Path) -> ReportFiles:
-        """Write the report of all `results` into `folder` and return its files; blocks until they are written.
+        """Write the report of all `results` into `folder` and return its files; blocks until the files are written.
 
-        The results come in the order in which `draw` got them, with their final summaries.  If there is no second
-        process, it was killed, or results could not be handed over, this one draws them: see
-        `pmr.report.document.write_report`.
+        `results` are the results that `draw` received, in the same order, with their final summaries.  If there is no
+        second process, if it was killed, or if results could not be handed over to it, this process draws the figures
+        (`pmr.report.document.write_report`).
         """
         with suppress(BrokenExecutor, OSError):  # the process was killed, or there is no room for files
             if self._pool is not None:
@@ -97,9 +99,10 @@ class BackgroundReport:
 
 
 def has_free_core() -> bool:
-    """Whether a second process would have a core for itself: several cores may be used, and by this process alone.
+    """Whether a second process would have a core for itself.
 
-    Processes that MPI started together with this one count as users of the cores.
+    This is so if this process may use several cores and no other process uses them.  Processes that MPI started
+    together with this one count as users of the cores.
     """
     return environment.available_cores() > 1 and environment.launched_process_count() == 1
 
@@ -118,7 +121,7 @@ def _end_with_parent() -> None:
 
 
 def _load() -> None:
-    """Import the modules that draw and compile the templates; the second process runs it while the run computes."""
+    """Import the modules that draw, and compile the templates; the second process calls this while the run computes."""
     import pmr.report.document
 
     pmr.report.document.import_weasyprint()
@@ -132,14 +135,14 @@ def _call(function: Callable[..., None], file: Path) -> None:
 
 
 def _draw(result: RunResult) -> None:
-    """Draw the figures of a result, and append the result and its figures to `_drawings`, in the second process."""
+    """Draw the figures of a result and append (result, figures) to `_drawings`; called in the second process."""
     from pmr.report.document import draw_figures
 
     _drawings.append((result, draw_figures(result, len(_drawings) + 1)))
 
 
 def _write(folder: Path, summaries: Sequence[dict[str, Any]]) -> None:
-    """Write the report of the drawn results with their final summaries into `folder`, in the second process."""
+    """Write the report of the drawn results, with final summaries, into `folder`; called in the second process."""
     from pmr.report.document import write_report
 
     results = [replace(result, summary=summary) for (result, _), summary in zip(_drawings, summaries, strict=True)]

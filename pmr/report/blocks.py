@@ -15,9 +15,10 @@ TOLERANCE = 0.05  # relative deviation up to which a value counts as within 5 % 
 
 @dataclass(frozen=True)
 class Mark:
-    """Verdict on a value beside a published one: `kind` names its style, `symbol` tells it without colour.
+    """Verdict on a value beside a published one.
 
-    `text` is the word for it in the table and in counts, `explanation` that in the legend.
+    `kind` names its style, and `symbol` tells the verdict without colour.  `text` is the word for the verdict in the
+    table and in counts, `explanation` is its text in the legend.
     """
 
     kind: str
@@ -36,10 +37,10 @@ RANKED = (BETTER, SAME, WITHIN, DIFFERENT, WORSE)  # from the best to the worst
 
 @dataclass(frozen=True)
 class Row:
-    """Row of the error table, as text: an error or another value, beside the published one.
+    """Row of the error table, as text: an error or another value of this run, beside the published value.
 
-    `comparison` says which models are compared, `place` names the quantity, `value` is this run's, `absolute`
-    the norm of the difference with its unit.  A column that does not apply to a row is None.
+    `comparison` says which models are compared, `place` names the quantity, `value` is this run's value, and `absolute`
+    is the norm of the difference with its unit.  An entry is None if its column does not apply to the row.
     """
 
     comparison: str
@@ -53,7 +54,10 @@ class Row:
 
 @dataclass(frozen=True)
 class ErrorTable:
-    """Error table: rows, the caption above them and the sentences below; columns empty in all rows are not shown."""
+    """Error table: rows, the caption above them and the sentences below them.
+
+    A column that is empty in all rows is not shown.
+    """
 
     caption: str
     rows: Sequence[Row]
@@ -76,20 +80,20 @@ class ErrorTable:
 
     @property
     def marks(self) -> list[Mark]:
-        """Verdicts that occur in the table, the best first."""
+        """Verdicts that occur in the table, in the order from the best to the worst."""
         return [mark for mark in RANKED if any(row.mark is mark for row in self.rows)]
 
     @property
     def has_deviating_rows(self) -> bool:
-        """Whether any value differs from the published one by more than 5 %."""
+        """Whether the value of any row differs from the published one by more than 5 %."""
         return bool(deviating_rows(self.rows))
 
 
 def mark_for(value: float, published: float, is_error: bool = True) -> Mark:
-    """Verdict on a value beside the published one.
+    """Return the verdict on a value beside the published one.
 
-    A deviation of 5 % still counts as within 5 %.  An error is better if it is smaller; any other value, such as a
-    displacement, is neither better nor worse.
+    A deviation of exactly 5 % still counts as within 5 %.  If `is_error`, a smaller value is better; any other value,
+    such as a displacement, can be neither better nor worse than the published one.
     """
     deviation = _deviation(value, published)
     if abs(deviation) <= TOLERANCE * (1.0 + 1e-9):
@@ -100,18 +104,24 @@ def mark_for(value: float, published: float, is_error: bool = True) -> Mark:
 
 
 def count_verdicts(table: Sequence[Row]) -> dict[str, int]:
-    """Count the rows with each verdict, by its text, the best first; rows without a verdict are not counted."""
+    """Number of rows with each verdict, by the text of the verdict, the best verdict first.
+
+    Rows without a verdict are not counted.
+    """
     marks = [row.mark for row in table if row.mark]
     return {mark.text: marks.count(mark) for mark in RANKED if mark in marks}
 
 
 def deviating_rows(table: Sequence[Row]) -> list[Row]:
-    """Rows whose value differs from the published one by more than 5 %."""
+    """Rows of the table whose value differs from the published one by more than 5 %."""
     return [row for row in table if row.mark not in (None, WITHIN)]
 
 
 def _deviation(value: float, published: float) -> float:
-    """Relative deviation (value - published) / published; infinite if `published` is 0, unless the value is 0 too."""
+    """Relative deviation (value - published) / published.
+
+    If `published` is 0, the deviation is 0 for a value of 0, and infinite for any other value.
+    """
     if published == 0.0:
         return 0.0 if value == 0.0 else float("inf")
     return (value - published) / published
@@ -125,10 +135,10 @@ def signed_deviation(value: float, published: float) -> str:
     return f"{MINUS if deviation < 0.0 else '+'}{significant(100.0 * abs(deviation), 2)}{SPACE}%"
 
 
-#: Comments around what a drawing shows only under a pointer; it is cut out for the PDF.
+#: Comments around the parts of a drawing that are shown only under a pointer; these parts are cut out for the PDF.
 SCREEN, END_OF_SCREEN = "<!--screen-->", "<!--end of screen-->"
 
-#: Names of the files of a report.
+#: Names of the files of a report: the page and the PDF.
 REPORT_FILES = ("report.html", "report.pdf")
 
 
@@ -141,13 +151,13 @@ class ReportFiles:
 
     @classmethod
     def in_folder(cls, folder: Path) -> ReportFiles:
-        """Paths of the files of a report in a folder."""
+        """Return the paths that the two files of a report have in a folder."""
         return cls(*(folder / name for name in REPORT_FILES))
 
 
 @dataclass(frozen=True)
 class KeyNumber:
-    """A number that sums up a run, as text, with a label and a note such as a value to compare it with."""
+    """A number that sums up a run, as text, with a label and a note, such as the value that it is compared to."""
 
     value: str
     label: str
@@ -166,7 +176,8 @@ class Point:
 class Table:
     """Table of rows (name, text) with a title.
 
-    `bars` maps names of rows to the lengths of their bars, as shares of the full length, which has `marks` equal parts.
+    `bars` maps names of rows to the lengths of their bars, as shares of the full length; the full length is divided
+    into `marks` equal parts.
     """
 
     title: str
@@ -178,7 +189,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Grid:
-    """Table with column headings; the first column says what a row is about."""
+    """Table with column headings; the first column names the subject of each row."""
 
     caption: str
     head: tuple[str, ...]
@@ -192,7 +203,7 @@ class Drawing:
     name: str
     svg: str
     caption: str
-    half: bool = False  # whether it is half as wide as a page
+    half: bool = False  # whether the figure is half as wide as a page
 
 
 @dataclass(frozen=True)
@@ -208,7 +219,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Player:
-    """Animation of a page: `kind` names its script, `data` is what the script reads, ready for JSON."""
+    """Animation of a page: `kind` names the script that plays it, `data` is the script's input, ready for JSON."""
 
     kind: str
     data: dict[str, Any]
@@ -219,8 +230,8 @@ class Player:
 class Block:
     """Content below one heading: text, errors, animation, drawings, pictures, grids and tables, in this order.
 
-    Each of `rows` holds one drawing or two beside each other.  The drawings `without_scripts` stand in for `player` on
-    pages where no script runs; `software` lists names with versions.
+    Each entry of `rows` holds one drawing, or two that stand side by side.  The drawings `without_scripts` replace
+    `player` on pages where no script runs; `software` lists names with versions.
     """
 
     heading: str
@@ -237,7 +248,7 @@ class Block:
 
     @property
     def columns(self) -> Sequence[Sequence[Table]]:
-        """Tables in columns of about equal height: two where the block begins a new page, else three."""
+        """Tables in columns of about equal height: two columns if the block begins a new page, else three."""
         columns: list[list[Table]] = [[] for _ in range(2 if self.page else 3)]
         heights = [2 + sum(1 + len(text) // 24 for _, text in table.rows) for table in self.tables]  # lines on paper
         for table, lines_above in zip(self.tables, accumulate(heights, initial=0), strict=False):
@@ -252,7 +263,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Figures:
-    """All figures of a run: the sketch of its first page, and the blocks that follow those about errors."""
+    """All figures of a run: the sketch of its first page, and the blocks that follow the blocks about errors."""
 
     sketch: Drawing
     blocks: Sequence[Block]
@@ -267,11 +278,12 @@ class Chapter:
     headline : str
         One sentence, for the table of contents and below the key numbers.
     opening : str
-        What the chapter is about, at its top; `sketch` shows it, and the short tables `first` hold the main results.
+        Text at the top of the chapter that describes the system.  `sketch` shows the system, and the short tables
+        `first` hold the main results.
     points : sequence of Point
         Sentences by topic.
     warnings : sequence of str
-        What has to be known before a machine is sized by these results.
+        Sentences that a user has to know before sizing a machine by these results.
     unfinished : sequence of str
         Names of runs without a result.
     """

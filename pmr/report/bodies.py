@@ -1,4 +1,4 @@
-"""Surfaces of bodies as polygons, from the cells of their fields, with what is drawn around them and when."""
+"""Surfaces of bodies as polygons, from the cells of their fields; pads around them; and the moments to draw."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _FACES = {
     "tetra": [(0, 1, 3), (1, 2, 3), (2, 0, 3), (0, 2, 1)],
     "hexahedron": [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)],
 }
-#: Thickness in m as which a beam of unknown section is drawn.
+#: Width and height in m with which a beam is drawn if its cross-section is not known.
 _THIN = 0.05
 
 
@@ -43,7 +43,7 @@ class Surface:
     cell : (S,) integer array
         Index of the field's cell that each face belongs to.
     vertex : (P,) integer array
-        Index of the field's vertex that each point moves with.
+        Index of the field's vertex whose displacement each point follows.
     lever : (P, 2) array, m
         Distance of each point from its vertex along y and z; not 0 for beams, whose sections turn with their axis.
     """
@@ -55,9 +55,11 @@ class Surface:
     lever: Array
 
     def point_displacements(self, fields: Fields, displacement: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Displacements (..., P, 3) in m of the points, from `displacement` (..., N, 3) in m of the fields' N vertices.
+        """Displacements (..., P, 3) in m of the surface's P points at all times.
 
-        Sections of a beam stay at right angles to its axis: their points move along x by -(v' y + w' z).
+        They follow from `displacement` (..., N, 3) in m of the N vertices of the fields.  The sections of a beam stay
+        at right angles to its axis: a point at the lever (y, z) moves along x by -(v' y + w' z), where v' and w' are
+        the slopes of the axis along y and z.
         """
         displaced = np.asarray(displacement[..., self.vertex, :])
         if np.any(self.lever):
@@ -67,23 +69,27 @@ class Surface:
 
     @property
     def triangles(self) -> Indices:
-        """Triangles (T, 3) as indices of points; of quadrilaterals the first halves of all, then the second halves."""
+        """Triangles (T, 3) as indices of points.
+
+        Quadrilaterals are cut into two triangles: the first halves of all quadrilaterals come first, then all second
+        halves.
+        """
         if self.faces.shape[1] == 3:
             return self.faces
         return np.concatenate([self.faces[:, [0, 1, 2]], self.faces[:, [0, 2, 3]]])
 
     @property
     def edges(self) -> Indices:
-        """Edges of the faces, each once, as pairs (E, 2) of indices of points."""
+        """Edges of the surface's faces as pairs (E, 2) of indices of points; each of the E edges occurs once."""
         ends = np.concatenate([self.faces, self.faces[:, :1]], axis=1)
         pairs = np.sort(np.stack([ends[:, :-1].ravel(), ends[:, 1:].ravel()], axis=1), axis=1)
         return np.unique(pairs, axis=0)
 
 
 def body_surface(fields: Fields, box: Box | None = None) -> Surface:
-    """Surface of a shell or a solid; of a beam, whose vertices are sorted along x, the tube of its `box`.
+    """Return the surface of a body from its fields: that of a shell or a solid, or of a beam the tube of its `box`.
 
-    A beam without a box is drawn as a thin square tube.
+    The vertices of a beam have to be sorted along x.  A beam without a box is drawn as a thin square tube.
     """
     if fields.kind == "line":
         return _tube(fields, box)
@@ -101,7 +107,7 @@ def body_surface(fields: Fields, box: Box | None = None) -> Surface:
 
 
 def body_surfaces(result: RunResult) -> dict[str, Surface]:
-    """Surfaces of all bodies that have fields, by body."""
+    """Surfaces of all bodies that have fields, by the names of the bodies."""
     bodies = result.scene.bodies
     return {
         name: body_surface(body.fields, bodies[name].body.box)
@@ -111,7 +117,7 @@ def body_surfaces(result: RunResult) -> dict[str, Surface]:
 
 
 def _tube(fields: Fields, box: Box | None) -> Surface:
-    """Build the surface of a beam: its walls along the axis, without end faces."""
+    """Build the surface of a beam: the walls of its box along the axis, without faces at its ends."""
     thin = np.array([(-_THIN, -_THIN), (_THIN, -_THIN), (_THIN, _THIN), (-_THIN, _THIN)]) / 2.0
     count = len(fields.points)
     corners = np.tile([side.start for side in box.sides] if box else thin, (count, 1, 1))
@@ -133,7 +139,7 @@ _SIDES = np.array([(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2
 
 @dataclass(frozen=True)
 class Block:
-    """Cuboid as it is drawn: corners (8, 3) in m, and sides (k, 4) as indices of corners."""
+    """Cuboid to be drawn: corners (8, 3) in m, and k sides (k, 4) as indices of corners."""
 
     corners: Array
     sides: NDArray[np.int64]
@@ -141,10 +147,10 @@ class Block:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """Surroundings of a body that slides out of a mouth; all empty for a boom, whose sections hold each other.
+    """Surroundings of a body that slides out of a mouth; all are empty for a boom, whose sections surround each other.
 
-    `section` is the next outer section, `near` are the pads at its mouth, which stay in the picture, and `tail` those
-    that move with the body.
+    `section` is the next outer section.  `near` are the pads at its mouth, which keep their place in the picture, and
+    `tail` are the pads that move with the body.
     """
 
     section: tuple[Block, ...]
@@ -153,7 +159,7 @@ class Surroundings:
 
 
 def build_surroundings(result: RunResult, body: Surface) -> Surroundings:
-    """Build the surroundings of a body where the path coordinate s is 0; empty for a boom."""
+    """Build the surroundings of a body at the path coordinate s = 0; they are empty for a boom."""
     if not is_alone(result):
         return Surroundings((), (), ())
     low, high, box = body.points.min(axis=0), body.points.max(axis=0), result.scene.body.box
@@ -181,18 +187,19 @@ def _block(start: Array, end: Array, sides: NDArray[np.int64]) -> Block:
     return Block((start + end) / 2.0 + _CUBE * (end - start), sides)
 
 
-DISPLACED = 0.08  # largest displacement as drawn, over the length of the body
+DISPLACED = 0.08  # largest displacement in a picture, as a share of the length of the body
 EXTENSIONS = 3  # parts of the mouth's range, each with a picture
 #: Relative difference up to which two stresses count as equal: they are stored in single precision.
 SINGLE = 1e-5
-ALMOST_ALL = 0.98  # share of the cells within the colours: a few peaks must not leave all others in one colour
+ALMOST_ALL = 0.98  # share of the cells within the colour scale: a few peaks must not leave all others in one colour
 
 
 @dataclass(frozen=True)
 class Moment:
-    """Time at which fields are stored, as its index `frame` and as t in s, and the state at this time.
+    """Stored time of the fields that is drawn: its index `frame`, the time t in s, and the state at this time.
 
-    The mouth has the path s in m, and the body extends `extension` m beyond it; `peak` is the largest stress in Pa.
+    The mouth is at the path coordinate s in m, and the body extends `extension` m beyond the mouth; `peak` is the
+    largest stress in Pa.
     """
 
     frame: int
@@ -203,7 +210,7 @@ class Moment:
 
 
 def fields_by_body(result: RunResult) -> dict[str, Fields]:
-    """Fields of all bodies that have some, by body; all are stored at the same F times."""
+    """Fields of all bodies that have fields, by the names of the bodies; all are stored at the same F times."""
     return {name: body.fields for name, body in result.bodies.items() if body.fields is not None}
 
 
@@ -218,10 +225,11 @@ def has_stresses(result: RunResult) -> bool:
 
 
 def drawn_moments(result: RunResult) -> list[Moment]:
-    """Moments that are drawn, in order of time: at most one for each third of the mouth's range.
+    """Return the moments that are drawn, in order of time: at most one for each third of the mouth's range.
 
-    It is the stored time of the largest stress with the mouth in this third; without stresses that of the largest
-    displacement.  A mouth that does not move has one moment.
+    In each third, the moment is the stored time at which the stress is largest while the mouth is in this third; if
+    there are no stresses, it is the time at which the displacement is largest.  If the mouth does not move, there is
+    one moment.
     """
     s, t = mouth_positions(result), times(result)
     weight = _peak_stresses(result) if has_stresses(result) else _largest_displacements(result)
@@ -236,10 +244,11 @@ def drawn_moments(result: RunResult) -> list[Moment]:
 
 
 def moment_of_peak(result: RunResult) -> Moment:
-    """Stored moment nearest to the time of the largest stress in the summary, else the one with the largest value.
+    """Return the stored moment nearest to the time of the largest stress in the summary.
 
-    The summary's time may not be stored, as fields may be kept at fewer times than stresses.  Without stresses in the
-    fields the values are displacements, and `peak` is the largest one in m.
+    The time in the summary may not be stored, as fields may be kept at fewer times than stresses.  If the summary has
+    no such time, the moment with the largest stress in the fields is returned.  If the fields have no stresses, `peak`
+    is the largest displacement in m.
     """
     t, s, named = times(result), mouth_positions(result), _summary_peak(result).get("t")
     largest = _peak_stresses(result) if has_stresses(result) else _largest_displacements(result)
@@ -248,16 +257,17 @@ def moment_of_peak(result: RunResult) -> Moment:
 
 
 class PointOfBody(NamedTuple):
-    """Name of a body, and a point (3,) in m in its axes."""
+    """Name of a body, and a point (3,) in m in the axes of this body."""
 
     body: str
     point: Array
 
 
 def place_of_peak(result: RunResult, moment: Moment) -> PointOfBody:
-    """Body and point with the largest stress, from the summary if it has them.
+    """Return the body and the point with the largest stress, as the summary states them.
 
-    Else the point is the middle of the cell that has the largest stress of all bodies at `moment`.
+    If the summary does not state them, the point is the middle of the cell that has the largest stress of all bodies at
+    `moment`.
     """
     fields, peak = fields_by_body(result), _summary_peak(result)
     if "position" in peak and (body := peak.get("section", next(iter(fields)))) in fields:
@@ -274,9 +284,9 @@ def place_of_peak(result: RunResult, moment: Moment) -> PointOfBody:
 
 
 def _largest(values: Array, candidates: NDArray[np.int64], preferred: int | None) -> int:
-    """Index of the largest of `values` among the indices `candidates`, or `preferred` if that value is as large.
+    """Index of the largest of `values` among the indices `candidates`, or `preferred` if its value is equally large.
 
-    Values are equal here if they differ by less than single precision.
+    Two values count as equally large if they differ by no more than the share `SINGLE`.
     """
     largest = int(candidates[np.argmax(values[candidates])])
     if preferred is not None and preferred in candidates and values[preferred] >= (1.0 - SINGLE) * values[largest]:
@@ -285,13 +295,13 @@ def _largest(values: Array, candidates: NDArray[np.int64], preferred: int | None
 
 
 def _summary_peak(result: RunResult) -> Mapping[str, Any]:
-    """Largest stress of the reduced model as the summary has it; empty if it has none."""
+    """Largest stress of the reduced model in the summary, with time and position; empty if the summary has none."""
     peak: Mapping[str, Any] = result.summary.get("stress_peak", {}).get("reduced") or {}
     return peak
 
 
 def _summary_peak_frame(result: RunResult) -> int | None:
-    """Index of the stored time at which the summary's largest stress occurs; None if this time is not stored."""
+    """Index of the stored time at which the summary's largest stress occurs; None if that time is not stored."""
     t, field_times = _summary_peak(result).get("t"), times(result)
     if t is None:
         return None
@@ -300,16 +310,19 @@ def _summary_peak_frame(result: RunResult) -> int | None:
 
 
 def mouth_positions(result: RunResult) -> Array:
-    """Path of the mouth (F,) in m at the times of the fields; of a boom, its largest reach minus its reach."""
+    """Path coordinate s (F,) in m of the mouth at the F times of the fields.
+
+    For a boom it is the largest reach minus the reach at these times.
+    """
     s = result.abscissa if result.reach is None else reach(result) - result.reach
     return interpolate(times(result), result.responses["reduced"].t, s)
 
 
 def body_shifts(result: RunResult) -> dict[str, Array]:
-    """Shift (F,) in m along x at which each body is drawn at the times of the fields, by body.
+    """Shift (F,) in m along x with which each body is drawn at the F times of the fields, by the names of the bodies.
 
-    A body alone is shifted by -s, so that the mouth is at 0.  Sections of a boom are shifted by the positions of their
-    tails along the boom, where that of the base is 0.
+    A body alone is shifted by -s, so that the mouth is drawn at 0.  A section of a boom is shifted by the position of
+    its tail along the boom, measured from the tail of the base.
     """
     if result.reach is None:
         return {name: -mouth_positions(result) for name in fields_by_body(result)}
@@ -317,17 +330,23 @@ def body_shifts(result: RunResult) -> dict[str, Array]:
 
 
 def cell_stresses(fields: Fields) -> NDArray[np.float32]:
-    """Von Mises stress of each cell (F, C) in Pa at F times: the largest one of all faces that it is stored for."""
+    """Von Mises stress (F, C) in Pa of the C cells at F times.
+
+    It is the largest of the stresses that are stored for the faces of a cell.
+    """
     return np.maximum.reduce(list(fields.von_mises.values()))
 
 
 def displacement_scale(result: RunResult) -> float:
-    """Factor by which displacements are enlarged in pictures, a round number."""
+    """Factor, a round number, by which displacements are enlarged in pictures."""
     return enlargement(float(_largest_displacements(result).max()), DISPLACED * reach(result))
 
 
 def largest_colour_stress(result: RunResult) -> float:
-    """Stress in Pa of the last colour, a round number whose quarters are short; few cells exceed it at any time."""
+    """Stress in Pa at the end of the colour scale; few cells exceed it at any time.
+
+    It is a round number, and a quarter of it has few digits.
+    """
     cells = [cell_stresses(fields).max(axis=0) for fields in fields_by_body(result).values() if fields.von_mises]
     most = float(np.quantile(np.concatenate(cells), ALMOST_ALL))
     if most <= 0.0:
@@ -338,12 +357,12 @@ def largest_colour_stress(result: RunResult) -> float:
 
 
 def _peak_stresses(result: RunResult) -> Array:
-    """Largest stress of all bodies (F,) in Pa at each stored time."""
+    """Largest stress (F,) in Pa of all bodies at each of the F stored times."""
     each = [cell_stresses(fields).max(axis=1) for fields in fields_by_body(result).values() if fields.von_mises]
     return np.asarray(np.max(each, axis=0))
 
 
 def _largest_displacements(result: RunResult) -> Array:
-    """Length of the largest displacement of all bodies (F,) in m at each stored time."""
+    """Length (F,) in m of the largest displacement of all bodies at each of the F stored times."""
     each = [np.linalg.norm(fields.displacement, axis=2).max(axis=1) for fields in fields_by_body(result).values()]
     return np.asarray(np.max(each, axis=0))

@@ -1,4 +1,4 @@
-"""Histories from the columns of a response, chosen by the kinds of its outputs: tips, axes of bodies and forces."""
+"""Histories from the columns of a response, chosen by the kinds of the outputs: tips, axes of bodies and forces."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ _FULL_SCALE = 32767
 def extreme_indices(values: ArrayLike, bins: int) -> NDArray[np.intp]:
     """Indices of samples that keep every peak of a signal.
 
-    Plain thinning would alias whatever oscillates faster than the new step.  Here the signal is cut into `bins` equal
-    intervals, and the smallest and the largest sample of each interval are kept.
+    Keeping every k-th sample would alias oscillations that are faster than the new step.  Here the signal is cut into
+    `bins` equal intervals, and the smallest and the largest sample of each interval are kept.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def extreme_indices(values: ArrayLike, bins: int) -> NDArray[np.intp]:
     Returns
     -------
     (n,) array of int
-        Increasing, with the first and the last sample; n <= 2 bins + 2, and all T samples if T <= 2 bins + 2.
+        Increasing, with the first and the last sample: all T samples if T <= 2 bins + 2, else at most 2 bins + 2.
     """
     values = np.asarray(values, dtype=float)
     count = len(values)
@@ -52,7 +52,10 @@ def extreme_indices(values: ArrayLike, bins: int) -> NDArray[np.intp]:
 
 
 def envelope_indices(values: ArrayLike, bins: int) -> NDArray[np.intp]:
-    """Indices of the largest sample in each of `bins` equal intervals; all indices if there are no more than `bins`."""
+    """Indices of the largest sample in each of `bins` equal intervals.
+
+    If there are at most `bins` samples, the indices of all of them are returned.
+    """
     values = np.asarray(values, dtype=float)
     count = len(values)
     if count <= bins:
@@ -61,14 +64,14 @@ def envelope_indices(values: ArrayLike, bins: int) -> NDArray[np.intp]:
 
 
 def spread_indices(count: int, limit: int) -> NDArray[np.intp]:
-    """Return at most `limit` indices, evenly spread over ``range(count)``, the first and the last one included."""
+    """Return at most `limit` indices, evenly spread over ``range(count)``, with the first and the last one."""
     return np.unique(np.linspace(0, count - 1, min(count, limit)).round().astype(int))
 
 
 def interpolate(t: Array, times: Array, values: Array) -> Array:
-    """Interpolate `values` (T,) or (T, n), known at `times` (T,), to the times `t` (S,); linear in time.
+    """Interpolate `values` (T,) or (T, n), known at `times` (T,) in s, linearly to the times `t` (S,) in s.
 
-    If both times are the same, `values` itself is returned.
+    If `t` equals `times`, `values` itself is returned.
     """
     if len(t) == len(times) and np.allclose(t, times, rtol=0.0, atol=1e-9 * abs(t[-1])):
         return values
@@ -78,22 +81,27 @@ def interpolate(t: Array, times: Array, values: Array) -> Array:
 
 
 def _pieces(count: int, bins: int) -> list[tuple[int, int]]:
-    """Split ``range(count)`` into `bins` intervals (start, stop)."""
+    """Split ``range(count)`` into `bins` intervals, each returned as (start, stop)."""
     edges = np.linspace(0, count, bins + 1).astype(int).tolist()
     return list(zip(edges[:-1], edges[1:], strict=True))
 
 
 def encode_array(values: NDArray[np.float64]) -> dict[str, Any]:
-    """Encode an array as little-endian 16-bit integers in base64 (``data``), and the value of one count (``count``)."""
+    """Encode an array for a page as whole numbers.
+
+    ``data`` are these numbers as little-endian 16-bit integers in base64, and ``count`` is the value that the number 1
+    stands for.
+    """
     largest = float(np.abs(values).max(initial=0.0)) or 1.0
     counts = np.round(values / largest * _FULL_SCALE).astype("<i2")
     return {"count": largest / _FULL_SCALE, "data": base64.b64encode(counts.tobytes()).decode()}
 
 
 def playback_speeds(duration: float) -> dict[str, Any]:
-    """Playback speeds as multiples of real time, of a motion of `duration` s.
+    """Playback speeds of a motion of `duration` s, as multiples of real time.
 
-    ``first`` is round and plays the motion in about `PLAYING` s, ``choices`` are this one and four others about it.
+    ``first`` is a round speed that plays the motion in about `PLAYING` s; ``choices`` are this speed and four others,
+    from a fifth to four times of it.
     """
     first = round_number(max(duration / PLAYING, 1e-6))
     choices = [first / 5.0, first / 2.0, first, 2.0 * first, 4.0 * first]
@@ -103,15 +111,16 @@ def playback_speeds(duration: float) -> dict[str, Any]:
 Array = NDArray[np.float64]
 ResponseFunction = Callable[[Response], Array]
 
-#: Share of the largest displacement below which a displacement is round-off, if a response has no bound of its own.
+#: Share of the largest displacement up to which a displacement is round-off; used if a response states no bound.
 ROUND_OFF = 1e-12
 
 
 @dataclass(frozen=True)
 class Force:
-    """A force or moment on a body: `output_name` names it in a response, `name` within its group in the report.
+    """A force or moment on a body.
 
-    `column` is its column among the slider forces of a response that has no names for them.
+    `output_name` is its name in a response, `name` its name within a group in the report.  `column` is the number of
+    its column among the slider forces, for responses whose forces have no names.
     """
 
     column: int
@@ -126,7 +135,7 @@ class Force:
 
 @dataclass(frozen=True)
 class AxisPoints:
-    """Points along a body's axis, with the columns of a response that hold their displacement in one direction."""
+    """Points along a body's axis, and the columns of a response with their displacements in one direction."""
 
     body: str
     x: Array  # (o,) m
@@ -140,9 +149,10 @@ class AxisPoints:
 
 @dataclass(frozen=True)
 class RingForces:
-    """Pads of a ring on one face of a body: position along the boom (T,) in m, and sum of their forces (T,) in N.
+    """Sum (T,) in N of the forces of a ring's pads on one face of a body, at T times.
 
-    `above` says whether they are on the upper face.
+    `positions` (T,) in m are the positions of the ring along the boom; `above` says whether the pads are on the upper
+    face.
     """
 
     body: str
@@ -152,14 +162,14 @@ class RingForces:
 
 
 def tip_displacements(result: RunResult) -> Mapping[str, ResponseFunction]:
-    """Functions that read the tip's displacement (T,) in m from a response, by direction across the axis (y or z).
+    """Functions that read the tip's displacement (T,) in m from a response, by the direction across the axis (y or z).
 
     The tip is that of the last section.
     """
     last = list(result.scene.bodies)[-1]
 
     def of_axis(direction: str) -> ResponseFunction:
-        """Function that reads the displacement of the tip in one direction."""
+        """Return a function that reads the displacement of the tip in `direction` from a response."""
 
         def displacement(response: Response) -> Array:
             """Displacement (T,) in m of the tip in `direction`."""
@@ -177,12 +187,12 @@ def tip_displacements(result: RunResult) -> Mapping[str, ResponseFunction]:
 
 
 def is_round_off(result: RunResult, quantity: ResponseFunction) -> bool:
-    """Whether a displacement, which `quantity` reads from a response, is at most round-off in every model."""
+    """Whether a displacement is at most round-off in every model; `quantity` reads the displacement from a response."""
     return max(float(np.abs(quantity(response)).max()) for response in result.responses.values()) <= _floor(result)
 
 
 def largest_difference(result: RunResult, quantity: ResponseFunction) -> float:
-    """Largest difference in m of a displacement between the reduced model and any other; 0 without other models.
+    """Largest difference in m of a displacement between the reduced model and any other model; 0 if there is no other.
 
     `quantity` reads the displacement (T,) in m from a response.
     """
@@ -196,18 +206,18 @@ def largest_difference(result: RunResult, quantity: ResponseFunction) -> float:
 
 
 def invisible_difference(result: RunResult) -> float:
-    """Relative difference between models up to which no panel shows it.
+    """Relative difference between models up to which figures do not show the difference.
 
-    It is the error of the time step at the tip or along the beam, the larger one, but at least `NOTHING`.
+    It is the larger of the errors of the time step at the tip and along the beam, but at least `NOTHING`.
     """
     step = result.summary.get("step") or {}
     return max(NOTHING, *(step.get(place) or 0.0 for place in ("tip", "beam")))
 
 
 def _floor(result: RunResult) -> float:
-    """Displacement in m that may be round-off: the largest bound of all responses.
+    """Displacement in m up to which a displacement may be round-off: the largest bound of all responses.
 
-    The bound of a response that has none is the share `ROUND_OFF` of its largest displacement.
+    For a response that states no bound, the bound is the share `ROUND_OFF` of the response's largest displacement.
     """
     return max(
         response.round_off or ROUND_OFF * float(np.abs(response.displacement).max(initial=0.0))
@@ -216,16 +226,16 @@ def _floor(result: RunResult) -> float:
 
 
 def undrawn_sentence(directions: Sequence[str]) -> str:
-    """Sentence that says why the tip's displacement in these directions has no figure; empty without directions."""
+    """Sentence which says that the tip's displacements in these directions are round-off; empty without directions."""
     if not directions:
         return ""
     return f"The tip moves along {' and '.join(directions)} by no more than round-off."
 
 
 def axis_points(result: RunResult, response: Response, direction: str = "z") -> list[AxisPoints]:
-    """Lines of the bodies from the base out, with the columns of their outputs in `direction` (y or z).
+    """Points of all bodies' axes from the base out, with the columns of the outputs in `direction` (y or z).
 
-    Points are sorted by x; a body without such outputs has no line.
+    The points of a body are sorted by x; bodies without outputs in this direction are left out.
     """
     outputs, bodies = outputs_of(result.scene, response), []
     for body, tail in zip(result.scene.bodies, _tails(result, len(response.t)).T, strict=True):
@@ -237,7 +247,7 @@ def axis_points(result: RunResult, response: Response, direction: str = "z") -> 
 
 
 def _tails(result: RunResult, steps: int) -> Array:
-    """Position (T, bodies) in m of each body's tail along the boom, at the T = `steps` times of a response.
+    """Position (T, bodies) in m of each body's tail along the boom, at T = `steps` times of a response.
 
     It is 0 for a body alone.
     """
@@ -253,10 +263,10 @@ def _tails(result: RunResult, steps: int) -> Array:
 
 
 def forces_by_group(result: RunResult, kind: str = "pad") -> dict[str, list[Force]]:
-    """Forces of outputs of one kind, by group; all that the reduced model has.
+    """Forces of the reduced model that are outputs of one `kind`, by the names of their groups.
 
-    Pads of a body alone are grouped by ring, rings that stay on the body first; all other forces are one group with an
-    empty name.
+    The pads of a body alone are grouped by ring, and rings that stay on the body come first.  All other forces form one
+    group with an empty name.
     """
     response = result.responses["reduced"]
     first, count = response.displacement.shape[1], response.slider_force.shape[1]
@@ -285,7 +295,7 @@ def forces_by_group(result: RunResult, kind: str = "pad") -> dict[str, list[Forc
 
 
 def ring_forces(result: RunResult) -> Iterator[RingForces]:
-    """Yield the pads of each ring below and above the bodies, with the sum of their forces in the reduced model."""
+    """Yield the rings of pads, below and above each body, with the sum of their forces in the reduced model."""
     response = result.responses["reduced"]
     bodies, tails = list(result.scene.bodies.items()), _tails(result, len(response.t))
     for number, (body, of) in enumerate(bodies):
@@ -307,26 +317,29 @@ def ring_forces(result: RunResult) -> Iterator[RingForces]:
 
 
 def _force_names_by_face(ring: PadRing) -> dict[str, list[str]]:
-    """Names of the forces of a ring's pads on the faces ``bottom`` and ``top``, by face."""
+    """Names of the forces of a ring's pads, by the face ``bottom`` or ``top`` that the pads are on."""
     return {side: [FORCE_OF + name for name, face, _ in ring.named_pads if face == side] for side in ("bottom", "top")}
 
 
 def _point_force_names(contact: str) -> dict[str, list[str]]:
-    """Names of the forces of a point contact on the axis of a planar beam: ``bottom`` has that below, ``top`` above."""
+    """Names of the forces of a point contact on the axis of a planar beam, by face, as if its points were pads.
+
+    ``bottom`` has the force of the contact below the axis, ``top`` that of the contact above it.
+    """
     return {"bottom": [f"{FORCE_OF}{contact} below"], "top": [f"{FORCE_OF}{contact} above"]}
 
 
 def _ring_positions(result: RunResult, ring: PadRing, tail: Array) -> Array:
-    """Position (T,) in m of a ring along the axis: `ring.at`, or s + `ring.at` if it moves along the body."""
+    """Position (T,) in m of a ring along the axis: `ring.at`, or s + `ring.at` if the ring moves along the body."""
     return ring.at + (result.abscissa if ring.moving else np.zeros_like(tail))
 
 
 @dataclass(frozen=True)
 class Axis:
-    """Axis of a body at S times, as n points from the pivot in m.
+    """Axis of a body at S times, as n points with coordinates in m from the pivot.
 
-    `x` (n,) is their distance from the body's tail along it, `side` (S, n, 2) their distance from the pivot in the
-    plane of luffing and their height, `plan` (S, n, 2) their coordinates seen from above.
+    `x` (n,) is the distance of the points from the body's tail along the axis.  `side` (S, n, 2) are the distance from
+    the pivot in the plane of luffing and the height; `plan` (S, n, 2) are the two horizontal coordinates.
     """
 
     body: str
@@ -336,7 +349,7 @@ class Axis:
 
 
 def body_axes(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale: float = 1.0) -> list[Axis]:
-    """Axes of all bodies from the base out, by the reduced model at the time indices `steps` (S,).
+    """Axes of all bodies from the base out, as the reduced model has them at the time indices `steps` (S,).
 
     Deflections are enlarged by the factor `scale`.
     """
@@ -357,9 +370,9 @@ def body_axes(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale:
 
 
 def frame_rotations(result: RunResult, t: Array) -> Array:
-    """Rotation matrices (T, 3, 3) from the boom's axes into the ground's at the times `t` (T,) in s.
+    """Rotation matrices (T, 3, 3) from the boom's axes into the ground's axes at the times `t` (T,) in s.
 
-    They follow the boom's frame; without a frame the boom stands at the constant angle that gravity is turned by.
+    They follow the boom's frame.  If the scene has no frame, the boom has a constant angle, by which gravity is turned.
     """
     if result.scene.frame is not None:
         return result.scene.frame.rotation(t)

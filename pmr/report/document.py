@@ -1,4 +1,4 @@
-"""Write the report of runs: one self-contained HTML page and the same as PDF."""
+"""Write the report of runs: a self-contained HTML page, and the same page as PDF."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ _log = logging.getLogger(__name__)
 def write_report(results: Sequence[RunResult], folder: Path, figures: Sequence[Figures] = ()) -> ReportFiles:
     """Write report.html and report.pdf of one or several runs into `folder` and return their paths.
 
-    The folder is made if need be.  The page holds its figures, fonts, styles and scripts, and loads nothing from
-    outside.  Equal results give equal pages, byte by byte.  `figures` are those that `draw_figures` returned for each
-    result; without them they are drawn now.
+    The folder is created if it does not exist.  The page holds its figures, fonts, styles and scripts, and loads
+    nothing from outside.  Equal results give equal pages, byte by byte.  `figures` are the figures that `draw_figures`
+    returned for each result; if they are not given, they are drawn now.
 
     Raises
     ------
@@ -55,18 +55,19 @@ def write_report(results: Sequence[RunResult], folder: Path, figures: Sequence[F
 def draw_figures(result: RunResult, number: int) -> Figures:
     """Draw the figures of a result, which takes most of a report's time.
 
-    `number`, from 1 on, is that of the result in its report; identifiers in the page begin with ``case-`` and it.
+    `number` is the number of the result in its report, from 1; identifiers in the page begin with ``case-`` and this
+    number.
     """
     return figures_of(result, _anchor(number))
 
 
 def _anchor(number: int) -> str:
-    """Identifier of the chapter about a result, by its number in the report."""
+    """Identifier of the chapter about a result; `number` is the number of the result in its report."""
     return f"case-{number}"
 
 
 def write_page(text: str, folder: Path) -> ReportFiles:
-    """Write a page of HTML into a folder as report.html and report.pdf; return their paths."""
+    """Write a page, given as the text of its HTML, into a folder as report.html and report.pdf; return their paths."""
     with replacement_folder(folder, REPORT_FILES) as new:
         (new / "report.html").write_text(text, encoding="utf-8")
         write_pdf(text, new / "report.pdf")
@@ -75,7 +76,7 @@ def write_page(text: str, folder: Path) -> ReportFiles:
 
 
 def with_date(kind: str, summaries: Sequence[Mapping[str, Any]]) -> str:
-    """Append the dates of the summaries, from the first to the last, to the name of a kind of report."""
+    """Append the date of the summaries, or their range of dates, to `kind`, the name of a kind of report."""
     dates = sorted({str(summary["date"]) for summary in summaries if summary.get("date")})
     return f"{kind} · {' to '.join(dict.fromkeys([dates[0], dates[-1]]))}" if dates else kind
 
@@ -88,7 +89,7 @@ def render_runs(chapters: Sequence[Chapter], kind: str = KIND) -> str:
 
 
 def render(template: str, title: str, chapters: Sequence[Chapter], **more: Any) -> str:
-    """Render one of the templates as HTML; it gets title, chapters, font, players and the variables `more`."""
+    """Render one of the templates as HTML, with the variables title, chapters, font, players and those in `more`."""
     blocks = [block for chapter in chapters for block in chapter.blocks]
     drawn = [drawing for block in blocks for drawing in block.drawings] + [
         chapter.sketch for chapter in chapters if chapter.sketch
@@ -121,7 +122,10 @@ def templates() -> jinja2.Environment:
 
 
 def escape_plain_text(value: object) -> object:
-    """Spell out characters that would steer the page, in plain text; markup and other values are returned unchanged."""
+    """Replace control characters in plain text by visible escapes.
+
+    Markup, and values of other types than text, are returned unchanged.
+    """
     return escape_controls(value) if type(value) is str else value
 
 
@@ -133,15 +137,15 @@ def write_pdf(text: str, file: Path) -> None:
 def import_weasyprint() -> Any:
     """Import and return the package weasyprint, which loads Pango and other libraries.
 
-    It looks each library up under several names; for names of other systems `find_library` starts the compiler, the
-    linker and others, some fifty processes.  So the import is tried first with a `find_library` that finds nothing,
-    when only names of files are used, and if that fails again with the real one.  Raises InputError if weasyprint can't
-    be imported.
+    weasyprint looks each library up under several names.  For names that only exist on other systems, `find_library`
+    starts the compiler, the linker and others, some fifty processes.  So the import is tried first with a
+    `find_library` that finds nothing, so that libraries are loaded by the names of their files; if this fails, it is
+    tried again with the real `find_library`.  Raises InputError if weasyprint can't be imported.
     """
     name, find = "weasyprint", ctypes.util.find_library
 
     def nowhere(name: str) -> str | None:
-        """Find no library of this name."""
+        """Find no library: return None for every name."""
         return None
 
     ctypes.util.find_library = nowhere
@@ -155,13 +159,17 @@ def import_weasyprint() -> Any:
 
 
 def _without_screen(text: str) -> str:
-    """Remove from a page what only a screen shows or a script reads, and embed each figure as one image.
+    """Remove the parts of a page that only a screen shows or a script reads, and embed each figure as one image.
 
-    As parts of the page all elements of a figure would be matched with its styles, which takes half the time of a PDF.
+    The reason is time: the elements of a figure that is part of the page are matched with the page's styles one by one,
+    which takes half the time of a PDF.
     """
 
     def embed_figure(match: re.Match[str]) -> str:
-        """Turn an ``<svg>`` element into an embedded image, and in a ``<style>`` name ``embed`` instead of ``svg``."""
+        """Turn an ``<svg>`` element into an embedded image.
+
+        In a ``<style>`` element, ``embed`` is written in place of ``svg``.
+        """
         style, drawn = match.groups()
         if style is not None:
             return re.sub(r"\bsvg(?= \{)", "embed", style)

@@ -1,4 +1,4 @@
-"""Errors of a run: its error table, and the errors of model, mesh, step and reduction as bars and in sentences."""
+"""Errors of a run: its error table, and the errors of model, mesh, time step and reduction as bars and sentences."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ from pmr.scene.choice import model_of
 from pmr.scene.members import members
 
 NAMES = {"full": "full", "ancf": "ANCF", "reduced": "reduced"}
-#: Order of pairs of models in the error table, and of the kinds of errors of each pair.
+#: Order of the pairs of models in the error table, and order of the kinds of errors of each pair.
 ORDER = ("reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf")
 PLACES = ("tip", "beam", "pad_force", "cylinder_force", "support_force")
-#: Order of the kinds of errors of model, mesh, step and reduction.
+#: Order in which the errors of model, mesh, time step and reduction name the quantities that they are measured in.
 KINDS = (*PLACES, "reaction", "frequency")
-#: Names of the models with which others are compared.
+#: Words for the structural models that a simpler model is compared to.
 MODELS = {"beam3d": "a beam in space", "shell": "a shell", "coarse shell": "a coarse shell"}
 #: Relative error at which the scale of the bars begins.
 LEAST = 1e-5
-#: What no error of the stresses of beams covers.
+#: Clause on what the errors of the stresses of beams do not cover.
 WALLS = "in stresses the bending of a beam's walls under pads, which a shell has"
 
 
@@ -63,18 +63,22 @@ def error_table(result: RunResult) -> ErrorTable:
 
 
 def is_compared(result: RunResult) -> bool:
-    """Whether the summary holds errors to another model, or names a reference that could not be computed."""
+    """Whether the summary holds errors against another model, or names a reference that could not be computed."""
     return bool(result.summary.get("errors") or result.summary.get("no_reference"))
 
 
 def rows(result: RunResult) -> list[Row]:
-    """Rows of the error table: errors to other models, estimates, then largest displacement, difference and stress."""
+    """Rows of the error table.
+
+    Errors against other models come first, then estimates, the largest displacement, the largest difference and the
+    largest stress.
+    """
     errors = (*_error_rows(result), *_missing_rows(result), *_section_rows(result), *_estimate_rows(result))
     return [*errors, *_length_rows(result), *_stress_rows(result)]
 
 
 def error_notes(result: RunResult, table: Sequence[Row]) -> list[str]:
-    """Sentences below the error table: published values that agree by rounding, and the notes of the run.
+    """Sentences below the error table, on values that agree with the published ones by rounding, and notes of the run.
 
     If other values deviate by more than 5 % and the run has no notes, a sentence says that no reason is recorded.
     """
@@ -91,7 +95,7 @@ def error_notes(result: RunResult, table: Sequence[Row]) -> list[str]:
 
 
 def error_name(result: RunResult, kind: str) -> str:
-    """Name of the quantity that an error of the summary measures, such as ``all sections`` for the kind ``beam``."""
+    """Name of the quantity that an error measures, such as ``all sections`` for the kind ``beam``."""
     names = {"tip": "tip", "beam": "beam" if is_alone(result) else "all sections", "pad_force": force_words(result)}
     return names.get(kind) or error_label(kind)
 
@@ -99,8 +103,8 @@ def error_name(result: RunResult, kind: str) -> str:
 def list_errors(result: RunResult, errors: Mapping[str, Any], kinds: Sequence[str] = KINDS) -> str:
     """List errors in words, such as ``1 % at the tip, 2 % along the beam and 3 % in the pad forces``.
 
-    `errors` maps kinds of errors to relative errors, or None.  Those below `TINY`, which are round-off, are left out
-    unless they are of displacements (``tip`` and ``beam``); the text is empty if none is left.
+    `errors` maps kinds of errors to relative errors, which may be None.  Errors below `TINY` are round-off and are left
+    out, but those of displacements (``tip`` and ``beam``) are always listed.  The text is empty if no error is listed.
     """
     places = {"tip": "at the tip", "beam": scope_words(result), "pad_force": f"in the {force_words(result)}"}
     stated = {kind: errors[kind] for kind in kinds if errors.get(kind) is not None}
@@ -142,7 +146,7 @@ def _error_rows(result: RunResult) -> Iterator[Row]:
 
 
 def _missing_rows(result: RunResult) -> Iterator[Row]:
-    """Yield a row for each reference that could not be used for comparison; the run's warnings say why."""
+    """Yield a row for each reference that could not be used for comparison; warnings of the run give the reasons."""
     for kind in result.summary.get("not_judged", {}):
         yield Row("reduced against full", error_name(result, kind), "not judged")
     for name in result.summary.get("no_reference", {}):
@@ -159,7 +163,7 @@ def _section_rows(result: RunResult) -> Iterator[Row]:
 
 
 def _estimate_rows(result: RunResult) -> Iterator[Row]:
-    """Yield rows with the errors that were estimated without the full model, and with the error that is allowed."""
+    """Yield rows with the errors that were estimated without the full model, and a row with the allowed error."""
     estimates = result.summary.get("estimate", {})
     for kind in PLACES:
         if estimates.get(kind) is not None:
@@ -187,7 +191,7 @@ def _format_norm(unit: str, value: float) -> str:
 
 
 def _stress_rows(result: RunResult) -> Iterator[Row]:
-    """Yield rows with the largest von Mises stress of the reduced and the full model, and how far they are apart."""
+    """Yield rows with the largest von Mises stress of the reduced and the full model, and with their difference."""
     largest: Mapping[str, float] = result.summary.get("max_von_mises", {})
     for name in ("reduced", "full"):
         if name in largest:
@@ -198,9 +202,10 @@ def _stress_rows(result: RunResult) -> Iterator[Row]:
 
 
 def _comparison_row(comparison: str, place: str, error: float, other: float, decimals: int) -> Row:
-    """Build a row with an error beside the published one; both are fractions, the latter printed in per cent.
+    """Build a row with an error beside the published one; both are given as fractions.
 
-    `place` names the quantity, `other` is the published error, and `decimals` are those of its value in per cent.
+    `place` names the quantity, `other` is the published error, and `decimals` is the number of decimals with which the
+    published error is stated in per cent.
     """
     printed, deviation = f"{100.0 * other:.{decimals}f}{SPACE}%", signed_deviation(error, other)
     rounded = abs(error - other) <= 0.5 * 10.0 ** -(decimals + 2) * (1.0 + 1e-9)
@@ -211,7 +216,7 @@ def _comparison_row(comparison: str, place: str, error: float, other: float, dec
 
 
 def _length_rows(result: RunResult) -> Iterator[Row]:
-    """Yield rows with the largest displacement and the largest difference in m, beside published values."""
+    """Yield rows with the largest displacement in m and the largest difference in m, beside published values."""
     published = result.scene.published
     for name, comparison, is_error in (
         ("max_displacement", "largest transverse displacement", False),
@@ -227,7 +232,7 @@ def _length_rows(result: RunResult) -> Iterator[Row]:
 
 
 def _decimals(printed: Mapping[str, Mapping[str, float]]) -> int:
-    """Decimals, in per cent, to which a publication states its errors: the most that any of them shows."""
+    """Number of decimals with which a publication states its errors in per cent: the most that any of them has."""
     exponents = [
         Decimal(repr(value)).normalize().as_tuple().exponent for pair in printed.values() for value in pair.values()
     ]
@@ -240,10 +245,10 @@ def _digits(value: float) -> int:
 
 
 def trust_table(result: RunResult) -> Table:
-    """Build the table of errors of model, mesh, time step and reduction, followed by what these errors leave out.
+    """Build the table of errors of model, mesh, time step and reduction, and of what these errors do not cover.
 
-    Each row has a bar if its error is known: the largest of the error's kinds on a logarithmic scale from `LEAST`,
-    which all bars share.
+    A row has a bar if its error is known.  The bar shows the largest of the row's errors on a logarithmic scale, which
+    begins at `LEAST` and is the same for all bars.
     """
     summary = result.summary
     budget, step, estimate = (summary.get(name) or {} for name in ("budget", "step", "estimate"))
@@ -290,15 +295,16 @@ def trust_table(result: RunResult) -> Table:
 
 
 def _reason_without_model_error(model: Mapping[str, Any]) -> str:
-    """Clause that says why the model's own error is not known, or which key has it measured."""
+    """Clause with the reason why the model's own error is not known, or with the scene's key that has it measured."""
     reason = model.get("reason") or "compare.richer measures it"
     return str(reason) if reason.startswith("not ") else f"not known: {reason}"
 
 
 def _errors_by_label(part: Mapping[str, Any]) -> dict[str, float]:
-    """Relative errors of one source, by the labels of the quantities they are measured in, the largest first.
+    """Relative errors of one source, by the labels of the quantities in which they are measured, the largest first.
 
-    `part` is a mapping of the summary whose keys are kinds of errors; others, and values that are None, are left out.
+    `part` is the mapping of this source in the summary; its keys are kinds of errors.  Other keys, and values that are
+    None, are left out.
     """
     kinds = ("beam", "largest", *KINDS[2:])
     errors = {QUANTITIES[kind].label: float(part[kind]) for kind in kinds if part.get(kind) is not None}
@@ -306,18 +312,19 @@ def _errors_by_label(part: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _list_without_round_off(errors: Mapping[str, float]) -> str:
-    """List the errors that are at least `LEAST`.
+    """List the errors that are at least `LEAST`, in words.
 
-    If all errors are smaller the text says so; without errors it is empty.
+    If all errors are smaller, the text says so; if there are no errors, it is empty.
     """
     parts = [f"{name} {format_percent(error)}" for name, error in errors.items() if error >= LEAST]
     return ", ".join(parts) or (f"less than {format_percent(LEAST, 1)}" if errors else "")
 
 
 def estimate_sentence(result: RunResult) -> str:
-    """Sentence on the estimated error, and on its ratio to the true error if that is known; empty without an estimate.
+    """Sentence on the estimated error, and on its ratio to the true error if the true error is known.
 
-    If the error could not be estimated, the sentence says why, unless the true error is known.
+    If the error could not be estimated, and the true error is not known either, the sentence gives the reason.  In all
+    other cases without an estimate the text is empty.
     """
     estimates = result.summary.get("estimate")
     true = result.summary.get("errors", {}).get("reduced_vs_full", {}).get("beam")
@@ -336,7 +343,7 @@ def estimate_sentence(result: RunResult) -> str:
 
 
 def step_sentence(result: RunResult) -> str:
-    """Sentence on the error of the time step; empty if it was not measured."""
+    """Sentence on the error of the time step; empty if this error was not measured."""
     step_error = result.summary.get("step", {})
     if step_error.get("beam") is None:
         return ""
@@ -347,7 +354,7 @@ def step_sentence(result: RunResult) -> str:
 
 
 def mesh_sentence(result: RunResult) -> str:
-    """Sentence on the error of the mesh and on what this error does not cover; empty if it was not measured."""
+    """Sentence on the error of the mesh and on what this error does not cover; empty if this error was not measured."""
     budget = result.summary.get("budget", {})
     if not isinstance(mesh_part := budget.get("mesh"), Mapping) or mesh_part.get("beam") is None:
         return ""
@@ -357,12 +364,12 @@ def mesh_sentence(result: RunResult) -> str:
 
 
 def _not_covered_sentence(clauses: Sequence[str] | None) -> str:
-    """Sentence, with a space before it, that joins clauses on what an error does not cover; empty without clauses."""
+    """Sentence, with a space before it, that lists what an error does not cover; empty without `clauses`."""
     return f" It does not cover {'; nor '.join(clauses)}." if clauses else ""
 
 
 def model_sentences(result: RunResult) -> str:
-    """Sentences on the error of the structural model against a richer one, or on why it is not known."""
+    """Sentences on the error of the structural model against a richer model, or on the reason why it is not known."""
     part, chosen = result.summary.get("budget", {}).get("model"), result.summary.get("chosen_model")
     why = ""
     if chosen is not None and not is_alone(result):
@@ -384,7 +391,7 @@ def model_sentences(result: RunResult) -> str:
 
 
 def model_key_number(result: RunResult) -> Iterator[KeyNumber]:
-    """Yield the model's own error as a key number; nothing if it is not known."""
+    """Yield the error of the structural model as a key number; yield nothing if this error is not known."""
     part = result.summary.get("budget", {}).get("model")
     if part is None or part["beside"] is None or part.get("beam") is None:
         return

@@ -1,4 +1,4 @@
-"""Tables of the first page: what was asked, what the structure carries, how far the results may be trusted."""
+"""Tables of the first page: what was simulated, what the structure carries, how far the results may be trusted."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from pmr.scene.mechanism import supports_at_lug
 
 Rows = Iterator[tuple[str, str]]
 
-#: Forces and moments whose largest values have rows, by their keys in `pmr.results.quantities`.
+#: Keys in `pmr.results.quantities` of the forces and moments whose largest values have a row.
 FORCES = (
     *("pad_force", "cylinder_force", "rope_force", "support", "support_moment"),
     *("machine_force", "machine_moment", "ground_force", "ground_moment"),
 )
-#: Beginnings of the names of reactions at the pivot, and of those of a machine that moves.
+#: Beginning of the names of reactions at the pivot, and beginning of the names of outputs of a machine that moves.
 PIVOT, MACHINE = "pivot ", "machine "
 #: End of the name of a cylinder that moves sections by ropes.
 ROPES = "which pulls the ropes"
-#: Share of the highest natural frequency below which a frequency is printed as 0.
+#: Share of the highest natural frequency up to which a frequency is round-off and is printed as 0.
 ROUND_OFF = 1e-9
 
 
 def first_page_tables(result: RunResult) -> tuple[Table, ...]:
-    """Build the tables of the first page; those without rows are left out."""
+    """Build the tables of the first page; tables without rows are left out."""
     all_tables = (
         Table("What was asked", tuple(machine.system_rows(result))),
         Table("What it carries", tuple(capacity_rows(result))),
@@ -65,9 +65,9 @@ def capacity_rows(result: RunResult) -> Rows:
 
 
 def _stress_rows(result: RunResult) -> Rows:
-    """Yield the largest von Mises stress with its share of the yield stress.
+    """Yield a row with the largest von Mises stress and its share of the yield stress.
 
-    If the largest share occurs at another point than the largest stress, it has a row of its own.
+    If the largest share of the yield stress occurs at another point than the largest stress, it has its own row.
     """
     summary = result.summary
     largest = summary.get("max_von_mises", {}).get("reduced")
@@ -87,13 +87,16 @@ def _stress_rows(result: RunResult) -> Rows:
 
 
 def _peak_clause(result: RunResult, peak: Mapping[str, Any]) -> str:
-    """Clause with the point and the time of a largest stress, and with the boom's angles at this time."""
+    """Clause with the point and the time of a largest stress, and with the boom's angles at that time."""
     where = [sentences.peak_part_name(peak), f"{_round(peak['position'][0])}{SPACE}m from the tail"]
     return f"{', '.join(filter(None, where))}, at {_round(peak['t'])}{SPACE}s{_angles_clause(result, peak['t'])}"
 
 
 def _force_rows(result: RunResult) -> Rows:
-    """Yield a row with the largest force or moment of each kind in `FORCES`, what bears it, and when it occurs."""
+    """Yield a row for each kind of force or moment in `FORCES`.
+
+    The row states its largest value, the part that bears it, and the time.
+    """
     for key, forces in _extremes_of_forces(result).items():
         row, unit = QUANTITIES[key].reported, QUANTITIES[key].unit
         if key == "support" and _luffing_names(result):
@@ -115,10 +118,10 @@ def _force_rows(result: RunResult) -> Rows:
 
 
 def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
-    """Least and largest forces and moments, by their kinds in `FORCES` and the names of what bears them.
+    """Least and largest forces and moments, by their kinds in `FORCES` and by the names of the parts that bear them.
 
-    Supports that model the luffing cylinder are left out.  A cylinder that pulls ropes appears once, by
-    the force that it pulls with.
+    Supports that model the luffing cylinder are left out.  A cylinder that pulls ropes is included once, with the force
+    with which it pulls.
     """
     response, summary = result.responses["reduced"], result.summary
     by_key = {key: dict[str, Extremes]() for key in FORCES}
@@ -136,7 +139,7 @@ def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
             by_key["support_moment" if moment else "support"][_full_name(result, name)] = Extremes.from_summary(
                 reaction
             )
-        elif name in ("x", "y", "z", "rx", "ry", "rz"):  # not the luffing cylinder
+        elif name in ("x", "y", "z", "rx", "ry", "rz"):  # the luffing cylinder has another name
             axis = f"about {name[1]}" if moment else f"along {name}"
             by_key[f"{place}_moment" if moment else f"{place}_force"][axis] = Extremes.from_summary(reaction)
     for rope in summary.get("ropes", ()):
@@ -157,7 +160,10 @@ def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
 
 
 def _luffing_names(result: RunResult) -> set[str]:
-    """Names of the supports that model the luffing cylinder, whose force has a row of its own; empty without it."""
+    """Names of the supports that model the luffing cylinder; empty if the scene has none.
+
+    The force of the luffing cylinder has its own row.
+    """
     frame = result.scene.frame
     if frame is None or frame.cylinder is None or result.summary.get("luffing_cylinder") is None:
         return set()
@@ -166,7 +172,7 @@ def _luffing_names(result: RunResult) -> set[str]:
 
 
 def _full_name(result: RunResult, name: str) -> str:
-    """Name of a support's force, with its direction appended if the support holds only this one."""
+    """Name of a support's force; if the support holds one direction only, the direction is appended."""
     for body, part in result.scene.bodies.items():
         for support in part.supports:
             if len(support.held_directions) == 1 and name == qualified_name(body, support.name):
@@ -175,7 +181,7 @@ def _full_name(result: RunResult, name: str) -> str:
 
 
 def _luffing_rows(result: RunResult) -> Rows:
-    """Yield a row with the largest force of the luffing cylinder along its axis, and the range of its length."""
+    """Yield a row with the luffing cylinder's largest force along its axis, and with the range of its length."""
     if (cylinder := result.summary.get("luffing_cylinder")) is not None:
         largest, stroke = Extremes.from_summary(cylinder["force"]).largest, cylinder["length"]
         long = format_range(stroke["min"], stroke["max"], f"{SPACE}m long")
@@ -184,12 +190,12 @@ def _luffing_rows(result: RunResult) -> Rows:
 
 
 def _push_or_pull(force: Extreme) -> str:
-    """Verb for the sign of a cylinder's force: ``pushes`` if positive, else ``pulls``."""
+    """Verb for the sign of a cylinder's force: ``pushes`` if the force is positive, else ``pulls``."""
     return "pushes" if force.value > 0.0 else "pulls"
 
 
 def _deflection_rows(result: RunResult) -> Rows:
-    """Yield a row with the largest tip displacement in each direction in which it exceeds round-off."""
+    """Yield a row with the largest tip displacement in each direction in which this displacement exceeds round-off."""
     response = result.responses["reduced"]
     sizes = {
         direction: what(response)
@@ -204,7 +210,7 @@ def _deflection_rows(result: RunResult) -> Rows:
 
 
 def _machine_rows(result: RunResult) -> Rows:
-    """Yield a row with the ranges of a moving machine's free coordinates: displacements of the pivot, and angles."""
+    """Yield a row with the ranges of a moving machine's free coordinates: displacements of the pivot, and rotations."""
     frame = result.scene.frame
     if frame is None or frame.machine is None:
         return
@@ -225,9 +231,9 @@ def _machine_rows(result: RunResult) -> Rows:
 
 
 def _frequency_rows(result: RunResult) -> Rows:
-    """Yield a row with the lowest natural frequency over the path and where it occurs; nothing if none is known.
+    """Yield a row with the lowest natural frequency over the path and with its position; nothing if none is known.
 
-    It is printed as 0 below the share `ROUND_OFF` of the highest frequency.
+    A frequency below the share `ROUND_OFF` of the highest frequency is printed as 0.
     """
     frequencies = result.frequencies.models.get("reduced")
     if frequencies is None or not frequencies.size or not np.isfinite(frequencies[:, 0]).any():
@@ -242,12 +248,12 @@ def _frequency_rows(result: RunResult) -> Rows:
 
 
 def _extreme_clause(result: RunResult, extreme: Extreme) -> str:
-    """Clause with the time of an extreme value, and with the reach, or path coordinate, and the angles at this time."""
+    """Clause with the time of an extreme value, and with the reach (or path coordinate) and the angles at that time."""
     return f"at {_round(extreme.t)}{SPACE}s, {_position_text(result, extreme.s)}{_angles_clause(result, extreme.t)}"
 
 
 def _angles_clause(result: RunResult, t: float) -> str:
-    """Clause with luffing and slewing angle of a boom in a frame at the time `t` in s; empty without a frame."""
+    """Clause with the luffing and slewing angle of a boom in a frame at the time `t` in s; empty without a frame."""
     frame = result.scene.frame
     if frame is None:
         return ""
@@ -258,7 +264,7 @@ def _angles_clause(result: RunResult, t: float) -> str:
 
 
 def _position_text(result: RunResult, position: float) -> str:
-    """Describe `position` in m: reach of a boom, length of a section beyond its mouth, or s of the sliders."""
+    """Describe `position` in m: the reach of a boom, the length of a section beyond its mouth, or s of the sliders."""
     if not is_alone(result):
         return f"reach {_round(position)}{SPACE}m"
     if moving_part(result) == "mouth":

@@ -17,25 +17,26 @@ from pmr.results import RunResult
 from pmr.results.response import Extremes
 from pmr.results.tables import FORCE_OF, REACTION_OF, reaction_extremes
 
-#: Share of the largest force below which a force is round-off: no support has exactly 0 where nothing acts along it.
+#: Share of the largest force up to which a force is round-off: a support along which nothing acts has a force that is
+#: not exactly 0.
 ROUND_OFF = 1e-9
-#: Sentences on the sign of forces by kind of output, for those that seem to contradict another table.
+#: Sentences on the sign of forces, by the kind of output, for forces whose signs seem to contradict another table.
 SIGNS = {
     "support": " Positive along the axes: a support that is pressed down has a negative force, and so has one in place "
     "of a luffing cylinder while the cylinder pushes.",
 }
-#: Beginning of the names of supports for reactions at the pivot.
+#: Beginning of the names of those supports whose forces are the reactions at the pivot.
 PIVOT = "pivot "
 AT_PIVOT = f"{REACTION_OF}{PIVOT}"
 
 
 def contact_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block about the forces of pads or sliders; None without any."""
+    """Build the block about the forces of pads or sliders; None if the run has neither."""
     return _force_block(result, prefix, "pad", "pad forces" if not is_alone(result) else force_words(result))
 
 
 def cylinder_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block about forces of cylinders that push sections out, and of ropes; None without such cylinders."""
+    """Build the block about forces of ropes and of cylinders that push sections out; None without such cylinders."""
     block, ropes = _force_block(result, prefix, "cylinder", "cylinder forces"), tuple(_rope_grids(result))
     return replace(block, grids=(*block.grids, *ropes)) if block else None
 
@@ -65,9 +66,9 @@ def _rope_grids(result: RunResult) -> Iterator[Grid]:
 
 
 def support_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block about supports: forces of elastic ones over time, and extremes of elastic and rigid ones.
+    """Build the block about supports; None if the run has none.
 
-    It is None if there are neither.
+    It has figures of the forces of elastic supports over time, and tables of extremes for elastic and rigid supports.
     """
     block, rigid = _force_block(result, prefix, "support", "supports"), tuple(reaction_grids(result))
     if block is None:
@@ -76,9 +77,9 @@ def support_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def pivot_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block about the forces and moments of a boom on its machine, about the pivot.
+    """Build the block about the forces of the boom on its machine, and about their moments about the pivot.
 
-    It is None if the boom is in no frame that moves.
+    It is None unless the boom is in a moving frame.
     """
     response, row = result.responses["reduced"], list[Drawing]()
     acting = [
@@ -115,8 +116,8 @@ def _luffing_grids(result: RunResult) -> Iterator[Grid]:
 def _force_block(result: RunResult, prefix: str, kind: str, heading: str) -> Block | None:
     """Build a block about outputs of one kind: figures of their forces, figures of their moments, tables of extremes.
 
-    A figure has at most `MOST_FORCES` panels.  Forces that are round-off at all times are named in a sentence instead.
-    None is returned without outputs of this kind.
+    A figure has at most `MOST_FORCES` panels.  Forces that are round-off at all times have no panel and are named in a
+    sentence.  None is returned if there are no outputs of this kind.
     """
     groups, drawn, grids = forces_by_group(result, kind), list[tuple[Drawing, ...]](), list[Grid]()
     if not groups:
@@ -138,24 +139,24 @@ def _force_block(result: RunResult, prefix: str, kind: str, heading: str) -> Blo
 
 
 def exceeds_round_off(result: RunResult, force: Force) -> bool:
-    """Whether a force exceeds round-off in any model at any time."""
+    """Whether a force exceeds round-off at any time in any of the models."""
     responses = result.responses.values()
     return any(float(np.abs(force.history(of)).max(initial=0.0)) > of.force_floor for of in responses)
 
 
 def _force_name(force: Force) -> str:
-    """Name of a force in a table: that of its output, or its name in the group if the output has none."""
+    """Name of a force in a table: that of the force's output, or its name in the group if the output has none."""
     return force.output_name.removeprefix(FORCE_OF) or force.name
 
 
 def abscissa_words(result: RunResult) -> str:
-    """Words for the coordinate at which extremes occur: the path coordinate s of a body alone, else the reach."""
+    """Words for the coordinate at which extremes occur: the path coordinate s for a body alone, else the reach."""
     return "the path coordinate s" if is_alone(result) else "the reach"
 
 
 def _caption(result: RunResult, kind: str, group: str, unit: str) -> str:
-    """Caption of a figure of forces of one kind and group, or of moments if `unit` is ``N m``."""
-    in_parts = result.responses["reduced"].force_peaks is not None  # steps were divided, for pads that only push
+    """Caption of a figure of forces of one `kind` and `group`, or of moments if `unit` is ``N m``."""
+    in_parts = result.responses["reduced"].force_peaks is not None  # then steps were divided into parts
     peaks = in_parts and has_pushing_pads(result)
     within = " Of pads that only push, the largest force within each step." if peaks else ""
     if kind == "cylinder":
@@ -171,7 +172,7 @@ def _caption(result: RunResult, kind: str, group: str, unit: str) -> str:
 
 
 def force_extremes_grid(result: RunResult, kind: str, forces: Sequence[Force]) -> Grid:
-    """Build the table of extremes of forces, or moments, of one kind, with the largest friction where it is known.
+    """Build the table of extremes of forces, or of moments, of one kind, with the largest friction if it is known.
 
     All of `forces` have the same unit.
     """
@@ -191,16 +192,16 @@ def force_extremes_grid(result: RunResult, kind: str, forces: Sequence[Force]) -
 
 
 def reaction_grids(result: RunResult) -> Iterator[Grid]:
-    """Yield tables of the extremes of forces and of moments on rigid supports."""
+    """Yield tables with the extremes of forces and of moments on rigid supports."""
     caption = "Least and largest {} on rigid supports, positive along the axes, when they occur, and "
     return _rigid_support_grids(result, at_pivot=False, caption=f"{caption}{abscissa_words(result)} then.")
 
 
 def _rigid_support_grids(result: RunResult, at_pivot: bool, caption: str) -> Iterator[Grid]:
-    """Yield a table of extremes for forces and one for moments on rigid supports.
+    """Yield a table of extremes for forces on rigid supports and one for moments.
 
-    If `at_pivot`, they are those at the pivot of a boom in a frame, which are sums over all supports, else all others.
-    `caption` has a ``{}`` for the words forces or moments.
+    If `at_pivot`, the tables are about the forces at the pivot of a boom in a frame, which are sums over all supports;
+    if not, they are about all other supports.  `caption` contains a ``{}`` in place of the word forces or moments.
     """
     response, by_unit = result.responses["reduced"], dict[str, dict[str, Extremes]]()
     for of, extreme in reaction_extremes(response, result.abscissa_at(response.t)).items():
@@ -209,15 +210,15 @@ def _rigid_support_grids(result: RunResult, at_pivot: bool, caption: str) -> Ite
     for base, of_unit in by_unit.items():
         largest = max(extreme.size for extreme in of_unit.values())
         bearing = {name: extreme for name, extreme in of_unit.items() if extreme.size > ROUND_OFF * largest}
-        if bearing:  # a support that only keeps a direction bears no force
+        if bearing:  # a support bears no force if nothing acts along its direction
             yield _grid(bearing, base, largest, caption.format("moments" if base == "N m" else "forces"))
 
 
 def _grid(extremes_by_name: Mapping[str, Extremes], base: str, largest: float, caption: str) -> Grid:
-    """Build a table with a row of extremes for each name, in a unit that fits the largest of them.
+    """Build a table with a row of extremes for each name, in the unit that suits the largest of them.
 
-    `base` is the unit without prefix.  Values below the share `NOTHING` of the largest in the table, or the share
-    `ROUND_OFF` of `largest`, are printed as 0.
+    `base` is the unit without prefix.  Values below the share `NOTHING` of the largest value in the table are printed
+    as 0, and so are values below the share `ROUND_OFF` of `largest`.
     """
     most = max((extreme.size for extreme in extremes_by_name.values()), default=0.0)
     unit, nothing = unit_for(most, base), max(NOTHING * most, ROUND_OFF * largest)
@@ -228,9 +229,9 @@ def _grid(extremes_by_name: Mapping[str, Extremes], base: str, largest: float, c
 
 
 def extreme_cells(extreme: Extremes, unit: Unit, nothing: float = 0.0) -> Iterator[str]:
-    """Yield the least and the largest value in `unit`, each with its time and position.
+    """Yield a cell for the least and one for the largest value in `unit`, each with its time and position.
 
-    A value of at most `nothing`, in the unit without prefix, is ``0`` alone.
+    A value of at most `nothing`, given in the unit without prefix, is printed as ``0`` without time and position.
     """
     for value, t, s in (
         (extreme.least, extreme.t_least, extreme.s_least),

@@ -35,11 +35,11 @@ from pmr.scene.signals import SignalBase
 from pmr.scene.structures import PointMass, Profile
 
 Array = NDArray[np.float64]
-PLACES = 400  # times at which the position of the tip is looked at
+PLACES = 400  # number of times at which the position of the tip is evaluated
 _SIGNAL_UNITS = {"time": "s", "times": "s", "frequency": "Hz", "frequencies": "Hz", "phase": "rad", "degree": ""}
-_MOST_KNOTS = 6  # values of a sequence that are listed one by one
+_MOST_KNOTS = 6  # largest number of values of a sequence that are listed one by one
 Rows = Iterator[tuple[str, str]]
-#: A length in m, or lengths by face or direction.
+#: A length in m, or several lengths in m: a tuple, or a mapping by face or direction.
 Lengths = float | tuple[float, ...] | Mapping[Any, float | tuple[float, float]]
 
 
@@ -73,7 +73,10 @@ def system_rows(result: RunResult) -> Rows:
 
 
 def _tip_rows(result: RunResult) -> Rows:
-    """Yield a row with the range of the tip's position from the pivot in m, if frame or weight raises the boom."""
+    """Yield a row with the range of the tip's position from the pivot in m.
+
+    Nothing is yielded unless a frame, or the angle by which gravity is turned, raises the boom.
+    """
     response = result.responses["reduced"]
     if axis_points(result, response) and (result.scene.frame is not None or is_raised(result)):
         out, up = body_axes(result, spread_indices(len(response.t), PLACES))[-1].side[:, -1].T
@@ -84,9 +87,9 @@ def _tip_rows(result: RunResult) -> Rows:
 
 
 def _load_text(load: AppliedLoad) -> str:
-    """Describe a load by its values, where it acts and its axis.
+    """Describe a load by its values, its position and its axis.
 
-    A load that is never positive is described as a positive one along minus this axis.
+    A load that is never positive is described as a positive load along the opposite axis.
     """
     where, _, axis = load.where.rpartition(" along ")
     if load.values.min(initial=0.0) < 0.0 and load.values.max(initial=0.0) <= 0.0:
@@ -95,9 +98,10 @@ def _load_text(load: AppliedLoad) -> str:
 
 
 def _format_load(values: Array, unit: str) -> str:
-    """Format a load as ``up to`` its value farthest from zero, or as its least to its largest if it changes sign.
+    """Format a load as ``up to`` the value farthest from zero.
 
-    `unit` is that of `values`, without a prefix.
+    A load that changes sign is formatted as its least to its largest value.  `unit` is the unit of `values`, without a
+    prefix.
     """
     low, high = float(values.min(initial=0.0)), float(values.max(initial=0.0))
     if low < 0.0 < high:
@@ -106,7 +110,7 @@ def _format_load(values: Array, unit: str) -> str:
 
 
 def _machine_rows(frame: Frame, end: float) -> Rows:
-    """Yield rows about the machine below the pivot: mass, springs, loads and initial state, and the ground's motion.
+    """Yield rows about the machine below the pivot (mass, springs, loads, initial state) and about the ground's motion.
 
     `end` is the end of the simulated time in s.
     """
@@ -144,23 +148,26 @@ def _machine_rows(frame: Frame, end: float) -> Rows:
 
 
 def _coordinate_unit(key: str, angles: str) -> str:
-    """Unit of a coordinate, a space before it: m, or ° or rad (by `angles`) if its key begins with r, for rotations."""
+    """Unit of a coordinate with a space before it: m for displacements.
+
+    If the key of the coordinate begins with r, it is a rotation, and its unit is `angles` (° or rad).
+    """
     if not key.startswith("r"):
         return f"{SPACE}m"
     return "°" if angles == "degrees" else f"{SPACE}rad"
 
 
 def format_range(low: float, high: float, unit: str) -> str:
-    """Format the range `low` to `high`, rounded to 0.01, or one value if both are equal then.
+    """Format the range `low` to `high`, rounded to 0.01; if both are equal after rounding, format one value.
 
-    `unit` is appended without a space, so it has to begin with one where one is needed.
+    `unit` is appended without a space, so it has to begin with a space if one is needed.
     """
     low, high = (round(float(end), 2) for end in (low, high))
     return f"{format_input(low)} to {format_input(high)}{unit}" if high > low else f"{format_input(low)}{unit}"
 
 
 def _body_rows(result: RunResult) -> Rows:
-    """Yield rows with dimensions and mass of each body, with all structural models, and with all yield stresses."""
+    """Yield rows with dimensions and mass of each body, then a row with all models and one with all yield stresses."""
     masses = {mass["name"]: mass["mass"] for mass in result.summary.get("masses", ())}
     models, limits = dict[str, None](), dict[str, None]()
     for member, (name, part) in zip(members(result.scene), result.scene.bodies.items(), strict=True):
@@ -178,7 +185,7 @@ def _body_rows(result: RunResult) -> Rows:
 
 
 def _describe_box(box: Box) -> str:
-    """Describe a box: length in m, width and height in mm, then its walls and all that is on them."""
+    """Describe a box: length in m, width and height in mm, then its walls and everything that is attached to them."""
     parts = ", ".join(f"{name} {text}" for name, text in _box_parts(box))
     width, height = format_input(1e3 * box.width), format_input(1e3 * box.height)
     return f"box of {format_input(box.length, 'm')}, {width} × {height}{SPACE}mm, {parts}"
@@ -210,7 +217,7 @@ def _box_parts(box: Box) -> Rows:
 
 
 def _mass_rows(result: RunResult) -> Rows:
-    """Yield a row for each point mass, and a row with the total mass of the bodies and of what is attached to them."""
+    """Yield a row for each point mass, and a row with the total mass of the bodies and all that is attached."""
     for name, part in result.scene.bodies.items():
         for mass in part.masses:
             yield qualified_name(name, mass.name), _describe_mass(mass)
@@ -224,7 +231,7 @@ def _mass_rows(result: RunResult) -> Rows:
 
 
 def _pad_rows(result: RunResult) -> Rows:
-    """Yield a row for all bodies whose pads are alike, with their names, and a row for each body's supports."""
+    """Yield a row for each body's supports, then a row for each group of bodies whose pads are alike."""
     alike = dict[tuple[int, str], list[str]]()
     for name, part in result.scene.bodies.items():
         if rings := rings_of(part):
@@ -255,7 +262,7 @@ def _describe_weight(result: RunResult) -> str:
 
 
 def _describe_mass(mass: PointMass) -> str:
-    """Describe a point mass by its mass in kg and the part of the body it is on."""
+    """Describe a point mass by its mass in kg and the part of the body that it is attached to."""
     return f"{format_input(mass.mass, 'kg')} on {mass.on}"
 
 
@@ -265,9 +272,9 @@ def _format_mass(mass: float) -> str:
 
 
 def body_tables(result: RunResult) -> list[Table]:
-    """Build a table for each body with its model, dimensions, mesh, masses and supports, and one for the damping.
+    """Build a table for each body with its model, dimensions, mesh, masses and supports, and a table for the damping.
 
-    Of a single body that is no boom, both are one table.
+    For a body alone, which is no boom, there is one table for both.
     """
     scene, damping = result.scene, tuple(_damping_rows(result.scene))
     tables_of_bodies = {
@@ -280,7 +287,7 @@ def body_tables(result: RunResult) -> list[Table]:
 
 
 def motion_table(result: RunResult) -> Table:
-    """Build the table of joints (of a single body: its slider or pads) and loads."""
+    """Build the table of joints and loads; for a body alone it has the body's slider or pads in place of joints."""
     what, moving = "Joints", _joint_rows(result)
     if is_alone(result):
         what, moving = "Pads" if result.scene.pads else "Slider", _slider_rows(result)
@@ -304,7 +311,10 @@ def method_table(result: RunResult) -> Table:
 
 
 def describe_signal(signal: SignalBase, unit: str) -> str:
-    """Describe a signal in words: its kind and its parameters other than 0; `unit` is that of its values."""
+    """Describe a signal in words: its kind and those of its parameters that are not 0.
+
+    `unit` is the unit of the signal's values.
+    """
     data = signal.model_dump(exclude={"kind"})
     kind = str(getattr(signal, "kind", "signal")).replace("_", " ")
     if kind == "constant":
@@ -320,7 +330,7 @@ def describe_signal(signal: SignalBase, unit: str) -> str:
 
 
 def _structure_rows(part: OneBody, model: str) -> Rows:
-    """Yield rows about a body: model, dimensions, mesh, point masses, supports; `model` names its structural model."""
+    """Yield rows about a body: structural model `model`, dimensions, mesh, point masses and supports."""
     body, mesh = part.body, part.mesh
     yield "model", f"{structural_model_words(model).split(' ', 1)[1]}{' (chosen)' if body.model == 'auto' else ''}"
     if body.profile is not None:
@@ -344,7 +354,7 @@ def _structure_rows(part: OneBody, model: str) -> Rows:
 
 
 def _profile_rows(profile: Profile) -> Rows:
-    """Yield rows with length, stiffness and mass of a beam that is described by a profile."""
+    """Yield rows with length, stiffness and mass of a beam whose sections are described by a profile."""
     yield "length", format_input(profile.length, "m")
     yield "stiffness EI", f"{format_input(profile.bending_stiffness)}{SPACE}N{SPACE}m²"
     if profile.axial_stiffness is not None:
@@ -367,7 +377,7 @@ def _section_rows(body: Body) -> Rows:
 
 
 def format_lengths(lengths: Lengths) -> str:
-    """Format a length given in m as mm; of a dictionary (by face or direction) or a tuple each of its lengths."""
+    """Format a length given in m as mm; for a dictionary (by face or direction) or a tuple, each of its lengths."""
     if isinstance(lengths, Mapping):
         return ", ".join(f"{name} {format_lengths(length)}" for name, length in lengths.items())
     return (
@@ -378,14 +388,17 @@ def format_lengths(lengths: Lengths) -> str:
 
 
 def _damping_rows(scene: Scene) -> Rows:
-    """Yield a row with Rayleigh's factors of mass (1/s) and stiffness (s), unless both are 0."""
+    """Yield a row with Rayleigh's damping factors of mass (1/s) and stiffness (s); yield nothing if both are 0."""
     mass, stiffness = (float(f"{share:.4g}") for share in (scene.damping.mass, scene.damping.stiffness))
-    if mass or stiffness:  # computed from a damping ratio
+    if mass or stiffness:  # these factors were computed from a damping ratio
         yield "Rayleigh damping", f"{format_input(mass, '1/s')} · M + {format_input(stiffness, 's')} · K"
 
 
 def _slider_rows(result: RunResult) -> Rows:
-    """Yield rows with the path s of the slider or mouth of a single body, and with its sliders' offsets from s."""
+    """Yield rows with the path coordinate s of a body alone, and with the distances of its sliders from s.
+
+    s is the position of its slider or of its mouth.
+    """
     scene = result.scene
     yield f"{moving_part(result)} path s", describe_signal(scene.slider.path, "m")
     if any(scene.points):
@@ -416,7 +429,7 @@ def _joint_rows(result: RunResult) -> Rows:
 
 
 def format_stiffness(stiffness: str | float, turns: bool = False) -> str:
-    """Format a stiffness: N/m as kN/mm, or if `turns` N m/rad as MN m/rad; text such as ``rigid`` stays as it is."""
+    """Format a stiffness: N/m as kN/mm or, if `turns`, N m/rad as MN m/rad; a text such as ``rigid`` is unchanged."""
     unit = f"MN{SPACE}m/rad" if turns else "kN/mm"
     return stiffness if isinstance(stiffness, str) else f"{format_input(1e-6 * stiffness)}{SPACE}{unit}"
 
@@ -433,7 +446,7 @@ def _ring_rows(result: RunResult) -> Rows:
 
 
 def _load_rows(result: RunResult) -> Rows:
-    """Yield a row for each load with its signal and where it acts, and a row for gravity."""
+    """Yield a row for each load with its signal and its position, and a row for gravity."""
     for load in scene_loads(result):
         unit = load.unit.replace(" ", SPACE)
         yield qualified_name(load.body, f"load {load.name}"), f"{describe_signal(load.signal, unit)}; {load.where}"
@@ -446,7 +459,7 @@ def _load_rows(result: RunResult) -> Rows:
 
 
 def _reduction_rows(reduction: Reduction, released: str) -> Rows:
-    """Yield rows about a body's basis; `released` is a clause on what eigenmodes leave free, as ``joints released``."""
+    """Yield rows about a body's basis; `released` names what is free in eigenmodes, such as ``joints released``."""
     if reduction.file is not None:
         yield "basis", f"{reduction.coordinates} vectors of {PurePath(reduction.file).name}"
     elif not reduction.uses_pod:
@@ -465,7 +478,10 @@ def _reduction_rows(reduction: Reduction, released: str) -> Rows:
 
 
 def _format_with_unit(value: float | Sequence[float], unit: str) -> str:
-    """Format a number or a sequence with its unit; a sequence of more than `_MOST_KNOTS` by its count and its range."""
+    """Format a number or a sequence of numbers with its unit.
+
+    A sequence of more than `_MOST_KNOTS` numbers is described by their count and their range.
+    """
     if isinstance(value, Sequence):
         if len(value) > _MOST_KNOTS:
             return f"({len(value)} values, {format_input(min(value))} to {format_input(max(value))}){SPACE}{unit}"

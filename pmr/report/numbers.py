@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import floor, isfinite, log10
 
-SPACE = "\u00a0"  # between a number and its unit, where no line may break
+SPACE = "\u00a0"  # space between a number and its unit, at which no line may break
 MINUS = "\u2212"
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PREFIXES = {1e9: "G", 1e6: "M", 1e3: "k", 1.0: "", 1e-3: "m", 1e-6: "µ", 1e-9: "n", 1e-12: "p"}
 
 
-#: Relative error below which a value is mere round-off.
+#: Relative error up to which an error is mere round-off.
 TINY = 1e-8
 #: Share of the largest value of a table or figure below which a value is printed as 0.
 NOTHING = 1e-4
@@ -19,17 +19,17 @@ NOTHING = 1e-4
 
 @dataclass(frozen=True)
 class Unit:
-    """Unit with a prefix: a value in the unit without prefix is divided by `size` and printed with `name`."""
+    """Unit with a prefix: a value in the unit without prefix is divided by `size` and printed with the text `name`."""
 
     size: float
     name: str
 
 
 def unit_for(largest: float, base: str) -> Unit:
-    """Unit with the prefix that lets the value `largest`, given in `base`, read as 1 to 1000.
+    """Return the unit with the prefix by which the value `largest`, given in the unit `base`, is printed as 1 to 1000.
 
-    Lengths in m and times in s get no prefix above 1.  Quotients such as N/m, products other than N m, and 0 or values
-    that are not finite get none at all.
+    Lengths in m and times in s get no prefix above 1, such as k.  Quotients such as N/m, and products other than N m,
+    get no prefix at all; nor does any unit if `largest` is 0 or not finite.
     """
     if largest == 0.0 or not isfinite(largest) or not (base.isalpha() or base == "N m"):
         return Unit(1.0, base)
@@ -39,12 +39,12 @@ def unit_for(largest: float, base: str) -> Unit:
 
 
 def power_of_ten(exponent: int) -> str:
-    """Format 10 with a superscript exponent."""
+    """Format a power of ten as 10 with `exponent` in superscript."""
     return "10" + str(exponent).translate(_SUPERSCRIPTS)
 
 
 def significant(value: float, digits: int = 3) -> str:
-    """Format a value with `digits` significant digits, from 1e-4 to 1e6 as a decimal number, else with a power of ten.
+    """Format a value with `digits` significant digits: from 1e-4 to 1e6 as a decimal number, else with a power of ten.
 
     NaN and infinity are printed as ``not finite``.
     """
@@ -61,9 +61,9 @@ def significant(value: float, digits: int = 3) -> str:
 
 
 def format_input(value: float, unit: str = "") -> str:
-    """Format a value with as many digits as it was written with, at most ten, and with its unit if that is not empty.
+    """Format an input value with as many digits as it was written with, at most ten, and with its `unit`.
 
-    Whole numbers from 10 000 on are written in groups of three digits.
+    An empty `unit` is left out.  Whole numbers from 10 000 on are written in groups of three digits.
     """
     text, end = f"{value:.10g}", f"{SPACE}{unit}" if unit else ""
     if 1e4 <= abs(value) < 1e9 and "." not in text and "e" not in text:
@@ -76,25 +76,25 @@ def format_input(value: float, unit: str = "") -> str:
 
 
 def with_sign(value: float) -> str:
-    """Format a value as its sign, a space and its amount."""
+    """Format a value as its sign, a space and its absolute value."""
     return f"{MINUS if value < 0.0 else '+'} {format_input(abs(value))}"
 
 
 def format_percent(fraction: float, digits: int = 3) -> str:
-    """Format a fraction in per cent; below `TINY` say only that it is less, as its digits are round-off."""
+    """Format a fraction in per cent; if it is below `TINY`, say only that it is less, as its digits are round-off."""
     if 0.0 < abs(fraction) < TINY:
         return f"less than {power_of_ten(round(log10(100.0 * TINY)))}{SPACE}%"
     return f"{significant(100.0 * fraction, digits)}{SPACE}%"
 
 
 def format_quantity(value: float, base: str, digits: int = 3) -> str:
-    """Format a value given in the unit `base` with the prefix that suits it, such as ``47.9 mm``."""
+    """Format a value, given in the unit `base`, with the prefix that suits the value, such as ``47.9 mm``."""
     unit = unit_for(value, base)
     return f"{significant(value / unit.size, digits)}{SPACE}{unit.name}"
 
 
 def format_length(value: float, digits: int = 3) -> str:
-    """Format a length given in m: in mm from 0.01 mm to 1 m, so that small and large ones are easily compared."""
+    """Format a length given in m: in mm from 0.01 mm to 1 m, so that small and large lengths are easily compared."""
     if 1e-5 <= abs(value) < 1.0:
         return f"{significant(1e3 * value, digits)}{SPACE}mm"
     return format_quantity(value, "m", digits)
@@ -103,7 +103,8 @@ def format_length(value: float, digits: int = 3) -> str:
 def format_in_unit(value: float, unit: str) -> str:
     """Format a value with its unit for a table.
 
-    Fractions (unit ``%``) are printed in per cent, Hz and kg without prefix, plain numbers (unit ``–``) without unit.
+    Fractions (unit ``%``) are printed in per cent, values in Hz and kg without prefix, plain numbers (unit ``–``)
+    without unit.
     """
     if unit == "%":
         return format_percent(value)
@@ -115,21 +116,27 @@ def format_in_unit(value: float, unit: str) -> str:
 
 
 def round_number(largest: float) -> float:
-    """Largest of the numbers ..., 0.1, 0.2, 0.5, 1, 2, 5, 10, ... that does not exceed `largest`, which is positive."""
+    """Largest of the numbers ..., 0.1, 0.2, 0.5, 1, 2, 5, 10, ... that does not exceed `largest`.
+
+    `largest` has to be positive.
+    """
     decade = 10.0 ** floor(log10(largest))
     return next(step * decade for step in (5.0, 2.0, 1.0) if step * decade <= largest * (1.0 + 1e-12))
 
 
 def enlargement(largest: float, target: float) -> float:
-    """Round factor by which displacements are drawn, so that the largest one takes at most the length `target`.
+    """Factor, a round number, by which displacements are drawn so that the largest has at most the length `target`.
 
-    Both lengths have the same unit; the factor is 1 if `largest` is 0.
+    `largest` and `target` have the same unit; the factor is 1 if `largest` is 0.
     """
     return round_number(target / largest) if largest > 0.0 else 1.0
 
 
 def share_captured(kappa: float, count: int) -> str:
-    """Format the share kappa that `count` vectors capture; very close to 1, the missing share 1 - kappa instead."""
+    """Format the share kappa (0 to 1) that `count` vectors capture.
+
+    If kappa is very close to 1, the missing share 1 - kappa is formatted.
+    """
     missing = 1.0 - kappa
     if missing < 1e-15:
         return f"1 {MINUS} κ({count}) < {power_of_ten(-15)}"
@@ -139,5 +146,8 @@ def share_captured(kappa: float, count: int) -> str:
 
 
 def times_the_true_error(estimate: float, true: float | None) -> str:
-    """Say how many times the true error an estimate is; empty if that is unknown or at most 1e-6, mostly round-off."""
+    """Say how many times as large as the true error an estimate is.
+
+    The text is empty if the true error is unknown, or if it is at most 1e-6, which is mostly round-off.
+    """
     return f"{significant(estimate / true, 3)} times the true error" if true and true > 1e-6 else ""

@@ -1,9 +1,11 @@
 r"""Motion of bodies as data for the animations of a page.
 
+The values X (frames, n) of a motion, those of one frame in each row, are factorised approximately:
+
 .. math:: X \approx A\,(A^T X)
 
-X (frames, n) has the n values of a frame in each row, and A (frames, k) the leading eigenvectors of X X^T as columns.
-The page gets A and the few shapes A^T X (k, n), a fraction of the size of X, and adds the shapes up for each picture.
+The columns of A (frames, k) are the leading eigenvectors of X X^T.  The page gets A and the k shapes A^T X (k, n),
+which are a fraction of the size of X, and computes each picture as a sum of shapes.
 """
 
 from __future__ import annotations
@@ -49,26 +51,28 @@ from pmr.report.subject import fixtures, input_loads, is_alone, reach, slider_of
 from pmr.results import RunResult
 from pmr.scene.signals import SignalBase
 
-FRAMES = 1500  # of an animation, at most
-POINTS = 26  # along the axis of a body, at most
-REACH = 0.1  # largest deflection as drawn, over the length of the beam
+FRAMES = 1500  # largest number of frames of an animation
+POINTS = 26  # largest number of points along the axis of a body
+REACH = 0.1  # largest deflection in the drawing, as a share of the length of the beam
 
 
 def axis_motion(result: RunResult) -> dict[str, Any]:
     """Data of the animation of the bodies' axes, ready for JSON.
 
-    Series over the frames are encoded by `pmr.report.columns.encode_array`.  In all cases the data have
+    Values over the frames are encoded by `pmr.report.columns.encode_array`.  In all cases the data have
 
-    - `lanes`, one for each model: of each body the points x in m, their displacements (frames, points) in m and, for a
-      section of a boom, the position of its tail (frames,) in m;
-    - `pads`, one for all pads of a ring on one face: position along x in m and force (frames,) over the largest of all;
-    - `loads`: forces (frames, 3) or moments (frames,), each over its largest value;
+    - `lanes`, one for each model: for each body the points x in m, their displacements (frames, points) in m and, for
+      a section of a boom, the position of its tail (frames,) in m;
+    - `pads`, one for all pads of a ring on one face: position (frames,) along x in m, and force (frames,) divided by
+      the largest of all pad forces;
+    - `loads`: forces (frames, 3) or moments (frames,), each divided by its largest value;
     - `largest`, the largest displacement in m, and `scale`, the factor by which displacements are drawn.
 
-    Without a frame all models have a lane, and the data have the slider's positions `s` (frames,) in m, the `offsets`
-    in m of what slides from s, the `supports`, and in `reach` the least and the largest displacement.  In a frame only
-    the reduced model has a lane, with lateral displacements too; then the data have the `pivot`, luffing and slewing
-    `angles` in rad, and the extent of the motion in m from the `side` and in `plan` (None unless the boom slews).
+    If the scene has no moving frame, all models have a lane, and the data also have the slider's positions `s`
+    (frames,) in m, the `offsets` in m of sliders or pads from s, the `supports`, and in `reach` the least and the
+    largest displacement in m.  If it has a frame, only the reduced model has a lane, with lateral displacements too.
+    The data then have the position in m of the `pivot`, luffing and slewing `angles` in rad, and the extent of the
+    motion in m, seen from the `side` and in `plan` (from above; None if the boom does not slew).
     """
     response, frame = result.responses["reduced"], result.scene.frame
     t, axis, aside = response.t, axis_points(result, response), dict[str, NDArray[np.float64]]()
@@ -110,7 +114,10 @@ def axis_motion(result: RunResult) -> dict[str, Any]:
 
 
 def _load_data(result: RunResult, axis: list[AxisPoints], frames: NDArray[np.int64]) -> list[dict[str, Any]]:
-    """Data of the loads on the bodies: components of a force along axes of the boom are one vector (frames, 3)."""
+    """Data of the loads on the bodies, ready for JSON.
+
+    The components of a force along the axes of the boom form one vector (frames, 3).
+    """
     by_load, sections = dict[tuple[str, str], dict[str, Any]](), [of.body for of in axis]
     forces = dict[tuple[str, str], NDArray[np.float64]]()
     for load in input_loads(result):
@@ -128,7 +135,10 @@ def _load_data(result: RunResult, axis: list[AxisPoints], frames: NDArray[np.int
 
 
 def _view_extent(views: list[NDArray[np.float64]]) -> list[float]:
-    """Least and largest coordinate across, then up, in m, of points (S, n, 2) of all views and of the pivot."""
+    """Least and largest coordinate to the right, then least and largest coordinate upwards, in m.
+
+    They cover the points (S, n, 2) of all `views`, and the pivot at 0.
+    """
     every = np.concatenate([np.zeros((1, 2)), *(view.reshape(-1, 2) for view in views)])
     return [float(end) for k in (0, 1) for end in (every[:, k].min(), every[:, k].max())]
 
@@ -138,8 +148,8 @@ def _lane_data(
 ) -> dict[str, Any]:
     """Data of one model's lane: the axis of each body with its colour and width, and its displacements.
 
-    Sections of a boom have their own colours, and outer ones are thicker; a body alone is drawn as its model.
-    `lateral` has lateral displacements (frames, points) in m by body.
+    Sections of a boom have their own colours, and outer sections are drawn thicker.  A body alone is drawn in the style
+    of the model.  `lateral` has the lateral displacements (frames, points) in m, by body.
     """
     response, t, pen = result.responses[name], result.responses["reduced"].t, PENS[name]
     lines_of_model = axis_points(result, response)
@@ -163,7 +173,7 @@ def _lane_data(
 
 
 def _pad_data(result: RunResult, axis: list[AxisPoints], frames: NDArray[np.int64]) -> list[dict[str, Any]]:
-    """Data of the pads of each ring on one face; `section` is the number of the body that they sit on."""
+    """Data of the pads of each ring on one face; `section` is the number of the body that the pads touch."""
     rings_of_run, names = list(ring_forces(result)), [of.body for of in axis]
     largest = max((float(np.abs(ring.force).max()) for ring in rings_of_run), default=0.0) or 1.0
     return [
@@ -179,7 +189,7 @@ def _pad_data(result: RunResult, axis: list[AxisPoints], frames: NDArray[np.int6
 
 
 def scale_words(data: dict[str, Any]) -> str:
-    """Sentence on how far deflections are enlarged and how large they are."""
+    """Sentence on the factor by which deflections are enlarged, and on how large they are."""
     if data["largest"] == 0.0:
         return "Nothing moves across the axis."
     factor = data["scale"]
@@ -190,19 +200,19 @@ def scale_words(data: dict[str, Any]) -> str:
 
 Array = NDArray[np.float64]
 
-EXACT = 1e-4  # size over that of the largest shape, below which a shape is left out
+EXACT = 1e-4  # size of a shape, as a share of the size of the largest one, below which the shape is left out
 MOST_SHAPES = 32
-MOST_FACES = 60_000  # a page stays below 5 MB; bodies with more faces have pictures alone
-MOST_VALUES = 400_000  # in all shapes of a quantity: two bytes each, and a third more in base64
+MOST_FACES = 60_000  # bodies with more faces have pictures but no animation, so that a page stays below 5 MB
+MOST_VALUES = 400_000  # most values in all shapes of a quantity: two bytes each, and a third more in base64
 
 
 def body_motion(result: RunResult) -> dict[str, Any]:
-    """Data of the animation of bodies with fields, ready for JSON; empty with a single time or too many faces.
+    """Data of the animation of bodies with fields, ready for JSON; empty for a single time or for too many faces.
 
-    Each body has its P points in m, its triangles, its shift along x in m, and its displacement in m as k coefficients
-    (frames, k) and shapes (k, 3 P).  The stress of its S faces, over that of the last colour, is a product of
-    coefficients and shapes (k, S) too.  Triangles j and S + j are the halves of the quadrilateral j.  In a frame,
-    `pose` moves all of it.
+    Each body has its P points in m, its triangles, and its shift along x in m.  Its displacement in m is the product of
+    k coefficients (frames, k) and k shapes (k, 3 P).  The stress of its S faces, divided by the stress of the last
+    colour, is a product of other coefficients (frames, k) and shapes (k, S).  Triangles j and S + j are the two halves
+    of quadrilateral j.  If the scene has a frame, `pose` is the motion of the frame, which moves all bodies.
     """
     bodies = body_surfaces(result)
     if (
@@ -238,7 +248,7 @@ def body_motion(result: RunResult) -> dict[str, Any]:
 def _frame_motion(result: RunResult) -> dict[str, Any] | None:
     """Motion of a frame: rotations (frames, 9), origins (frames, 3) in m, angles, centre and size of the picture.
 
-    It is None without a frame.
+    It is None if the scene has no frame.
     """
     if (pose := result.pose(times(result))) is None:
         return None
@@ -271,7 +281,7 @@ def _angle_signals(result: RunResult) -> tuple[SignalBase, ...]:
 
 
 def _body_data(result: RunResult, name: str, surface: Surface, shifts: Array, most_values: int) -> dict[str, Any]:
-    """Data of one body: surface, position `shifts` (frames,), shapes of motion and stress, share of motion left out.
+    """Data of one body: surface, `shifts` (frames,) in m, shapes of its motion and its stress, and the share left out.
 
     `most_values` limits the number of values in all shapes of a quantity.
     """
@@ -293,7 +303,7 @@ def _body_data(result: RunResult, name: str, surface: Surface, shifts: Array, mo
 
 
 def drawing_sentence(data: dict[str, Any]) -> str:
-    """Sentence on how the motion of bodies is drawn; empty if `data` is, as there is no animation then."""
+    """Sentence on how the motion of bodies is drawn; empty if `data` is empty, as then there is no animation."""
     if not data:
         return ""
     count, lost = sum(body["motion"]["count"] for body in data["bodies"]), format_percent(data["lost"], 1)
@@ -303,10 +313,10 @@ def drawing_sentence(data: dict[str, Any]) -> str:
 
 
 def compress(frames: NDArray[np.float32], most_values: int) -> tuple[dict[str, Any], float]:
-    """Factorise frames (F, n) into coefficients (F, k) and shapes (k, n); return both, encoded, and the error.
+    """Factorise frames (F, n) into coefficients (F, k) and shapes (k, n), and encode both for a page.
 
-    The error is the RMS difference between product and frames, relative to that of the frames.  `most_values` limits k
-    n.
+    The factors and the error are returned.  The error is the RMS difference between the product and the frames, divided
+    by the RMS value of the frames.  The number k n of values in the shapes is at most `most_values`.
     """
     X = frames.astype(float)
     squares, vectors = np.linalg.eigh(X @ X.T)
@@ -327,5 +337,5 @@ def _encode_indices(values: NDArray[np.int64]) -> str:
 
 
 def _block_data(block: Block) -> dict[str, Any]:
-    """Data of a cuboid: corners in m and sides."""
+    """Data of a cuboid: its corners in m and its sides."""
     return {"corners": block.corners.round(4).ravel().tolist(), "sides": block.sides.tolist()}

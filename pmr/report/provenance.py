@@ -35,7 +35,10 @@ def software_versions(result: RunResult) -> list[str]:
 
 
 def size_rows(result: RunResult) -> Rows:
-    """Yield rows with sizes of models, meshes and fields, numbers of pads, and parts of a step for unilateral pads."""
+    """Yield rows with the sizes of models, meshes and fields, and with the number of pads.
+
+    If pads only push, a row states the number of parts into which steps are divided for them.
+    """
     coordinates = result.summary.get("coordinates", {})
     if "full" in coordinates:
         yield "coordinates of the full model", format_input(coordinates["full"])
@@ -65,7 +68,7 @@ def size_rows(result: RunResult) -> Rows:
 
 
 def time_rows(seconds: Mapping[str, Any]) -> Rows:
-    """Yield a row with the wall time of each part of the run; nested mappings are flattened."""
+    """Yield a row with the wall time in s of each part of the run; `seconds` are these times, in nested mappings."""
     for name, value in seconds.items():
         if isinstance(value, Mapping):
             yield from time_rows(value)
@@ -85,7 +88,7 @@ def run_rows(result: RunResult) -> Rows:
 
 
 def _flatten_times(values: Mapping[str, Any]) -> Rows:
-    """Yield (name, text) of all entries of nested mappings that are not None; names of nested entries are joined."""
+    """Yield (name, text) of all entries of nested mappings that are not None; the names of the levels are joined."""
     for name, value in values.items():
         if isinstance(value, Mapping):
             yield from ((f"{name} {key}", text) for key, text in _flatten_times(value))

@@ -1,7 +1,7 @@
 """Render pictures with pyvista, off-screen, in a process of their own.
 
-A graphics driver that is missing or broken may end the process that calls it.  A run must survive that, so whatever
-happens in that process becomes a sentence here, and VTK is imported in that process only.
+A graphics driver that is missing or broken may end the process that uses it.  A run must survive that, so a failure of
+the rendering process only becomes a sentence in the report, and VTK is imported in that process alone.
 """
 
 from __future__ import annotations
@@ -21,12 +21,13 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 
-LONGEST = 600.0  # s that all pictures of a run may take
+LONGEST = 600.0  # s, longest time that all pictures of a run may take together
 EDGE = "#1c2733"
 RAMP = ("#e3ebf0", "#a9cbdf", "#edb84c", "#d55e00", "#7a1b0c")  # from no stress to the largest
 FINER = 2  # pictures are rendered this many times as large and scaled down: smooth edges with any driver
-COLOURS = 128  # colours of a picture: few keep files small
-#: Most of the light is ambient, as colours are compared with a scale; diffuse light tells walls apart.
+COLOURS = 128  # number of colours of a picture; few colours keep files small
+#: Shares of ambient and diffuse light.  Most light is ambient, as colours are compared with a colour scale; diffuse
+#: light shows walls of different directions in different brightness.
 AMBIENT, DIFFUSE = 0.68, 0.34
 
 
@@ -53,10 +54,10 @@ class Piece:
 
 @dataclass(frozen=True)
 class Shot:
-    """Picture to be rendered: pieces, camera, size in px, and the range of values (`limits`) that `RAMP` spans.
+    """Picture to be rendered: pieces, camera, size in px, and the range of values `limits` that colours span.
 
-    The camera stands in `direction` from `centre`, looks at `centre` and sees `height` m from bottom to top, without
-    perspective.  `up` is upwards in the picture.
+    The colours are those of `RAMP`.  The camera looks from `direction` at the point `centre`, without perspective, and
+    sees `height` m from bottom to top.  `up` is the direction that points upwards in the picture.
     """
 
     pieces: tuple[Piece, ...]
@@ -69,10 +70,10 @@ class Shot:
 
 
 def frame_shots(shots: Sequence[Shot], width: int, margin: float = 0.12) -> list[Shot]:
-    """Set centre, height and size of shots that are seen from the side of the first one, all on one scale.
+    """Return shots with centre, height and size set for one common scale.
 
-    Each is `width` px wide and shows the width that all shots need, but only the height that it needs itself, both with
-    `margin` m around.
+    All are seen in the direction of the first shot.  Each picture is `width` px wide and shows the width that the
+    largest shot needs.  Its height is the height that its own shot needs.  Both include `margin` m on each side.
     """
     towards = np.array(shots[0].direction) / np.linalg.norm(shots[0].direction)
     right = np.cross((0.0, 0.0, 1.0), towards)
@@ -83,7 +84,7 @@ def frame_shots(shots: Sequence[Shot], width: int, margin: float = 0.12) -> list
         np.min([s.min(axis=0) for s in projected], axis=0) - margin,
         np.max([s.max(axis=0) for s in projected], axis=0) + margin,
     )
-    metre = width / float(high[0] - low[0])  # px
+    metre = width / float(high[0] - low[0])  # px per m
     framed_shots = []
     for shot, points in zip(shots, projected, strict=True):
         bottom, height = float(points[:, 1].min()) - margin, float(np.ptp(points[:, 1])) + 2.0 * margin
@@ -93,11 +94,11 @@ def frame_shots(shots: Sequence[Shot], width: int, margin: float = 0.12) -> list
 
 
 class NoPictureError(Exception):
-    """Pictures can't be rendered; the message says why in a clause."""
+    """Pictures can't be rendered; the message gives the reason in a clause."""
 
 
 def render_shots(shots: Sequence[Shot]) -> list[bytes]:
-    """Render shots in another process and return each as PNG; blocks until all are there.
+    """Render shots in another process and return each picture as PNG; blocks until all pictures are rendered.
 
     Raises
     ------
@@ -119,7 +120,7 @@ def render_shots(shots: Sequence[Shot]) -> list[bytes]:
 
 
 def render_shot(shot: Shot) -> bytes:
-    """Render a shot as PNG; imports VTK, so only a process of its own should call it."""
+    """Render a shot as PNG; imports VTK, so it should be called only in a process of its own."""
     import pyvista
     from PIL import Image
 
@@ -127,7 +128,7 @@ def render_shot(shot: Shot) -> bytes:
     plotter.disable_anti_aliasing()  # scaled down pictures are smooth; anti-aliasing would double the time in software
     plotter.set_background("white")
     below = float(np.dot(shot.direction, shot.up)) < 0.0
-    side = -0.7 if below else 0.7  # seen from below, the light is below too
+    side = -0.7 if below else 0.7  # if the camera is below the body, the light is below too
     plotter.add_light(pyvista.Light(light_type="camera light", position=(-0.5, side, 1.0)))
     for piece in shot.pieces:
         _add_piece(plotter, piece, shot.limits)
@@ -145,7 +146,7 @@ def render_shot(shot: Shot) -> bytes:
 
 
 def _add_piece(plotter: Any, piece: Piece, limits: tuple[float, float]) -> None:
-    """Add a piece to a plotter; `limits` is the range of its values that the colours span."""
+    """Add a piece to a plotter; `limits` is the range of the piece's values that the colours span."""
     import pyvista
     from matplotlib.colors import LinearSegmentedColormap
 

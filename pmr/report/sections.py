@@ -1,6 +1,6 @@
-"""Blocks of a run's chapter: a function for each, which returns None if the result lacks what the block needs.
+"""Blocks of a run's chapter: one function for each block, which returns None if the result lacks the block's data.
 
-Each takes the result and the `prefix` of all identifiers in its block.
+Each function takes the result and the `prefix` of all identifiers in its block.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ Show = Callable[[RunResult, str], Block | None]
 
 
 def figures_of(result: RunResult, anchor: str) -> Figures:
-    """Draw all figures but those of errors, which need ``budget`` of the summary, known last.
+    """Draw all figures of a run, without those about errors, which need the summary's ``budget`` that is known last.
 
     `anchor` is put before every identifier.
     """
@@ -56,7 +56,7 @@ def figures_of(result: RunResult, anchor: str) -> Figures:
 
 
 def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> Chapter:
-    """Build the chapter about a run; without `figures`, those of `figures_of` are drawn now."""
+    """Build the chapter about a run; if `figures` is None, the figures of `figures_of` are drawn now."""
     figures, rows = figures or figures_of(result, anchor), error_rows(result)
     return Chapter(
         anchor=anchor,
@@ -72,13 +72,13 @@ def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> C
 
 
 def error_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block with errors against other models, beside published ones, or with the largest values alone."""
+    """Build the block with errors against other models beside published errors, or with the largest values alone."""
     table = error_table(result)
     return Block(heading="Errors" if is_compared(result) else "Largest values", errors=table) if table.rows else None
 
 
 def accuracy_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block on the choices that meet a tolerance, their reasons, and the parts of the error."""
+    """Build the block on the choices that meet a tolerance, the reasons for them, and the parts of the error."""
     accuracy_part, budgeted = result.summary.get("accuracy"), result.summary.get("budget", {})
     if accuracy_part is None:
         return None
@@ -112,9 +112,10 @@ def input_block(result: RunResult, prefix: str) -> Block:
 
 
 def motion_block(result: RunResult, prefix: str, pictures: Callable[[], Album]) -> Block | None:
-    """Build the block with the animation of the motion; None without fields and without outputs along an axis.
+    """Build the block with the animation of the motion; None if the run has neither fields nor outputs along an axis.
 
-    With fields it shows whole bodies, and the album that `pictures` waits for; else the axes of the bodies.
+    If the run has fields, the block shows whole bodies and the album of pictures, for which `pictures` waits; if not,
+    it shows the axes of the bodies.
     """
     fields = [body.fields for body in result.bodies.values() if body.fields is not None]
     if not fields:
@@ -168,7 +169,7 @@ def energy_block(result: RunResult, prefix: str) -> Block:
 def constraint_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block on how well moving constraints hold, as positions and as velocities.
 
-    It is None if a formulation leaves velocities free; then positions hold to round-off.
+    It is None for a formulation that leaves velocities free, as then positions hold to round-off.
     """
     if not np.isfinite(result.responses["reduced"].residual_velocity).all():
         return None
@@ -204,7 +205,10 @@ def basis_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def _published_frequency_grids(result: RunResult) -> Iterator[Grid]:
-    """Yield a table with the first natural frequency of each model beside the published one, if there is one."""
+    """Yield a table with the first natural frequency of each model beside the published one.
+
+    Nothing is yielded if no frequency is published.
+    """
     rows, models = [], list[str]()
     for first in result.summary.get("published_frequencies", ()):
         models = [name for name in ("full", "reduced") if name in first]
@@ -217,7 +221,7 @@ def _published_frequency_grids(result: RunResult) -> Iterator[Grid]:
 
 
 def response_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block with the frequency response of the tip; None unless the scene asks for it."""
+    """Build the block with the frequency response of the tip; None if the scene does not ask for it."""
     response = result.frequency_response
     if response is None:
         return None
@@ -241,7 +245,7 @@ def response_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def origin_block(result: RunResult, prefix: str) -> Block:
-    """Build the block with tables of the scene, sizes and times of the run, and the machine that computed it."""
+    """Build the block on the origin of a result: its scene, sizes and times of the run, and the machine."""
     all_tables = (
         *machine.body_tables(result),
         machine.motion_table(result),
@@ -254,9 +258,9 @@ def origin_block(result: RunResult, prefix: str) -> Block:
     return Block(heading="Provenance", tables=shown, software=provenance.software_versions(result))
 
 
-#: Blocks about errors, which are known at the very end of a run; in the order of the page.
+#: Functions of the blocks about errors, in the order of the page; errors are known at the very end of a run.
 OF_ERRORS: tuple[Show, ...] = (error_block, accuracy_block)
-#: Blocks that follow the one about the motion, in the order of the page.
+#: Functions of the blocks that follow the block about the motion, in the order of the page.
 SECTIONS: tuple[Show, ...] = (
     space.space_block, input_block, tip_block, stresses.stress_block,
     stresses.section_force_block, stresses.probe_block, forces.contact_block,
@@ -266,7 +270,7 @@ SECTIONS: tuple[Show, ...] = (
 
 
 def _weight_sentence(result: RunResult) -> str:
-    """Sentence, with a space before it, that the weight acts and how; empty without weight."""
+    """Sentence, with a space before it, that the weight acts and how it comes up; empty if no weight acts."""
     gravity = result.scene.gravity
     if gravity is None:
         return ""

@@ -23,7 +23,8 @@ from pmr.report.subject import force_words, moving_part, reduced_size, scope_wor
 from pmr.report.subject import reach as reach
 from pmr.results import RunResult
 
-#: Further points with the largest stress that are named, at most; if there are more, only their number is.
+#: Largest number of further points with the largest stress that are named; if there are more, only their number is
+#: stated.
 MOST_PLACES = 2
 SIMULATORS = {"march": "compiled", "petsc": "by PETSc"} | dict.fromkeys(
     ("exudyn", "exudyn-multiplier", "exudyn-callback"), "by Exudyn"
@@ -51,7 +52,7 @@ def sentence_points(result: RunResult, table: Sequence[Row] = ()) -> list[Point]
 
 
 def opening_sentences(result: RunResult) -> str:
-    """Describe the structure and how far it reaches, in one or two sentences."""
+    """Describe the structure and its reach in one or two sentences."""
     if result.reach is not None:
         names = list(result.scene.bodies)
         low, high = float(result.reach.min()), float(result.reach.max())
@@ -84,7 +85,7 @@ def opening_sentences(result: RunResult) -> str:
 
 
 def speed_ratio(result: RunResult) -> float | None:
-    """Simulation time of the full model over that of the reduced one; None unless both are known."""
+    """Simulation time of the full model divided by that of the reduced model; None unless both times are known."""
     full, reduced = (result.responses.get(name) for name in ("full", "reduced"))
     if full is None or reduced is None or reduced.seconds <= 0.0 or full.seconds <= 0.0:
         return None
@@ -92,7 +93,7 @@ def speed_ratio(result: RunResult) -> float | None:
 
 
 def simulator_clause(result: RunResult) -> str:
-    """Clause that names the simulators of the reduced and the full model; empty unless both are known."""
+    """Clause that names the simulators of the reduced and of the full model; empty unless both are known."""
     names = result.summary.get("simulators", {})
     reduced, full = (SIMULATORS.get(names.get(name, ""), names.get(name, "")) for name in ("reduced", "full"))
     if not (reduced and full):
@@ -101,7 +102,10 @@ def simulator_clause(result: RunResult) -> str:
 
 
 def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
-    """Yield the key numbers of a run: coordinates, errors, largest stress and speed, as far as the result has them."""
+    """Yield the key numbers of a run: coordinates, errors, largest stress and speed.
+
+    Numbers that are not known are left out.
+    """
     summary, coordinates = result.summary, result.summary.get("coordinates", {})
     reduced = reduced_size(result)
     arrow = f"{format_input(coordinates['full'])}{SPACE}→{SPACE}{reduced}" if "full" in coordinates else f"{reduced}"
@@ -124,7 +128,7 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
 
 
 def _error_key_numbers(result: RunResult) -> Iterator[KeyNumber]:
-    """Yield the errors along the beam (or their estimate), of the pad forces and of the cylinder forces."""
+    """Yield the errors along the beam (or their estimate), in the pad forces and in the cylinder forces."""
     errors = result.summary.get("errors", {}).get("reduced_vs_full", {})
     estimated = result.summary.get("estimate", {}).get("beam")
     without = "" if estimated is None else f"estimated without the full model {format_percent(estimated)}"
@@ -141,14 +145,14 @@ def _error_key_numbers(result: RunResult) -> Iterator[KeyNumber]:
             f"RMS error of the {force_words(result)}",
             _error_without_impacts(result),
         )
-    if errors.get("cylinder_force", 0.0) >= TINY:  # below, it is round-off: the force of a cylinder may be prescribed
+    if errors.get("cylinder_force", 0.0) >= TINY:  # a smaller error is round-off: a cylinder's force may be prescribed
         yield KeyNumber(format_percent(errors["cylinder_force"]), "RMS error of the cylinder forces")
 
 
 def _speed_ratio(result: RunResult) -> Iterator[KeyNumber]:
-    """Yield how many times as fast the reduced model is as the full one, if one simulator computed both.
+    """Yield how many times as fast as the full model the reduced model is, if the same simulator computed both.
 
-    Otherwise yield the time of the reduced model's simulation, with that of the full one as a note.
+    If not, yield the simulation time of the reduced model, with that of the full model as a note.
     """
     simulators_by_model, reduced = result.summary.get("simulators", {}), result.responses["reduced"].seconds
     ratio, full = speed_ratio(result), result.responses.get("full")
@@ -164,28 +168,31 @@ def _speed_ratio(result: RunResult) -> Iterator[KeyNumber]:
 
 
 def comparison_sentence(table: Sequence[Row]) -> str:
-    """Sentence that counts the values that are better, the same or worse than published ones; empty without these."""
+    """Sentence that counts the values that are better than, equal to or worse than published values.
+
+    It is empty if no values are published.
+    """
     counts = count_verdicts(table)
     counted = ", ".join(f"{number} {text}" for text, number in counts.items())
     return f"Beside {sum(counts.values())} published figures: {counted}." if counts else ""
 
 
 def size_sentence(result: RunResult) -> str:
-    """Sentence on the numbers of coordinates of the full and the reduced model and on the simulated time."""
+    """Sentence on the numbers of coordinates of the full and the reduced model, and on the simulated time."""
     coordinates = result.summary.get("coordinates", {})
     reduced = reduced_size(result)
     motion = f"{format_input(result.scene.time.end, 's')} of motion are simulated."
     if "full" not in coordinates:
         return f"The reduced model has {reduced} coordinates; {motion}"
     full = coordinates["full"]
-    less = format_percent(1.0 - reduced / full, 2 if reduced > 0.005 * full else 4)  # no reduction is by 100 %
+    less = format_percent(1.0 - reduced / full, 2 if reduced > 0.005 * full else 4)  # never printed as 100 %
     return (
         f"The reduced model has {reduced} coordinates instead of {format_input(full)}, a reduction by {less}; {motion}"
     )
 
 
 def accuracy_sentences(result: RunResult) -> Iterator[str]:
-    """Yield sentences on the errors of the reduced model against the full one and against ANCF."""
+    """Yield sentences on the errors of the reduced model against the full model and against ANCF."""
     errors = result.summary.get("errors", {})
     if against := _tip_and_beam(errors.get("reduced_vs_full")):
         tip, beam = against
@@ -204,7 +211,7 @@ def accuracy_sentences(result: RunResult) -> Iterator[str]:
 
 
 def _error_without_impacts(result: RunResult) -> str:
-    """Clause with the error of the forces up to the frequency of the tip's motion; empty unless sliders strike."""
+    """Clause with the error of the forces up to the frequency of the tip's motion; empty if no slider strikes."""
     impacts = result.summary.get("impacts")
     if impacts is None:
         return ""
@@ -214,7 +221,7 @@ def _error_without_impacts(result: RunResult) -> str:
 
 
 def _tip_and_beam(errors: Mapping[str, float] | None) -> tuple[str, str] | None:
-    """Errors at the tip and along the beam in per cent; None unless both are there."""
+    """Errors at the tip and along the beam, as texts in per cent; None unless both are known."""
     if not errors or not {"tip", "beam"} <= set(errors):
         return None
     return format_percent(errors["tip"]), format_percent(errors["beam"])
@@ -237,7 +244,7 @@ def speed_sentences(result: RunResult) -> Iterator[str]:
 
 
 def stress_sentences(result: RunResult) -> Iterator[str]:
-    """Yield a sentence on the largest von Mises stress, where and when it occurs, and that of the full model."""
+    """Yield a sentence on the largest von Mises stress, its place and time, and that of the full model."""
     largest = result.summary.get("max_von_mises", {})
     if "reduced" not in largest:
         return
@@ -252,13 +259,13 @@ def stress_sentences(result: RunResult) -> Iterator[str]:
 
 
 def simulator_peak_clause(result: RunResult, simulator: str) -> str:
-    """Clause with time and place of the largest von Mises stress of a model; empty if the summary has none."""
+    """Clause with time and place of the largest von Mises stress by a simulator; empty if the summary has none."""
     peak = result.summary.get("stress_peak", {}).get(simulator)
     return "" if peak is None else peak_clause(peak)
 
 
 def peak_clause(peak: Mapping[str, Any]) -> str:
-    """Clause on a largest von Mises stress: its time, point, face and section, and other points of equal stress."""
+    """Clause on a largest von Mises stress: its time, point, face and section, and other points with this stress."""
     of = peak_part_name(peak)
     of = f", {of}" if of else ""
     return f"at {peak['t']:.2f}{SPACE}s and {_format_point(peak['position'])}{of}" + _other_points_clause(
@@ -267,28 +274,28 @@ def peak_clause(peak: Mapping[str, Any]) -> str:
 
 
 def peak_part_name(peak: Mapping[str, Any]) -> str:
-    """Name the face or corner, region and section of a largest stress; empty for a body without any of them."""
+    """Name the face or corner, the region and the section of a largest stress; empty for a body without these."""
     face = peak.get("face", "")
     on = f"{face} {'corner' if ' ' in face else 'face'}" if face else ""
     return " of ".join(filter(None, (on, peak.get("region"), peak.get("section"))))
 
 
 def _other_points_clause(places: Sequence[Sequence[float]]) -> str:
-    """Clause on the other points at which the stress is as large; empty without any."""
+    """Clause on the other points with an equally large stress; empty without such points."""
     if len(places) > MOST_PLACES:
         return f", and as large at {len(places)} other places"
     return f", and as large at {' and '.join(map(_format_point, places))}" if places else ""
 
 
 def _format_point(position: Sequence[float]) -> str:
-    """Format a point (x, y, z) given in m, to 0.01 m."""
-    # + 0.0 removes the sign of zero
+    """Format a point (x, y, z) given in m, rounded to 0.01 m."""
+    # adding 0.0 removes the sign of a negative zero
     x, y, z = (f"{round(value, 2) + 0.0:.2f}".replace("-", MINUS) for value in position)
     return f"({x}, {y}, {z}){SPACE}m"
 
 
 def frame_sentences(result: RunResult) -> str:
-    """Sentences on the motion of the boom's frame and on effects of second order; empty without a frame."""
+    """Sentences on the motion of the boom's frame and on effects of second order; empty if the scene has no frame."""
     motion = result.summary.get("frame")
     if motion is None:
         return ""
@@ -318,7 +325,7 @@ def frame_sentences(result: RunResult) -> str:
 
 
 def energy_sentence(result: RunResult) -> str:
-    """Sentence on what drives, loads and damping add to the energy of a boom in space; empty without a frame."""
+    """Sentence on the energy that drives, loads and damping add to a boom in space; empty if the scene has no frame."""
     energies = result.summary.get("energy")
     if energies is None:
         return ""
@@ -332,9 +339,10 @@ def energy_sentence(result: RunResult) -> str:
 
 
 def _deflection_sentence(factor: float) -> str:
-    r"""Sentence on how much second order adds to the deflection of a boom at rest; empty for a factor of at most 1.
+    r"""Sentence on how much effects of second order add to the deflection of a boom at rest.
 
-    The share is about :math:`1 / (1 - 1/\lambda) - 1 = 1 / (\lambda - 1)` at the buckling factor :math:`\lambda`.
+    At the buckling factor :math:`\lambda` the added share is about :math:`1 / (1 - 1/\lambda) - 1 = 1 / (\lambda - 1)`.
+    The sentence is empty for a factor of at most 1.
     """
     if factor <= 1.0:
         return ""
@@ -343,6 +351,6 @@ def _deflection_sentence(factor: float) -> str:
 
 
 def _angle_range(angle: dict[str, float]) -> str:
-    """Clause with the range of an angle in degrees, from its ``min`` and ``max`` in rad."""
+    """Clause with the range of an angle in degrees; `angle` has its ``min`` and ``max`` in rad."""
     low, high = (format_input(round(float(np.rad2deg(angle[end])), 1)) for end in ("min", "max"))
     return f"by {high}°" if low == high else f"between {low}° and {high}°"

@@ -23,9 +23,9 @@ from pmr.scene.keys import ALONE, qualified_name
 
 
 def stress_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block with the largest stress of each body over time, and tables of where it occurs.
+    """Build the block with the largest stress of each body over time, and tables of its times and places.
 
-    It is None without stresses.
+    It is None if the run has no stresses.
     """
     rows, parts = [], {part["name"]: part for part in result.summary.get("sections", ())}
     for number, (name, body) in enumerate(result.bodies.items()):
@@ -44,7 +44,7 @@ def stress_block(result: RunResult, prefix: str) -> Block | None:
 def section_force_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block on forces and moments of beams' cross-sections: envelopes over time and a table of extremes.
 
-    It is None if no beam has any.
+    It is None if no beam has such forces.
     """
     largest, table_rows = dict[str, float](), list[tuple[str, ...]]()
     for part in summaries_by_section(result.summary).values():
@@ -70,9 +70,9 @@ def section_force_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def _extreme_cell(force: Mapping[str, Any], end: str, nothing: float) -> str:
-    """Format the extreme ``min`` or ``max`` of a force, with its distance from the tail and its time.
+    """Format an extreme of a force, ``min`` or ``max`` as `end` says, with its distance from the tail and its time.
 
-    A value of at most `nothing` is ``0`` alone.
+    A value of at most `nothing` is printed as ``0`` alone.
     """
     if abs(force[end]) <= nothing:
         return "0"
@@ -81,7 +81,7 @@ def _extreme_cell(force: Mapping[str, Any], end: str, nothing: float) -> str:
 
 
 def _section_grids(result: RunResult) -> Iterator[Grid]:
-    """Yield a table with the largest stress of each section by each model, when and where along the section."""
+    """Yield a table with the largest stress of each section in each model, its time and its place along the section."""
     table_rows = []
     for section in result.summary.get("sections", ()):
         for model, peak in section.get("stress_peak", {}).items():
@@ -94,7 +94,7 @@ def _section_grids(result: RunResult) -> Iterator[Grid]:
 
 
 def _region_grids(result: RunResult) -> Iterator[Grid]:
-    """Yield a table with the largest stress in each region of the mesh; nothing for fewer than two regions."""
+    """Yield a table with the largest stress in each region of the mesh; yield nothing for fewer than two regions."""
     peaks = stress_peaks(result)
     if len(peaks.get("reduced", {})) < 2:  # a single region is the whole body
         return
@@ -110,11 +110,11 @@ def _region_grids(result: RunResult) -> Iterator[Grid]:
     yield Grid("Largest von Mises stress in each region of the mesh.", head, tuple(rows))
 
 
-#: Measures of probes that are drawn and whose load cycles are counted, at most; others are in tables only.
+#: Largest number of quantities of probes that are drawn and whose load cycles are counted; others are in tables only.
 MOST_DRAWN = 4
-#: Share of the largest value with its unit below which a measurement of a probe is round-off.
+#: A measurement of a probe is round-off up to this share of the largest measurement with the same unit.
 UNSEEN = 1e-5
-#: Intervals of the range of load cycles in a rainflow table.
+#: Number of intervals into which a rainflow table divides the ranges of load cycles.
 CLASSES = 10
 STRAIN = Unit(1e-6, "µm/m")
 
@@ -122,7 +122,7 @@ STRAIN = Unit(1e-6, "µm/m")
 def probe_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block on probes: histories, extremes, load cycles of stresses and strains, and damage.
 
-    It is None without probes.
+    It is None if the scene has no probes.
     """
     probes_by_name = {probe["name"]: probe for probe in result.summary.get("probes", ())}
     response = result.responses["reduced"]
@@ -156,7 +156,7 @@ def probe_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def _damage_grids(result: RunResult) -> list[Grid]:
-    """List of one table with the damage by each stress; empty unless the scene has an S-N line."""
+    """List with one table of the damage by each stress; empty if the scene has no S-N line."""
     fatigue = result.summary.get("fatigue")
     if not fatigue:
         return []
@@ -166,12 +166,12 @@ def _damage_grids(result: RunResult) -> list[Grid]:
 
 
 def _format_cycles(value: float | None) -> str:
-    """Format a number; None, a life that no load cycle shortens, is ``without end``."""
+    """Format a number of cycles; None, which stands for a life without damage, is ``without end``."""
     return "without end" if value is None else significant(value)
 
 
 def _drawn_measurements(names: Iterable[str], extremes_by_name: Mapping[str, Extremes]) -> list[str]:
-    """Choose names of measurements to be drawn: the largest component of each of the first `MOST_DRAWN` measures."""
+    """Choose the measurements to be drawn: of each of the first `MOST_DRAWN` quantities, the largest component."""
     groups = dict[str, list[str]]()
     for name in names:
         groups.setdefault(name.rpartition(" ")[0], []).append(name)
@@ -179,11 +179,14 @@ def _drawn_measurements(names: Iterable[str], extremes_by_name: Mapping[str, Ext
 
 
 def _history_drawing(result: RunResult, anchor: str, name: str, unit: str) -> Drawing:
-    """Draw a probe's measurement over time; it is NaN for models that do not have it."""
+    """Draw a probe's measurement over time.
+
+    Models that do not have this measurement have NaN for it, and are left out of the figure.
+    """
     size, base = {"mm": (1e-3, "m"), "1": (1e6, STRAIN.name)}.get(unit, (1.0, unit))
 
     def values(response: Response) -> NDArray[np.float64]:
-        """Measurement (T,) of a response in the unit of the axis, NaN if the response does not have it."""
+        """Measurement (T,) of a response in the unit of the axis; NaN if the response does not have it."""
         is_there = name in response.other_names
         return size * response.other(name) if is_there else np.full(len(response.t), np.nan)
 
@@ -192,7 +195,7 @@ def _history_drawing(result: RunResult, anchor: str, name: str, unit: str) -> Dr
 
 
 def _printed_unit(unit: str, largest: float) -> Unit:
-    """Unit in which values are printed that are stored in `unit`, the largest of which is `largest`."""
+    """Unit in which values are printed that are stored in `unit`; `largest` is the largest of these values."""
     return STRAIN if unit == "1" else unit_for(largest, unit) if unit == "Pa" else Unit(1.0, unit)
 
 

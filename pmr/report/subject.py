@@ -1,4 +1,4 @@
-"""What a report reads from a result whatever was simulated: names of models and parts, positions, lengths, loads.
+"""Properties of a result that reports need for every kind of scene: names of models, parts, positions, lengths, loads.
 
 Only this module and `pmr.report.columns` know how a scene stores these.
 """
@@ -31,7 +31,7 @@ MODELS = {
     "solid": "a solid",
     "matrices": "given matrices",
 }
-#: Text between a component of a force and the axis of the whole force.
+#: Text in the name of a load between the component of a force and the axis of the whole force.
 GROUND = ", of a force"
 #: Words for the directions across the axis.
 _ACROSS = {"y": "lateral, y", "z": "vertical, z"}
@@ -39,10 +39,10 @@ _ACROSS = {"y": "lateral, y", "z": "vertical, z"}
 
 @dataclass(frozen=True)
 class AppliedLoad:
-    """Load on a body, or a component of it along an axis of the body.
+    """Load on a body, or a component of a load along an axis of the body.
 
-    `position` is its distance along the body's axis in m, `where` the same in words, and `direction` is ``along``,
-    ``aside`` or ``up`` for a force along x, y or z of the body, or ``turn`` for a moment.
+    `position` is the distance of the load along the body's axis in m, and `where` is its position in words.
+    `direction` is ``along``, ``aside`` or ``up`` for a force along x, y or z of the body, and ``turn`` for a moment.
     """
 
     name: str
@@ -52,29 +52,32 @@ class AppliedLoad:
     where: str
     signal: SignalBase
     values: Array  # (T,) N or N m
-    axis_of: str = ""  # name in the scene of the load that it is a component of
+    axis_of: str = ""  # for a component, the name in the scene of the whole load
 
     @property
     def unit(self) -> str:
-        """Unit of the values: ``N``, or of a moment ``N m``."""
+        """Unit of the values: ``N`` for a force, ``N m`` for a moment."""
         return "N m" if self.direction == "turn" else "N"
 
 
 def direction_words(result: RunResult, direction: str) -> str:
-    """Words for a direction across the axis; z is vertical unless a boom is raised or in a frame."""
+    """Words for a direction across the axis; z is called vertical unless a boom is raised or in a frame."""
     raised = result.scene.frame is not None or is_raised(result)
     return "in the plane of luffing, z" if direction == "z" and raised else _ACROSS[direction]
 
 
 def is_raised(result: RunResult) -> bool:
-    """Whether gravity is turned as on a boom that is raised by 0.01 degrees at least."""
+    """Whether gravity is turned by at least 0.01 degrees, as it is for a boom that is raised."""
     gravity = result.scene.gravity
     return gravity is not None and abs(gravity.inclination) >= 0.01
 
 
 @dataclass(frozen=True)
 class Fixture:
-    """Support across the axis that rests at `position` m; `kind` is its symbol, ``clamped`` or a point."""
+    """Support at `position` m that acts across the axis and does not move along it.
+
+    `kind` is its symbol: ``clamped``, or a symbol of a support at a point.
+    """
 
     position: float
     kind: str
@@ -82,29 +85,29 @@ class Fixture:
 
 @dataclass(frozen=True)
 class Model:
-    """Name of a body's structural model in words, and a clause that says why it was chosen."""
+    """Name of a body's structural model in words, and a clause with the reason for which it was chosen."""
 
     name: str
     reason: str
 
 
 def reduced_size(result: RunResult) -> int:
-    """Number of coordinates of the reduced model, from the summary or else from its basis."""
+    """Number of coordinates of the reduced model, from the summary or, if the summary lacks it, from its basis."""
     shapes = result.body.shapes
     basis = 0 if shapes is None else shapes.shapes.shape[1]
     return int(result.summary.get("coordinates", {}).get("reduced", basis))
 
 
 def structural_model_words(model: str, walls: str = "rigid") -> str:
-    """Name a structural model in words, such as ``a planar beam``; of beams also say if their walls give way."""
+    """Name a structural model in words, such as ``a planar beam``; for beams also say if their walls give way."""
     gives = " whose walls give way" if walls == "give" and model in ("beam2d", "beam3d") else ""
     return MODELS.get(model, f"a {model.replace('_', ' ')}") + gives
 
 
 def choice_clause(measured: Mapping[str, Any]) -> str:
-    """Clause that says why measurements chose a model: the error of each that was tried, and the allowed error.
+    """Clause that states why measurements chose a model: the error of each model that was tried, and the allowed error.
 
-    If nothing could be compared, it says that the smallest model was taken, and why.
+    If no model could be compared, the clause says that the smallest one was taken, and why.
     """
     if "reason" in measured:
         return f"the smallest one, which nothing could be compared with: {measured['reason']}"
@@ -117,7 +120,7 @@ def choice_clause(measured: Mapping[str, Any]) -> str:
 
 
 def structural_model(result: RunResult) -> Model:
-    """Structural model of a body alone, and why it was chosen."""
+    """Structural model of a body alone, and the reason for which it was chosen."""
     scene = result.scene
     if (measured := result.summary.get("chosen_model")) is not None:
         return Model(structural_model_words(scene.body.model, scene.body.walls), choice_clause(measured))
@@ -133,32 +136,32 @@ def is_alone(result: RunResult) -> bool:
 
 
 def moving_part(result: RunResult) -> str:
-    """Name of the part that moves: ``boom``, or of a body alone the ``slider`` or the ``mouth``."""
+    """Name of the part that moves: ``boom`` or, for a body alone, ``slider`` or ``mouth``."""
     if not is_alone(result):
         return "boom"
     return "slider" if result.scene.points else "mouth"
 
 
 def force_words(result: RunResult) -> str:
-    """Name of the contact forces: ``pad forces``; of a body alone on sliders ``slider force`` or ``slider forces``."""
+    """Words for the contact forces: ``pad forces``, or ``slider force`` (``slider forces``) for a body on sliders."""
     sliders = len(result.scene.points) if is_alone(result) else 0
     return "pad forces" if not sliders else "slider force" if sliders == 1 else "slider forces"
 
 
 def scope_words(result: RunResult) -> str:
-    """Words for where displacements are compared: along the beam, or along all sections of a boom."""
+    """Words for the place where displacements are compared: along the beam, or along all sections of a boom."""
     return "along the beam" if is_alone(result) else "along all sections"
 
 
 def slider_offsets(result: RunResult) -> tuple[float, ...]:
-    """Offsets in m from the path s at which sliders or moving pads touch a body alone; empty for a boom."""
+    """Offsets in m from the path coordinate s of the sliders or moving pads on a body alone; empty for a boom."""
     if not is_alone(result):
         return ()
     return result.scene.points or tuple(dict.fromkeys(ring.at for ring in result.scene.pads if ring.moving))
 
 
 def reach(result: RunResult) -> float:
-    """Length of a body along its axis in m; of a boom its largest reach."""
+    """Length of a body alone in m; for a boom, its largest reach."""
     if result.reach is not None:
         return float(result.reach.max())
     scene = result.scene
@@ -170,7 +173,7 @@ def reach(result: RunResult) -> float:
 def input_loads(result: RunResult) -> list[AppliedLoad]:
     """Loads in the order of the model's inputs, without weight.
 
-    A force along an axis of the ground comes as its components along the axes of the body.
+    A force along an axis of the ground is returned as its components along the axes of the body.
     """
     acting, names = list[AppliedLoad](), result.loads.names
     for member, (body, section) in zip(members(result.scene), result.scene.bodies.items(), strict=True):
@@ -179,7 +182,7 @@ def input_loads(result: RunResult) -> list[AppliedLoad]:
         for number, (load, name, direction) in enumerate(inputs):
             if (full_name := input_name(body, name)) in names:
                 values = result.loads.values[:, names.index(full_name)]
-            elif body == ALONE and not names:  # results of earlier versions name no loads
+            elif body == ALONE and not names:  # results of earlier versions have no names of loads
                 values = result.loads.values[:, number]
             else:
                 continue
@@ -193,12 +196,12 @@ def input_loads(result: RunResult) -> list[AppliedLoad]:
 
 
 def place_words(on: str | float) -> str:
-    """Words for a position on a body: a named part, or m along its axis."""
+    """Words for a position on a body: the name of a part, or the distance in m along the body's axis."""
     return f"on {on}" if isinstance(on, str) else f"at {format_input(on, 'm')}"
 
 
 def scene_loads(result: RunResult) -> list[AppliedLoad]:
-    """Loads as the scene has them: a force along an axis of the ground is one load along this axis."""
+    """Loads as the scene defines them: a force along an axis of the ground is one load along that axis."""
     by_load, t = dict[tuple[str, str], AppliedLoad](), result.responses["reduced"].t
     for load in input_loads(result):
         if load.axis_of != load.name:
@@ -209,12 +212,12 @@ def scene_loads(result: RunResult) -> list[AppliedLoad]:
 
 
 def axial_supports(result: RunResult) -> list[str]:
-    """Names of the supports that hold a body alone along its axis and nothing else."""
+    """Names of the supports that hold a body alone in the direction of its axis only."""
     return [support.name for support in result.scene.supports if support.held_directions == ("x",)]
 
 
 def changing_angles(result: RunResult) -> dict[str, SignalBase]:
-    """Signals of the luffing and slewing angles that change during the run, by name; empty without a frame."""
+    """Signals of the angles of luffing and slewing that change during the run, by name; empty without a frame."""
     frame, end = result.scene.frame, result.scene.time.end
     angles = {} if frame is None else dict(zip(("luffing", "slewing"), frame.angles, strict=True))
     bounds = {name: angle.bounds(0.0, end) for name, angle in angles.items()}
@@ -222,26 +225,26 @@ def changing_angles(result: RunResult) -> dict[str, SignalBase]:
 
 
 def drive_of(rope: Mapping[str, Any]) -> str:
-    """Return ``rope`` or ``cylinder``: what carries the force of an entry of ``ropes`` in summary.json.
+    """Return ``rope`` or ``cylinder``: the part that carries the force of an entry of ``ropes`` in summary.json.
 
-    It is a rope if its section follows another one, or if it has a length: a section that follows none may hang on the
-    rope of a winch.
+    It is a rope if the entry's section follows another section, or if the entry has a length.  A section with a length
+    that follows no other one may hang on the rope of a winch.
     """
     return "rope" if rope["follows"] or "length" in rope else "cylinder"
 
 
 def rings_of(part: BoomSection) -> list[PadRing | JointPads]:
-    """Rings of pads of a body: those on the ground and those in the next outer section."""
+    """Rings of pads of a body: the rings on the ground, and those in the next outer section."""
     return [*part.pads, *((*part.joint.tail, *part.joint.mouth) if part.joint is not None else ())]
 
 
 def has_pushing_pads(result: RunResult) -> bool:
-    """Whether any pad is unilateral: it only pushes, and may lift off."""
+    """Whether any pad is unilateral: such a pad can only push, and may lift off."""
     return any(ring.unilateral for part in result.scene.bodies.values() for ring in rings_of(part))
 
 
 def fixtures(result: RunResult) -> list[Fixture]:
-    """Supports of a body alone, or of a boom's base, that hold it across its axis and do not move along it."""
+    """Supports of a body alone, or of a boom's base, that act across its axis and do not move along it."""
     body, of = next(iter(result.scene.bodies.items()))
     end = reach(result) if body == ALONE else of.length
     supports = [

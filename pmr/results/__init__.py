@@ -1,4 +1,4 @@
-"""What runs and studies leave in their folders: results as objects, tables in CSV, data frames of pandas."""
+"""Results that runs and studies leave in their folders: as objects, as tables in CSV, and as data frames of pandas."""
 
 from pmr.results.field_series import Fields
 from pmr.results.response import Energy, Response

@@ -1,11 +1,15 @@
-r"""Load cycles of a history, and their damage, summed after Palmgren and Miner with an S-N line.
+r"""Load cycles of a history, and the damage by them, summed after Palmgren and Miner with an S-N line.
+
+A history has cycles of the ranges :math:`\Delta\sigma_i`, each of which occurs :math:`n_i` times (`rainflow_cycles`).
+An S-N line has the slope m and the reference range :math:`\Delta\sigma_{ref}`, which is endured :math:`N_{ref}` times.
+The damage D is the sum over i of the cycles as shares of the endured cycles :math:`N_i`:
 
 .. math::
     D = \sum_i \frac{n_i}{N_i}, \qquad N_i = N_{ref} \Bigl(\frac{\Delta\sigma_{ref}}{\Delta\sigma_i}\Bigr)^m,
     \qquad N_{ref} = 2 \cdot 10^6
 
-over the ranges :math:`\Delta\sigma_i` of `rainflow_cycles`, which occur :math:`n_i` times; ranges below the
-cut-off do no damage.  Miner: Cumulative damage in fatigue, Journal of Applied Mechanics 12, 1945.
+Ranges below the cut-off of the line do no damage.  Miner: Cumulative damage in fatigue, Journal of Applied Mechanics
+12, 1945.
 """
 
 from __future__ import annotations
@@ -20,17 +24,17 @@ from pmr.errors import InputError
 
 Array = NDArray[np.float64]
 
-#: Cycles below this share of the largest range are left out: of damage, which grows with the third power of the range
-#: or faster, each has less than a millionth of that of the largest.
+#: Cycles with a range below this share of the largest range are left out.  Damage grows with the third power of the
+#: range or faster, so each of them does less than a millionth of the damage of the largest cycle.
 SMALLEST = 0.01
-#: Cycles at which an S-N line has its reference range.
+#: Number of cycles at which the reference range of an S-N line leads to failure.
 REFERENCE_CYCLES = 2e6
 
 
 def rainflow_cycles(t: Array, x: Array) -> Array:
     """Return the rainflow cycles of a history x (T,) at times t (T,) in s, the largest first (ASTM E1049-85).
 
-    Half cycles are those that do not close; ranges below a hundredth of the largest are left out.
+    A cycle that does not close counts as half a cycle.  Ranges below a hundredth of the largest one are left out.
 
     Returns
     -------
@@ -45,10 +49,10 @@ def rainflow_cycles(t: Array, x: Array) -> Array:
 
 @dataclass(frozen=True)
 class SNLine:
-    """Line of cycles to failure over the range of a stress; raises InputError for a number that is not allowed."""
+    """S-N line: cycles to failure over the range of a stress; raises InputError for a number that is not allowed."""
 
-    slope: float  # m of the line, in logarithms
-    reference: float  # range in Pa that is endured 2e6 times
+    slope: float  # exponent m of the line, its slope with logarithmic axes
+    reference: float  # range in Pa that leads to failure after 2e6 cycles
     cut_off: float = 0.0  # range in Pa below which cycles do no damage
 
     def __post_init__(self) -> None:
@@ -59,15 +63,15 @@ class SNLine:
             raise InputError("S-N line", "cut_off", self.cut_off, "a range of 0 or more is allowed")
 
     def damage(self, ranges: Array, counts: Array) -> float:
-        """Return the damage by ranges (C,) in Pa that occur `counts` (C,) times; 1 is failure."""
+        """Return the damage, a number, by stress ranges (C,) in Pa that occur `counts` (C,) times; 1 is failure."""
         share = (np.where(ranges < self.cut_off, 0.0, ranges) / self.reference) ** self.slope
         return float(counts @ share) / REFERENCE_CYCLES
 
 
 def damage(t: Array, stress: Array, line: SNLine, times: float = 1.0) -> float:
-    """Return the damage by a stress (T,) in Pa at times t (T,) in s, repeated `times` times; 1 is failure.
+    """Return the damage, a number, by a stress (T,) in Pa at times t (T,) in s, repeated `times` times; 1 is failure.
 
-    Cycles below a hundredth of the largest range are left out, see `rainflow_cycles`.
+    Cycles with a range below a hundredth of the largest range are left out (`rainflow_cycles`).
     """
     loops = rainflow_cycles(t, stress)
     return times * line.damage(loops[:, 0], loops[:, 2])

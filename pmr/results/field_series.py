@@ -1,13 +1,13 @@
-r"""Grids and fields over them at several times, axes that move with a boom, and held bodies for other programs.
+r"""Grids and fields on them at several times, axes that move with a boom, and flexible bodies for other programs.
 
-A displacement u at a point r of the moving axes becomes in space
+Let r be a point and u its displacement, both in components along moving axes.  Let R(t) be the rotation of these axes
+at the time t, and o(t) the vector from the pivot to their origin, in components along them.  In space, the point is at
+X and its displacement is U:
 
 .. math:: X = R(t)\, (o(t) + r), \qquad U = R(t)\, u
 
-with the rotation R of the axes and o, the vector from the pivot to their origin, in components along the moving axes.
-
-A body with its sliders held at one path coordinate is exported on frames (superelements, `FramedBody`) or on nodes
-(`NodalBody`).
+A body whose sliders are held at one path coordinate is exported either on frames (superelements, `FramedBody`) or on
+nodes (`NodalBody`).
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from pmr.files import npz
 Indices = NDArray[np.int64]
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
-MOST_EXPANSION = 100.0  # most bytes of fields over those of their compressed file; moving fields take 4/3
-ROOM = 2**28  # bytes that any file may claim: fields at rest take up to 1000 times their file
+MOST_EXPANSION = 100.0  # largest size of fields as a multiple of their compressed file; moving fields take 4/3 of it
+ROOM = 2**28  # bytes that fields may take whatever the size of their file; fields at rest take up to 1000 times of it
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Cells of one kind in space.
+    """Grid of cells of one kind in space, with N points and C cells.
 
     Attributes
     ----------
@@ -50,7 +50,10 @@ class Grid:
     regions: Mapping[str, Indices] = field(default_factory=dict)
 
     def region(self, cell: int) -> str:
-        """Return the names of the regions that contain a cell, joined by commas; empty if there are none."""
+        """Return the names of the regions that contain the cell number `cell`, joined by commas.
+
+        The text is empty if no region contains this cell.
+        """
         return ", ".join(sorted(name for name, cells in self.regions.items() if cell in cells))
 
 
@@ -96,17 +99,17 @@ class Fields:
 
     @property
     def points(self) -> Array:
-        """Points of the grid, (N, 3) m."""
+        """Points (N, 3) of the grid in m."""
         return self.grid.points
 
     @property
     def cells(self) -> NDArray[np.int64]:
-        """Cells of the grid, (C, k): points of each cell, in VTK's order."""
+        """Indices (C, k) of the k points of each cell of the grid, in VTK's order."""
         return self.grid.cells
 
     @property
     def kind(self) -> str:
-        """Kind of the grid's cells: line, triangle, tetra or hexahedron."""
+        """Kind of the grid's cells: ``line``, ``triangle``, ``tetra`` or ``hexahedron``."""
         return self.grid.cell
 
     def save(self, file: Path) -> None:
@@ -115,7 +118,7 @@ class Fields:
 
     @classmethod
     def load(cls, file: Path) -> Fields:
-        """Return the fields in a file that `save` wrote."""
+        """Return the fields from a file that `save` wrote."""
         data = npz.read(file, MOST_EXPANSION, ROOM)
         return npz.record_from_arrays(
             cls, npz.rename_keys(data, {"region.": "grid.regions."})
@@ -132,10 +135,11 @@ class Frames:
 
 @dataclass(frozen=True)
 class FramedBody:
-    """A body M y'' + C y' + K y = f on F frames, of which the first is the ground.
+    """A body with mass M, damping C and stiffness K on F frames, of which the first one is the ground.
 
-    The coordinates y (6 F + m) are three displacements (m) and three rotations (rad) of each frame, then m modes.  The
-    ground frame carries the pads and supports, at the path coordinate s.
+    Its coordinates y are three displacements (in m) and three rotations (in rad) of each frame, then the amplitudes of
+    m modes: 6 F + m in all.  With the forces f on them the body moves by M y'' + C y' + K y = f.  The ground frame
+    carries the pads and supports, at the path coordinate s.
 
     Attributes
     ----------
@@ -159,14 +163,16 @@ class FramedBody:
 
     @property
     def omega(self) -> Array:
-        """Lowest m angular frequencies (m,) in rad/s, ascending, with the ground frame fixed and the others free."""
+        """Lowest m angular frequencies (m,) in rad/s, ascending, with the ground frame fixed and all others free."""
         values = scipy.linalg.eigh(self.M[6:, 6:], self.K[6:, 6:], eigvals_only=True)[::-1]
         return np.asarray(1.0 / np.sqrt(values[: self.modes]))
 
 
 @dataclass(frozen=True)
 class Places:
-    """P named points of a body that loads and other bodies act on: means over groups, or sections of the body.
+    """P named points at which loads and other bodies act on a body.
+
+    The displacement of such a point is the mean over a group of nodes, or that of a cross-section of the body.
 
     Attributes
     ----------
@@ -184,7 +190,9 @@ class Places:
 
 @dataclass(frozen=True)
 class NodalBody:
-    """Mass and stiffness on N nodes with three displacements each, node by node, and m modes of the body.
+    """Mass M and stiffness K of a body on N nodes, and m of its modes.
+
+    Each node has three displacements; the coordinates are ordered node by node.
 
     Attributes
     ----------
@@ -192,13 +200,15 @@ class NodalBody:
         Path coordinate at which the sliders are held.
     points : (N, 3) array, m
     M, K : (3 N, 3 N) sparse matrices
-        K includes the springs of flexible pads and supports at s; rigid ones are not in K, but the modes satisfy them.
+        K includes the springs of flexible pads and supports at s.  Rigid pads and supports are not in K, but the modes
+        satisfy their constraints.
     modes : (3 N, m) array
         Lowest modes at s, M-orthonormal, in 1/sqrt(kg).
     omega : (m,) array, rad/s
-        modes^T K modes = diag(omega^2).
+        Angular frequencies of the modes: modes^T K modes = diag(omega^2).
     damping : (m, m) array, 1/s
-        modes^T D modes; not diagonal, as flexible moving pads have no damping.
+        modes^T D modes with the damping matrix D (3 N, 3 N) of the body.  It is not diagonal, as flexible moving pads
+        have no damping.
     frames : Places
     """
 
@@ -214,7 +224,7 @@ class NodalBody:
 
 @dataclass(frozen=True)
 class Pose:
-    """Axes that move, at S times.
+    """Rotation and origin of moving axes at S times.
 
     Attributes
     ----------
@@ -228,20 +238,24 @@ class Pose:
     origin: Array
 
     def positions(self, points: ArrayLike) -> Array:
-        """Return R (p + o) (S, n, 3) in m, positions in space from the pivot, of points p (S, n, 3) or (n, 3) in m.
+        """Return the positions in space R (p + o), (S, n, 3) in m from the pivot, of points p (S, n, 3) or (n, 3) in m.
 
-        The points are in components along the moving axes, from their origin.
+        The points are given from the origin of the moving axes, in components along these axes.
         """
         from_pivot = np.asarray(points, float) + self.origin[:, None, :]
         return np.asarray(np.einsum("sij,snj->sni", self.rotation, from_pivot))
 
     def positions_at(self, k: int, points: ArrayLike) -> Array:
-        """Return R (p + o) (..., 3) in m, positions in space at time number k, of points p (..., 3) in m.
+        """Return the positions in space R (p + o), (..., 3) in m, at time number k, of points p (..., 3) in m.
 
-        The points are in components along the moving axes, from their origin.
+        The points are given from the origin of the moving axes, in components along these axes; positions are from the
+        pivot.
         """
         return self.rotate_at(k, np.asarray(points, float) + self.origin[k])
 
     def rotate_at(self, k: int, vectors: ArrayLike) -> Array:
-        """Return R v (..., 3), in components in space at time number k, of vectors v (..., 3) along the moving axes."""
+        """Return R v (..., 3), the components in space at time number k of vectors v (..., 3).
+
+        The vectors are given in components along the moving axes.
+        """
         return np.asarray(np.asarray(vectors, float) @ self.rotation[k].T)

@@ -1,18 +1,21 @@
-r"""Stresses and section forces as rows on a model's coordinates, and their largest values over time.
+r"""Stresses and section forces as matrices on a model's coordinates, and their largest values over time.
 
-Stresses of coordinates q, and von Mises' stress of these, are
+Let q be the coordinates of a model and S a sparse matrix of stress per unit of a coordinate.  Let A be the matrix of
+von Mises' stress for the stress components that the model has.  The stresses :math:`\sigma` and von Mises' stress
+:math:`\sigma_v` are
 
 .. math:: \sigma = S q, \qquad \sigma_v = \sqrt{\sigma^T A\, \sigma}
 
-with a sparse matrix S and the matrix A of von Mises' stress for the components of :math:`\sigma`.
-
-Section forces along beams are integrals over the face of a section that looks along x, with its principal axes y and z,
+Section forces of beams are integrals over the face of a section that looks along x, with the element of area dA.  Let
+:math:`\sigma` now be the normal stress, and y and z the principal axes of the section.  The normal force N, the bending
+moments M and the shear forces V are
 
 .. math::
     N = \int \sigma\, dA, \quad M_y = \int z\, \sigma\, dA, \quad M_z = -\int y\, \sigma\, dA, \quad
     V_z = M_y', \quad V_y = -M_z'
 
-From strains alone they are those of loads on nodes; `pmr.reduction.section_forces` adds what acts between nodes.
+where ' is the derivative along x.  Section forces that follow from strains alone are those of loads on nodes;
+`pmr.reduction.section_forces` adds the part of loads between nodes.
 """
 
 from __future__ import annotations
@@ -29,9 +32,10 @@ from pmr.results.field_series import Grid
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Relative difference up to which two points share the largest stress: symmetry holds to the round-off of states.
+#: Relative difference of stress up to which two points share the largest stress.  Points that are symmetric to each
+#: other have equal stresses only up to the round-off of states.
 SHARED = 1e-6
-#: Most points that may share the largest stress.
+#: Largest number of points that may share the largest stress.
 MOST_SHARED = 100
 #: Matrix A of von Mises' stress for plane stress (11, 22, 12), stress in space (xx, yy, zz, yz, xz, xy) and a fibre
 #: (normal stress, shear stress).
@@ -42,12 +46,13 @@ FIBRE = np.diag([1.0, 3.0])
 
 @dataclass(frozen=True)
 class StressRows:
-    """Stresses at P points of a body as rows on n coordinates, c stress components at each point.
+    """Matrix from n coordinates to the stresses at P points of a body, with c stress components at each point.
 
     Attributes
     ----------
     rows : (P c, n) sparse matrix, Pa per unit of a coordinate
-        Rows of the c components of the first point, then of the second one, and so on.
+        Stress per unit of each coordinate: rows for the c components at the first point, then at the second one, and
+        so on.
     mises : (c, c) array
         Matrix A of the module's docstring.
     components : tuple of str
@@ -56,9 +61,9 @@ class StressRows:
     cell : (P,) integer array
         Number of the cell of the model's grid that each point belongs to.
     faces : tuple of str
-        Positions in a cell: outer or inner face of a wall, its middle, a corner of a section.
+        Names of positions in a cell: outer or inner face of a wall, middle of a wall, or a corner of a section.
     face : (P,) integer array
-        Index in `faces` of each point.
+        Index in `faces` of the position of each point.
     """
 
     rows: sp.csr_matrix
@@ -70,24 +75,24 @@ class StressRows:
     face: Indices
 
     def evaluate(self, q: Array) -> Array:
-        """Return the stresses (S, P, c) in Pa of coordinates q (S, n) at S times."""
+        """Return the stresses (S, P, c) in Pa of the coordinates q (S, n) at S times."""
         return self.split_by_point((self.rows @ q.T).T)
 
     def split_by_point(self, stresses: Array) -> Array:
-        """Return stresses (S, P c), in the order of the rows, as (S, P, c)."""
+        """Return stresses (S, P c), ordered as the rows of the matrix, in the shape (S, P, c)."""
         return np.asarray(stresses).reshape(len(stresses), len(self.points), len(self.components))
 
     def von_mises(self, stresses: Array) -> Array:
-        """Return von Mises' stress (S, P) in Pa of stresses (S, P, c) in Pa."""
+        """Return von Mises' stress (S, P) in Pa at P points from their stress components (S, P, c) in Pa."""
         squares = np.sum((stresses @ self.mises) * stresses, axis=-1)
         return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
     def points_on(self, face: str) -> Indices:
-        """Return the indices of the points on a face."""
+        """Return the indices of the points on the face called `face`."""
         return np.flatnonzero(self.face == self.faces.index(face))
 
     def by_cell(self, values: Array, cells: int) -> dict[str, Array]:
-        """Return for each face the largest of values (S, P) in each cell, (S, cells).
+        """Return the largest of values (S, P) in each of `cells` cells: an array (S, cells) for each face, by name.
 
         A cell without a point on a face has its largest value on any face; a cell without points has minus infinity.
         """
@@ -101,10 +106,10 @@ class StressRows:
         return largest
 
     def components_by_cell(self, stresses: Array, cells: int) -> dict[str, Array]:
-        """Return stress components (S, cells) at the point of each cell with the largest von Mises stress.
+        """Return stress components (S, cells) in Pa at the point of each cell at which the von Mises stress is largest.
 
-        Keys are ``"FACE COMPONENT"``; `stresses` are (S, P, c) in Pa.  A cell without a point on a face has the values
-        at its point with the largest von Mises stress on any face.
+        The arrays have the keys ``"FACE COMPONENT"``; `stresses` are (S, P, c) in Pa.  If a cell has no point on a
+        face, the point of its largest von Mises stress on any face is taken.
         """
         mises, components = self.von_mises(stresses), dict[str, Array]()
         largest_anywhere = _largest_indices(mises, self.cell, cells)
@@ -120,9 +125,9 @@ class StressRows:
 
 @dataclass(frozen=True)
 class StressPeak:
-    """Largest von Mises stress `value` in Pa, its time t in s and position (3,) in m, and its face, cell and region.
+    """Largest von Mises stress `value` in Pa, its time t in s, its position (3,) in m, and its face, cell and region.
 
-    `shared` are positions (3,) in m of other points with the same stress at that time.
+    `shared` are positions (3,) in m of other points that have the same stress at that time.
     """
 
     value: float
@@ -134,7 +139,7 @@ class StressPeak:
     shared: tuple[tuple[float, float, float], ...] = ()
 
     def summary(self) -> dict[str, object]:
-        """Return the peak as a table for summary.json."""
+        """Return the peak as a mapping for summary.json."""
         return {"value": self.value, "t": self.t, "position": list(self.position), "face": self.face,
                 "cell": self.cell, "region": self.region,
                 "shared": [list(place) for place in self.shared]}  # fmt: skip
@@ -163,10 +168,12 @@ class StressHistory:
 def stress_history(
     rows: StressRows, grid: Grid, t: Array, largest: Array, point: Indices, at_peak: Array | None = None
 ) -> StressHistory:
-    """Return the history of the largest stress (S,) in Pa at the points (S,) of `rows` at times t (S,), with its peak.
+    """Return the history of the largest stress (S,) in Pa at times t (S,) in s, with its peak over all times.
 
-    `at_peak` is von Mises' stress (P,) in Pa at the time of the peak.  With it points that share the largest stress are
-    found; the first of them in the order of the points is the peak, so that round-off does not choose.
+    The largest stress occurs at the points `point` (S,), which are indices of points of `rows`.  `at_peak` is von
+    Mises' stress (P,) in Pa at all points of `rows` at the time of the peak.  If it is given, the points that share the
+    largest stress are found.  The first of them, in the order of the points, is then taken as the peak, so that
+    round-off does not decide.
     """
     k = int(largest.argmax())
     like = np.array([point[k]])
@@ -178,7 +185,7 @@ def stress_history(
     shared: list[tuple[float, float, float]] = []
     for q in like[1:]:
         earlier = np.array([place, *shared])
-        if np.linalg.norm(earlier - rows.points[q], axis=1).min() > near:  # cells that meet have points in common
+        if np.linalg.norm(earlier - rows.points[q], axis=1).min() > near:  # neighbouring cells have points in common
             shared.append(_point_tuple(rows.points[q]))
     on = rows.faces[rows.face[p]]
     peak = StressPeak(float(largest[k]), float(t[k]), place, on, cell, grid.region(cell), tuple(shared))
@@ -186,9 +193,10 @@ def stress_history(
 
 
 def peaks_by_region(rows: StressRows, grid: Grid, most: Array, when: Array) -> dict[str, StressPeak]:
-    """Return the stress peak in each named region of a grid.
+    """Return the stress peak in each region of a grid, by the region's name.
 
-    `most` (P,) in Pa is the largest stress at each point of `rows`, and `when` (P,) in s its time.
+    `most` (P,) in Pa is the largest stress over time at each point of `rows`, and `when` (P,) in s the time at which it
+    occurs.
     """
     peaks = {}
     for name, cells in sorted(grid.regions.items()):
@@ -200,15 +208,15 @@ def peaks_by_region(rows: StressRows, grid: Grid, most: Array, when: Array) -> d
 
 
 def _point_tuple(point: Array) -> tuple[float, float, float]:
-    """Return a point (3,) as three floats."""
+    """Return a point (3,) as a tuple of three floats."""
     x, y, z = (float(c) for c in point)
     return x, y, z
 
 
 def _largest_by_cell(values: Array, cell: Indices, cells: int) -> Array:
-    """Return the largest of values (S, p) at points of the given cells (p,) in each of `cells` cells, (S, cells).
+    """Return the largest value in each of `cells` cells, (S, cells), of values (S, p) at p points.
 
-    It is minus infinity in a cell without points.
+    `cell` (p,) is the number of the cell of each point.  A cell without points has minus infinity.
     """
     result = np.full((cells, len(values)), -np.inf)
     np.maximum.at(result, cell, values.T)
@@ -216,20 +224,20 @@ def _largest_by_cell(values: Array, cell: Indices, cells: int) -> Array:
 
 
 def _largest_indices(values: Array, cell: Indices, cells: int) -> Indices:
-    """Return the index, of p points in the given cells (p,), of the largest of values (S, p) in each cell, (S, cells).
+    """Return the index, from 0 to p - 1, of the point with the largest of values (S, p) in each cell, (S, cells).
 
-    It is 0 in a cell without points.
+    `cell` (p,) is the number of the cell of each of the p points.  A cell without points has the index 0.
     """
     order = np.argsort(values, axis=1, kind="stable")
     result = np.zeros((len(values), cells), np.int64)
     rows = np.arange(len(values))[:, None]
-    result[rows, cell[order]] = order  # the last one that is written to a cell is its largest
+    result[rows, cell[order]] = order  # the last index written to a cell is that of its largest value
     return result
 
 
-#: Share of the largest value of a unit up to which another value of the unit is round-off.
+#: A value is round-off up to this share of the largest value with the same unit.
 ROUND_OFF = 1e-9
-#: Section forces and their units.
+#: Units of section forces, by the names of the forces.
 FORCES = {
     "normal force": "N",
     "shear force y": "N",
@@ -238,15 +246,15 @@ FORCES = {
     "bending moment y": "N m",
     "bending moment z": "N m",
 }
-#: Moment whose derivative along x is a shear force, and the sign.
+#: For each shear force, the bending moment that has it as derivative along x, and the sign of the derivative.
 SHEAR = {"shear force y": ("bending moment z", -1.0), "shear force z": ("bending moment y", 1.0)}
 
 
 @dataclass(frozen=True)
 class ForceRows:
-    """Section forces of a beam as rows on n coordinates: `rows` (P, n) in N or N m per unit of a coordinate.
+    """Matrix `rows` (P, n) from n coordinates to P section forces of a beam, in N or N m per unit of a coordinate.
 
-    `names` (P,) are the forces, keys of `FORCES`, and `x` (P,) their positions along the beam in m.
+    `names` (P,) are the names of the forces, keys of `FORCES`, and `x` (P,) are their positions along the beam in m.
     """
 
     rows: sp.csr_matrix
@@ -255,21 +263,21 @@ class ForceRows:
 
 
 def force_rows(x: Array, strains: Array, stiffness: dict[str, Array], coordinates: Indices, size: int) -> ForceRows:
-    """Return rows of the section forces at both ends of E elements.
+    """Return the matrix of the section forces at both ends of each of E elements.
 
     Parameters
     ----------
     x : (E, 2) array, m
         Positions of the two ends of each element.
     strains : (E, 2, v, d) array
-        v strains at both ends per unit of the d coordinates of each element.
+        v strains at both ends of each element, per unit of each of the element's d coordinates.
     stiffness : dict of str to (v,) or (E, v) array
-        Normal force, torque and moments by name per unit of each strain, for all elements or each of them.  Shear
-        forces are the derivatives of the moments along the element.
+        Normal force, torque and bending moments by name, per unit of each of the v strains: one row for all elements,
+        or one for each element.  Shear forces are computed as derivatives of the moments along the element.
     coordinates : (E, d) integer array
         Numbers of each element's coordinates.
     size : int
-        Number n of coordinates.
+        Number n of coordinates of the model.
     """
     each = (len(strains), strains.shape[2])
     forces = {name: np.einsum("eavd,ev->ead", strains, np.broadcast_to(unit, each)) for name, unit in stiffness.items()}
@@ -287,7 +295,7 @@ def force_rows(x: Array, strains: Array, stiffness: dict[str, Array], coordinate
 
 @dataclass(frozen=True)
 class Envelope:
-    """Smallest and largest values over time of c quantities at N positions along a body, and their times."""
+    """Least and largest values over time of c quantities at N positions along a body, and the times of these values."""
 
     names: tuple[str, ...]  # (c,)
     units: tuple[str, ...]  # (c,)
@@ -298,9 +306,10 @@ class Envelope:
     most_at: Array  # (c, N) s
 
     def extremes(self) -> dict[str, dict[str, Any]]:
-        """Return the extremes of each quantity by name: ``unit``, values ``min`` and ``max``, times and positions.
+        """Return the extremes over all positions of each quantity, as a mapping by the quantity's name.
 
-        The times in s are ``t_min`` and ``t_max``, the positions in m ``x_min`` and ``x_max``.
+        The values are ``min`` and ``max`` in ``unit``, their times in s ``t_min`` and ``t_max``, and their positions in
+        m ``x_min`` and ``x_max``.
         """
         extremes_of = {}
         for k, name in enumerate(self.names):
@@ -314,9 +323,10 @@ class Envelope:
 
 
 class RunningEnvelope:
-    """Envelope of P values that are added a few times at once, of quantities `names` (P,) at positions `x` (P,) in m.
+    """Envelope of P histories, which are added in blocks of a few times each.
 
-    Each quantity has one or several values at each of its positions.
+    History j belongs to the quantity `names[j]` at the position `x[j]` in m; a quantity may have several histories at
+    the same position.
     """
 
     def __init__(self, names: tuple[str, ...], x: Array) -> None:
@@ -334,10 +344,10 @@ class RunningEnvelope:
         self._least, self._most = np.minimum(self._least, values[low, on]), np.maximum(self._most, values[high, on])
 
     def envelope(self, units: dict[str, str]) -> Envelope:
-        """Return the smallest and largest value of each quantity in `units` at each position.
+        """Return the least and the largest value over time of each quantity in `units`, at each of its positions.
 
-        Values that are round-off beside the largest value of the same unit become zero.  A quantity that is zero at all
-        times at a position has both extremes at the first time.
+        `units` are the units of quantities, by name.  Values that are round-off, compared to the largest value with the
+        same unit, are set to zero.  A quantity that is always zero at a position has both extremes at the first time.
         """
         names, x = [name for name in units if name in self._names], np.unique(self._x)
         shape = (len(names), len(x))
@@ -360,5 +370,8 @@ class RunningEnvelope:
 
 
 def _extreme_entries(what: str, value: float, t: float, x: float) -> dict[str, float]:
-    """Return value, time t in s and position x in m of an extreme by the keys ``WHAT``, ``t_WHAT`` and ``x_WHAT``."""
+    """Return value, time t in s and position x in m of an extreme, by three keys.
+
+    The keys are `what`, and `what` with ``t_`` or ``x_`` before it.
+    """
     return {what: float(value), f"t_{what}": float(t), f"x_{what}": float(x)}

@@ -1,4 +1,7 @@
-"""Pads as boxes in the axes of the section that a body slides in: its mouth stays at x = 0, the body moves by -s."""
+"""Pads as boxes, in axes fixed to the section that a body slides in.
+
+The mouth of this section stays at x = 0, and the body moves by -s, where s is the path coordinate in m.
+"""
 
 from __future__ import annotations
 
@@ -14,21 +17,22 @@ from pmr.scene.keys import ALONE
 
 Array = NDArray[np.float64]
 
-THICK = 0.025  # of a pad as drawn, m: the gap between both sections
+THICK = 0.025  # m, thickness of a pad in drawings: the gap between both sections
 #: Corners of the unit cube in VTK's order of a hexahedron.
 CUBE = np.array([(x, y, z) for z in (0.0, 1.0) for x, y in ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))])
 
 
 def pad_corners(ring: PadRing, place: tuple[str, Face, float], body: Array, box: Box | None, cube: Array) -> Array:
-    """Return the corners (k, 3) in m of a pad at s = 0: a plate on a face of a body.
+    """Return the k corners (k, 3) in m of a pad at s = 0: a plate on a face of a body.
 
-    `cube` (k, 3) are the corners of a unit cube that is moved there.  `place` holds the pad's name, its face and its
-    position in m across the face.  Faces are bottom and top (z), right and left (y) of a body between the least and
-    largest coordinates `body` (2, 3) in m, or slanted ones of its `box`.
+    `cube` (k, 3) are the corners of a unit cube, which is moved and scaled to become the pad.  `place` has the pad's
+    name, its face and its position in m across the face.  `body` (2, 3) are the least and the largest coordinates of
+    the body in m.  The faces bottom and top are normal to z, right and left are normal to y; all other faces are
+    slanted faces of `box`.
     """
     _, face, across = place
     size, local = np.array([ring.length, ring.width, THICK]), cube - [0.5, 0.5, 0.0]
-    if box is not None and " " in face:  # it is slanted
+    if box is not None and " " in face:  # the face is slanted
         side = box.faces[face]
         along, out = ([0.0, *pair] for pair in (side.across_direction, side.normal))
         reach = float(side.normal @ side.start) + side.thickness / 2.0
@@ -43,10 +47,10 @@ def pad_corners(ring: PadRing, place: tuple[str, Face, float], body: Array, box:
 
 
 def pads_over_time(result: RunResult) -> Boxes | None:
-    """Return all pads of a single body at the times of its recovered fields, with their forces in N, NaN if unknown.
+    """Return all pads of a body alone at the times of its recovered fields, with their forces in N, NaN if not known.
 
-    With a frame that moves their corners are those in space.  None for a body without pads or fields, and for a boom of
-    sections.
+    If the scene has a moving frame, the corners are positions in space.  None is returned for a body without pads or
+    fields, and for a boom of sections.
     """
     if ALONE not in (travelling := result.moving_fields):
         return None
@@ -69,7 +73,7 @@ def pads_over_time(result: RunResult) -> Boxes | None:
 
 
 def _extent(fields: Fields, box: Box | None) -> Array:
-    """Return least and largest coordinates (2, 3) in m of the body at rest; a beam is as wide as its box."""
+    """Return the least and the largest coordinates (2, 3) in m of an undeformed body; a beam is as wide as its box."""
     extent = np.array([fields.points.min(axis=0), fields.points.max(axis=0)])
     if fields.kind == "line" and box is not None:
         outside = np.array([corner.position for corner in box.corners])

@@ -1,9 +1,9 @@
-"""The table of quantities: what results state, its name, unit and sign, and how it follows from a response.
+"""The table of quantities that results state: name, unit and sign of each, and how it follows from a response.
 
-Summaries, warnings, tables, pages, studies and load charts ask this table (`QUANTITIES`, by the keys of summaries and
-studies).  A quantity that can limit a load chart has a `Measure`: one value of all columns at each time of a run's
-`Response`, and in each state of a load chart.  So a limit of a chart and the number in a run's results are one
-function.
+Summaries, warnings, tables, pages, studies and load charts read this table (`QUANTITIES`, by the keys that summaries
+and studies use).  A quantity that can limit a load chart has a `Measure`, a function of all columns of a run's
+`Response` at each time, or of all columns in each state of a load chart.  So the limit of a chart and the number in a
+run's results are computed by one function.
 """
 
 from __future__ import annotations
@@ -25,15 +25,16 @@ from pmr.scene.mechanism import AT_PIVOT, CYLINDER, drive_rows, rope_shares
 from pmr.scene.scene import Scene
 
 Array = NDArray[np.float64]
-#: Function from the values (T, c) of all columns to one quantity (T,).
+#: Function from the values (T, c) of all c columns at T times to one quantity (T,).
 Measure = Callable[[Array], Array]
 
-#: Direction in the name of a support's row: ``base pivot x``, ``base support z at 2 m``.
+#: Pattern of the direction in the name of a support's constraint, such as x in ``base pivot x``, or z in ``base support
+#: z at 2 m``.
 DIRECTION = re.compile(r" r?[xyz](?= (?:at|on) |$)")
-#: SI prefixes of values in sentences.
+#: SI prefixes of values in sentences, each after the factor that it stands for.
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
 REACTION, PIVOT, FORCE = reaction_name(""), reaction_name(f"{AT_PIVOT} "), force_name("")
-#: Matrices A of the von Mises stress squared, s^T A s, by the stress components s that models have.
+#: Matrices A by which the square of the von Mises stress is s^T A s, by the names of the stress components s.
 MISES: Mapping[tuple[str, ...], Array] = {
     ("axial",): np.eye(1),
     ("axial", "torsion"): np.diag([1.0, 3.0]),
@@ -46,17 +47,18 @@ MISES: Mapping[tuple[str, ...], Array] = {
 
 @dataclass(frozen=True)
 class Columns:
-    """Meaning of c columns of values, which are outputs and forces.
+    """Meaning of c columns of values: outputs and contact forces.
 
     Attributes
     ----------
     names, kinds, units, bodies : tuples of str, (c,)
-        Kinds without directions, such as ``"tip"``; forces by the names of their contacts.
+        Name, kind, unit and body of each column.  The kind is without a direction, such as ``"tip"``; the name of a
+        force is that of its contact.
     drives : mapping
-        By section, shares (c,) of the columns whose sum is the force that moves the section along the boom
-        (`pmr.scene.mechanism.drive_rows`).
+        For each section, by name, the shares (c,) with which the columns are summed to the force that moves the section
+        along the boom (`pmr.scene.mechanism.drive_rows`).
     ropes : tuple of str
-        Sections that hang on ropes, or that others on ropes follow.
+        Names of the sections that hang on ropes, and of sections that others follow on ropes.
     """
 
     names: tuple[str, ...]
@@ -68,7 +70,7 @@ class Columns:
 
     @classmethod
     def from_scene(cls, scene: Scene, response: Response) -> Columns:
-        """Return the meaning of the columns of a scene's response, in the order of `values_of`."""
+        """Return the meaning of the columns of a scene's response, in the order of the columns of `values_of`."""
         outputs = response.outputs
         names = tuple(output.name.removeprefix(FORCE) for output in outputs)
         return cls(
@@ -81,18 +83,18 @@ class Columns:
         )
 
     def numbers_of_kind(self, *kinds: str) -> list[int]:
-        """Return the numbers of the columns of these kinds."""
+        """Return the numbers of the columns whose kind is one of `kinds`."""
         return [k for k, kind in enumerate(self.kinds) if kind in kinds]
 
     def pivot_columns(self) -> dict[str, int]:
-        """Return the columns of forces and moments at the pivot, by direction, and of the luffing cylinder.
+        """Return the numbers of the columns at the pivot: forces and moments by direction, luffing cylinder by name.
 
-        Of several columns with one name the last counts.
+        If several columns have the same name, the number of the last one is returned.
         """
         return {name.removeprefix(PIVOT): k for k, name in enumerate(self.names) if name.startswith(PIVOT)}
 
     def stress_columns(self) -> dict[str, dict[str, int]]:
-        """Return the columns of the stress at probes, by probe and component."""
+        """Return the numbers of the columns of stress at probes: for each probe a mapping by the stress component."""
         by_probe = dict[str, dict[str, int]]()
         for k in self.numbers_of_kind("probe"):
             probe, separator, component = self.names[k].rpartition(" stress ")
@@ -102,13 +104,13 @@ class Columns:
 
 
 def values_of(response: Response) -> Array:
-    """Return all columns of a response side by side, (T, c), in the order of `Columns.from_scene`."""
+    """Return all c columns of a response side by side, (T, c), in the order of `Columns.from_scene`."""
     parts = [response.displacement, response.slider_force, response.others]
     return np.hstack([part for part in parts if part is not None])
 
 
-#: Called with columns, and a function that tells of a name whether a limit depends on it; returns the `Measure` of the
-#: columns with such names, None if there are none of them.
+#: Function that returns the `Measure` of a limit, or None if the limit depends on no column.  Its arguments are the
+#: columns, and a function from the name of a part to whether the limit depends on this part.
 MeasureOf = Callable[[Columns, Callable[[str], bool]], Measure | None]
 
 
@@ -119,25 +121,26 @@ class Quantity:
     Attributes
     ----------
     key : str
-        In summaries, studies and options, such as ``"pad_force"``.
+        Key of the quantity in summaries, studies and options, such as ``"pad_force"``.
     label : str
         Name in the plural, as in "off by 3 % in pad forces".
     unit : str
     place : str
-        What it belongs to: ``"section"``, ``"tip"``, ``"pad"``, ``"cylinder"``, ``"rope"``, ``"support"``,
-        ``"machine"``, ``"ground"``, ``"probe"`` or ``"boom"``.
+        Part that the quantity belongs to: ``"section"``, ``"tip"``, ``"pad"``, ``"cylinder"``, ``"rope"``,
+        ``"support"``, ``"machine"``, ``"ground"``, ``"probe"`` or ``"boom"``.
     kinds : tuple of str
-        Kinds of the columns of a response that hold it (`pmr.results.response.KINDS`).
+        Kinds of the columns of a response that hold the quantity (`pmr.results.response.KINDS`).
     reported : str
-        Name of the one number that is reported of it, such as ``"largest pad force"``; empty without one.
+        Name of the one number that is reported for the quantity, such as ``"largest pad force"``; empty if no number is
+        reported.
     extreme : ``"size"``, ``"most"`` or ``"least"``
-        Which of its values is reported: the largest absolute one (with its sign), the largest, or the smallest.
+        Value that is reported: the one with the largest absolute value (with its sign), the largest, or the smallest.
     sign : str
-        What a positive value means; empty if it has no sign, or that of the axes.
+        Meaning of a positive value; empty if the quantity has no sign, or if its sign is that of the axes.
     limit : str
-        Key of a load chart's limit on it; empty if charts have none.
+        Key of a load chart's limit on the quantity; empty if charts have no such limit.
     measure : MeasureOf, optional
-        Returns, for the columns of a chart, the `Measure` that is limited; a larger value is worse.
+        Function that returns, for the columns of a chart, the `Measure` that is limited; its larger values are worse.
     """
 
     key: str
@@ -152,45 +155,49 @@ class Quantity:
     measure: MeasureOf | None = None
 
     def histories(self, response: Response) -> dict[str, Array]:
-        """Return the columns (T,) of a response that hold the quantity, by name, in the sense of `Response.column`."""
+        """Return the columns (T,) of a response that hold the quantity, by the names of the outputs.
+
+        The columns are those of `Response.column`.
+        """
         outputs = enumerate(response.outputs)
         return {output.name: response.column(k) for k, output in outputs if output.kind in self.kinds}
 
     def value(self, extremes: Extremes) -> Extreme:
-        """Return the extreme that is reported."""
+        """Return the extreme that is reported for the quantity."""
         return {"size": extremes.largest, "most": extremes.highest, "least": extremes.lowest}[self.extreme]
 
 
 def with_unit(value: float, unit: str) -> str:
-    """Return a value with three digits and its unit as text, with an SI prefix from a thousand on."""
+    """Return a value as text with three digits and its unit; from a thousand on with an SI prefix."""
     size, prefix = next(((size, name) for size, name in _PREFIXES if abs(value) >= size), (1.0, ""))
     return f"{value / size:.3g} {prefix}{unit}"
 
 
 def _largest_measure(numbers: Sequence[int]) -> Measure | None:
-    """Return a function from values (T, c) of all columns to the largest absolute one (T,) of these columns.
+    """Return a function from the values (T, c) of all columns to the largest absolute value (T,) in columns `numbers`.
 
-    None if `numbers` is empty.
+    It is None if `numbers` is empty.
     """
     chosen = list(numbers)
     return (lambda values: np.abs(values[:, chosen]).max(axis=1)) if chosen else None
 
 
 def _force_measure(kind: str) -> Callable[[Columns, Callable[[str], bool]], Measure | None]:
-    """Return a function that makes of columns the `Measure` of the largest absolute force of a kind of contact."""
+    """Return the function `MeasureOf` for contacts of one kind; its measure is the largest absolute force of them."""
 
     def measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-        """Return the measure of the forces with names that a limit looks at; None without any."""
+        """Return the measure of the forces whose names `looks_at` accepts; None if there are no such forces."""
         return _largest_measure([k for k in columns.numbers_of_kind(kind) if looks_at(columns.names[k])])
 
     return measure
 
 
 def _support_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return a function from values (T, c) of all columns to the largest resultant force of a support, (T,).
+    """Return a function from the values (T, c) of all columns to the largest resultant force (T,) of a support.
 
-    Supports are rigid or not; `looks_at` tells of a name whether a limit depends on it.  Moments count only if no force
-    column is chosen; columns at the pivot of a boom never do.  None if no column is chosen.
+    Supports may be rigid or elastic; `looks_at` says whether a limit depends on the support of a name.  Moments are
+    used only if no force column is chosen, and columns at the pivot of a boom are never used.  None is returned if no
+    column is chosen.
     """
     at_pivot = set(columns.pivot_columns().values())
     numbers = [k for k in columns.numbers_of_kind("support", "reaction") if k not in at_pivot]
@@ -204,35 +211,36 @@ def _support_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measu
 
 
 def support_names(columns: Columns, number: int) -> tuple[str, ...]:
-    """Return both names of a support's column: its own, and that of its contact, such as ``base pivot x``."""
+    """Return the two names of a support's column: its own, and that of its contact, such as ``base pivot x``."""
     body, name = columns.bodies[number], columns.names[number]
     row = name.removeprefix(REACTION).removeprefix(f"{body}: ").removeprefix(FORCE)
     return name, f"{body} {row}".strip()
 
 
 def _cylinder_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return a function from values (T, c) of all columns to the largest force that moves a section, (T,).
+    """Return a function from the values (T, c) of all columns to the largest force (T,) that moves a section.
 
-    `looks_at` tells of the name of a section's cylinder whether a limit depends on it; None if it depends on none.  The
-    force is that of `pmr.scene.mechanism.drive_rows`: of the cylinder or, for a section on ropes or that others follow,
-    a sum over several cylinders.
+    `looks_at` says whether a limit depends on the cylinder of a name; None is returned if it depends on no cylinder.
+    The force is computed by `pmr.scene.mechanism.drive_rows`: it is the force of one cylinder, or a sum over several
+    cylinders for a section that hangs on ropes or that other sections follow.
     """
     return _drive_measure([row for name, row in columns.drives.items() if looks_at(cylinder_name(name))])
 
 
 def _rope_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return a function from values (T, c) of all columns to the largest force of ropes or what moves them, (T,).
+    """Return a function from the values (T, c) of all columns to the largest force (T,) of ropes or of what pulls them.
 
-    These are the forces that move sections on ropes, or sections that others on ropes follow; `looks_at` tells of a
-    section's name whether a limit depends on it.  None if it depends on none.
+    These are the forces that move the sections `columns.ropes`, which hang on ropes or are followed by others on ropes.
+    `looks_at` says whether a limit depends on the section of a name; None is returned if it depends on no section.
     """
     return _drive_measure([columns.drives[name] for name in columns.ropes if looks_at(name)])
 
 
 def _drive_measure(rows: Sequence[Array]) -> Measure | None:
-    """Return a function from values (T, c) to the largest absolute force (T,) over rows of shares (c,).
+    """Return a function from the values (T, c) of all columns to the largest absolute force (T,) of several drives.
 
-    None if there are no rows.
+    The force of a drive is the sum of the columns with the shares (c,) in one of `rows`.  None is returned if there are
+    no rows.
     """
     if not rows:
         return None
@@ -241,9 +249,9 @@ def _drive_measure(rows: Sequence[Array]) -> Measure | None:
 
 
 def _deflection_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return a function from values (T, c) of all columns to the displacement (T,) of the last section's tip.
+    """Return a function from the values (T, c) of all columns to the displacement (T,) in m of the last section's tip.
 
-    It is the length of the vector over all directions; None without a tip.
+    It is the length of the displacement vector; None is returned if no column is a displacement of a tip.
     """
     tips = columns.numbers_of_kind("tip")
     last = [k for k in tips if columns.bodies[k] == columns.bodies[tips[-1]]]
@@ -251,9 +259,9 @@ def _deflection_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Me
 
 
 def _stress_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return a function from values (T, c) of all columns to the largest von Mises stress (T,) at probes.
+    """Return a function from the values (T, c) of all columns to the largest von Mises stress (T,) in Pa at probes.
 
-    `looks_at` tells of a probe's name whether a limit depends on it; None if it depends on none.
+    `looks_at` says whether a limit depends on the probe of a name; None is returned if it depends on no probe.
     """
     groups = dict[tuple[str, ...], list[list[int]]]()
     for probe, components in columns.stress_columns().items():
@@ -266,14 +274,14 @@ def _stress_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measur
 
 
 def _luffing_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return a function from values (T, c) of all columns to the luffing cylinder's absolute force (T,).
+    """Return a function from the values (T, c) of all columns to the absolute force (T,) of the luffing cylinder.
 
-    None without a luffing cylinder; its name is not asked for.
+    None is returned if there is no luffing cylinder.  `looks_at` is not called, as there is at most one.
     """
     return _largest_measure([k for k in columns.pivot_columns().values() if columns.names[k] == CYLINDER])
 
 
-#: Which way forces of what moves a section, or raises the boom, are positive.
+#: Meaning of a positive force of a part that moves a section or raises the boom.
 PUSHES = "pushes"
 
 #: All quantities, by their keys.
@@ -305,7 +313,7 @@ QUANTITIES: Mapping[str, Quantity] = {
             "luffing_force", "forces of the luffing cylinder", "N", "cylinder", (),
             "largest force of the luffing cylinder", sign=PUSHES, limit="luffing", measure=_luffing_measure,
         ),
-        # forces on what holds it
+        # forces on the supports of the boom
         Quantity("support_force", "forces of supports that give way", "N", "support", ("support",)),
         Quantity("reaction", "reactions of rigid supports", "N", "support", ("reaction",)),
         Quantity(
@@ -341,14 +349,14 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity("buckling", "buckling factors", "1", "boom", (), "buckling factor", "least"),
     )
 }  # fmt: skip
-#: Those that a load chart can limit, by the keys of its limits.
+#: Quantities that a load chart can limit, by the keys of the chart's limits.
 LIMITED = {quantity.limit: quantity for quantity in QUANTITIES.values() if quantity.measure is not None}
 
 
 def error_label(name: str) -> str:
-    """Return the name of an error of summary.json, such as ``pad_force_between_kinks``, in words.
+    """Return words for the quantity of an error in summary.json, such as ``pad_force_between_kinks``.
 
-    A key that is no quantity is its own name.
+    A key that is not in `QUANTITIES` is returned unchanged.
     """
     key, separator, _ = name.partition("_between_kinks")
     label = QUANTITIES[key].label if key in QUANTITIES else key
@@ -356,7 +364,10 @@ def error_label(name: str) -> str:
 
 
 def von_mises_stress(components: Array, names: Sequence[str]) -> Array:
-    """Return the von Mises stress (...) in Pa of components (..., c) with these c names."""
+    """Return the von Mises stress (...) in Pa of stress components (..., c) in Pa.
+
+    `names` are the names of the c components.
+    """
     return np.asarray(np.sqrt(np.maximum(np.sum(components @ MISES[tuple(names)] * components, axis=-1), 0.0)))
 
 
@@ -365,12 +376,12 @@ def matches_pattern(patterns: Sequence[str], name: str) -> bool:
     return any(fnmatchcase(name, pattern) for pattern in patterns)
 
 
-#: Kinds of figures, as summaries call them.
+#: Keys in summaries of the quantities whose errors of reduction are stated.
 KINDS = ("beam", "tip", "pad_force", "cylinder_force", "support_force", "frequency")
 
 
 class ReductionErrors(NamedTuple):
-    """Errors of a reduction by kind as fractions, and in words how they are known; both empty if nothing is known."""
+    """Errors of a reduction as fractions, by kind, and their `source` in words; both are empty if none is known."""
 
     source: str = ""
     by_kind: Mapping[str, float] = MappingProxyType({})
@@ -379,9 +390,9 @@ class ReductionErrors(NamedTuple):
 def reduction_error(summary: Mapping[str, Any]) -> ReductionErrors:
     """Return the errors of the reduction of a run with this summary.
 
-    They are those against the full model, if it was simulated, else estimates; those of frequencies are always
-    estimates.  Forces that jump at kinks of extensions are compared between kinks; pad forces with impacts are left
-    out.
+    If the full model was simulated, they are errors against the full model, else estimates; errors of frequencies are
+    always estimates.  Forces that jump at kinks of extensions are compared between the kinks only, and pad forces with
+    impacts are left out.
     """
     errors, estimate = summary.get("errors", {}).get("reduced_vs_full", {}), summary.get("estimate") or {}
     source, how = (errors, "beside the full model") if "beam" in errors else (estimate, "estimated")

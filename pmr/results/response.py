@@ -17,9 +17,9 @@ from pmr.scene.members import member_at
 
 Array = NDArray[np.float64]
 
-#: Kinds of outputs: displacements of places along a body and of its tip, forces of pads (sliders are pads without
-#: faces), of cylinders and of supports that give way, what probes measure, reactions of rigid supports, friction of all
-#: pads of a joint along the boom, places and rates of a machine that moves by itself.
+#: Kinds of outputs, in this order: displacements of points along a body and of its tip; forces of pads (a slider counts
+#: as a pad without faces), of cylinders and of elastic supports; measurements of probes; reactions of rigid supports;
+#: friction of all pads of a joint along the boom; positions and rates of a machine that moves by itself.
 KINDS = ("beam", "tip", "pad", "cylinder", "support", "probe", "reaction", "friction", "machine")
 FORCES = ("pad", "cylinder", "support")
 
@@ -28,36 +28,39 @@ FORCES = ("pad", "cylinder", "support")
 class Output:
     """Meaning of one column of a response.
 
-    `place` is the position in m along the body, and `direction` x, y or z, of a displacement; `body` is empty for a
-    single body.
+    For a displacement, `place` is the position in m along the body, and `direction` is x, y or z.  `body` is the name
+    of the body, which is empty for a body alone.
     """
 
     name: str
     kind: str  # one of `KINDS`
     body: str  # empty for a body alone
-    place: float | None = None  # m along the body, of displacements
-    direction: str = ""  # of displacements x, y or z
+    place: float | None = None  # m along the body; None unless the output is a displacement
+    direction: str = ""  # x, y or z; empty unless the output is a displacement
     unit: str = "m"
 
     @property
     def is_force(self) -> bool:
-        """Whether the column is the force of a contact or of a spring."""
+        """Whether the column is the force of a contact or of an elastic support."""
         return self.kind in FORCES
 
     @classmethod
     def from_text(cls, name: str, kind: str, body: str, place: float | None, unit: str) -> Output:
-        """Return an output whose kind and direction come as one text, such as ``"tip z"``."""
+        """Return an output from texts; `kind` holds the kind and, after a space, the direction, such as ``"tip z"``."""
         what, _, direction = kind.partition(" ")
         return cls(name, what, body, place, direction, unit)
 
 
-#: Share of the largest force up to which another one is round-off.
+#: Share of the largest force up to which a force is round-off.
 ROUND_OFF = 1e-9
 
 
 @dataclass(frozen=True)
 class Energy:
-    """Kinetic, strain and external energy in J over time, each (T,); external is minus the work of the loads."""
+    """Kinetic, strain and external energy in J over time, each (T,).
+
+    The external energy is minus the work of the loads.
+    """
 
     kinetic: Array
     strain: Array
@@ -79,39 +82,41 @@ class Response:
     x : (o,) array, m
         Positions along the beam of the o displacements.
     displacement : (T, o) array, m
-        Transverse displacements; the last column is the tip.  In space first those of all positions along y, then along
-        z, then those of the tip.
+        Transverse displacements; the last column is the tip.  For a beam in space, the displacements of all positions
+        along y come first, then those along z, then those of the tip.
     energy : Energy
     slider_force : (T, m) array, N
-        Forces of m contacts: Lagrange multipliers of sliders, forces of pads, cylinders and supports that give way.
+        Forces of m contacts: Lagrange multipliers of sliders, and forces of pads, cylinders and elastic supports.
         `force_names` has their names.
     residual_position : (T,) array, m
-        Largest violation of a constraint, the largest absolute entry of C(s) q; NaN for simulators without constraints.
+        Largest violation of a constraint: the largest absolute entry of C(s) q, with the coordinates q and the matrix C
+        of the constraints at the path coordinate s.  It is NaN for simulators without constraints.
     residual_velocity : (T,) array, m/s
-        Largest violation of a constraint's time derivative, C(s) q' + C'(s) s' q; NaN for simulators without
-        constraints.
+        Largest violation of the time derivative of a constraint: the largest absolute entry of C(s) q' + C'(s) s' q,
+        where q' and s' are time derivatives and C'(s) is the derivative by s.  NaN for simulators without constraints.
     seconds : float
         Wall time of the solver alone.
     output_names, output_units : tuples of str
-        Of the columns of `displacement`, (o,); empty in results of version 0.1, and where outputs have no names.
+        Names and units (o,) of the columns of `displacement`; empty in results of version 0.1, and if outputs have no
+        names.
     others : (T, k) array or None
         Outputs that are neither in m nor in N, then reactions of rigid supports; `other_names` and `other_units` have
         their names and units.
     force_names : tuple of str
-        Of the columns of `slider_force`, (m,); empty in results of version 0.1, and where contacts have no names.
+        Names (m,) of the columns of `slider_force`; empty in results of version 0.1, and if contacts have no names.
     round_off : float, m
-        Amount of a displacement that may be round-off (`pmr.compare.errors.round_off`); 0 where it is not known.
+        Displacement up to which a displacement may be round-off (`pmr.compare.errors.round_off`); 0 if not known.
     force_round_off : float, N
-        Amount of a force that may be round-off (`pmr.compare.errors.force_round_off`).
+        Force up to which a force may be round-off (`pmr.compare.errors.force_round_off`).
     force_peaks : (T, m) array, N, or None
-        As `slider_force`, but for pads that only push the largest force within the step that ends at t.  None if steps
-        are not divided.
+        Forces as in `slider_force`, but for a pad that only pushes the largest force within the step that ends at t.
+        None if steps are not divided into parts.
     kinds, bodies : tuples of str
-        Kind and direction of each column, such as ``"tip z"`` (`KINDS`), and the body that it belongs to.  Columns of
-        displacements come first, then those of forces, then the others.  Empty in earlier results.
+        Kind and direction of each column, such as ``"tip z"`` (`KINDS`), and the body of each column.  Columns of
+        displacements come first, then columns of forces, then `others`.  Empty in results of earlier versions.
     surplus : float
-        Share of the largest energy that comes neither from loads nor from moving constraints
-        (docs/time_integration.md); NaN where a simulator has no energy balance, and in results of version 0.1.
+        Energy that comes neither from loads nor from moving constraints, as a share of the largest energy
+        (docs/time_integration.md).  NaN if a simulator has no energy balance, and in results of version 0.1.
     """
 
     t: Array
@@ -137,7 +142,7 @@ class Response:
 
     @property
     def outputs(self) -> tuple[Output, ...]:
-        """Meaning of each column: displacements, then forces, then all others; empty if the file does not store it."""
+        """Meaning of each column: displacements, then forces, then `others`; empty if the results do not store it."""
         names = (*self.output_names, *self.force_names, *self.other_names)
         if not len(names) == len(self.kinds) == len(self.bodies):
             return ()
@@ -148,11 +153,14 @@ class Response:
 
     @property
     def force_floor(self) -> float:
-        """Force in N up to which one may be nothing but round-off."""
+        """Force in N up to which a force may be mere round-off."""
         return max(self.force_round_off, ROUND_OFF * float(np.abs(self.slider_force).max(initial=0.0)))
 
     def of(self, kind: str, body: str | None = None, direction: str | None = None) -> Array:
-        """Return the histories (T, k) of a kind of columns, if not None only of one `body` or along one `direction`."""
+        """Return the histories (T, k) of the k columns of one kind.
+
+        If `body` or `direction` is not None, only the columns of this body or along this direction are returned.
+        """
         chosen = [
             self.column(k)
             for k, output in enumerate(self.outputs)
@@ -161,7 +169,7 @@ class Response:
         return np.stack(chosen, axis=1) if chosen else np.empty((len(self.t), 0))
 
     def with_forces(self, numbers: Sequence[int]) -> Response:
-        """Return this response with those of its forces that have these `numbers`, in this order."""
+        """Return this response with the forces of the given `numbers` only, in this order."""
         chosen, first, end = list(numbers), len(self.output_names), len(self.output_names) + len(self.force_names)
         columns = [*range(first), *(first + k for k in chosen), *range(end, len(self.kinds))] if self.kinds else []
         return replace(
@@ -174,7 +182,10 @@ class Response:
         )
 
     def with_others(self, values: Array, outputs: Iterable[Output]) -> Response:
-        """Return this response with further columns (T, k), which are neither displacements nor contact forces."""
+        """Return this response with k further columns `values` (T, k).
+
+        They are neither displacements nor contact forces; `outputs` are their meanings.
+        """
         added = list(outputs)
         return replace(
             self,
@@ -186,13 +197,13 @@ class Response:
         )
 
     def when(self, t: float, s: float | None = None) -> str:
-        """Return a time in s in words, with the path coordinate `s` in m if it is not None."""
+        """Return the time `t` in s in words, followed by the path coordinate `s` in m if it is not None."""
         return f"at {t:g} s" + ("" if s is None else f" (s = {s:.4g} m)")
 
     def column(self, number: int) -> Array:
         """Return the history (T,) of the column with this number, in the order of `outputs`.
 
-        Forces of pads that only push are the peaks within each step, if these are stored.
+        For a pad that only pushes, it is the largest force within each step, if such forces are stored.
         """
         forces = self.slider_force if self.force_peaks is None else self.force_peaks
         for columns in (self.displacement, forces, self.others):
@@ -202,14 +213,15 @@ class Response:
         raise IndexError(number)
 
     def other(self, name: str) -> Array:
-        """Return the history (T,) of the output with this name among `others`."""
+        """Return the history (T,) of the output called `name` among `others`."""
         assert self.others is not None
         return self.others[:, self.other_names.index(name)]
 
     def force(self, name: str, unnamed: int) -> Array:
-        """Return the force (T,) in N with this name, NaN if there is none; column `unnamed` if forces have no names.
+        """Return the force (T,) in N of the contact called `name`, NaN if there is none.
 
-        Forces of pads that only push are the peaks within each step, if these are stored.
+        If forces have no names, column number `unnamed` is returned.  For a pad that only pushes, it is the largest
+        force within each step, if such forces are stored.
         """
         forces = self.slider_force if self.force_peaks is None else self.force_peaks
         if not self.force_names:
@@ -220,7 +232,7 @@ class Response:
 
     @property
     def columns(self) -> dict[str, list[str]]:
-        """Names of the columns of each array (T, c), with their units in brackets, by the array's name."""
+        """Names of the columns, with their units in brackets, of each array (T, c), by the name of the array."""
         displacement_names = self.output_names or tuple(f"output {k}" for k in range(self.displacement.shape[1]))
         forces = self.force_names or tuple(f"force {k}" for k in range(self.slider_force.shape[1]))
         other_columns = [f"{name} [{unit}]" for name, unit in zip(self.other_names, self.other_units, strict=True)]
@@ -232,14 +244,14 @@ class Response:
 
     @property
     def tip(self) -> Array:
-        """Vertical displacement (T,) in m of the free end of the last body; the last column if there are no kinds."""
+        """Vertical displacement (T,) in m of the last body's free end; the last column if columns have no kinds."""
         tip_columns = self.of("tip")
         return tip_columns[:, -1] if tip_columns.shape[1] else self.displacement[:, -1]
 
 
 @dataclass(frozen=True)
 class Extreme:
-    """A value of a history, the time in s and the path coordinate in m at which the history has it."""
+    """An extreme value of a history, with the time in s and the path coordinate in m at which it occurs."""
 
     value: float
     t: float
@@ -248,7 +260,7 @@ class Extreme:
 
 @dataclass(frozen=True)
 class Extremes:
-    """Smallest and largest value of a history, their times in s and path coordinates in m."""
+    """Smallest and largest value of a history, with their times in s and path coordinates in m."""
 
     least: float
     t_least: float
@@ -259,38 +271,38 @@ class Extremes:
 
     @classmethod
     def from_history(cls, values: Array, t: Array, s: Array) -> Extremes:
-        """Return the extremes of values (T,) at times t (T,) in s and path coordinates s (T,) in m."""
+        """Return the extremes of `values` (T,) at times t (T,) in s, with the path coordinates s (T,) in m."""
         first, last = int(np.argmin(values)), int(np.argmax(values))
         low, high = float(values[first]), float(values[last])
         return cls(low, float(t[first]), float(s[first]), high, float(t[last]), float(s[last]))
 
     @property
     def lowest(self) -> Extreme:
-        """The smallest value, with its time and path coordinate."""
+        """The smallest value of the history, with its time and path coordinate."""
         return Extreme(self.least, self.t_least, self.s_least)
 
     @property
     def highest(self) -> Extreme:
-        """The largest value, with its time and path coordinate."""
+        """The largest value of the history, with its time and path coordinate."""
         return Extreme(self.most, self.t_most, self.s_most)
 
     @property
     def largest(self) -> Extreme:
-        """The value of the largest size, with its sign, time and path coordinate."""
+        """The extreme with the larger absolute value, with its sign, time and path coordinate."""
         return self.highest if self.most >= -self.least else self.lowest
 
     @property
     def size(self) -> float:
-        """The largest absolute value."""
+        """The largest absolute value of the history."""
         return abs(self.largest.value)
 
     @classmethod
     def from_summary(cls, summary: Mapping[str, float]) -> Extremes:
-        """Return the extremes from a mapping that `summary` returned."""
+        """Return the extremes from a mapping that `Extremes.summary` returned."""
         return cls(*(float(summary[f"{what}{end}"]) for end in ("min", "max") for what in ("", "t_", "s_")))
 
     def summary(self) -> dict[str, float]:
-        """Return ``{min,t_min,s_min,max,t_max,s_max}``, the names of summaries and tables."""
+        """Return the extremes with the keys ``min``, ``t_min``, ``s_min``, ``max``, ``t_max`` and ``s_max``."""
         return {
             "min": self.least, "t_min": self.t_least, "s_min": self.s_least,
             "max": self.most, "t_max": self.t_most, "s_max": self.s_most,
@@ -300,8 +312,8 @@ class Extremes:
 def outputs_of(scene: Scene, response: Response) -> tuple[Output, ...]:
     """Return the meaning of all columns of a response: displacements, then forces, then all others.
 
-    For results of earlier versions that do not store it, it follows from the columns' names, or without names from
-    their order.
+    Results of earlier versions do not store this meaning.  For them it is derived from the names of the columns or, if
+    columns have no names, from their order.
     """
     return response.outputs or (
         *_displacement_outputs(scene, response),
@@ -311,7 +323,7 @@ def outputs_of(scene: Scene, response: Response) -> tuple[Output, ...]:
 
 
 def _displacement_outputs(scene: Scene, response: Response) -> Iterator[Output]:
-    """Yield the meaning of each displacement by its name."""
+    """Yield the meaning of each displacement, derived from its name."""
     tips = {
         qualified_name(body, of.observe.tip_along(d)): ("tip", body, d)
         for body, of in scene.bodies.items()
@@ -326,7 +338,10 @@ def _displacement_outputs(scene: Scene, response: Response) -> Iterator[Output]:
 
 
 def _unnamed_displacements(scene: Scene, response: Response) -> tuple[str, ...]:
-    """Return names of displacements for results without names: positions along each direction, then the tip."""
+    """Return names for displacements that have none.
+
+    The positions along the first direction come first, then those along the next one, then the tip in each direction.
+    """
     (body,) = scene.bodies.values()
     across = transverse_axes(member_at(scene))
     each = len(response.x) // len(across) - 1
@@ -334,7 +349,7 @@ def _unnamed_displacements(scene: Scene, response: Response) -> tuple[str, ...]:
 
 
 def _force_outputs(scene: Scene, response: Response) -> Iterator[Output]:
-    """Yield the meaning of each force by its name."""
+    """Yield the meaning of each force, derived from its name."""
     count = response.slider_force.shape[1]
     outputs_of = {name: output for body, of in scene.bodies.items() for name, output in _body_outputs(body, of).items()}
     for body in scene.bodies:
@@ -351,7 +366,7 @@ def _force_outputs(scene: Scene, response: Response) -> Iterator[Output]:
 
 
 def _body_outputs(body: str, part: OneBody) -> dict[str, Output]:
-    """Return by name the forces of a body's pads on the ground and of its supports that give way."""
+    """Return the outputs of a body's forces by name: those of its pads on the ground and of its elastic supports."""
     outputs = dict[str, Output]()
     for ring in part.pads:
         for pad, _, _ in ring.named_pads:
@@ -364,9 +379,10 @@ def _body_outputs(body: str, part: OneBody) -> dict[str, Output]:
 
 
 def _unnamed_forces(scene: Scene) -> list[str]:
-    """Return names of forces for results without names; empty where points slide.
+    """Return names for forces that have none; the list is empty if points slide.
 
-    Pads that stay come first, those that only push after the others, then pads that move.
+    Elastic pads that stay on the body come first, and among them those that only push come last.  Then follow pads that
+    move.
     """
     (body,) = scene.bodies.values()
     faces = pad_faces(member_at(scene))
@@ -376,7 +392,7 @@ def _unnamed_forces(scene: Scene) -> list[str]:
 
 
 def _other_outputs(scene: Scene, response: Response) -> Iterator[Output]:
-    """Yield the meaning of each other column by its name: reaction, friction, or else what a probe measures."""
+    """Yield the meaning of each further column, derived from its name: reaction, friction, or probe."""
     for name, unit in zip(response.other_names, response.other_units, strict=True):
         kind = next((kind for kind in ("reaction", "friction") if name.startswith(f"{kind} of ")), "probe")
         place = name.removeprefix(reaction_name(""))

@@ -1,6 +1,6 @@
-"""What a run leaves behind: responses of every simulator, errors, frequencies, and results of each body.
+"""Results of a run: responses of every simulator, errors, frequencies, and results of each body.
 
-The report reads these objects and computes nothing.
+The report reads these objects and computes no new values.
 """
 
 from __future__ import annotations
@@ -29,7 +29,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Paths:
-    """Path coordinates and their rates over T times: of a single body its slider's, else the sections' extensions."""
+    """Path coordinates in m and their rates in m/s over T times, for P paths.
+
+    A body alone has the path of its slider, a boom has the extensions of its sections.
+    """
 
     names: tuple[str, ...]  # (P,)
     values: Array  # (T, P) m
@@ -38,7 +41,7 @@ class Paths:
 
 @dataclass(frozen=True)
 class Loads:
-    """Loads on each of i inputs over T times."""
+    """Values of the loads on each of i inputs over T times."""
 
     names: tuple[str, ...]  # (i,)
     units: tuple[str, ...]  # (i,)
@@ -47,7 +50,7 @@ class Loads:
 
 @dataclass(frozen=True)
 class Shapes:
-    """The basis of a beam: singular values (k,) and transverse shapes (o, r) of r vectors at positions x (o,) in m."""
+    """Basis of a beam: k singular values (k,), and transverse shapes (o, r) of r vectors at o positions x (o,) in m."""
 
     singular_values: Array
     x: Array
@@ -56,7 +59,10 @@ class Shapes:
 
 @dataclass(frozen=True)
 class FrequencyMap:
-    """First natural frequency (A, B) in Hz of a reduced boom over the extensions (A,) and (B,) in m of two joints."""
+    """Lowest natural frequency (A, B) in Hz of a reduced boom over the extensions of two joints.
+
+    `first` (A,) and `second` (B,) are these extensions in m.
+    """
 
     joints: tuple[str, ...]
     first: Array
@@ -66,12 +72,13 @@ class FrequencyMap:
 
 @dataclass(frozen=True)
 class Frequencies:
-    """The f lowest natural frequencies in Hz of the system at rest, (S, f) by model, at S positions of its paths.
+    """The f lowest natural frequencies in Hz of the system at rest, at S positions of its paths, for each model.
 
-    Models are ``reduced``, ``full`` and ``closed_form``, that of a uniform beam pinned at 0 with one slider; every
-    contact is closed.  `along` are the positions as in `RunResult.abscissa`, `paths` the coordinates of all paths.
-    `over_joints` is None unless two joints move, each on a path of its own.  With second order the system is stressed
-    as a run is at the times `t` (S,) in s, when it first reaches the positions.
+    `models` has arrays (S, f) by the model: ``reduced``, ``full`` and ``closed_form``, which is a uniform beam that is
+    pinned at 0 and held by one slider.  All contacts are closed.  `along` are the positions in the sense of
+    `RunResult.abscissa`, `paths` are the coordinates of all P paths.  `over_joints` is None unless exactly two joints
+    move, each on its own path.  With effects of second order, the system has the stresses of the run at the times `t`
+    (S,) in s at which the run first reaches the positions.
     """
 
     along: Array  # (S,) m
@@ -83,20 +90,20 @@ class Frequencies:
 
 @dataclass(frozen=True)
 class FrequencyResponse:
-    """Displacement of the tip by a sinusoidal load of unit size on each of i inputs, with the sliders at rest.
+    """Displacement of the tip by a sinusoidal load of amplitude 1 on each of i inputs, with the sliders at rest.
 
     Attributes
     ----------
     s : (S,) array, m
-        Path coordinates.
+        Path coordinates of the sliders.
     f : (W,) array, Hz
         Frequencies of the load.
     gain : (S, W, i) array
-        Amplitude in `units`; `static` (S, i) is the displacement at f = 0, with its sign.
+        Amplitude of the displacement, in `units`; `static` (S, i) is the displacement at f = 0, with its sign.
     damped : bool
-        Whether anything damps the system: if not, the height of peaks depends on the choice of `f`.
+        Whether the system has any damping; if it has none, the height of peaks depends on the choice of `f`.
     outputs : tuple of str
-        For each input the direction in which it moves the tip most.
+        For each input, the direction in which the load moves the tip most.
     inputs, units : tuples of str
         Names of the inputs, and the units of their gains.
     """
@@ -115,9 +122,9 @@ class FrequencyResponse:
 class BodyResult:
     """Results of one body.
 
-    `fields` are those that a scene's recovery asks for, at some of the times, in the body's own axes; `peak_stress` is
-    the largest von Mises stress (F,) in Pa at all F times of the recovery, and `envelopes` are section forces along a
-    beam over these times, both by model.
+    `fields` are the fields for which the scene asks in its recovery, at some of the recovery's times, in the body's own
+    axes.  `peak_stress` is the largest von Mises stress (F,) in Pa at all F times of the recovery, and `envelopes` are
+    section forces along a beam over these times; both are given by model.
     """
 
     shapes: Shapes | None = None
@@ -126,16 +133,18 @@ class BodyResult:
     envelopes: Mapping[str, Envelope] = field(default_factory=dict)
 
 
-#: Names of all that a run may leave in its folder, the report aside: files that go together.
+#: Names, or patterns of names, of all files that a run may write into its folder, other than the report; they are
+#: replaced together.
 RESULT_FILES = (
     "scene.json", "summary.json", "trajectories.npz", "reduced.npz", "system.npz", "fields*.npz", "fields.pvd",
-    "fields/*.vtu", "tables/*.csv", "reduced-*.npz",  # the last of earlier versions
+    "fields/*.vtu", "tables/*.csv", "reduced-*.npz",  # earlier versions wrote reduced-*.npz
 )  # fmt: skip
-#: Circular frequencies in rad/s, as a file has those of a body alone, of one in Hz.
+#: Factor from a frequency in Hz to a circular frequency in rad/s; files store those of a body alone in rad/s.
 TURN = 2.0 * np.pi
-#: Models whose frequencies the file of a body alone has, no columns where there are none.
+#: Models whose frequencies are in the file of a body alone; an array without columns stands for a model without
+#: frequencies.
 _MODELS = ("reduced", "full", "closed_form")
-#: Arrays of a boom's frequencies as files name them, and what they are here.
+#: Names in files of the arrays of a boom's frequencies, and their names in this module.
 _RENAMED = {"frequencies.reach": "frequencies.along", "frequencies.extensions": "frequencies.paths"}
 
 Data = Mapping[str, NDArray[Any]]
@@ -144,10 +153,10 @@ Columns = Mapping[str, list[str]]
 
 @dataclass(frozen=True)
 class SummaryPart:
-    """A contribution to summary.json: values by key, and warnings, a line each.
+    """A contribution to summary.json: values by key, and warnings of one line each.
 
-    `grave` are warnings of something that does not hold or makes a result useless; they come before `warnings`, which
-    say how far results are off.
+    `grave` are warnings that a requirement does not hold or that a result is useless.  They come before `warnings`,
+    which say how far results are off.
     """
 
     figures: Mapping[str, Any] = field(default_factory=dict)
@@ -156,9 +165,10 @@ class SummaryPart:
 
 
 def combine_parts(parts: Sequence[SummaryPart]) -> dict[str, Any]:
-    """Return the keys of all parts and, under ``warnings``, all warnings, grave ones first.
+    """Return the values of all parts by key, and all their warnings under the key ``warnings``.
 
-    Warnings of each kind are in the order of the parts.  Raises ValueError if two parts have the same key.
+    Grave warnings come first; those of each kind are in the order of the parts.  Raises ValueError if two parts have
+    the same key.
     """
     summary, warnings = dict[str, Any](), list[str]()
     for part in parts:
@@ -170,16 +180,16 @@ def combine_parts(parts: Sequence[SummaryPart]) -> dict[str, Any]:
 
 
 def grave_warnings(parts: Iterable[SummaryPart]) -> list[str]:
-    """Return the grave warnings of all parts."""
+    """Return the grave warnings of all parts, in the order of the parts."""
     return [line for part in parts for line in part.grave]
 
 
 @dataclass(frozen=True)
 class RunResult:
-    """All results of one run, of a single body or of a boom of several sections.
+    """All results of one run, of a body alone or of a boom of several sections.
 
-    `responses` has the histories by model: ``reduced`` and, if the scene compares with them, ``full`` and ``ancf``.
-    `bodies` has results by section; a single body has the empty name.
+    `responses` has the histories by model: ``reduced`` and, if the scene asks for comparison with them, ``full`` and
+    ``ancf``.  `bodies` has the results of the bodies by name; the name of a body alone is empty.
 
     `summary` is the content of summary.json: ``errors.<a>_vs_<b>.{tip,beam}`` (e_NRMS, fractions),
     ``absolute_errors.<a>_vs_<b>.{tip,beam}`` (e_abs, m), ``not_judged`` (`pmr.compare.trust.RingingReference`),
@@ -187,8 +197,8 @@ class RunResult:
     ``estimate.{beam,tip,pad_force,velocity,probe,probes,by,chi,largest,not_covered}`` (`pmr.compare.estimate`),
     ``step.{beam,tip,largest,finest,settled,by,enough,band}`` (`pmr.compare.step_error`), ``warnings``, ``coordinates``,
     ``basis``, ``seconds``, ``versions``, ``scene_hash``, ``pads`` and ``cylinders`` (name, min and max in N, their
-    times), ``sections`` of a boom (name, coordinates, errors) and more; ``max_von_mises.{full,reduced}`` (Pa) where
-    stresses are recovered.
+    times), ``sections`` of a boom (name, coordinates, errors) and more.  If stresses are recovered it has
+    ``max_von_mises.{full,reduced}`` (Pa).
     """
 
     scene: Scene
@@ -198,18 +208,21 @@ class RunResult:
     loads: Loads
     frequencies: Frequencies
     bodies: Mapping[str, BodyResult] = field(default_factory=dict)
-    reach: Array | None = None  # of a boom's tip from the base's tail, (T,) m; None for a body alone
+    reach: Array | None = None  # (T,) m, distance of a boom's tip from the base's tail; None for a body alone
     frequency_response: FrequencyResponse | None = None
-    tip_error: Array | None = None  # how far off the tip may be by the estimate, (T, d) m
+    tip_error: Array | None = None  # (T, d) m, estimated error of the tip's displacement in d directions
 
     @property
     def body(self) -> BodyResult:
-        """Result of a single body, or of the outermost section of a boom."""
+        """Result of a body alone, or of the outermost section of a boom."""
         return list(self.bodies.values())[-1]
 
     @property
     def abscissa(self) -> Array:
-        """Coordinate (T,) in m over which results are drawn and listed: a boom's reach, or a single body's path."""
+        """Coordinate (T,) in m over which results are drawn and listed.
+
+        It is the reach of a boom, or the path coordinate of a body alone.
+        """
         return self.paths.values[:, 0] if self.reach is None else self.reach
 
     def abscissa_at(self, t: Array) -> Array:
@@ -218,15 +231,16 @@ class RunResult:
 
     @property
     def abscissa_name(self) -> str:
-        """Name of `abscissa`: ``s`` for a single body, ``reach`` for a boom."""
+        """Name of `abscissa`: ``s`` for a body alone, ``reach`` for a boom."""
         return "s" if self.reach is None else "reach"
 
     @property
     def moving_fields(self) -> dict[str, tuple[Fields, Array]]:
-        """Fields of each body, and the distance (F,) in m that it has slid along x at the F times of the fields.
+        """Fields of each body, and the distance (F,) in m that the body has slid along x, by the body's name.
 
-        A boom's section slides out of the base by the extensions up to its own.  A single body slides by -s into the
-        pads that hold it, or not at all if points slide along it.
+        The distance is given at the F times of the fields.  A section of a boom slides out of the base by the sum of
+        the extensions up to its own.  A body alone slides by -s into the pads that hold it; it does not slide if points
+        slide along it.
         """
         t = self.responses["reduced"].t
         if self.reach is None:
@@ -240,7 +254,7 @@ class RunResult:
         }
 
     def pose(self, t: Array) -> Pose | None:
-        """Return the motion in space of the axes of `moving_fields` at the times t (S,) in s; None without a frame."""
+        """Return the motion in space of the axes of `moving_fields` at times t (S,) in s; None without a frame."""
         frame = self.scene.frame
         if frame is None:
             return None
@@ -251,7 +265,7 @@ class RunResult:
 
     @property
     def columns(self) -> dict[str, list[str]]:
-        """Names of the columns of each array of trajectories.npz, with their units in brackets, by the array's name."""
+        """Names of the columns of each array of trajectories.npz, by the array's name; the names include units."""
         column_names = {"loads": _with_units(self.loads.names, self.loads.units)}
         if self.reach is None:
             for name in _MODELS:
@@ -268,7 +282,10 @@ class RunResult:
         return column_names
 
     def save(self, folder: Path) -> None:
-        """Write scene.json, summary.json, fields, and trajectories.npz, whose ``columns`` names the columns."""
+        """Write scene.json, summary.json, fields, and trajectories.npz into `folder`.
+
+        The entry ``columns`` of trajectories.npz names the columns of its arrays.
+        """
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "scene.json").write_text(self.scene.model_dump_json(indent=1, exclude={"section"}), encoding="utf-8")
         self.save_summary(folder)
@@ -297,12 +314,12 @@ class RunResult:
         npz.write(folder / "trajectories.npz", arrays)
 
     def save_summary(self, folder: Path) -> None:
-        """Write summary.json alone."""
+        """Write summary.json into `folder`, and no other file."""
         (folder / "summary.json").write_text(npz.json_text(self.summary, indent=1), encoding="utf-8")
 
     @classmethod
     def load(cls, folder: Path) -> RunResult:
-        """Read a folder that `save` wrote, in this version or an earlier one."""
+        """Return the result from a folder that `save` of this version or of an earlier one wrote."""
         finish_swap(folder)
         file = folder / "scene.json"
         scene = stored_scene(json.loads(file.read_text(encoding="utf-8")), str(file))
@@ -334,7 +351,7 @@ def _with_units(names: Iterable[str], units: Iterable[str]) -> list[str]:
 
 
 def _array_prefix(body: str) -> str:
-    """Return the beginning of the names of a body's arrays in trajectories.npz."""
+    """Return the text with which the names of a body's arrays in trajectories.npz begin."""
     return "" if body == ALONE else f"bodies.{body}."
 
 
@@ -344,7 +361,7 @@ def _fields_file(body: str) -> str:
 
 
 def _read_paths(data: Data, columns: Columns) -> Paths:
-    """Return the paths from the arrays of trajectories.npz."""
+    """Return the paths from the arrays of trajectories.npz and the names of their columns."""
     if "s" in data:
         return Paths((SLIDER,), data["s"][:, None], data["s_rate"][:, None])
     values = data["extensions"]
@@ -354,13 +371,13 @@ def _read_paths(data: Data, columns: Columns) -> Paths:
 
 
 def _read_loads(values: Array, columns: Columns) -> Loads:
-    """Return the loads from their values (T, i) and the names of columns."""
+    """Return the loads from their values (T, i) and the names of the columns, which have units in brackets."""
     parts = [column.removesuffix("]").rpartition(" [") for column in columns.get("loads", ())]
     return Loads(tuple(name for name, _, _ in parts), tuple(unit for _, _, unit in parts), values)
 
 
 def _frequency_arrays(frequencies: Frequencies, alone: bool) -> dict[str, NDArray[Any]]:
-    """Return the arrays of frequencies for trajectories.npz: of a single body in rad/s by s, of a boom in Hz."""
+    """Return the arrays of frequencies for trajectories.npz: for a body alone in rad/s over s, for a boom in Hz."""
     if alone:
         none = np.empty((len(frequencies.along), 0))
         circular = {f"frequencies.{name}": TURN * frequencies.models.get(name, none) for name in _MODELS}

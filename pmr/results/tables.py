@@ -1,6 +1,6 @@
 """Tables for engineers in CSV: forces, reactions, frequencies, stresses, probes and their load cycles, section forces.
 
-Every column has its unit in brackets.  A column ``model`` says which model a row is of: ``reduced``, ``full``,
+Every column has its unit in brackets.  The column ``model`` names the model of a row: ``reduced``, ``full`` or
 ``ancf``.
 """
 
@@ -31,17 +31,18 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Cell = str | float
 
-#: What a response calls the force of a pad, slider or support that gives way begins so; that of a rigid support so.
+#: Beginning of the names of forces of pads, sliders and elastic supports in a response, and beginning of the names of
+#: reactions of rigid supports.
 FORCE_OF, REACTION_OF = force_name(""), reaction_name("")
 
 
-#: What a body without regions is called where others have them.
+#: Name of the only region of a body without named regions.
 WHOLE = "whole body"
 
 
 @dataclass(frozen=True)
 class Table:
-    """Names of columns, and rows."""
+    """Table: names of the columns, and rows."""
 
     columns: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
@@ -49,14 +50,17 @@ class Table:
 
 @dataclass(frozen=True)
 class Reaction:
-    """A rigid support, and the unit of its reaction: N for a force, N m for a moment."""
+    """Name of a rigid support, and the unit of its reaction: N for a force, N m for a moment."""
 
     support: str
     unit: str
 
 
 def build_tables(result: RunResult) -> dict[str, Table]:
-    """Return the tables for which a run has rows, by file name; for a boom of sections ``s`` is its reach."""
+    """Return the tables for which a run has rows, by the names of their files.
+
+    For a boom of sections, ``s`` is the reach.
+    """
     return {name: table for name, make in _TABLES.items() if (table := make(result)).rows}
 
 
@@ -71,7 +75,10 @@ def write_tables(result: RunResult, folder: Path) -> None:
 
 
 def force_table(result: RunResult) -> Table:
-    """Return smallest and largest force of every pad, slider and support that gives way, and when and where."""
+    """Return a table of the smallest and largest force of every pad, slider and elastic support.
+
+    Each has its time and its path coordinate.
+    """
     rows: list[tuple[Cell, ...]] = [
         (model, name, *extremes.summary().values())
         for model, response in result.responses.items()
@@ -81,7 +88,10 @@ def force_table(result: RunResult) -> Table:
 
 
 def force_extremes(response: Response, path: Array) -> dict[str, Extremes]:
-    """Return the extremes of each force of a response, by contact; `path` (T,) are path coordinates in m over time."""
+    """Return the extremes of each force of a response, by the name of its contact.
+
+    `path` (T,) are path coordinates in m over time.
+    """
     return {
         name.removeprefix(FORCE_OF): Extremes.from_history(response.force(name, 0), response.t, path)
         for name in response.force_names
@@ -89,7 +99,7 @@ def force_extremes(response: Response, path: Array) -> dict[str, Extremes]:
 
 
 def probe_extremes(response: Response, path: Array) -> dict[str, Extremes]:
-    """Return the extremes of each output that is neither in m nor in N, by name, without reactions.
+    """Return the extremes of the outputs of probes and of friction, by name: all further outputs other than reactions.
 
     `path` (T,) are path coordinates in m over time.
     """
@@ -98,9 +108,9 @@ def probe_extremes(response: Response, path: Array) -> dict[str, Extremes]:
 
 
 def reaction_extremes(response: Response, path: Array) -> dict[Reaction, Extremes]:
-    """Return the extremes of each rigid support's force in N or moment in N m; zero where all is round-off.
+    """Return the extremes of the force in N, or moment in N m, of each rigid support.
 
-    `path` (T,) are path coordinates in m over time.
+    A reaction that is round-off at all times is set to zero.  `path` (T,) are path coordinates in m over time.
     """
     extremes, largest = dict[Reaction, Extremes](), 0.0
     for name in response.other_names:
@@ -116,7 +126,10 @@ def reaction_extremes(response: Response, path: Array) -> dict[Reaction, Extreme
 
 
 def reaction_table(result: RunResult) -> Table:
-    """Return smallest and largest force or moment of every rigid support, and when and where."""
+    """Return a table of the smallest and largest force or moment of every rigid support.
+
+    Each has its time and its path coordinate.
+    """
     rows: list[tuple[Cell, ...]] = [
         (model, of.support, of.unit, *extremes.summary().values())
         for model, response in result.responses.items()
@@ -126,7 +139,7 @@ def reaction_table(result: RunResult) -> Table:
 
 
 def frequency_table(result: RunResult) -> Table:
-    """Return the lowest frequencies in Hz over the path coordinate, or over the reach of a boom of sections."""
+    """Return a table of the lowest frequencies in Hz over the path coordinate, or over the reach of a boom."""
     lowest = result.frequencies
     heads = [f"{name.replace('_', ' ')} {k + 1} [Hz]" for name, f in lowest.models.items() for k in range(f.shape[1])]
     values = np.column_stack([lowest.along, *lowest.models.values()])
@@ -134,7 +147,10 @@ def frequency_table(result: RunResult) -> Table:
 
 
 def stress_peaks(result: RunResult) -> dict[str, dict[str, Mapping[str, Any]]]:
-    """Return the largest von Mises stress in each region of each body, by model; only of bodies with regions."""
+    """Return the largest von Mises stress by model, and then by region of each body.
+
+    Bodies without named regions are left out.
+    """
     peaks = dict[str, dict[str, Mapping[str, Any]]]()
     for name, part in summaries_by_section(result.summary).items():
         for model, regions in part.get("stress_by_region", {}).items():
@@ -143,12 +159,18 @@ def stress_peaks(result: RunResult) -> dict[str, dict[str, Mapping[str, Any]]]:
 
 
 def summaries_by_section(summary: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
-    """Return what summary.json says of each section, by its name; of a single body, under the empty name, all of it."""
+    """Return the part of summary.json about each section, by the section's name.
+
+    For a body alone the whole summary is returned under the empty name.
+    """
     return {part["name"]: part for part in summary.get("sections", ())} or {ALONE: summary}
 
 
 def stress_by_part(summary: Mapping[str, Any]) -> dict[str, dict[str, Mapping[str, Any]]]:
-    """Return the largest von Mises stress in each region of each body, by model, or in a body without regions."""
+    """Return the largest von Mises stress by model, and then by region of each body.
+
+    A body without named regions has one region, `WHOLE`.
+    """
     peaks = dict[str, dict[str, Mapping[str, Any]]]()
     for name, part in summaries_by_section(summary).items():
         for model, peak in part.get("stress_peak", {}).items():
@@ -160,7 +182,7 @@ def stress_by_part(summary: Mapping[str, Any]) -> dict[str, dict[str, Mapping[st
 
 
 def stress_table(result: RunResult) -> Table:
-    """Return the largest von Mises stress of each region, with its time and position."""
+    """Return a table of the largest von Mises stress in each region, with its time and position."""
     rows = [
         (model, region, peak["value"], peak["t"], *peak["position"], peak["face"])
         for model, regions in stress_by_part(result.summary).items()
@@ -171,7 +193,7 @@ def stress_table(result: RunResult) -> Table:
 
 
 def probe_table(result: RunResult) -> Table:
-    """Return smallest and largest value of what each probe measures, with times and path coordinates."""
+    """Return a table of the smallest and largest measurement of each probe, with times and path coordinates."""
     rows = []
     for model, response in result.responses.items():
         extremes = probe_extremes(response, result.abscissa_at(response.t))
@@ -185,7 +207,7 @@ def probe_table(result: RunResult) -> Table:
 
 
 def load_cycle_table(result: RunResult) -> Table:
-    """Return the rainflow cycles of stresses and strains at probes, for an assessment of fatigue."""
+    """Return a table of the rainflow cycles of stresses and strains at probes, for an assessment of fatigue."""
     rows = []
     for model, response in result.responses.items():
         for probe in _measured_probes(result, response):
@@ -196,7 +218,7 @@ def load_cycle_table(result: RunResult) -> Table:
 
 
 def section_force_table(result: RunResult) -> Table:
-    """Return the envelope of beams: smallest and largest force, moment and corner stress at each position."""
+    """Return a table of the smallest and largest force, moment and corner stress at each position along the beams."""
     rows = []
     for name, body in result.bodies.items():
         for model, envelope in body.envelopes.items():
@@ -219,25 +241,27 @@ _TABLES: Mapping[str, Callable[[RunResult], Table]] = {
 
 
 def _extreme_heads(unit: str) -> tuple[str, ...]:
-    """Return the heads of the columns of extremes in this unit."""
+    """Return the headings of the columns of extremes in this unit."""
     return f"min [{unit}]", "t_min [s]", "s_min [m]", f"max [{unit}]", "t_max [s]", "s_max [m]"
 
 
 def _extreme_heads_without_unit() -> tuple[str, ...]:
-    """Return the heads of the columns of extremes whose unit is in a column of its own."""
+    """Return the headings of the columns of extremes for tables with the unit in its own column."""
     return tuple(name.removesuffix(" []") for name in _extreme_heads(""))
 
 
 def _measured_probes(result: RunResult, response: Response) -> Iterator[Mapping[str, Any]]:
-    """Yield the probes of summary.json that the response has."""
+    """Yield the entries of summary.json about those probes whose measurements are in the response."""
     yield from (probe for probe in result.summary.get("probes", ()) if probe["name"] in response.other_names)
 
 
 def load(folder: str | Path) -> dict[str, DataFrame]:
-    """Results of a run or a study in a folder, as data frames of pandas by name; names of columns have the units.
+    """Return the results of a run or a study in a folder, as data frames of pandas, by name.
 
-    For a run these are its tables (`pmr.results.tables`), and the histories of each simulator over the time in s, under
-    the name of the simulator.  A study has ``runs`` and ``seconds``.  A collection has the frames of all its studies,
+    The names of columns include the units.
+
+    A run has its tables (`pmr.results.tables`), and the histories of each simulator over the time in s, under the name
+    of the simulator.  A study has ``runs`` and ``seconds``.  A collection has the frames of all its studies, by names
     such as ``<study>/runs``.
 
     Raises

@@ -241,7 +241,10 @@ def _inputs_and_parameters(drivers: Drivers, names: Identifiers, start: Array) -
 
 
 def output_kinds(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
-    """Yield name, unit and whether it has a rate, of each output in the kernel's order; forces have no rates."""
+    """Yield (name, unit, rate) of each output in the kernel's order; `rate` is True if the output has a rate of change.
+
+    Motions have rates, forces have none.
+    """
     for name, body in drivers.system.reduced.items():
         for output, unit, is_force in zip(names_of(body), units_of(body), force_outputs(body).tolist(), strict=True):
             yield qualified_name(name, output), unit, not is_force

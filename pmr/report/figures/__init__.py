@@ -1,1 +1,1 @@
-"""Figures of a run: each reads a result, computes nothing and returns a matplotlib figure."""
+"""Figures of a run: each function draws what a result holds, computes no new values and returns a matplotlib figure."""

@@ -1,4 +1,4 @@
-"""Style of all figures: empty sheets, pens, colours and axes; and how a figure becomes SVG for the page."""
+"""Style of all figures: empty sheets, pens, colours and axes; and the conversion of a figure to SVG for the page."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ from pmr.report.renderer import RAMP
 
 WIDE = 6.7  # in, the text width of an A4 page
 HALF = 3.25  # in, width of each of two figures beside each other
-BINS_PER_INCH = 80.0  # intervals that keep their peaks, about as wide as a line
+BINS_PER_INCH = 80.0  # intervals of a history, each drawn with its peaks; an interval is about as wide as a line
 
 MOST_DECADES = 18  # decades of a logarithmic axis, at most
-STEPS = (1, 2, 5, 10)  # between ticks, times a power of ten
+STEPS = (1, 2, 5, 10)  # distances between ticks, times a power of ten
 TICK = 0.45  # in, room for a tick's label along the axis
 INK, MUTED, SHADE, LIMIT = "#1c2733", "#5b6875", "#e8ecf0", "#b23b00"
 #: Colours of sections from the base out (Okabe and Ito), used again after the last.
@@ -48,7 +48,7 @@ SERIES = (("#0072b2", "o"), ("#d55e00", "s"), ("#00664b", "^"), ("#cc79a7", "D")
 _STYLE: Mapping[str, Any] = {
     "font.family": ["DejaVu Sans"],
     "font.size": 7.5,
-    "text.parse_math": False,  # what a user writes between two $ is no formula
+    "text.parse_math": False,  # a user's text between two $ is no formula
     "axes.labelsize": 7.5,
     "axes.titlesize": 7.5,
     "xtick.labelsize": 7.0,
@@ -81,12 +81,15 @@ _STYLE: Mapping[str, Any] = {
     "savefig.facecolor": "none",
 }
 ROW, ENTRY, LETTER = 0.14, 0.42, 0.062  # in, of a legend: height of a row, width of a line and of a letter
-SHADES = 60  # colours of which the ramp is drawn
+SHADES = 60  # number of colours in the ramp
 
 
 @dataclass(frozen=True)
 class Pen:
-    """Line of one simulator: colour (Okabe and Ito), width and dash in pt; legible in grey too."""
+    """Line style of one simulator: colour (Okabe and Ito), width and dash in pt.
+
+    The styles can be told from each other in grey too.
+    """
 
     label: str
     colour: str
@@ -94,7 +97,10 @@ class Pen:
     dash: tuple[float, ...] = ()
 
     def line(self, weight: float = 1.0) -> dict[str, Any]:
-        """Keywords for `Axes.plot`; `weight` multiplies the line's width, below 1 where curves are dense."""
+        """Keywords for `Axes.plot`.
+
+        `weight` multiplies the line's width; it is below 1 where many curves are close together.
+        """
         pattern: Any = (0, tuple(length / self.width for length in self.dash)) if self.dash else "-"
         return {"color": self.colour, "linewidth": weight * self.width, "linestyle": pattern}
 
@@ -107,18 +113,21 @@ PENS: Mapping[str, Pen] = {
 
 
 def section_colours(names: Iterable[str]) -> dict[str, str]:
-    """Colour of each section of a boom, named from the base out; all figures have the same colours."""
+    """Colour of each section of a boom, by name, for `names` from the base out; all figures use the same colours."""
     return {name: SECTIONS[k % len(SECTIONS)] for k, name in enumerate(names)}
 
 
 def mix_with_white(colour: str, share: float) -> Any:
-    """Mix the share `share` (0 to 1) of a colour with white: an opaque colour, so nothing below shows through."""
+    """Mix the share `share` (0 to 1) of a colour with white.
+
+    The result is opaque, so that nothing below it shows through.
+    """
     return colour if share == 1.0 else tuple(1.0 - share * (1.0 - channel) for channel in to_rgb(colour))
 
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Draw figures in the style of the report within a ``with``; settings of Matplotlib are restored afterwards."""
+    """Draw figures in the style of the report within a ``with`` block; then the settings of Matplotlib are restored."""
     with mpl.rc_context(dict(_STYLE)):
         yield
 
@@ -131,10 +140,10 @@ def make_sheet(
     margins: Mapping[str, float] | None = None,
     **grid: Any,
 ) -> tuple[Figure, Any]:
-    """Make an empty figure of `width` x `height` in, and its axes (rows, columns).
+    """Make an empty figure of `width` x `height` inches, and its axes (rows, columns).
 
-    `margins` (``left``, ``right``, ``top``, ``bottom``) are in inches, so that axes of different figures line up and
-    nothing has to be measured.  `grid` holds further keywords of `Figure.subplots`.
+    `margins` (``left``, ``right``, ``top``, ``bottom``) are in inches.  So the axes of different figures line up, and
+    no text has to be measured.  `grid` holds further keywords of `Figure.subplots`.
     """
     inches = {"left": 0.6, "right": 0.16, "top": 0.28, "bottom": 0.38, **(margins or {})}
     figure = Figure(figsize=(width, height))
@@ -154,14 +163,17 @@ def make_sheet(
 
 
 def _place_labels(ax: Axes) -> None:
-    """Put axis labels at fixed distances from the axes, so that they line up and nothing has to be measured."""
+    """Put axis labels at fixed distances from the axes, so that labels line up and no text has to be measured."""
     extent, inch = ax.get_window_extent(), mpl.rcParams["figure.dpi"]
     ax.yaxis.set_label_coords(-0.42 * inch / extent.width, 0.5)
     ax.xaxis.set_label_coords(0.5, -0.25 * inch / extent.height)
 
 
 def equal_axes(ax: Axes) -> None:
-    """Give both axes the same scale; they get narrower or lower, and their labels keep their distances."""
+    """Give the x-axis and the y-axis the same scale.
+
+    The axes become narrower or lower, and their labels keep their distances from the axes.
+    """
     ax.set_aspect("equal", adjustable="box", anchor="SW")
     ax.apply_aspect()
     _place_labels(ax)
@@ -170,16 +182,16 @@ def equal_axes(ax: Axes) -> None:
 
 
 def legend_rows(names: Sequence[str], width: float) -> int:
-    """Number of rows that a legend of these names needs above the axes of a figure `width` in wide.
+    """Number of rows that a legend of `names` needs above the axes of a figure of `width` inches.
 
-    A figure has to be higher by `ROW` for each row after the first.
+    The figure has to be higher by `ROW` inches for each row after the first.
     """
     entries = sum(ENTRY + LETTER * len(name) for name in names)
     return max(1, min(ceil(entries / (width - 0.6)), len(names)))
 
 
 def add_legend(figure: Figure, handles: Sequence[Artist], rows: int = 1) -> None:
-    """Add a legend of `handles` above the axes, where no curve is, in so many rows."""
+    """Add a legend of `handles`, in this number of `rows`, above the axes, where it covers no curve."""
     if handles:
         left_edge, roomy = figure.axes[0].get_position().x0, figure.get_figwidth() > HALF
         names = [handle.get_label() for handle in handles]
@@ -195,13 +207,13 @@ def add_legend(figure: Figure, handles: Sequence[Artist], rows: int = 1) -> None
             handlelength=2.2 if roomy else 1.9,
         )
         for text, name in zip(legend.get_texts(), names, strict=True):
-            text.set_text(name)  # as a label one that begins with _ would be left out
+            text.set_text(name)  # Matplotlib leaves out labels that begin with _, so the text is set afterwards
 
 
 def log_axis(ax: Axes, low: float, high: float) -> None:
-    """Make the y-axis logarithmic over the whole decades from `low` to `high`, `MOST_DECADES` at most.
+    """Make the y-axis logarithmic over the whole decades from `low` to `high`, but over at most `MOST_DECADES`.
 
-    Labels are powers of ten as plain text, without math mode.
+    Labels are powers of ten as plain text, as math mode is switched off.
     """
     top = ceil(log10(high) - 1e-9)
     bottom = max(min(floor(log10(low)), top - 1), top - MOST_DECADES)
@@ -213,9 +225,9 @@ def log_axis(ax: Axes, low: float, high: float) -> None:
 
 
 def octave_axis(ax: Axes, low: float, high: float) -> bool:
-    """Make the y-axis logarithmic with labels 1, 2, 5, 10, if `low` to `high` span one to four decades.
+    """Make the y-axis logarithmic with labels 1, 2, 5, 10 if the range `low` to `high` spans one to four decades.
 
-    Return whether they do; else the axis is left as it is.
+    Return whether the range does; if it does not, the axis is left unchanged.
     """
     if not 10.0 < high / max(low, 1e-300) < 1e4:
         return False
@@ -227,7 +239,10 @@ def octave_axis(ax: Axes, low: float, high: float) -> bool:
 
 
 def log_x(ax: Axes, low: float, high: float) -> None:
-    """Make the x-axis logarithmic, with labels 1, 2, 5, 10, or over more than three decades powers of ten."""
+    """Make the x-axis logarithmic with the labels 1, 2, 5, 10.
+
+    If the range spans more than three decades, the labels are powers of ten.
+    """
     many = log10(high / low) > 3.0
     ticks = _round_values(0.999 * low, 1.001 * high, (1.0,) if many else (1.0, 2.0, 5.0))
     ax.set_xscale("log")
@@ -237,15 +252,15 @@ def log_x(ax: Axes, low: float, high: float) -> None:
 
 
 def _round_values(low: float, high: float, steps: Sequence[float] = (1.0, 2.0, 5.0)) -> list[float]:
-    """Products of `steps` and powers of ten that are between `low` and `high`."""
+    """Products of one of `steps` and a power of ten that lie between `low` and `high`."""
     decades = range(floor(log10(low)), ceil(log10(high)) + 1)
     return [tick for decade in decades for step in steps if low <= (tick := step * 10.0**decade) <= high]
 
 
 def curve_style(number: int, size: float = 2.6) -> dict[str, Any]:
-    """Keywords for `Axes.plot` of the curve with this number: colour, marker, and dash.
+    """Keywords for `Axes.plot` of the curve with this number: colour, marker and dash.
 
-    After all colours of `SERIES`, the next curves have other dashes and fills of their markers.
+    When all colours of `SERIES` are used, they are used again with other dashes and with markers of another fill.
     """
     colour, marker = SERIES[number % len(SERIES)]
     cycle = number // len(SERIES) % 3
@@ -261,13 +276,13 @@ def curve_style(number: int, size: float = 2.6) -> dict[str, Any]:
 
 
 def bins_of(ax: Axes) -> int:
-    """Number of intervals in which a signal over the width of `ax` keeps its peaks."""
+    """Number of intervals into which a signal over the width of `ax` is divided, each drawn with its peaks."""
     inches = ax.get_window_extent().width / mpl.rcParams["figure.dpi"]
     return max(40, int(BINS_PER_INCH * inches))
 
 
 def colour_scale(largest: float) -> Figure:
-    """Draw the colours of stresses from 0 to `largest` in MPa and above, with their scale."""
+    """Draw the colour scale of stresses from 0 to `largest` in MPa, with the colour of larger stresses at its end."""
     colours = LinearSegmentedColormap.from_list("stress", RAMP)
     figure, axes = make_sheet(HALF, 0.55, margins={"left": 0.1, "right": 0.3, "top": 0.08, "bottom": 0.36})
     ax = axes[0, 0]
@@ -294,17 +309,17 @@ _FILE = Path(mpl.get_data_path(), "fonts", "ttf", "DejaVuSans.ttf")
 def svg(figure: Figure, name: str, description: str) -> str:
     """Turn a figure into an ``<svg>`` element whose identifiers are unique in the page; changes texts of the figure.
 
-    Text stays text, so that it can be searched, in the font `FONT` that the page embeds: it looks the same in every
-    browser and in the PDF.  Styles become attributes, groups that only structure are dissolved, and coordinates get two
-    decimals of a point, which keeps pages with dozens of figures small and quick.
+    Text remains text, so that it can be searched.  It is in the font `FONT`, which the page embeds, so that it looks
+    the same in every browser and in the PDF.  To keep pages with dozens of figures small and quick, styles become
+    attributes, groups without attributes are dissolved, and coordinates are rounded to two decimals of a point.
 
     Parameters
     ----------
     figure : Figure
     name : str
-        Unique in the page; put before every identifier.
+        Name of the figure, unique in the page; it is put before every identifier.
     description : str
-        For those who listen to the page.
+        Text that a screen reader says in place of the figure.
     """
     buffer = io.BytesIO()
     for text in figure.findobj(Text):
@@ -328,14 +343,17 @@ def svg(figure: Figure, name: str, description: str) -> str:
 
 
 def drawing(name: str, draw: Callable[..., Figure], caption: str, *arguments: Any) -> Drawing:
-    """Draw a figure in the report's style by ``draw(*arguments)``; `name` is unique in the page."""
+    """Draw a figure in the report's style by ``draw(*arguments)``, and return it with its caption.
+
+    `name` is the figure's identifier and has to be unique in the page.
+    """
     with style():
         figure = draw(*arguments)
         return Drawing(name, svg(figure, name, caption), caption, half=figure.get_figwidth() <= HALF)
 
 
 def drawn_text(drawn: str) -> str:
-    """All text in an SVG, from which the characters of the embedded font are taken."""
+    """All text in an SVG; the embedded font is reduced to the characters of this text."""
     return "".join(re.findall(r">([^<]+)<", drawn))
 
 
@@ -346,7 +364,7 @@ def _referred_identifiers(element: Element) -> Iterator[str]:
 
 
 def _flatten(parent: Element) -> Iterator[Element]:
-    """Yield the children of `parent`; a group without attributes is replaced by its own children."""
+    """Yield the children of `parent`, where each group without attributes is replaced by its own children."""
     for child in parent:
         if child.tag == f"{_SVG}g" and not set(child.attrib) - {"id"}:
             yield from _flatten(child)
@@ -355,9 +373,9 @@ def _flatten(parent: Element) -> Iterator[Element]:
 
 
 def _write_element(element: Element, name: str, used: set[str]) -> str:
-    """Write an element and all that it contains as text, without namespaces.
+    """Write an element and all elements in it as text, without namespaces.
 
-    `name` is put before identifiers; only the `used` ones are kept.
+    `name` is put before identifiers; identifiers that are not in `used` are left out.
     """
     tag = element.tag.removeprefix(_SVG)
     attributes = "".join(f' {key}="{escape(value)}"' for key, value in _attributes(element, name, used))
@@ -367,9 +385,10 @@ def _write_element(element: Element, name: str, used: set[str]) -> str:
 
 
 def _attributes(element: Element, name: str, used: set[str]) -> Iterator[tuple[str, str]]:
-    """Yield an element's attributes (name, value) as they are written, with identifiers that begin with `name`.
+    """Yield an element's attributes (name, value) as they are written; identifiers get `name` as their beginning.
 
-    Numbers are rounded, and declarations of a style become attributes.
+    Identifiers that are not in `used` are left out.  Numbers are rounded, and declarations of a style become
+    attributes.
     """
     for key, value in element.attrib.items():
         if key == "id":
@@ -394,7 +413,7 @@ def _round_decimals(numbers: str) -> str:
 
 
 def font_face_rule(family: str, characters: str) -> str:
-    """CSS ``@font-face`` rule that holds DejaVu Sans, reduced to `characters`, under the name `family`."""
+    """CSS rule ``@font-face`` with the font DejaVu Sans, reduced to `characters`, under the name `family`."""
     options = subset.Options(layout_features=[], hinting=False, notdef_outline=True)
     options.drop_tables += ["FFTM"]
     font = TTFont(_FILE, recalcTimestamp=False)

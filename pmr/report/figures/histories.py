@@ -1,4 +1,4 @@
-"""Figures over time with their captions: histories beside a reference, energies, residuals and error bands."""
+"""Figures over time with their captions: histories beside a reference model, energies, residuals and error bands."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ from pmr.report.numbers import NOTHING, SPACE, format_length, format_percent, un
 from pmr.results import Response, RunResult
 
 Array = NDArray[np.float64]
-SHORT = 400  # samples below which no part of a history is enlarged
-PAUSE = 2  # samples of standstill that do not divide a motion
-FLATTEST = 1e-3  # range of an axis over its largest value, at least: labels of ticks are short
+SHORT = 400  # samples; in a history with fewer samples no part is enlarged
+PAUSE = 2  # samples; a standstill of so many samples does not divide a motion
+FLATTEST = 1e-3  # least range of an axis as a share of its largest value, so that labels of ticks stay short
 BAND = "#f2d6c2"  # colour of an error band
 
 
@@ -50,14 +50,14 @@ class Span:
 
 
 def responses_in_drawing_order(result: RunResult) -> Mapping[str, Response]:
-    """Responses of a result in the order in which they are drawn, the thickest line first."""
+    """Responses of a result by simulator, in the order in which they are drawn: the thickest line first."""
     return {name: result.responses[name] for name in PENS if name in result.responses}
 
 
 def sliding_spans(t: Array, rate: Array) -> tuple[Span, ...]:
-    """Intervals in which something moves, by its `rate` (T,) at the times `t` (T,) in s.
+    """Intervals of time in which something moves, by its `rate` (T,) at the times `t` (T,) in s.
 
-    Standstills of up to `PAUSE` samples, where one ramp meets the next, do not divide an interval.
+    Standstills of up to `PAUSE` samples, where one ramp ends and the next one begins, do not divide an interval.
     """
     moving = np.flatnonzero(np.abs(rate) > 1e-9 * np.abs(rate).max(initial=0.0))
     if not len(moving):
@@ -69,9 +69,9 @@ def sliding_spans(t: Array, rate: Array) -> tuple[Span, ...]:
 
 
 def _relative_rates(result: RunResult, t: Array) -> Array:
-    """Largest rate (T,) of all that slides, luffs or slews, each over its own largest rate.
+    """Largest relative rate (T,) of all paths and angles that change, at the times `t` (T,) in s.
 
-    The rates of lengths and of angles have no common unit.
+    Each rate is divided by its own largest value, as rates of lengths and of angles have no common unit.
     """
     angles = [angle.rate(t) for angle in subject.changing_angles(result).values()]
     rates = np.abs(np.column_stack([result.paths.rates, *angles]))
@@ -80,7 +80,7 @@ def _relative_rates(result: RunResult, t: Array) -> Array:
 
 
 class Timeline:
-    """Time axis of a run: that of the reduced model, to which signals of the other models are interpolated.
+    """Time axis of a run: the times of the reduced model, to which the signals of the other models are interpolated.
 
     `phases` are the intervals in which something slides, luffs or slews.
     """
@@ -90,11 +90,12 @@ class Timeline:
         self.t = result.responses["reduced"].t
         self.whole = Span(float(self.t[0]), float(self.t[-1]))
         self.phases = sliding_spans(self.t, _relative_rates(result, self.t))
-        #: Model with which the others are compared: the full one, or else ANCF; None for a reduced model alone.
+        #: Name of the model to which the others are compared: ``full`` or, if it was not simulated, ``ancf``; None if
+        #: the reduced model was simulated alone.
         self.reference = next((name for name in ("full", "ancf") if name in result.responses), None)
 
     def signals(self, what: ResponseFunction) -> dict[str, Array]:
-        """Signals (T,) by simulator of the history that `quantity` reads from a response.
+        """Signals (T,) by simulator; `what` reads the history from a response.
 
         Simulators without finite values at all times are left out.
         """
@@ -105,17 +106,20 @@ class Timeline:
         return {name: signal for name, signal in signals.items() if np.isfinite(signal).all()}
 
     def differences(self, signals: Mapping[str, Array]) -> dict[str, Array]:
-        """Signals minus that of the reference, by simulator; empty if there is no reference among them."""
+        """Differences (T,) between signals and the signal of the reference model, by simulator.
+
+        They are empty if `signals` do not include the reference model.
+        """
         base = self.reference
         if base is None or base not in signals:
             return {}
         return {name: signal - signals[base] for name, signal in signals.items() if name != base}
 
     def visible_differences(self, *panels: Mapping[str, Array], largest: float = 0.0) -> list[dict[str, Array]]:
-        """Differences to the reference for each panel; all are empty if they are too small beside the signals.
+        """Differences to the reference for each panel, by simulator; all are empty if they are too small to be seen.
 
-        They are too small up to the share `unseen` of the largest signal of all panels, or of `largest` if that is
-        more.
+        They are too small if they do not exceed the share `pmr.report.columns.invisible_difference` of the largest
+        signal of all panels, or of `largest` if `largest` exceeds that signal.
         """
         differences = [self.differences(signals) for signals in panels]
         most = max(largest, largest_of(*panels))
@@ -124,15 +128,16 @@ class Timeline:
         )
 
     def detail(self, signals: Mapping[str, Array], largest: float = 0.0) -> Span | None:
-        """Window, a twentieth of the time, about the largest visible difference of the reduced model.
+        """Window of a twentieth of the time about the largest visible difference of the reduced model.
 
-        Without one it is about its largest value; None is returned for a motion of fewer than `SHORT` samples.
+        If no difference is visible, the window is about the largest value of the reduced model.  It is None for a
+        motion of fewer than `SHORT` samples.
         """
         signal = self.visible_differences(signals, largest=largest)[0].get("reduced", signals["reduced"])
         return self.window(int(np.argmax(np.abs(signal))))
 
     def window(self, step: int) -> Span | None:
-        """Window, a twentieth of the time, about a time step; None for a motion of fewer than `SHORT` samples."""
+        """Window of a twentieth of the time about a time step; None for a motion of fewer than `SHORT` samples."""
         if len(self.t) < SHORT:
             return None
         half = (self.whole.end - self.whole.start) / 40.0
@@ -142,7 +147,10 @@ class Timeline:
     def trace(
         self, ax: Axes, curves: Mapping[str, Array], size: float, span: Span | None = None, weight: float = 1.0
     ) -> None:
-        """Draw curves (T,) divided by `size` within `span`, by default the whole time; `weight` scales line widths."""
+        """Draw curves (T,) divided by `size` within `span`, which is by default the whole time.
+
+        `weight` multiplies the widths of the lines.
+        """
         span = span or self.whole
         inside = np.flatnonzero((self.t >= span.start) & (self.t <= span.end))
         for order, (name, curve) in enumerate(curves.items()):
@@ -152,7 +160,7 @@ class Timeline:
     def frame(self, ax: Axes, label: str, span: Span | None = None, last: bool = True) -> None:
         """Set limits and labels of an axis of time, and shade the phases in which something moves.
 
-        The name of the time axis stands only below the `last` axes of a column.
+        Only the lowest axes of a column (`last`) have the name of the time axis below them.
         """
         span = span or self.whole
         for phase in self.phases:
@@ -167,11 +175,11 @@ class Timeline:
             ax.tick_params(labelbottom=False)
 
     def legend(self, names: Sequence[str]) -> list[Any]:
-        """Legend entries of these simulators and of the shade."""
+        """Legend entries for these simulators and for the shade of the phases in which something moves."""
         return [*(Line2D([], [], label=PENS[name].label, **PENS[name].line()) for name in names), *self.shade_legend()]
 
     def shade_legend(self) -> list[Any]:
-        """List of the legend entry for the phases in which something moves; empty if nothing moves."""
+        """List with the legend entry for the phases in which something moves; empty if nothing moves."""
         what = "boom" if subject.changing_angles(self.result) else subject.moving_part(self.result)
         return [Patch(facecolor=SHADE, label=f"{what} moves")] if self.phases else []
 
@@ -195,14 +203,14 @@ def drawn_history(
     Parameters
     ----------
     name : str
-        Of the figure in the page.
-    what : callable
+        Identifier of the figure in the page.
+    quantity : callable
         Reads the quantity (T,), in the unit `base` without prefix, from a response.
     description, label : str
         Beginning of the caption, and label of the axis.
     largest : float, optional
-        For displacements, the largest one in all directions in m: differences too small beside it are not drawn, but
-        stand as a number in the caption.
+        For displacements, the largest displacement in m in all directions.  Differences that are too small beside it
+        are not drawn, but the caption states their size.
     """
     time = Timeline(result)
     signals = time.signals(quantity)
@@ -223,7 +231,8 @@ def drawn_history(
 def difference_clause(time: Timeline, signals: Mapping[str, Array], shown: str, largest: float = 0.0) -> str:
     """Clause on the difference to the reference; empty without a reference.
 
-    If the difference is visible, the clause begins with `shown`, which says where; else it says how small it is.
+    If the difference is visible, the clause begins with `shown`, which says where in the figure; otherwise it says how
+    small the difference is.
     """
     base, limit = time.reference, invisible_difference(time.result)
     if base is None or base not in signals:
@@ -235,9 +244,9 @@ def difference_clause(time: Timeline, signals: Mapping[str, Array], shown: str, 
 
 
 def _widen_limits(ax: Axes, panel: Mapping[str, Array], size: float) -> None:
-    """Set the limits of an axis whose signals hardly change, so that the labels of its ticks stay short.
+    """Widen the limits of an axis whose signals hardly change, so that the labels of its ticks stay short.
 
-    The signals (T,) are drawn over `size`.
+    `panel` are the signals (T,), which are divided by `size` when they are drawn.
     """
     low, high = (float(end([end(signal) for signal in panel.values()])) for end in (np.min, np.max))
     least = FLATTEST * max(abs(low), abs(high))
@@ -246,7 +255,7 @@ def _widen_limits(ax: Axes, panel: Mapping[str, Array], size: float) -> None:
 
 
 def model_words(simulator: str) -> str:
-    """Words for the model of a simulator in a sentence."""
+    """Words that name the model of a simulator within a sentence."""
     return "ANCF" if simulator == "ancf" else f"the {simulator} model"
 
 
@@ -260,7 +269,8 @@ def history_figure(
 ) -> Figure:
     """Draw signals (T,) over time, and below them their differences to the reference if these are visible.
 
-    On the right both are enlarged within `window`, if there is one.  `base` is the unit without prefix.
+    On the right, signals and differences are enlarged within `window`, if this is not None.  `base` is the unit without
+    prefix.
     """
     panels = [(label, signals)]
     panels += [("Difference", of) for of in time.visible_differences(signals, largest=largest) if of]
@@ -275,7 +285,7 @@ def history_figure(
             time.frame(ax, f"{name} in {unit.name}" if ax is row[0] else "", span, last=number == len(panels))
         _widen_limits(row[0], panel, unit.size)
         if window:
-            # no label where the last one of the first axes is
+            # no label at the place of the last label of the axes on the left
             row[1].xaxis.set_major_locator(MaxNLocator(3, steps=STEPS, prune="lower"))
             row[0].axvspan(window.start, window.end, facecolor="none", edgecolor=INK, linewidth=0.6, zorder=4.0)
     add_legend(figure, time.legend(list(signals)))
@@ -283,7 +293,7 @@ def history_figure(
 
 
 def energy_drawing(name: str, result: RunResult) -> Drawing:
-    """Draw strain, kinetic and external energy over time, and on the right their differences to the reference."""
+    """Draw strain, kinetic and external energy over time, and on the right their differences to the reference model."""
     time, parts = Timeline(result), ("strain", "kinetic", "external")
     signals = [time.signals(attrgetter(f"energy.{part}")) for part in parts]
     differences = time.visible_differences(*signals)
@@ -299,7 +309,10 @@ def _energies(
     signals: Sequence[Mapping[str, Array]],
     differences: Sequence[dict[str, Array]],
 ) -> Figure:
-    """Draw a row for each part of the energy; signals (T,) in J share one unit, and differences share another."""
+    """Draw a row of axes for each part of the energy.
+
+    All signals (T,) in J share one unit, and all differences share another.
+    """
     columns = [([f"{part.capitalize()} energy" for part in parts], signals)]
     columns += [(["Difference"] * len(parts), differences)] if any(differences) else []
     gaps = {"wspace": 0.24, "hspace": 0.14}
@@ -315,7 +328,10 @@ def _energies(
 
 
 def residual_drawing(name: str, result: RunResult, level: str, unit: str) -> Drawing:
-    """Draw the residual of the moving constraint over time, at `level` ``position`` or ``velocity``, in `unit`."""
+    """Draw the residual of the moving constraint over time, in `unit`.
+
+    `level` says whether it is the residual of the ``position`` or of the ``velocity``.
+    """
     time = Timeline(result)
     signals = {of: np.abs(signal) for of, signal in time.signals(attrgetter(f"residual_{level}")).items()}
     unknown = [PENS[of].label for of in responses_in_drawing_order(result) if of not in signals]
@@ -346,7 +362,7 @@ def _residuals(time: Timeline, signals: Mapping[str, Array], label: str) -> Figu
 def estimate_band(result: RunResult, quantity: ResponseFunction, error_bound: Array) -> Figure:
     """Draw an estimated error `error_bound` (T,) in m of a tip displacement as a band about 0.
 
-    The difference of the reduced to the full model is drawn in it, if that is known.
+    The difference between the reduced and the full model is drawn within the band, if the full model was simulated.
     """
     time = Timeline(result)
     off = {name: values for name, values in time.differences(time.signals(quantity)).items() if name == "reduced"}

@@ -33,23 +33,24 @@ from pmr.report.numbers import enlargement
 
 Array = NDArray[np.float64]
 
-#: Curves of constant load, at most; cells with a text for a pointer, at most.
+#: Largest number of curves of constant load; largest number of cells that show a text under a pointer.
 CURVES, MOST_CELLS = 12, 4000
-#: Loads of curves, times a power of ten.
+#: Loads in kg for which curves of constant load are drawn, times a power of ten.
 STEPS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
-#: How far colours of limits are mixed with white.
+#: Share (0 to 1) in which the colours of limits are mixed with white.
 PALE = 0.55
-#: Width of the strip that shows a single reach or half of a single angle, as a share of the reach.
+#: Width of the strip for a single reach, and half the width of the strip for a single angle, as a share of the reach.
 STRIP = 0.02
-#: Largest height of the picture over its width.
+#: Largest height of the picture, as a multiple of its width.
 TALLEST = 0.65
 
 
 @dataclass(frozen=True)
 class LoadChart:
-    """Load chart for E reaches and A angles: tip (E, A, 2) in m, load (E, A) in kg, and governing limit (E, A).
+    """Load chart for E reaches and A angles.
 
-    The tip is a radius and a height from the pivot; `which` is the number of a limit in `names`, -1 where none governs.
+    `place` (E, A, 2) is the position of the tip in m, as radius and height from the pivot.  `load` (E, A) is the load
+    in kg. `which` (E, A) is the number of the governing limit in `names`, or -1 if no limit governs.
     """
 
     place: Array
@@ -59,20 +60,20 @@ class LoadChart:
 
     @property
     def governing_limits(self) -> list[int]:
-        """Numbers of the limits that govern anywhere, in increasing order."""
+        """Numbers of the limits that govern at some position, in increasing order."""
         return sorted(int(k) for k in np.unique(self.which) if k >= 0)
 
 
 def load_chart(chart: LoadChart) -> Figure:
-    """Draw a load chart: a coloured cell about each position of the tip, and curves of constant load."""
+    """Draw a load chart: a coloured cell around each position of the tip, and curves of constant load."""
     return _draw_chart(chart)[0]
 
 
 def pointer_cells(chart: LoadChart, texts: Sequence[str]) -> str:
-    """Transparent cells, as elements for the end of a chart's SVG, that show a text under a pointer.
+    """Transparent cells that show a text under a pointer, as elements to be put at the end of a chart's SVG.
 
-    `texts` are those of the positions, by reach, then angle.  No cells are returned if there are more than
-    `MOST_CELLS`.
+    `texts` are the texts of all positions: all angles of the first reach, then those of the next one.  No cells are
+    returned if there are more than `MOST_CELLS`.
     """
     if not 0 < len(texts) <= MOST_CELLS:
         return ""
@@ -121,9 +122,9 @@ def _draw_chart(chart: LoadChart) -> tuple[Figure, Array]:
 
 
 def _contour_loads(load: Array) -> list[float]:
-    """Loads in kg for which curves are drawn: round ones, `CURVES` at most; empty if all loads are equal.
+    """Loads in kg for which curves are drawn: at most `CURVES` round numbers; empty if all loads are equal.
 
-    If no round one is between the least and the largest load, three in equal intervals are returned.
+    If no round number lies between the least and the largest load, three loads at equal distances are returned.
     """
     finite = load[np.isfinite(load) & (load > 0.0)]
     if not len(finite) or finite.max() <= finite.min():
@@ -135,9 +136,9 @@ def _contour_loads(load: Array) -> list[float]:
 
 
 def _side_view(low: Array, high: Array, tallest: float, rows: int = 1) -> tuple[Figure, Axes]:
-    """Make axes of radius and height in m from `low` to `high` (2,); the height is at most `tallest` times the width.
+    """Make axes of radius and height in m from `low` (2,) to `high` (2,).
 
-    A legend of so many `rows` has room above them.
+    Their height is at most `tallest` times the width.  Above the axes there is room for a legend of `rows` rows.
     """
     top, tall = 0.12 + ROW * rows, min((WIDE - 0.76) * float(np.divide(*(high - low)[::-1])), tallest * WIDE)
     figure, axes = make_sheet(WIDE, tall + top + 0.42, margins={"left": 0.6, "right": 0.16, "top": top, "bottom": 0.42})
@@ -147,10 +148,10 @@ def _side_view(low: Array, high: Array, tallest: float, rows: int = 1) -> tuple[
 
 
 def _corners(place: Array) -> Array:
-    """Corners (E + 1, A + 1, 2) in m of the cells about the positions of the tip.
+    """Corners (E + 1, A + 1, 2) in m of the cells around the positions `place` (E, A, 2) in m of the tip.
 
-    No cell extends beyond the outermost positions, so cells at an end are half as long as others.  A single reach is a
-    strip that ends at it, a single angle a strip to both sides of it.
+    No cell extends beyond the outermost positions, so a cell at an end is half as long as the others.  A single reach
+    is drawn as a strip that ends at this reach, a single angle as a strip with the angle in its middle.
     """
     if place.shape[1] == 1:
         turn = np.array([[np.cos(STRIP), np.sin(STRIP)], [-np.sin(STRIP), np.cos(STRIP)]])
@@ -161,9 +162,10 @@ def _corners(place: Array) -> Array:
 
 
 def _cell_angles(place: Array) -> Array:
-    """Boundaries (E, A + 1, 2) in m between neighbouring angles: the first angle, those half way, and the last one.
+    """Boundaries (E, A + 1, 2) in m of the cells along the angle.
 
-    They lie at the mean radius of both neighbours.
+    They are the first angle, the angles half way between neighbours, and the last angle.  A boundary between two angles
+    lies at the mean radius of both positions.
     """
     polar = np.stack([np.linalg.norm(place, axis=-1), np.arctan2(place[..., 1], place[..., 0])], axis=-1)
     radius, angle = np.moveaxis(_midpoints(polar, 1), -1, 0)
@@ -171,35 +173,41 @@ def _cell_angles(place: Array) -> Array:
 
 
 def _midpoints(values: Array, axis: int) -> Array:
-    """First of the values along an axis, the means of neighbours, and the last one: one more than there are values."""
+    """First of the values along an axis, then the means of neighbours, then the last one.
+
+    There is one more result than there are values.
+    """
     count = values.shape[axis]
     first, last = np.take(values, [0], axis), np.take(values, [-1], axis)
     middle = (np.take(values, range(count - 1), axis) + np.take(values, range(1, count), axis)) / 2.0
     return np.concatenate([first, middle, last], axis=axis)
 
 
-#: Largest displacement as it is drawn, over the reach; largest height of the picture over its width.
+#: Largest displacement in the drawing as a share of the reach; largest height of the picture over its width.
 BENT, SIDE_TALLEST = 0.06, 0.42
 
 
 @dataclass(frozen=True)
 class BentBoom:
-    """Bent boom at rest: b points on its axis, and their displacement upwards, across it."""
+    """Bent boom at rest, as b points on its axis and their displacements upwards, at right angles to the axis."""
 
     along: Array  # (b,) m, from the base's tail
     across: Array  # (b,) m, upwards at right angles to the axis
-    section: NDArray[np.int64]  # (b,), number of the section that a point is on
-    names: tuple[str, ...]  # of all sections
-    luffing: float  # rad
+    section: NDArray[np.int64]  # (b,), number of the section that each point is on
+    names: tuple[str, ...]  # names of all sections
+    luffing: float  # rad, luffing angle
 
     @property
     def scale(self) -> float:
-        """Factor by which displacements are drawn, a round number."""
+        """Factor, a round number, by which displacements are enlarged in the drawing."""
         return enlargement(float(np.abs(self.across).max(initial=0.0)), BENT * float(self.along.max()))
 
 
 def bent_boom(boom: BentBoom) -> Figure:
-    """Draw a boom at rest from the side: its undeformed axis, thin, and the bent sections, displacements enlarged."""
+    """Draw a boom at rest from the side: a thin line for the undeformed axis, and the bent sections.
+
+    Displacements are enlarged.
+    """
     c, s = np.cos(boom.luffing), np.sin(boom.luffing)
     deflection = boom.scale * boom.across
     x, z = boom.along * c - deflection * s, boom.along * s + deflection * c

@@ -37,7 +37,7 @@ _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000")
 
 
 def path_figure(result: RunResult) -> Figure:
-    """Draw the extensions of a boom's sections over time, or the positions of what moves along a body alone."""
+    """Draw over time the extensions of a boom's sections, or for a body alone the positions of what moves along it."""
     time, ahead, sections = Timeline(result), slider_offsets(result), result.reach is not None
     figure, axes = make_sheet(HALF, 2.0 if sections else 1.7)
     ax = axes[0, 0]
@@ -59,7 +59,7 @@ def path_figure(result: RunResult) -> Figure:
 
 
 def angle_figure(result: RunResult, changing: Mapping[str, SignalBase]) -> Figure:
-    """Draw the angles that change during the run over time, in degrees."""
+    """Draw the angles `changing`, which change during the run, over time in degrees."""
     time = Timeline(result)
     figure, axes = make_sheet(HALF, 1.7)
     _plot(axes[0, 0], time.t, [np.rad2deg(angle.value(time.t)) for angle in changing.values()])
@@ -69,7 +69,7 @@ def angle_figure(result: RunResult, changing: Mapping[str, SignalBase]) -> Figur
 
 
 def load_figure(result: RunResult) -> Figure:
-    """Draw loads over time: forces, and in a panel of their own moments."""
+    """Draw loads over time: forces in one panel, moments in another."""
     time, acting = Timeline(result), subject.scene_loads(result)
     units = sorted({load.unit for load in acting})
     rows = (
@@ -101,24 +101,24 @@ def _plot(
     colours: Sequence[str] = _COLOURS,
     widths: Sequence[float] = (0.7,),
 ) -> None:
-    """Draw signals (T,) over the times `t` (T,), with colours and widths that are used in turn."""
+    """Draw signals (T,) over the times `t` (T,) in s; colours and widths are used in turn."""
     for i, signal in enumerate(signals):
         shown = extreme_indices(signal, bins_of(ax))
         ax.plot(t[shown], signal[shown], color=colours[i % len(colours)], linewidth=widths[i % len(widths)])
 
 
 def _legend(names: Sequence[str], colours: Sequence[str] = _COLOURS, minimum: int = 2) -> list[Any]:
-    """Legend entries of lines; none for fewer than `minimum` names, whose axis says what they are."""
+    """Legend entries of lines; empty for fewer than `minimum` names, as the label of the axis then names the line."""
     if len(names) < minimum:
         return []
     return [Line2D([], [], label=name, color=colours[i % len(colours)]) for i, name in enumerate(names)]
 
 
-MOST_FORCES = 8  # panels of one figure
+MOST_FORCES = 8  # largest number of panels in one figure
 
 
 def force_figure(result: RunResult, group: Sequence[Force]) -> Figure:
-    """Draw up to `MOST_FORCES` forces, or moments, over time, each in a panel of its own on one scale."""
+    """Draw up to `MOST_FORCES` forces, or moments, over time, each in its own panel; all panels have the same scale."""
     time = Timeline(result)
     signals = [time.signals(force.history) for force in group]
     unit, columns = unit_for(largest_of(*signals), group[0].unit), min(len(group), 2)
@@ -141,7 +141,7 @@ def force_figure(result: RunResult, group: Sequence[Force]) -> Figure:
 
 
 def pivot_figure(result: RunResult, outputs: Sequence[Output]) -> Figure:
-    """Draw the forces, or moments, of the boom on its machine over time, all in one panel."""
+    """Draw the forces, or moments, between the boom and its machine over time, all in one panel."""
     time, response = Timeline(result), result.responses["reduced"]
     signals = [response.other(output.name) for output in outputs]
     unit = unit_for(max(float(np.abs(signal).max()) for signal in signals), outputs[0].unit)
@@ -158,13 +158,16 @@ def pivot_figure(result: RunResult, outputs: Sequence[Output]) -> Figure:
 
 
 def stress_histories(result: RunResult, body: BodyResult) -> dict[str, Array]:
-    """Largest stress of a body over time (T,) in Pa, by model, in the order in which they are drawn."""
+    """Largest stress (T,) of a body in Pa over time, by model, in the order in which the models are drawn."""
     names, t = [name for name in ("full", "reduced") if name in body.peak_stress], field_times(result, body)
     return {name: interpolate(result.responses["reduced"].t, t, body.peak_stress[name]) for name in names}
 
 
 def stress_figure(result: RunResult, body: BodyResult) -> Figure:
-    """Draw the largest von Mises stress over time, its difference to the reference, and the time about its peak."""
+    """Draw the largest von Mises stress of a body over time, and its difference to the reference model.
+
+    On the right the time about the peak is enlarged.
+    """
     time, signals = Timeline(result), stress_histories(result, body)
     peak = int(np.argmax(signals["reduced"]))
     figure = history_figure(time, signals, "Stress", "Pa", time.window(peak))
@@ -176,7 +179,7 @@ def stress_figure(result: RunResult, body: BodyResult) -> Figure:
 
 
 def envelope_figure(result: RunResult, quantities: Sequence[str]) -> Figure:
-    """Draw the range over time of each force or moment along the beams, by the reduced model, in a panel each."""
+    """Draw the range over time of forces or moments along the beams, by the reduced model, one panel a quantity."""
     envelopes_by_body = {
         name: body.envelopes["reduced"] for name, body in result.bodies.items() if "reduced" in body.envelopes
     }

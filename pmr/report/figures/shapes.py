@@ -27,17 +27,17 @@ from pmr.results import FrequencyResponse, RunResult, Shapes
 
 MOST_SHAPES = 25
 COLUMNS = 5
-CELL, GAP = 3.1, 1.1  # height of a small panel over the largest value, and its width over the beam's length
+CELL, GAP = 3.1, 1.1  # of a small panel: height over the largest value, and width over the beam's length
 FLAT = 1e-6  # share of the largest transverse amplitude below which a vector moves the beam along its axis only
 SNAPSHOTS = 6
-#: Largest deflection of a boom as drawn, over its reach.
+#: Largest deflection of a boom in a drawing, as a share of its reach.
 REACH = 0.05
 
 
 def basis_figure(result: RunResult, body_shapes: Shapes) -> Figure:
-    """Draw the transverse shape of each basis vector, over its largest value, in small panels.
+    """Draw the transverse shape of each basis vector, divided by its largest value, in small panels.
 
-    They share one pair of axes, since two dozen pairs take longer to draw than all other figures.
+    All panels share one pair of axes, since two dozen pairs take longer to draw than all other figures.
     """
     x, shapes = body_shapes.x, body_shapes.shapes
     count = min(shapes.shape[1], MOST_SHAPES)
@@ -111,7 +111,7 @@ def snapshot_figure(result: RunResult) -> Figure:
 
 
 def _fixtures(ax: Axes, result: RunResult, s: float) -> None:
-    """Draw sliders, with the path at `s` m, and supports."""
+    """Draw supports, and sliders with the path coordinate at `s` m."""
     for offset in slider_offsets(result):
         ax.plot([s + offset], [0.0], marker="s", markersize=5.0, color=MUTED, zorder=1.9)
     for support in fixtures(result):
@@ -119,13 +119,13 @@ def _fixtures(ax: Axes, result: RunResult, s: float) -> None:
 
 
 def _is_axial(shapes: Shapes) -> NDArray[np.bool_]:
-    """Whether each of the r basis vectors moves the body along its axis only, (r,)."""
+    """Whether each of the r basis vectors moves the body along its axis only, as a mask (r,)."""
     amplitude = np.abs(shapes.shapes).max(axis=0)
     return np.asarray(amplitude <= FLAT * amplitude.max())
 
 
 def exaggeration(result: RunResult) -> float:
-    """Factor by which a boom's deflection is drawn, a round number."""
+    """Factor, a round number, by which a boom's deflection is enlarged in the drawing."""
     response = result.responses["reduced"]
     largest = max(
         float(np.abs(line.displacements(response)).max(initial=0.0)) for line in axis_points(result, response)
@@ -134,17 +134,20 @@ def exaggeration(result: RunResult) -> float:
 
 
 CLOSED_FORM_POINTS = 11
-LEVEL = 1e-6  # relative difference below which neighbouring frequencies are equal
-#: Lines of equal frequency on a map, at most.
+LEVEL = 1e-6  # relative difference up to which neighbouring frequencies count as equal
+#: Largest number of lines of equal frequency on a map.
 LEVELS = 9
-#: Share of an axis next to its ends within which a contour has no label.
+#: Width of the strips at both ends of an axis in which a line of equal frequency gets no label, as a share of the axis.
 EDGE = 0.06
-#: Colours of gains, from one end of the path to the other.
+#: Colours of the curves of gain, for positions of the sliders from one end of the path to the other.
 COLOURS = ("#440154", "#3b528b", "#21918c", "#5ec962", "#c9b30e")
 
 
 def singular_value_figure(result: RunResult, shapes: Shapes) -> Figure:
-    """Draw singular values over the first one; those of the basis are filled, and kappa is the share they capture."""
+    """Draw singular values divided by the first one.
+
+    The singular values of the basis are filled, and kappa is the share that they capture.
+    """
     sigma, taken = shapes.singular_values, shapes.shapes.shape[1]
     figure, axes = make_sheet(HALF, 2.15)
     ax = axes[0, 0]
@@ -173,8 +176,8 @@ def singular_value_figure(result: RunResult, shapes: Shapes) -> Figure:
 def frequency_figure(result: RunResult) -> Figure:
     """Draw the lowest natural frequencies in Hz over the slider's position, the boom's reach, or time.
 
-    For a body that slides out of a mouth the axis is its length beyond the mouth.  Closed forms are left out above the
-    highest frequency of the models.
+    For a body that slides out of a mouth, the abscissa is its length beyond the mouth.  Frequencies of a closed form
+    that exceed the highest frequency of the models are left out.
     """
     lowest = result.frequencies
     # a boom past its buckling load has 0 Hz, which a logarithmic axis can't show
@@ -185,7 +188,7 @@ def frequency_figure(result: RunResult) -> Figure:
     heads = {"slider": "Slider position s in m", "mouth": "Length beyond the mouth in m"}
     x = reach(result) - lowest.along if moving_part(result) == "mouth" else lowest.along
     head = heads.get(moving_part(result), "Reach from the base's tail in m")
-    if lowest.t is not None and len(x) > 1 and not np.ptp(x):  # the boom stays, and forces that stress it change
+    if lowest.t is not None and len(x) > 1 and not np.ptp(x):  # the reach is constant, only forces change
         x, head = lowest.t, "Time in s"
     single = {"marker": "o"} if len(x) == 1 else {}
     figure, axes = make_sheet(HALF, 2.15)
@@ -205,7 +208,7 @@ def frequency_figure(result: RunResult) -> Figure:
 
 
 def frequency_map_figure(result: RunResult) -> Figure:
-    """Draw lines of equal first natural frequency over the extensions of two joints, and the path of the run."""
+    """Draw lines of equal first natural frequency over the extensions of two joints, and the run's path on this map."""
     over_joints = result.frequencies.over_joints
     assert over_joints is not None  # the caller draws no map without it
     figure, axes = make_sheet(HALF, 2.6)
@@ -244,7 +247,7 @@ def _circle_style(edge: str, fill: str, size: float) -> dict[str, Any]:
 
 
 def gain_figure(response: FrequencyResponse, load: int) -> Figure:
-    """Draw the gain over frequency for the load of number `load`, a curve for each position of the sliders."""
+    """Draw the gain over frequency for the load number `load`, with a curve for each position of the sliders."""
     figure, axes = make_sheet(HALF, 2.15)
     ax, values = axes[0, 0], response.gain[:, :, load]
     handles = []
@@ -268,7 +271,7 @@ PARTS = {"reduction": "#d55e00", "step": "#56b4e9", "mesh": "#00664b", "model": 
 
 
 def budget_figure(result: RunResult) -> Figure:
-    """Draw a bar in % for each part of the error and each kind of output, and a line for the tolerance."""
+    """Draw the parts of the error as bars in %, for each kind of output, and a line at the tolerance."""
     summary = result.summary
     kinds, errors = summary["accuracy"]["outputs"], summary["budget"]
     parts = [name for name in PARTS if any((errors.get(name) or {}).get(kind) is not None for kind in kinds)]

@@ -1,4 +1,4 @@
-"""Sketch of the system: the body, what holds it, what moves along it, and its loads."""
+"""Sketch of the system: the body, its supports, its sliders or pads, and its loads."""
 
 from __future__ import annotations
 
@@ -31,12 +31,15 @@ from pmr.results import RunResult
 from pmr.scene.box import Box
 
 LOAD = "#7b2d8e"
-WIDTH = 3.9  # in: so narrow that a phone shows it whole and its text can be read
+WIDTH = 3.9  # in, narrow enough for a phone to show the whole sketch with legible text
 LABELS = 1.2  # in, width of the texts beside the tip
 
 
 class Paper:
-    """Axes in m whose size in inches is known: `inch` is the length in m of an inch on paper, in both directions."""
+    """Axes in m of known size in inches.
+
+    `inch` is the length in m that one inch on paper stands for, in both directions.
+    """
 
     def __init__(self, left_end: float, right_end: float, height: float) -> None:
         inches = WIDTH - LABELS - 0.2
@@ -48,15 +51,18 @@ class Paper:
         self.ax.set_axis_off()
 
     def box(self, x: float, y: float, width: float, height: float, **look: Any) -> None:
-        """Draw a rectangle from its lower left corner."""
+        """Draw a rectangle with its lower left corner at (x, y); `look` are keywords of the patch."""
         self.ax.add_patch(Rectangle((x, y), width, height, **look))
 
     def disc(self, x: float, y: float, radius: float, **look: Any) -> None:
-        """Draw a circle about a point."""
+        """Draw a circle of `radius` about the point (x, y)."""
         self.ax.add_patch(Circle((x, y), radius, linewidth=0.8, zorder=3.0, **look))
 
     def arrow(self, x: float, y: float, dx: float, dy: float, colour: str = LOAD, two_heads: bool = False) -> None:
-        """Draw an arrow from (x, y) by (dx, dy), with a head at its end or at both ends; none for a length of 0."""
+        """Draw an arrow from (x, y) by (dx, dy), with a head at its end or at both ends.
+
+        Nothing is drawn if its length is 0.
+        """
         size = np.hypot(dx, dy)
         if size == 0.0:
             return
@@ -69,11 +75,11 @@ class Paper:
             self.ax.add_patch(Polygon(corners, facecolor=colour, edgecolor="none"))
 
     def write(self, x: float, y: float, text: str, colour: str = INK, **where: Any) -> None:
-        """Write a text, centred about a point unless `where` says otherwise."""
+        """Write a text at (x, y), centred about this point unless the keywords `where` align it otherwise."""
         self.ax.text(x, y, text, color=colour, **{"ha": "center", "va": "center", **where})
 
     def range(self, y: float, start: float, end: float, text: str) -> None:
-        """Draw a dimension line from `start` to `end`, with arrows at both ends and a text below."""
+        """Draw a dimension line from `start` to `end` at the height `y`, with arrows at both ends and a text below."""
         self.arrow(start, y, end - start, 0.0, MUTED, two_heads=True)
         self.write((start + end) / 2.0, y - 0.11 * self.inch, text, MUTED)
 
@@ -81,12 +87,12 @@ class Paper:
 BODY, STEEL, PAD = "#0b5c99", "#d5e3ee", "#3b4a57"
 ARROW = 0.3  # in, length of a load's arrow
 DOUBLER, FRAME = 0.035, 0.07  # in, thickness of a doubler and depth of a frame
-THIN, THICK = 0.22, 0.5  # in, least and largest height of a section as drawn
+THIN, THICK = 0.22, 0.5  # in, least and largest height of a section in the drawing
 
 
 @dataclass(frozen=True)
 class _Stretch:
-    """Range of the path s in m: its value at the start of the run, its least and its largest value."""
+    """Range of the path coordinate s in m: its value at the start of the run, its least and its largest value."""
 
     start: float
     low: float
@@ -94,16 +100,19 @@ class _Stretch:
 
     @property
     def moves(self) -> bool:
-        """Whether the path changes at all."""
+        """Whether the path coordinate changes at all."""
         return self.high > self.low
 
     def words(self, low: float, high: float) -> str:
-        """Format a range in m."""
+        """Format the range from `low` to `high` in m as text."""
         return f"{format_input(round(low, 3), 'm')} … {format_input(round(high, 3), 'm')}"
 
 
 def draw_sketch(result: RunResult) -> Figure:
-    """Draw a boom from the side, in true position, or a body alone with its supports, sliders, pads and loads."""
+    """Draw the system of a run.
+
+    A boom is drawn from the side in true position, a body alone with its supports, sliders, pads and loads.
+    """
     if _is_boom(result):
         return space.side_view(result)
     low, high = result.scene.path_bounds
@@ -112,7 +121,7 @@ def draw_sketch(result: RunResult) -> Figure:
 
 
 def _is_boom(result: RunResult) -> bool:
-    """Whether the system is drawn in true position: a boom of sections, or a body alone in a frame."""
+    """Whether the sketch shows the system in true position, as for a boom of sections or a body alone in a frame."""
     return not is_alone(result) or (
         result.scene.frame is not None and bool(axis_points(result, result.responses["reduced"]))
     )
@@ -130,7 +139,7 @@ def sketch_caption(result: RunResult) -> str:
 
 
 def _draw_on_supports(result: RunResult, stretch: _Stretch) -> Figure:
-    """Draw a body alone on its supports, with sliders at the start of the run and at the far end of the path."""
+    """Draw a body alone on its supports; sliders are drawn at the start of the run and at the far end of the path."""
     end = reach(result)
     paper = Paper(0.0, end, 1.35)
     paper.ax.plot([0.0, end], [0.0, 0.0], color=BODY, linewidth=2.4, solid_capstyle="butt")
@@ -190,9 +199,10 @@ def _draw_telescopic(result: RunResult, stretch: _Stretch) -> Figure:
 
 
 def _draw_body(paper: Paper, shape: Box | None, tail: float, end: float, tall: float) -> None:
-    """Draw the outline of a body of length `end` with its tapers, frames and doublers, its tail at x = `tail`.
+    """Draw the outline of a body of length `end` in m with its tapers, frames and doublers.
 
-    `tall` is the largest height as drawn; without a `shape` the body is a rectangle.
+    Its tail is at x = `tail` in m, and `tall` is its largest height in the drawing.  If `shape` is None, the body is
+    drawn as a rectangle.
     """
     stretches = shape.stretches if shape else []
     x = np.array([0.0, *(stretch.end for stretch in stretches)]) if stretches else np.array([0.0, end])
@@ -216,7 +226,7 @@ def _draw_body(paper: Paper, shape: Box | None, tail: float, end: float, tall: f
 
 
 def _draw_stress_ring(paper: Paper, result: RunResult, tail: float, above: float) -> None:
-    """Draw a ring around the point of the largest stress, and write its value above; nothing without stresses."""
+    """Draw a ring around the point of the largest stress, and write its value above; draw nothing without stresses."""
     if (worst := largest_stress(result)) is not None:
         at = tail + worst.x
         paper.disc(at, 0.0, 0.08 * paper.inch, facecolor="none", edgecolor=LIMIT)
@@ -248,9 +258,9 @@ def _draw_slider(paper: Paper, x: float, fill: str) -> None:
 
 
 def _draw_loads(paper: Paper, result: RunResult, tail: float, tip: float, above: float) -> None:
-    """Draw loads and masses; names of those at the tip stand beside it, other names above their arrows.
+    """Draw loads and masses; names of loads at the tip stand beside the tip, all other names above their arrows.
 
-    The body reaches from `tail` to `tip`, and arrows upwards start at the height `above`.
+    The body reaches from `tail` to `tip` in m, and arrows that point upwards start at the height `above`.
     """
     inch, listed = paper.inch, list(_draw_masses(paper, result, tip))
     for load in input_loads(result):
@@ -266,16 +276,16 @@ def _draw_loads(paper: Paper, result: RunResult, tail: float, tip: float, above:
 
 
 def _draw_masses(paper: Paper, result: RunResult, tip: float) -> Iterator[tuple[str, str]]:
-    """Draw point masses at the tip, and yield their names with the colour of the text."""
+    """Draw point masses at the tip, and yield the name of each with the colour of its text."""
     for mass in result.scene.masses:
         paper.disc(tip, 0.0, 0.07 * paper.inch, facecolor=INK, edgecolor="none")
         yield f"{mass.name}, {format_input(mass.mass, 'kg')}", INK
 
 
 def _draw_load(paper: Paper, load: AppliedLoad, values: NDArray[np.float64], x: float, above: float) -> None:
-    """Draw a load at `x` m in its direction, with two heads if its `values` change sign.
+    """Draw a load at `x` m as an arrow in its direction, with two heads if its `values` change sign.
 
-    A moment is drawn as an arc, a lateral force as the tip of an arrow.
+    A moment is drawn as an arc, and a lateral force as the tip of an arrow, seen from the front.
     """
     size, two_heads = ARROW * paper.inch, bool(values.min(initial=0.0) < 0.0 < values.max(initial=0.0))
     back = not two_heads and values.min(initial=0.0) < 0.0

@@ -38,19 +38,19 @@ from pmr.results import RunResult
 
 Array = NDArray[np.float64]
 
-#: Moments at which a boom is drawn, evenly along the path of its tip.
+#: Number of moments at which a boom is drawn; they are evenly spaced along the path of its tip.
 MOMENTS = 4
-WAY = 600  # points of the path of a tip
+WAY = 600  # number of points by which the path of a tip is measured
 TALLEST, FLATTEST = 3.4, 1.0  # in, height of axes of one scale
 LEFT, RIGHT, TOP, BOTTOM = 0.6, 0.16, 0.28, 0.42  # in
 GROUND = "#9aa5b1"
-RAISING: Mapping[str, Any] = {"color": MUTED, "linewidth": 1.6}  # of a luffing cylinder
-FAINT = 0.3  # share of its colour with which a boom is drawn at moments other than that of the largest stress
+RAISING: Mapping[str, Any] = {"color": MUTED, "linewidth": 1.6}  # style of a luffing cylinder
+FAINT = 0.3  # share of a section's colour in the mixture with white, at moments without the largest stress
 CLEAR = 0.06  # in, between a label and what is drawn
 
 
 def side_view(result: RunResult) -> Figure:
-    """Draw the boom from the side at a few moments: distance from the pivot in the plane of luffing, and height."""
+    """Draw the boom from the side at a few moments: height over the distance from the pivot in the plane of luffing."""
     return _draw_boom(result, "side", "Distance from the pivot in m", "Height over the pivot in m", ground=True)
 
 
@@ -60,7 +60,7 @@ def plan_view(result: RunResult) -> Figure:
 
 
 def tip_figure(result: RunResult) -> Figure:
-    """Draw the distance of the tip from the pivot, in the plane of luffing, and its height over time."""
+    """Draw over time the tip's distance from the pivot, in the plane of luffing, and the tip's height."""
     time, steps = Timeline(result), spread_indices(len(result.responses["reduced"].t), WAY)
     figure, axes = make_sheet(HALF, 1.9)
     lines = list(zip(body_axes(result, steps)[-1].side[:, -1].T, ("distance", "height"), SECTIONS[1:], strict=False))
@@ -72,7 +72,7 @@ def tip_figure(result: RunResult) -> Figure:
 
 
 def buckling_figure(result: RunResult, abscissa: str) -> Figure:
-    """Draw the buckling factor during the run, over the ``reach`` or over the ``angle`` of luffing."""
+    """Draw the buckling factor during the run over `abscissa`: the ``reach``, or the ``angle`` of luffing."""
     over_way, frame, times = result.summary["buckling"]["over"], result.scene.frame, result.responses["reduced"].t
     assert frame is not None  # only a boom in a frame has a factor
     t, factor = np.array(over_way["t"]), np.array([np.nan if value is None else value for value in over_way["factor"]])
@@ -95,7 +95,7 @@ def buckling_figure(result: RunResult, abscissa: str) -> Figure:
 
 
 def view_caption(result: RunResult, view: str) -> str:
-    """Caption of a view of the boom; `view` says from where it is seen."""
+    """Caption of a view of the boom; `view` names the direction from which the boom is seen."""
     steps, t, scale = drawn_steps(result), result.responses["reduced"].t, format_input(exaggeration(result))
     when = f"at {len(steps)} moments" if len(steps) > 1 else f"at {float(t[steps[0]]):.3g}{SPACE}s"
     worst = largest_stress(result)
@@ -107,9 +107,9 @@ def view_caption(result: RunResult, view: str) -> str:
 
 
 def _draw_boom(result: RunResult, view: str, across: str, up: str, ground: bool = False) -> Figure:
-    """Draw the boom in a `view`, ``side`` or ``plan``, at the steps of `drawn_steps`; `across` and `up` label the axes.
+    """Draw the boom in a `view`, ``side`` or ``plan``, at the steps of `drawn_steps`.
 
-    If `ground`, the ground and the luffing cylinder are drawn too.
+    `across` and `up` are the labels of the axes.  If `ground`, the ground and the luffing cylinder are drawn too.
     """
     steps, t, scale = drawn_steps(result), result.responses["reduced"].t, exaggeration(result)
     bodies = body_axes(result, steps, scale)
@@ -127,7 +127,7 @@ def _draw_boom(result: RunResult, view: str, across: str, up: str, ground: bool 
     for k, body in enumerate(bodies):
         width = 1.0 + 1.1 * (len(bodies) - 1 - k)
         for places, share in zip(getattr(body, view), faint, strict=True):
-            over = 2.0 + share / 10.0 - k / 1e3  # a section is drawn over the sections in it
+            over = 2.0 + share / 10.0 - k / 1e3  # a section is drawn on top of the sections that slide in it
             colour = mix_with_white(colours[body.body], share)
             ax.plot(*places.T, color=colour, linewidth=width, solid_capstyle="butt", zorder=over)
     for places, share in zip(raising, faint, strict=False):
@@ -142,7 +142,10 @@ def _draw_boom(result: RunResult, view: str, across: str, up: str, ground: bool 
 
 
 def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:
-    """Luffing cylinder at some time steps: foot and lug (2, 2) in m; empty if the scene has none."""
+    """Luffing cylinder at some time steps, by the positions (2, 2) in m of its foot and its lug.
+
+    The list is empty if the scene has no luffing cylinder.
+    """
     frame, t = result.scene.frame, result.responses["reduced"].t
     if frame is None or frame.cylinder is None:
         return []
@@ -152,10 +155,11 @@ def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:
 
 
 def _label_times(ax: Axes, axes: Array, t: Array, first: int) -> list[Array]:
-    """Write the time beside the end of each axis (S, n, 2) in m; return corners (2, 2) in inches of each label's box.
+    """Write the time beside the end of each axis (S, n, 2) in m, at the S moments that are drawn.
 
-    A label that would cover another is left out.  The moment numbered `first`, that of the largest stress, always has
-    one, and then the last moment comes before those in between.
+    The corners (2, 2) in inches of each label's box are returned.  A label that would cover another one is left out.
+    The moment number `first`, that of the largest stress, always has a label; the last moment comes next, and the
+    moments in between come last.
     """
     boxes = list[Array]()
     for k in dict.fromkeys([first, len(t) - 1, *range(len(t))]):
@@ -176,7 +180,7 @@ def _label_times(ax: Axes, axes: Array, t: Array, first: int) -> list[Array]:
 def _draw_stress_ring(
     ax: Axes, worst: LargestStress, body: Axis, view: str, moment: int, labels: Sequence[Array]
 ) -> None:
-    """Draw a ring around the point of the largest stress, and write its value beside it, clear of all that is drawn."""
+    """Draw a ring around the point of the largest stress, and write its value beside it, clear of all lines."""
     places = getattr(body, view)[moment]
     at = np.array([np.interp(worst.x, body.x, places[:, 0]), np.interp(worst.x, body.x, places[:, 1])])
     drawn = [_subdivide(_to_inches(ax, np.asarray(line.get_xydata()))) for line in ax.lines]
@@ -197,10 +201,10 @@ def _draw_stress_ring(
 
 
 def _free_offset(point: Array, text: str, drawn: Array, low: Array, high: Array) -> Array:
-    """Offset (2,) from a point to the middle of a text that is clear of the points `drawn` (P, 2); all in inches.
+    """Offset (2,) from a point to the middle of a text that covers none of the points `drawn` (P, 2); all in inches.
 
-    It is the shortest one tried that keeps the text between the corners `low` and `high` and `CLEAR` off all points; if
-    there is none, the one that keeps it farthest off.
+    It is the shortest of several offsets that keeps the text between the corners `low` and `high` and at least `CLEAR`
+    away from all points.  If no offset does, it is the one that keeps the text farthest from the points.
     """
     turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
     clearest, best = np.zeros(2), -1.0
@@ -216,21 +220,22 @@ def _free_offset(point: Array, text: str, drawn: Array, low: Array, high: Array)
 
 
 def _to_inches(ax: Axes, places: Array) -> Array:
-    """Positions (..., 2) on the sheet in inches of points (..., 2) in m."""
+    """Positions (..., 2) in inches on the sheet of the points `places` (..., 2) in m."""
     return np.asarray(ax.transData.transform(places)) / ax.figure.dpi
 
 
 def _subdivide(line: Array) -> Array:
-    """Points along a polyline (n, 2) in inches, at most `CLEAR` / 2 from each other."""
+    """Points along a polyline (n, 2) in inches, with distances of at most `CLEAR` / 2 between neighbours."""
     steps = np.maximum(np.ceil(np.linalg.norm(np.diff(line, axis=0), axis=1) / (CLEAR / 2.0)).astype(int), 1)
     pieces = [np.linspace(line[k], line[k + 1], count, endpoint=False) for k, count in enumerate(steps)]
     return np.concatenate([*pieces, line[-1:]])
 
 
 def _text_box(centre: Array, text: str, across: str, up: str) -> Array:
-    """Lower left and upper right corner (2, 2) of a text at a point (2,), all in inches.
+    """Lower left and upper right corner (2, 2) of the box of a text at a point (2,), all in inches.
 
-    `across` and `up` are its alignments: ``left``, ``center`` or ``right``, and ``bottom`` or ``center``.
+    `across` and `up` are the alignments of the text at this point: ``left``, ``center`` or ``right``, and ``bottom`` or
+    ``center``.
     """
     size, share = np.array([LETTER * len(text), ROW]), {"left": 0.0, "bottom": 0.0, "center": 0.5, "right": 1.0}
     low = centre - size * [share[across], share[up]]
@@ -238,9 +243,9 @@ def _text_box(centre: Array, text: str, across: str, up: str) -> Array:
 
 
 def _make_paper(drawn: Sequence[Array], across: str, up: str, rows: int) -> tuple[Axes, Figure]:
-    """Make axes of one scale around points `drawn` (..., 2) in m, the pivot and labels; return axes and figure.
+    """Make axes of one scale that have room for the points `drawn` (..., 2) in m, the pivot and labels.
 
-    A legend of so many `rows` has room above them.
+    Axes and figure are returned.  Above the axes there is room for a legend of `rows` rows.
     """
     every = np.concatenate([*drawn, np.zeros((1, 2))])
     low, high = every.min(axis=0), every.max(axis=0)
@@ -262,10 +267,11 @@ def _make_paper(drawn: Sequence[Array], across: str, up: str, rows: int) -> tupl
 
 
 def drawn_steps(result: RunResult) -> NDArray[np.intp]:
-    """Time steps at which the boom is drawn: evenly along the path of its tip, both ends included.
+    """Time steps at which the boom is drawn, evenly spaced along the path of its tip, both ends included.
 
-    A tip at rest, and a boom at constant angles, have one step; the latter that of the largest extension, as shorter
-    ones would lie on top of it.  The step of the largest stress replaces the one nearest to it.
+    If the tip is at rest there is one step.  If the angles of the boom are constant there is one step too, that of the
+    largest extension, as the drawings at other extensions would lie on top of each other.  The step of the largest
+    stress replaces the step nearest to it.
     """
     t, out, worst = result.responses["reduced"].t, _tip_distance(result), largest_stress(result)
     turned = frame_rotations(result, t)
@@ -283,7 +289,7 @@ def drawn_steps(result: RunResult) -> NDArray[np.intp]:
 
 @dataclass(frozen=True)
 class LargestStress:
-    """Largest stress of a boom: time step, body, distance from the body's tail in m, and value."""
+    """Largest stress of a boom: time step, body, distance from the body's tail in m, and value in Pa."""
 
     step: int
     body: str
@@ -301,7 +307,7 @@ def largest_stress(result: RunResult) -> LargestStress | None:
 
 
 def _tip_distance(result: RunResult) -> Array:
-    """Distance of the tip along the boom (T,) in m."""
+    """Distance (T,) in m of the tip from the base's tail, along the boom."""
     if result.reach is not None:
         return result.abscissa_at(result.responses["reduced"].t)
     return np.full(len(result.responses["reduced"].t), reach(result))
@@ -314,7 +320,10 @@ def slews(result: RunResult) -> bool:
 
 
 def space_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block with the boom in true position, if the animation shows fields; else, or without a frame, None."""
+    """Build the block with the boom in true position, for runs whose animation shows fields.
+
+    It is None for all other runs, and for a boom that is in no frame.
+    """
     played = any(body.fields is not None for body in result.bodies.values())
     if result.scene.frame is None or not played or not axis_points(result, result.responses["reduced"]):
         return None
@@ -322,7 +331,7 @@ def space_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def space_drawings(result: RunResult, prefix: str) -> tuple[tuple[Drawing, ...], ...]:
-    """Draw the tip over time, the boom from above if it slews, and the buckling factor if it is known, row by row."""
+    """Draw, row by row, the tip over time, the boom from above if it slews, and the buckling factor if it is known."""
     caption = "The tip over time: its distance from the pivot in the plane of luffing, and its height over the pivot."
     row = [drawing(f"{prefix}-tip-in-space", tip_figure, caption, result)]
     if slews(result):  # the view from the side is at the top of the page

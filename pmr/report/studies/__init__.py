@@ -1,4 +1,4 @@
-"""Report of a study or a collection, from what `pmr study` left in a folder; nothing is computed for it."""
+"""Report of a study or a collection, from the files that `pmr study` left in a folder; no new values are computed."""
 
 from pmr.report.studies.document import write_report
 

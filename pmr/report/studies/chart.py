@@ -25,20 +25,20 @@ from pmr.studies.limits import KINDS, STABILITY
 
 Array = NDArray[np.float64]
 
-#: Reaches and angles in the table, at most.
+#: Largest numbers of reaches and of angles in the table of loads.
 ROWS, COLUMNS = 14, 7
-#: Endings of the names of error bars' arrays: the sum, then its parts.
+#: Endings of the names of the arrays with error bars: for the sum of all parts, then for each part.
 PARTS = ("", *(f".{of}" for of in charting.PARTS))
-#: Text instead of a load if no load up to the largest one reaches the limit.
+#: Text in place of a load if no load up to the largest one that was tried reaches the limit.
 NOT_REACHED = "limit not reached"
-#: Error bar in kg above which it is shown beside a load.
+#: Least error bar in kg that is shown beside a load.
 SHOWN = 0.5
 
 
 def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     """Build the chapter about a load chart; `prefix` is put before every identifier.
 
-    If no limit is reached anywhere, only the tables of limits and load cases are there.
+    If no limit is reached at any point, the chapter has only the tables of limits and load cases.
     """
     names = [*(str(limit["name"]) for limit in study.study_file["limits"]), STABILITY]
     parts = [study.results.arrays(run.key) for run in study.results.runs]
@@ -46,7 +46,7 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     load = np.where(np.isnan(table["load"]), np.inf, table["load"])
     which = governing_limit(table["load"].reshape(-1, len(names))).reshape(load.shape[:2])
     least = np.where(which >= 0, load.min(axis=2), np.nan)
-    if not np.isfinite(least).any():  # picture and table of loads would be empty
+    if not np.isfinite(least).any():  # the picture and the table of loads would be empty
         limits, cases = (
             Block("Limits", grids=(_limit_grid(study, names),)),
             Block("Load cases", grids=(_case_grid(study),)),
@@ -80,10 +80,11 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
 
 
 def _least_over_slewing(study: FinishedStudy, parts: Parts) -> Mapping[str, Array]:
-    """Arrays over E reaches in increasing order and A luffing angles: the least of all slewing angles.
+    """Arrays over E reaches in increasing order and A luffing angles, each with the least load over all slewing angles.
 
-    They are ``load`` and ``error`` (E, A, l) in kg for l limits, NaN where a limit is not reached; ``place`` (E, A, 2)
-    in m; ``runs``, the run of each reach; and ``luffing`` (A,) in degrees.  `parts` are the arrays of the runs.
+    For l limits, ``load`` and ``error`` are (E, A, l) in kg, NaN where a limit is not reached.  ``place`` (E, A, 2) in
+    m is the position of the tip, ``runs`` are the E runs of the reaches, and ``luffing`` (A,) is in degrees.  `parts`
+    are the arrays of the runs.
     """
     turns = len(study.study_file["slewing"])
     table: dict[str, Any] = {}
@@ -100,9 +101,10 @@ def _least_over_slewing(study: FinishedStudy, parts: Parts) -> Mapping[str, Arra
 
 
 def _cell_text(study: FinishedStudy, table: Mapping[str, Any], chart: LoadChart, error: Array, number: int) -> str:
-    """Text under a pointer on the cell `number`, counted by reach, then angle: position, load, and load of each limit.
+    """Text under a pointer on a cell of the chart: position, load, and the load at which each limit is reached.
 
-    `error` (E, A) are error bars in kg.
+    The cells are counted by `number`: all angles of the first reach, then those of the next one.  `error` (E, A) are
+    error bars in kg.
     """
     i, k = divmod(number, chart.load.shape[1])
     radius, height = chart.place[i, k]
@@ -121,12 +123,12 @@ def _cell_text(study: FinishedStudy, table: Mapping[str, Any], chart: LoadChart,
 
 
 def _format_load(load: float | np.floating) -> str:
-    """Format a load in kg with four digits, without a power of ten."""
+    """Format a load in kg with four significant digits, never with a power of ten."""
     return f"{format_input(float(f'{load:.4g}'))}{SPACE}kg"
 
 
 def _headline(study: FinishedStudy, least_loads: Array) -> str:
-    """Sentence on the range of the least loads (E, A) in kg, NaN where no limit is reached."""
+    """Sentence on the range of the least loads (E, A) in kg, which are NaN where no limit is reached."""
     if not np.isfinite(least_loads).any():
         hint = (
             ""
@@ -140,7 +142,11 @@ def _headline(study: FinishedStudy, least_loads: Array) -> str:
 
 
 def _key_numbers(study: FinishedStudy, least_loads: Array, error: Array) -> list[KeyNumber]:
-    """Key numbers: count of points, largest and least load, and if known the largest error bar and points in doubt."""
+    """Key numbers: number of points, largest load and least load.
+
+    If error bars are known, the largest one follows, and the number of points where another limit may govern within
+    them.
+    """
     count = len(study.study_file["limits"]) + 1
     key_numbers = [KeyNumber(str(least_loads.size), "points", f"{count} limit{'s' if count > 1 else ''}")]
     key_numbers.append(KeyNumber(_format_load(np.nanmax(least_loads)), "most"))
@@ -171,7 +177,10 @@ def _paragraphs(study: FinishedStudy, parts: Parts) -> list[str]:
 
 
 def _hoisting_sentences(study: FinishedStudy) -> list[str]:
-    """List of a sentence on how many times its weight a load pulls while it is hoisted off the ground; may be empty."""
+    """List with a sentence on the force of a load that is hoisted off the ground, as a multiple of its weight.
+
+    It is empty if the study does not compute hoisting.
+    """
     hoist, figures = study.study_file.get("hoist"), study.figures
     if not hoist or "hoist.most" not in figures:
         return []
@@ -186,7 +195,10 @@ def _hoisting_sentences(study: FinishedStudy) -> list[str]:
 
 
 def _limit_grid(study: FinishedStudy, names: list[str]) -> Grid:
-    """Build the table of limits: amount, factor, and the numbers of points at which each governs or is not reached."""
+    """Build the table of limits: amount, factor, and numbers of points at which the limit governs or is not reached.
+
+    A last number counts the points at which the limit is passed without a load.
+    """
     limits = {str(limit["name"]): limit for limit in study.study_file["limits"]}
     rows = []
     for name in names:
@@ -204,7 +216,7 @@ def _limit_grid(study: FinishedStudy, names: list[str]) -> Grid:
 
 
 def _error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> list[Grid]:
-    """List of a table with the error bars of each limit and their parts, as shares of the load.
+    """List with a table of the error bars of each limit and of their parts, as shares of the load.
 
     It is empty if no error bars were asked for.
     """
@@ -227,12 +239,15 @@ def _error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> li
 
 
 def _largest_share_cells(shares: Array) -> tuple[str, ...]:
-    """Cell with the largest share; if there are no shares, cells that fill the row and say the limit is not reached."""
+    """Cell with the largest of `shares`, the error bars as shares of the load.
+
+    If there are no shares, the cells fill the row and say that the limit is not reached.
+    """
     return (_format_share(shares.max()),) if len(shares) else (NOT_REACHED, *["–"] * len(PARTS))
 
 
 def _format_share(share: float) -> str:
-    """Format a share in per cent; NaN is ``not known``."""
+    """Format a share in per cent; NaN is printed as ``not known``."""
     return "not known" if np.isnan(share) else f"{two_digits(100.0 * share)}{SPACE}%" if share >= 1e-5 else "0"
 
 
@@ -268,7 +283,7 @@ def _case_grid(study: FinishedStudy) -> Grid:
 
 
 def _format_amount(limit: Mapping[str, Any], amount: float | None) -> str:
-    """Format the amount of a limit with its unit; None is a dash."""
+    """Format the amount of a limit with its unit; None is printed as a dash."""
     if amount is None:
         return "–"
     unit = "Pa" if limit.get("area") else KINDS[str(limit["of"])].unit
@@ -278,12 +293,15 @@ def _format_amount(limit: Mapping[str, Any], amount: float | None) -> str:
 
 
 def _load_grid(chart: LoadChart, error: Array, luffing: Array) -> Grid:
-    """Build the table of loads over at most `ROWS` reaches and `COLUMNS` angles of `luffing` (A,) in degrees."""
+    """Build the table of loads over at most `ROWS` reaches and at most `COLUMNS` angles.
+
+    `error` are error bars in kg, and `luffing` (A,) are all A angles in degrees.
+    """
     E, A = chart.load.shape
     rows, columns = spread_indices(E, ROWS), spread_indices(A, COLUMNS)
 
     def cell(i: int, k: int) -> str:
-        """Load of reach number `i` and angle number `k` in kg, with its error bar."""
+        """Load in kg at reach number `i` and angle number `k`, with its error bar."""
         if chart.which[i, k] < 0:
             return NOT_REACHED
         bar = f"{SPACE}±{SPACE}{error[i, k]:.0f}" if error[i, k] >= SHOWN else ""
@@ -295,16 +313,16 @@ def _load_grid(chart: LoadChart, error: Array, luffing: Array) -> Grid:
     return Grid("Loads in kg over reach and luffing angle; all of them stand in chart.csv.", head, body)
 
 
-#: Arrays of a study's runs, one after the other.
+#: Arrays by name of each run of a study, one mapping for each run.
 Parts = Sequence[Mapping[str, Array]]
-#: Share of the largest value below which a force or displacement is round-off.
+#: Share of the largest force or displacement below which a force or displacement is round-off.
 ROUND_OFF = 1e-9
 
 
 def governing_pages(study: FinishedStudy, names: list[str], arrays: Parts, prefix: str) -> Iterator[Block]:
-    """Yield a block for each limit that governs anywhere: the point at which it governs under the largest load.
+    """Yield a block for each limit that governs at some point, about the point with the largest load that it governs.
 
-    Each begins a new page on paper.
+    Each block begins a new page on paper.
     """
     for n in range(len(names)):
         best = [(float(a["load"][k, n]) if (k := int(a["at.place"][n])) >= 0 else -1.0) for a in arrays]
@@ -316,7 +334,10 @@ def governing_pages(study: FinishedStudy, names: list[str], arrays: Parts, prefi
 def _governing_page(
     study: FinishedStudy, names: list[str], n: int, row: int, arrays: Mapping[str, Array], anchor: str
 ) -> Block:
-    """Build the block about the largest load that limit number `n` governs, in run number `row` with these arrays."""
+    """Build the block about the largest load that limit number `n` governs.
+
+    It occurs in run number `row`, and `arrays` are those of this run.
+    """
     k = int(arrays["at.place"][n])
     load, error = float(arrays["load"][k, n]), float(arrays["error"][k, n])
     out = {p.removeprefix("extension."): float(v) for p, v in study.results.runs[row].parameters.items() if v}
@@ -350,10 +371,11 @@ def _governing_page(
 
 
 def _stop_sentences(study: FinishedStudy, limit: str, stops: Array) -> Iterator[str]:
-    """Yield a sentence for each stop of the study that is known at this point: how far the tip swings then.
+    """Yield a sentence for each stop of the study that is known at this point, on how far the tip swings after it.
 
-    Each row of `stops` has: how many times as far the tip swings as a steady deceleration moves it (NaN if not known);
-    the use of the limit at rest, under the steady deceleration, and at most; and the speed in rad/s.
+    Each row of `stops` has five numbers.  The first is the swing of the tip as a multiple of the displacement by a
+    steady deceleration; it is NaN if not known.  The next three are the use of the limit at rest, under the steady
+    deceleration, and at most.  The last is the speed in rad/s.
     """
     for stop, (factor, at_rest_share, steady, most, speed) in zip(
         study.study_file["stops"], stops.tolist(), strict=True
@@ -373,7 +395,7 @@ def _stop_sentences(study: FinishedStudy, limit: str, stops: Array) -> Iterator[
 
 
 def _use_tables(names: list[str], n: int, arrays: Mapping[str, Array], sections: tuple[str, ...]) -> list[Table]:
-    """Build tables of the use of each limit, stresses of probes, displacements of the sections' tips, and forces."""
+    """Build tables of the use of each limit, stresses of probes, displacements of sections' tips, and forces."""
     used = zip(names, arrays["at.used"][n], strict=True)
     tables = [Table("Used of each limit", tuple((name, f"{100.0 * share:.3g}{SPACE}%") for name, share in used))]
     if len(stress := arrays["at.stress"][n]):
@@ -395,5 +417,5 @@ def _use_tables(names: list[str], n: int, arrays: Mapping[str, Array], sections:
 
 
 def _zero_round_off(values: Array) -> Array:
-    """Replace values below the share `ROUND_OFF` of the largest one by 0."""
+    """Replace values below the share `ROUND_OFF` of the largest absolute value by 0."""
     return np.where(np.abs(values) < ROUND_OFF * np.abs(values).max(initial=0.0), 0.0, values)

@@ -12,7 +12,7 @@ from pmr.report.studies.finished import FinishedStudy
 from pmr.studies.tasks import cell_number
 
 APPROACHES = {"ancf": "ANCF cable", "full": "full model"}
-_NUMBERS = {"full": 0, "ancf": 2}  # of the colours in SERIES
+_NUMBERS = {"full": 0, "ancf": 2}  # numbers of the models' colours in SERIES
 
 
 def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:

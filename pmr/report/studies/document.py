@@ -1,4 +1,4 @@
-"""Write the report of studies: one self-contained HTML page and the same as PDF."""
+"""Write the report of studies: a self-contained HTML page, and the same page as PDF."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from pmr.report.studies import chart, convergence, runs, trade
 from pmr.report.studies.finished import FinishedStudy, comparison, studies_in
 from pmr.report.studies.tables import run_name
 
-#: Functions that build the chapter about a study, by its kind; other kinds are reported by their runs.
+#: Functions that build the chapter about a study, by the kind of study; studies of other kinds have a chapter about
+#: their runs.
 CHAPTERS = {
     "chart": chart.build_chapter,
     "convergence": convergence.build_chapter,
@@ -23,15 +24,15 @@ CHAPTERS = {
 
 
 def write_report(folder: Path) -> ReportFiles:
-    """Write report.html and report.pdf of the study or collection in `folder` into it, and return their paths."""
+    """Write report.html and report.pdf of a study or a collection into its folder, and return their paths."""
     return write_page(render_studies(folder), folder)
 
 
 def render_studies(folder: Path) -> str:
     """Render the report of the study or collection in `folder` as HTML.
 
-    It holds its figures, fonts and styles, and loads nothing from outside.  Equal results give equal pages, byte by
-    byte.
+    The page holds its figures, fonts and styles, and loads nothing from outside.  Equal results give equal pages, byte
+    by byte.
     """
     summary, studies = studies_in(folder)
     chapters = [study_chapter(study, f"study-{number}") for number, study in enumerate(studies, start=1)]
@@ -62,7 +63,7 @@ def _provenance_chapter(summary: Mapping[str, Any], studies: Sequence[FinishedSt
 
 
 def study_chapter(study: FinishedStudy, anchor: str) -> Chapter:
-    """Build the chapter about a study; if a run has no result yet, about the runs that have one."""
+    """Build the chapter about a study; if a run has no result yet, the chapter is about the runs that have one."""
     build = CHAPTERS.get(study.kind, runs.build_chapter)
     content = (runs.build_chapter if study.unfinished_runs else build)(study, anchor)
     hints = [f"{text[:1].upper()}{text[1:]}" for text in study.summary.get("hints", ())]

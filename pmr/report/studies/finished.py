@@ -1,4 +1,4 @@
-"""Read a finished study for its report: tables of its runs, its values, and the published ones."""
+"""Read a finished study for its report: tables of its runs, its values, and published values."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class FinishedStudy:
     Attributes
     ----------
     name : str
-        Of the folder; also of the study's chapter in links.
+        Name of the folder, by which links refer to the study's chapter.
     summary : mapping
-        summary.json without the runs.
+        Content of summary.json, without the runs.
     results : StudyResults
         The runs and their arrays.
     """
@@ -52,22 +52,22 @@ class FinishedStudy:
 
     @property
     def scenes(self) -> list[str]:
-        """Names of the scenes that were run."""
+        """Names of the scenes of the study's runs."""
         return list(dict.fromkeys(str(run.parameters["scene"]) for run in self.results.runs))
 
     @property
     def study_file(self) -> Mapping[str, Any]:
-        """Content of the study file, without names of files."""
+        """Content of the study file, without the names of files in it."""
         return dict(self.summary["asked"])
 
     @property
     def figures(self) -> Mapping[str, Scalar]:
-        """Values that are computed from all runs together, by name; empty while a run has no result."""
+        """Values that are computed from all runs together, by name; empty as long as a run has no result."""
         return dict(self.summary["figures"])
 
     @property
     def published(self) -> list[Statement]:
-        """Published statements that the study file compares values with."""
+        """Published statements that the study file names for comparison."""
         return [Statement.model_validate(entry) for entry in self.summary["published"]]
 
     @property
@@ -76,16 +76,16 @@ class FinishedStudy:
         return [run for run in self.results.runs if run.status != "done"]
 
     def figure(self, name: str) -> float:
-        """Return the value of this name, which has to be a number."""
+        """Return the value called `name`; raises an error if it is not a number."""
         return cell_number(self.figures[name])
 
     def runs(self, **parameters: Scalar) -> list[RunRecord]:
-        """Return the runs whose parameters have these values."""
+        """Return the runs in which each of these parameters has the given value."""
         return [run for run in self.results.runs if parameters.items() <= dict(run.parameters).items()]
 
 
 def studies_in(folder: Path) -> tuple[Mapping[str, Any], list[FinishedStudy]]:
-    """Read a folder: its summary, and its studies, which are one or those of a collection."""
+    """Read a folder and return its summary and its studies: one study, or all studies of a collection."""
     summary = json.loads((folder / "summary.json").read_text())
     if "studies" in summary:
         return summary, [FinishedStudy.load(folder / name) for name in summary["studies"]]
@@ -93,7 +93,7 @@ def studies_in(folder: Path) -> tuple[Mapping[str, Any], list[FinishedStudy]]:
 
 
 class HasPublishedValues(Protocol):
-    """Values of a study or an experiment, with what is published about them."""
+    """Values of a study or an experiment, and what is published about these values."""
 
     @property
     def figures(self) -> Mapping[str, Scalar]: ...
@@ -104,7 +104,10 @@ class HasPublishedValues(Protocol):
 
 
 def comparison(study: HasPublishedValues) -> ErrorTable:
-    """Build the table of published statements beside the study's values; statements on values it lacks are left out."""
+    """Build the table of published statements beside the study's values.
+
+    Statements about values that the study does not have are left out.
+    """
     rows, reasons = [], list[str]()
     for statement in study.published:
         figure = study.figures.get(statement.figure)
@@ -130,13 +133,13 @@ def format_figure(value: Scalar, kind: str) -> str:
 
 
 def format_combination(key: str) -> str:
-    """Format ``"5x6"`` as (5,6); other texts are returned unchanged."""
+    """Format a text such as ``"5x6"`` as (5,6); texts of another form are returned unchanged."""
     first, _, second = key.partition("x")
     return f"({first},{second})" if first.isdigit() and second.isdigit() else key
 
 
 def _comparison_row(statement: Statement, figure: Scalar) -> Row:
-    """Build the row of a published statement and the study's value."""
+    """Build the row of the table with a published statement and the study's value `figure`."""
     shown = format_figure(figure, statement.quantity)
     if statement.value is None:
         return Row(statement.text, "", shown, statement.words or None)
@@ -146,9 +149,9 @@ def _comparison_row(statement: Statement, figure: Scalar) -> Row:
 
 
 def _verdict(statement: Statement, figure: Scalar) -> tuple[Mark, str | None]:
-    """Verdict on a value beside the published one, and its relative deviation as text.
+    """Verdict on a value beside the published one, and the relative deviation of the value as text.
 
-    The deviation is None if either is a text, or if the value rounds to the published one.
+    The deviation is None if either of the two is a text, or if the value rounds to the published one.
     """
     if isinstance(statement.value, str) or isinstance(figure, str):
         return (SAME if figure == statement.value else DIFFERENT), None
@@ -159,5 +162,5 @@ def _verdict(statement: Statement, figure: Scalar) -> tuple[Mark, str | None]:
 
 
 def _decimals(value: float) -> int:
-    """Number of decimals to which a value is stated."""
+    """Number of decimals with which a value is printed."""
     return max(-int(Decimal(repr(value)).normalize().as_tuple().exponent), 0)

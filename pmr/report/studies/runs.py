@@ -1,4 +1,4 @@
-"""Chapter about the runs of a study: errors and other values over what was varied, and tables of all values."""
+"""Chapter about the runs of a study: errors and other values over the varied parameters, and tables of all values."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ from pmr.studies.tasks import cell_number
 
 MOST_ROWS, MOST_COLUMNS, MOST_GRIDS, MOST_VALUES, MOST_PANELS = 60, 7, 3, 8, 4
 COORDINATES = "reduction.coordinates"
-#: Errors, the most telling first: the first one that the runs have is drawn and is the one of the headline.
+#: Names of errors, the most telling first; the first one that the runs have is drawn, and the headline states it.
 ERRORS = ("errors.reduced_vs_full.beam", "errors.reduced_vs_ancf.beam", "errors.full_vs_ancf.beam")
 BESIDE = ("errors.reduced_vs_full.tip", "max_displacement", "max_error", "largest_force", "frequencies.s_min.1")
-#: Share of its largest value by which a value has to differ between runs to be drawn.
+#: A value is drawn if it differs between runs by more than this share of its largest value.
 VISIBLE = 0.01
-#: Sections of a scene whose keys decide how long a simulation takes.
+#: Sections of a scene file, and other parameters, that change the time that a simulation takes.
 COSTLY = ("reduction", "mesh", "time", "simulation", "body", "scene", "case")
 
 
@@ -65,9 +65,9 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
 
 
 def _opening_sentence(runs: Sequence[RunRecord]) -> str:
-    """Sentence on the number of runs and on the parameters that vary, with the values of those that have few.
+    """Sentence on the number of runs and on the parameters that vary; parameters with few values are listed with these.
 
-    It is empty if nothing varies.
+    It is empty if no parameter varies.
     """
     parts = []
     for key in dict.fromkeys(key for run in runs for key in run.parameters):
@@ -82,9 +82,9 @@ def _opening_sentence(runs: Sequence[RunRecord]) -> str:
 
 
 def _headline(count: int, done: Sequence[RunRecord], error: str | None) -> str:
-    """Sentence on the range of the values called `error`, and on runs without a result.
+    """Sentence on the range of the values called `error`, and on the number of runs without a result.
 
-    `count` is the number of all runs, `done` are those with a result.
+    `count` is the number of all runs, `done` are the runs with a result.
     """
     finished_text = f"{len(done)} of {count} runs are there." if len(done) < count or error is None else ""
     if error is None:
@@ -120,14 +120,17 @@ def _key_numbers(done: Sequence[RunRecord], error: str | None) -> Iterator[KeyNu
 
 
 def _cost_differs(runs: Sequence[RunRecord]) -> bool:
-    """Whether a parameter varies on which the time of a simulation depends; without one, times differ by chance."""
+    """Whether a parameter varies on which the time of a simulation depends.
+
+    If no such parameter varies, times differ between runs by chance only.
+    """
     return any(key.partition(".")[0].partition("[")[0] in COSTLY for run in runs for key in run.parameters)
 
 
 def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Iterator[Block]:
-    """Yield a block of figures: values over the varied parameter, and the error over the time of a simulation.
+    """Yield blocks of figures: values over the varied parameter, and the error over the time of a simulation.
 
-    Nothing is yielded unless a parameter has several numbers.
+    Nothing is yielded if no parameter has several numbers.
     """
     over = varied_parameter(done)
     if over is None:
@@ -154,15 +157,18 @@ def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Itera
 
 
 def _is_visible(runs: Sequence[RunRecord], name: str) -> bool:
-    """Whether a value differs enough between runs for a curve to show it; errors always do, on a logarithmic axis."""
+    """Whether a value differs enough between runs for a curve to show the difference.
+
+    Errors always do, as their axis is logarithmic.
+    """
     values = [value_of(run, name) for run in runs_with(runs, name)]
     return name.startswith(("errors", "max_error")) or max(values) - min(values) > VISIBLE * max(map(abs, values))
 
 
 def varied_parameter(done: Sequence[RunRecord]) -> str | None:
-    """Parameter over which values are drawn: the number of coordinates, or else the one with the most numbers.
+    """Parameter over which values are drawn: the number of coordinates if it varies, else the one with the most values.
 
-    It is None if no parameter has several numbers.
+    It is None if no parameter has several numbers as values.
     """
     counts = {
         key: len({number_of(run.parameters[key]) for run in done})
@@ -176,11 +182,11 @@ def varied_parameter(done: Sequence[RunRecord]) -> str | None:
 
 
 def terminal_grid(runs: Sequence[RunRecord], columns: int, rows: int) -> Grid:
-    """Build a table of runs for a terminal that has room for so many columns and rows.
+    """Build a table of runs for a terminal that has room for `columns` columns and `rows` rows.
 
-    It shows parameters, the error and the largest values of each run, or, for a study that has none of these, its own
-    values.  If all runs fit, each has a column.  Else each has a row, and if not all values fit, those that differ come
-    first.
+    The table shows parameters, the error and the largest values of each run; for a study that has none of these, it
+    shows the study's own values.  If all runs fit side by side, each run has a column.  If not, each run has a row;
+    values that differ between runs come first, as not all values may fit.
     """
     heads, error = _varied_keys(runs), next((name for name in ERRORS if runs_with(runs, name)), None)
     cells_by_name = {quantity_of(error).label: [_format_cell(run, error) for run in runs]} if error else {}
@@ -189,7 +195,7 @@ def terminal_grid(runs: Sequence[RunRecord], columns: int, rows: int) -> Grid:
         cells_by_name |= {quantity_of(name).label: [_format_cell(run, name) for run in runs] for name in _columns(runs)}
     more = f"{len(runs) - rows} more runs and all" if len(runs) > rows else "All"
     caption = f"{more} figures, with times and places, stand in runs.csv."
-    if len(runs) <= columns - 2:  # the first column is as wide as two
+    if len(runs) <= columns - 2:  # the first column is as wide as two others
         lines = [(name, *cells) for name, cells in cells_by_name.items()][:rows]
         return Grid(caption, ("", *map(run_name, runs)), tuple(lines))
     differ = [name for name, cells in cells_by_name.items() if len(set(cells)) > 1]
@@ -202,25 +208,25 @@ def terminal_grid(runs: Sequence[RunRecord], columns: int, rows: int) -> Grid:
 
 
 def _varied_keys(runs: Sequence[RunRecord]) -> list[str]:
-    """Parameters that vary between runs; if none does, the first parameter."""
+    """Keys of the parameters that vary between runs; if none varies, the key of the first parameter."""
     parameters = list(dict.fromkeys(key for run in runs for key in run.parameters))
     return [key for key in parameters if len({run.parameters.get(key) for run in runs}) > 1] or parameters[:1]
 
 
 def _headings(keys: Sequence[str]) -> tuple[str, ...]:
-    """Column headings of these parameters; ``run`` if there are none."""
+    """Column headings of the parameters `keys`; ``run`` if there are none."""
     return tuple(map(heading, keys)) or ("run",)
 
 
 def _parameter_cells(run: RunRecord, keys: Sequence[str]) -> list[str]:
-    """Cells with the values of these parameters in a run; the key of the run if there are none."""
+    """Cells with the values of the parameters `keys` in a run; if there are none, a cell with the key of the run."""
     return [value_words(run.parameters.get(key)) for key in keys] or [run.key]
 
 
 def _grids(runs: Sequence[RunRecord]) -> Iterator[Grid]:
-    """Yield tables of the values of all runs, with as many columns as fit on a page.
+    """Yield tables of the values of all runs, each with as many columns as fit on a page.
 
-    Values that are equal in all runs are named in the first caption only.
+    Values that are equal in all runs are only named in the caption of the first table.
     """
     parameters = list(dict.fromkeys(key for run in runs for key in run.parameters))
     heads = _varied_keys(runs)
@@ -243,31 +249,34 @@ def _grids(runs: Sequence[RunRecord]) -> Iterator[Grid]:
 
 
 def _columns(runs: Sequence[RunRecord]) -> list[str]:
-    """Names of the runs' values and of the times of their simulations, without values that have their own tables."""
+    """Names of the runs' values and of the times of their simulations.
+
+    Names of values that have their own tables are left out.
+    """
     figures = (name for run in runs for name in run.figures if not name.startswith(tables.ROOMS))
     seconds = (name for run in runs for name in run.seconds if name.startswith("simulate.") and _cost_differs(runs))
     return list(dict.fromkeys([*figures, *seconds]))
 
 
 def _repeats_parameter(runs: Sequence[RunRecord], name: str, parameters: Sequence[str]) -> bool:
-    """Whether a value equals a parameter in all runs, such as a number of coordinates."""
+    """Whether a value equals one of `parameters` in all runs, as a number of coordinates may."""
     values = [run.figures.get(name) for run in runs]
     return any(values == [run.parameters.get(key) for run in runs] for key in parameters)
 
 
 def _format_cell(run: RunRecord, name: str) -> str:
-    """Format a value, or the time, of this name in a run."""
+    """Format the value called `name` of a run, or the time called `name`."""
     return quantity_of(name).cell(run.seconds[name] if name in run.seconds else run.figures.get(name))
 
 
-MOST_CURVES = 15  # curves in a legend, at most
-LOGARITHMIC = 5.0  # largest over least error above which the axis is logarithmic
+MOST_CURVES = 15  # largest number of curves in a legend
+LOGARITHMIC = 5.0  # ratio of the largest to the least error above which the axis is logarithmic
 
 
 def value_figure(done: Sequence[RunRecord], parameter: str, names: Sequence[str]) -> Figure:
     """Draw values over a parameter, a panel for each of `names`.
 
-    Runs that differ in no other parameter are joined by a curve.
+    Runs that differ in this parameter only are joined by a curve.
     """
     rows, columns = -(-len(names) // 2), min(len(names), 2)
     gaps = {"wspace": 0.28, "hspace": 0.42}
@@ -301,7 +310,7 @@ def error_over_time_figure(done: Sequence[RunRecord], parameter: str, error: str
 
 
 def _curves(done: Sequence[RunRecord], parameter: str) -> list[tuple[dict[str, Any], list[RunRecord]]]:
-    """Group runs that differ in one parameter only, with keywords for `Axes.plot` of each group."""
+    """Group runs that differ in `parameter` only; return each group after the keywords of its curve for `Axes.plot`."""
     groups: dict[str, list[RunRecord]] = {}
     for run in done:
         groups.setdefault(run_name(run, parameter) if len(run.parameters) > 1 else "", []).append(run)
@@ -311,18 +320,18 @@ def _curves(done: Sequence[RunRecord], parameter: str) -> list[tuple[dict[str, A
 def _curve_points(
     group: Sequence[RunRecord], name: str, places: Mapping[str, float]
 ) -> tuple[list[float], list[float]]:
-    """Coordinates of the points of a curve, in increasing order of x.
+    """Coordinates (x, y) of the points of a curve, in increasing order of x.
 
-    `places` maps keys of runs to x; y is the value called `name` in the unit of its quantity.
+    `places` maps the key of each run to its x; y is the value called `name` in the unit of its quantity.
     """
     points = sorted((places[run.key], value_of(run, name) / quantity_of(name).size) for run in runs_with(group, name))
     return [x for x, _ in points], [y for _, y in points]
 
 
 def _value_axis(ax: Axes, name: str) -> None:
-    """Set up the y-axis for values of this name: logarithmic for errors that differ much, else linear from 0.
+    """Set up the y-axis for values called `name`: logarithmic for errors that differ much, else linear from 0.
 
-    The curves that are drawn already are scaled to the unit of the axis.
+    Curves that are already drawn are scaled to the unit of the axis.
     """
     what, values = quantity_of(name), np.concatenate([curve.get_ydata() for curve in ax.lines])
     largest, positive = float(np.abs(values).max()), values[values > 0.0]
@@ -338,12 +347,12 @@ def _value_axis(ax: Axes, name: str) -> None:
 
 
 def _legend_margin(done: Sequence[RunRecord], parameter: str) -> dict[str, float]:
-    """Margin above the axes in inches that the legend needs."""
+    """Margin above the axes, in inches, that a legend of the curves needs."""
     return {"top": 0.16 + 0.15 * min(-(-len(_curves(done, parameter)) // 3), MOST_CURVES // 3)}
 
 
 def _add_legend(figure: Figure, done: Sequence[RunRecord], parameter: str) -> None:
-    """Add a legend of the curves, three in a row; none for a single curve."""
+    """Add a legend of the curves to a figure, with three entries in a row; a single curve has no legend."""
     looks = [look for look, _ in _curves(done, parameter)][:MOST_CURVES]
     if len(looks) > 1:
         handles = [Line2D([], [], **look) for look in looks]

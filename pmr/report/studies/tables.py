@@ -18,32 +18,32 @@ from pmr.scene.scene import BodyFile
 from pmr.studies.results import RunRecord
 from pmr.studies.tasks import Scalar, cell_number
 
-TIME = "simulate.reduced"  # seconds of one simulation of the reduced model
+TIME = "simulate.reduced"  # name of the time in s that one simulation of the reduced model takes
 _PLACES = {
     "tip": "at the tip",
     "beam": "along the beam",
     "pad_force": "of the forces",
 }
-#: Words for positions on the path, by their names in values' names.
+#: Words for positions on the path, by the parts of values' names that stand for these positions.
 PLACES = {"s_min": "s least", "s_middle": "s midway", "s_max": "s largest"}
 _AGAINST = {"full": "", "ancf": " against ANCF"}
 
 
 @dataclass(frozen=True)
 class ValueLabel:
-    """Label and unit of a value of a run; ``%`` is the unit of a fraction, ``–`` that of a plain number."""
+    """Label and unit of a value of a run; the unit is ``%`` for a fraction and ``–`` for a plain number."""
 
     label: str
     unit: str = "–"
-    missing: bool = False  # whether 1 minus the value is printed
+    missing: bool = False  # whether 1 minus the value is printed in place of the value
 
     @property
     def size(self) -> float:
-        """Value of one unit on the axis of a figure."""
+        """Value that one unit on the axis of a figure stands for: 0.01 for per cent, else 1."""
         return 0.01 if self.unit == "%" else 1.0
 
     def cell(self, value: Scalar) -> str:
-        """Format a value for a table; None is a dash."""
+        """Format a value for a table; None is printed as a dash."""
         if value is None:
             return "–"
         if isinstance(value, bool | str):
@@ -63,7 +63,7 @@ def key_words(key: str) -> str:
 
 
 def value_words(value: Scalar) -> str:
-    """Name the value of a parameter in words."""
+    """Describe the value of a parameter in words."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if value in MODELS:
@@ -76,11 +76,11 @@ def value_words(value: Scalar) -> str:
 
 
 def unit_of(key: str) -> str:
-    """Unit of a key of a scene, as the scene declares it; empty for a pure number, a text or an unknown key."""
+    """Unit of a scene's key, as the scene declares it; empty for a pure number, a text or an unknown key."""
     section: type[BaseModel] = BoomSection if re.match(r"sections?\b", key) else BodyFile
     *path, last = key.split(".")
     for part in path:
-        inside = section.model_fields.get(part.partition("[")[0])  # a name that is no key is that of an entry of a list
+        inside = section.model_fields.get(part.partition("[")[0])  # else the name of an entry of a list
         if inside is not None:
             section = next(_sections(inside.annotation), section)
     quantity = quantity_in(section, last) if last in section.model_fields else None
@@ -88,7 +88,7 @@ def unit_of(key: str) -> str:
 
 
 def _sections(annotation: object) -> Iterator[type[BaseModel]]:
-    """Yield the classes of sections that the annotation of a field allows."""
+    """Yield the classes of a scene's sections that the annotation of a field allows."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for part in get_args(annotation):
@@ -102,7 +102,7 @@ def heading(key: str) -> str:
 
 
 def run_name(run: RunRecord, left_out: str = "") -> str:
-    """Name a run by the values of its parameters, without the parameter `left_out`."""
+    """Name a run by the values of its parameters other than the parameter `left_out`."""
     words = []
     for key, value in run.parameters.items():
         unit = unit_of(key)
@@ -118,7 +118,7 @@ def run_name(run: RunRecord, left_out: str = "") -> str:
 
 
 def quantity_of(name: str) -> ValueLabel:
-    """Label and unit of the value with this name."""
+    """Label and unit of the value called `name`."""
     parts = name.split(".", 2) if name.startswith("errors.") else name.split(".")
     if parts[0] == "errors" and len(parts) == 3:
         model, _, other = parts[1].partition("_vs_")
@@ -147,22 +147,22 @@ def quantity_of(name: str) -> ValueLabel:
 
 
 def runs_with(runs: Iterable[RunRecord], name: str) -> list[RunRecord]:
-    """Runs in which the value of this name is a number."""
+    """Runs in which the value called `name` is a number."""
     return [run for run in runs if number_of(run.figures.get(name)) is not None]
 
 
 def is_varied(runs: Iterable[RunRecord], name: str) -> bool:
-    """Whether the printed value of this name differs between runs that have it."""
+    """Whether the value called `name`, as printed, differs between the runs that have it."""
     return len({quantity_of(name).cell(run.figures[name]) for run in runs_with(runs, name)}) > 1
 
 
 def value_of(run: RunRecord, name: str) -> float:
-    """Return the value of this name in a run, which has to be a number."""
+    """Return the value called `name` in a run, which has to be a number there."""
     return cell_number(run.figures[name])
 
 
 def number_of(value: Scalar) -> float | None:
-    """Value as a number; None if it is none, or a truth value or a text."""
+    """Return a value as a number; None for a missing value, a truth value or a text."""
     return None if value is None or isinstance(value, bool | str) else float(value)
 
 
@@ -172,7 +172,8 @@ def list_words(words: Iterable[str]) -> str:
     return f"{', '.join(most)} and {last}" if most else last
 
 
-#: Rows at a glance: each is the largest amount of the values whose names match a pattern, in a unit.
+#: Rows of the table of largest values: for each word, the pattern that names of values match, and the unit.  A row has
+#: the largest amount of these values, or the least one if the word begins with "lowest".
 ROWS = {
     "mass": (r"mass", "kg"),
     "largest displacement": (r"max_displacement", "m"),
@@ -196,7 +197,7 @@ def largest_value_block(runs: Sequence[RunRecord]) -> Block | None:
 
 
 def largest_values(runs: Sequence[RunRecord]) -> dict[str, list[str]]:
-    """Cells of every run for each quantity in `ROWS` that any of the runs has."""
+    """Cells of every run, by quantity, for the quantities in `ROWS` that at least one of the runs has."""
     cells = {}
     for word, (names, unit) in ROWS.items():
         values = [_extreme_amount(run, names, min if word.startswith("lowest") else max) for run in runs]
@@ -206,22 +207,26 @@ def largest_values(runs: Sequence[RunRecord]) -> dict[str, list[str]]:
 
 
 def _extreme_amount(run: RunRecord, names: str, extreme: Callable[..., float | None]) -> float | None:
-    """Largest or least amount, by `which`, of a run's values whose names match the pattern `names`, or None."""
+    """Largest or least absolute value of a run's values whose names match the pattern `names`.
+
+    `extreme` is the function max or min.  The result is None if no name matches.
+    """
     numbers = (number_of(value) for name, value in run.figures.items() if re.fullmatch(names, name))
     return extreme((abs(value) for value in numbers if value is not None), default=None)
 
 
-#: Runs that fit side by side; of more runs, runs.csv has all values, and curves show the largest.
+#: Number of runs that fit side by side.  For more runs there are no tables of all values, which runs.csv has; curves
+#: show the largest values.
 MOST_RUNS = 6
-#: Beginnings of names of the values that have tables here, so `pmr.report.studies.runs` leaves them out.
+#: Beginnings of the names of values that have a table in this module; `pmr.report.studies.runs` leaves them out.
 ROOMS = (
     "forces.", "reactions.", "moments.", "stress.", "frequencies.", "probes.", "path.", "beam_forces.", "beam_moments.",
     "utilisation_", "ropes.",
 )  # fmt: skip
 
-#: Share of the largest value with its unit below which a value is round-off.
+#: A value is round-off if it is less than this share of the largest value with the same unit.
 NOTHING = 1e-6
-#: Headings of tables, each with the beginning of its values' names, their unit, and the beginning of its caption.
+#: For the heading of each table: the beginning of the names of its values, their unit, and how the caption begins.
 _SPANS = {
     "Forces of pads, sliders and supports": ("forces.", "N", "Least … largest"),
     "Forces of ropes, and of what pulls them": ("ropes.", "N", "Least … largest"),
@@ -231,12 +236,12 @@ _SPANS = {
     "Forces along beams": ("beam_forces.", "N", "Least … largest"),
     "Moments along beams": ("beam_moments.", "N m", "Least … largest"),
 }
-#: Words in names of probes by their units, and whether the unit takes a prefix.
+#: For the unit of each measurement of a probe: the word for it in names, and whether the unit takes a prefix.
 _BASE = {"Pa": ("stress", True), "1": ("strain", False), "mm": ("displacement", False)}
 
 
 def value_blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
-    """Yield tables of forces, stresses, frequencies and probes; none for more than `MOST_RUNS` runs."""
+    """Yield blocks with tables of forces, stresses, frequencies and probes; nothing for more than `MOST_RUNS` runs."""
     if not (done := few_runs(runs)):
         return
     tables = {heading: _span_rows(done, *of) for heading, of in _SPANS.items()}
@@ -251,15 +256,15 @@ def value_blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
 
 
 def few_runs(runs: Sequence[RunRecord]) -> list[RunRecord]:
-    """Runs with a result; none of them if there are more than `MOST_RUNS`."""
+    """Runs with a result; an empty list if there are more than `MOST_RUNS` of them."""
     done = [run for run in runs if run.status == "done"]
     return done if len(done) <= MOST_RUNS else []
 
 
 def _span_rows(runs: Sequence[RunRecord], room: str, base: str, caption: str) -> tuple[str, list[tuple[str, ...]]]:
-    """Caption and rows of values whose names begin with `room`, each from least to largest, without round-off.
+    """Caption and rows of the values whose names begin with `room`, each from least to largest, without round-off.
 
-    `base` is their unit without prefix, and `caption` begins the caption.
+    `base` is the unit of these values without prefix, and `caption` is how the caption begins.
     """
     sizes = {
         name: max(map(abs, _numbers_called(runs, room + name, "min", "max")), default=0.0)
@@ -283,7 +288,7 @@ def _frequency_rows(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
 
 
 def _path_clause(runs: Sequence[RunRecord]) -> str:
-    """Clause on the range of the path; empty unless it is the same in all runs."""
+    """Clause on the range of the path; empty if this range differs between runs."""
     ends = {(number_of(run.figures.get("path.s_min")), number_of(run.figures.get("path.s_max"))) for run in runs}
     low, high = ends.pop()
     if ends or low is None or high is None:
@@ -292,7 +297,7 @@ def _path_clause(runs: Sequence[RunRecord]) -> str:
 
 
 def _probe_rows(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
-    """Rows of the measurements of probes, each followed by a row with its largest range of a load cycle."""
+    """Rows of the measurements of probes; each is followed by a row with the largest range of its load cycles."""
     rows, names = [], _value_names(runs, "probes.", ".range")
     for base, (word, prefix) in _BASE.items():
         of_kind = [name for name in names if f" {word} " in name]
@@ -312,13 +317,13 @@ def _probe_rows(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
 
 
 def _value_names(runs: Sequence[RunRecord], first: str, last: str) -> list[str]:
-    """Names of values of the runs that begin with `first` and end with `last`, without both."""
+    """Return the names of values that begin with `first` and end with `last`, with both of these cut off."""
     keys = dict.fromkeys(key for run in runs for key in run.figures)
     return [key[len(first) : -len(last)] for key in keys if key.startswith(first) and key.endswith(last)]
 
 
 def _numbers_called(runs: Sequence[RunRecord], name: str, *keys: str) -> Iterator[float]:
-    """Yield the numbers called `name` with each of `keys` appended, of all runs."""
+    """Yield, from all runs, the numbers whose names are `name` with one of `keys` appended."""
     for run in runs:
         for key in keys:
             if (value := number_of(run.figures.get(f"{name}.{key}"))) is not None:
@@ -326,7 +331,7 @@ def _numbers_called(runs: Sequence[RunRecord], name: str, *keys: str) -> Iterato
 
 
 def _format_span(run: RunRecord, name: str, size: float) -> str:
-    """Format the least and the largest value in a unit of this size; the least one may be missing."""
+    """Format the least and the largest value in a unit of size `size`; the least value may be missing."""
     figures: Mapping[str, Scalar] = run.figures
     least, most = figures.get(f"{name}.min"), figures.get(f"{name}.max")
     first = "" if least is None else f"{_format_value(least, size)}{SPACE}…{SPACE}"
@@ -334,6 +339,6 @@ def _format_span(run: RunRecord, name: str, size: float) -> str:
 
 
 def _format_value(value: Scalar, size: float) -> str:
-    """Format a value in a unit of this size; a value that is no number is a dash."""
+    """Format a value in a unit of size `size`; a value that is not a number is printed as a dash."""
     number = number_of(value)
     return "–" if number is None else significant(number / size, 3)

@@ -1,4 +1,4 @@
-"""Chapter about accuracy against time: least errors over simulation time, and what meets a tolerance."""
+"""Chapter about accuracy against time: least errors over simulation time, and the sizes that meet a tolerance."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ COLUMNS = 2
 
 
 def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
-    """Build the chapter about error and time of reduction methods; `prefix` is put before every identifier."""
+    """Build the chapter about errors and times of reduction methods; `prefix` is put before every identifier."""
     fronts_caption = (
         "Error along the body against the full model with a far shorter step, over the time of one simulation: of each "
         "method the models and steps that none of its others beats in both."
@@ -79,7 +79,7 @@ def front_figure(study: FinishedStudy) -> Figure:
 
 
 def error_front(times_and_errors: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Points (seconds, error) that no other one beats in both, in increasing order of time."""
+    """Points (seconds, error) for which no other point has less time and less error, in increasing order of time."""
     best: list[tuple[float, float]] = []
     for seconds, error in sorted(times_and_errors):
         if not best or error < best[-1][1]:
@@ -88,7 +88,7 @@ def error_front(times_and_errors: Sequence[tuple[float, float]]) -> list[tuple[f
 
 
 def _draw_panel(ax: Axes, study: FinishedStudy, scene: str) -> list[tuple[float, float]]:
-    """Draw the fronts of all methods for a scene, and return their points."""
+    """Draw the front of each method for a scene, and return the points (ms, error) of all fronts."""
     every = []
     for i, method in enumerate(NAMES):
         for run in study.runs(scene=scene, method=method):
@@ -100,7 +100,10 @@ def _draw_panel(ax: Axes, study: FinishedStudy, scene: str) -> list[tuple[float,
 
 
 def _times_and_errors(run: RunRecord) -> list[tuple[float, float]]:
-    """Simulation time in ms and error of each model and step of a method; a step takes as long whatever its length."""
+    """Simulation time in ms and error of each model and time step of a method.
+
+    All steps are taken to need equal time, whatever their length.
+    """
     steps = run.figures.get("steps")
     return [
         (1e3 * run.seconds[f"step.{r}"] * cell_number(steps) / h, error)
@@ -110,7 +113,7 @@ def _times_and_errors(run: RunRecord) -> list[tuple[float, float]]:
 
 
 def _tolerance_grid(study: FinishedStudy, scene: str) -> Grid:
-    """Build the table of coordinates and steps with which each method meets a tolerance, for a scene."""
+    """Build the table of the number of coordinates and the step by which each method meets a tolerance in a scene."""
     rows = []
     for method, name in NAMES.items():
         cells = [study.figures.get(f"{scene}.{method}.{tolerance:g}") for tolerance in TOLERANCES]
@@ -121,7 +124,7 @@ def _tolerance_grid(study: FinishedStudy, scene: str) -> Grid:
 
 
 def _offline_grid(study: FinishedStudy) -> Grid:
-    """Build the table of the offline time of each method's largest model, by scene."""
+    """Build the table of the offline time that the largest model of each method takes, by scene."""
     methods = [method for method in NAMES if study.runs(method=method)]
     rows = []
     for scene in study.scenes:
@@ -131,14 +134,14 @@ def _offline_grid(study: FinishedStudy) -> Grid:
 
 
 def _format_seconds(runs: Sequence[RunRecord]) -> str:
-    """Format the offline processor time of the first run; a dash if it has no models."""
+    """Format the offline processor time of the first run; a dash if this run has no models."""
     if not runs or not any(name.startswith("step.") for name in runs[0].seconds):
         return "–"
     return format_quantity(runs[0].seconds["offline"], "s")
 
 
 def _energy_grid(study: FinishedStudy, scene: str) -> Grid:
-    """Build the table of errors along the body and of the energy, by method and number of coordinates."""
+    """Build the table of the errors along the body and of the energy, by method and number of coordinates."""
     sizes = [int(r) for r in study.study_file["coordinates"]]
     rows = []
     for method, name in NAMES.items():
