@@ -37,7 +37,7 @@ def rayleigh(damping: Damping) -> Rayleigh:
 
 
 def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
-    """Mass and stiffness of a model, assembled from its forms or read from the matrices that a user gave; collective."""
+    """Mass and stiffness of a model, assembled from its forms or read from the matrices of a file; collective."""
     if is_assembled(model):
         return assemble_model(model, model.domain(comm))
     assert isinstance(model, Matrices)
@@ -105,7 +105,7 @@ class Assembler:
         return matrix
 
     def displacement_function(self, q: Array) -> Any:
-        """Function on the function space with the model's coordinates q (n,), which are the same on every rank; collective.
+        """Function on the function space with the model's coordinates q (n,), the same on every rank; collective.
 
         Not to be called for a model with a `transformation`, whose coordinates are not those of the function space.
         """

@@ -182,7 +182,7 @@ def _contacts(
 
 
 def _supports(bodies: Mapping[str, RigidBody], shifts: Mapping[str, Array]) -> Iterator[Array]:
-    """Yield for each body what its clamps and springs measure of the rigid motions of b bodies at T positions, (T, h, 6 b)."""
+    """Yield for each of b bodies what its clamps and springs measure of rigid motions at T positions, (T, h, 6 b)."""
     for k, (name, body) in enumerate(bodies.items()):
         rows = np.einsum("hk,tkl->thl", body.held_motions, shifts[name])
         yield np.pad(rows, ((0, 0), (0, 0), (6 * k, 6 * (len(bodies) - k - 1))))
@@ -383,7 +383,7 @@ def _free_motion_sentence(built: Mapping[str, AssembledBody], free: FreeMotions)
 
 
 def _find_free_motions(scene: Scene, built: Mapping[str, AssembledBody]) -> FreeMotions:
-    """Find the free rigid motions of a scene's bodies; supports are treated as contacts with the ground.  Collective."""
+    """Find the free rigid motions of a scene's bodies; supports count as contacts with the ground.  Collective."""
     models = models_of(built)
     system = FullSystem(models, contacts_of(scene, models)).with_supports()
     return describe_free_motions(

@@ -40,7 +40,10 @@ Indices = NDArray[np.int64]
 
 
 class DependentRowsError(InputError):
-    """A rigid row is a combination of other rows, because a slider sits on a support or two pads are opposite on a beam."""
+    """A rigid row is a combination of other rows.
+
+    For example, a slider sits on a support, or two pads on a beam are opposite one another.
+    """
 
     def __init__(self, names: Sequence[str]) -> None:
         allowed = (
@@ -90,7 +93,7 @@ class Elimination:
         return result
 
     def condense(self, K: PETSc.Mat) -> PETSc.Mat:
-        """Product T^T K T as a matrix (n, n), in which rows and columns of pivots are zero beside the diagonal; collective.
+        """Product T^T K T as a matrix (n, n) in which rows and columns of pivots are zero off the diagonal; collective.
 
         The diagonal entries of the pivots are equal to the largest diagonal entry of K.  As the size stays n,
         `EliminationOperator` can apply T^T and T to vectors in place.
@@ -106,10 +109,10 @@ class Elimination:
         return result
 
     def _condensation_change(self, K: PETSc.Mat) -> sp.csr_matrix:
-        """Difference T^T K T - K in the free coordinates: few rows and columns, cheaper than a product with K; collective.
+        """Difference T^T K T - K in the free coordinates, of few rows and columns; collective.
 
         With F (the `factors`), the rows R of K at the pivots, and the columns P of R at the pivots, the difference is
-        F^T P F - F^T R - R^T F.
+        F^T P F - F^T R - R^T F.  It is cheaper than a product with K.
         """
         first, last = K.getOwnershipRange()
         coupled = np.flatnonzero(np.any(self.factors, axis=1))
@@ -148,7 +151,10 @@ class EliminationOperator:
         self._factors, self._coupled = elimination.factors[:, near], bool(np.any(elimination.factors))
 
     def restrict(self, g: Array) -> None:
-        """Overwrite this rank's rows `g` (n_local, k) of k columns by those of T^T g, zero at the pivots; collective."""
+        """Overwrite this rank's rows `g` (n_local, k) of k columns by the rows of T^T g; collective.
+
+        The rows at pivots become zero.
+        """
         if self._coupled:
             at_pivots = np.zeros((self._count, g.shape[1]))
             at_pivots[self._own] = g[self._pivots]
@@ -156,7 +162,10 @@ class EliminationOperator:
         g[self._pivots] = 0.0
 
     def extend(self, x: Array) -> None:
-        """Overwrite this rank's rows `x` (n_local, k) of k columns by those of T x; entries at pivots are ignored.  Collective."""
+        """Overwrite this rank's rows `x` (n_local, k) of k columns by the rows of T x; collective.
+
+        The entries of `x` at pivots are not read.
+        """
         x[self._pivots] = 0.0
         if self._coupled:
             x[self._pivots] = -np.asarray(self._comm.allreduce(self._factors @ x[self._others]))[self._own]
@@ -297,7 +306,7 @@ class SlepcEigenSolver:
     def _solve(
         self, M: PETSc.Mat, K: PETSc.Mat, count: int, deflation: list[PETSc.Vec]
     ) -> tuple[Array, list[PETSc.Vec]]:
-        """The `count` lowest values of omega^2, and their modes M-orthogonal to the vectors in `deflation`; collective."""
+        """The `count` lowest omega^2 and the modes of these, M-orthogonal to the vectors in `deflation`; collective."""
         eps = lowest_mode_solver(K, M, self._sigma, count)
         pc = eps.getST().getKSP().getPC()
         pc.setType("cholesky")
@@ -358,7 +367,7 @@ EigenSolver = DenseEigenSolver | SlepcEigenSolver | OneFactorEigenSolver
 
 
 def lowest_frequencies(model: FullModel, s: Array, count: int, solver: str) -> Array:
-    """Lowest circular frequencies (S, f) in rad/s with the rows held at each of S path coordinates `s` (S,) m; collective.
+    """Lowest circular frequencies (S, f) in rad/s with the rows held at each path coordinate `s` (S,) m; collective.
 
     The number f of frequencies is `count`, or the number of coordinates less the number of rows if that is smaller.
     Raises a `ConvergenceError` if the solver finds too few.

@@ -110,12 +110,12 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
 
 
 def _port(model: StructuralModel, place: str | float, direction: str) -> Action:
-    """Action of size 1 along `direction` on a place to which another body may be attached, named by place and direction."""
+    """Action of size 1 along `direction` on a place where another body may be attached, with a name made from both."""
     return Action(f"{place if isinstance(place, str) else f'{place:g} m'} {direction}", place, direction)
 
 
 def _pads(member: Member) -> Pads:
-    """Pads, sliding points and contacts with other bodies that hold a body, on the faces where its model can feel pads."""
+    """Pads, sliding points and contacts with other bodies that hold a body, on the faces that its model knows."""
     faces = pad_faces(member)
     fixed, moving = (
         tuple(

@@ -70,7 +70,7 @@ def cylinder_row(
 
 
 def direction_polynomial(cylinder: LuffingCylinder) -> PPoly:
-    """Piecewise polynomial of the components (2,) along x and z of the unit vector from foot to lug, in the boom's axes.
+    """Piecewise polynomial of the unit vector (2,) from foot to lug, its components along x and z in the boom's axes.
 
     Its argument is the luffing angle in rad from -pi to pi.  Intervals are halved until the error is at most `ACCURACY`
     or the length of the interval at most `SHORTEST`.

@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 
 #: Share of the largest coordinate of a centre of gravity up to which another one is round-off.
 ROUND_OFF = 1e-12
-#: For each of the first moments along x, y and z: the translation and the rotation in whose product it appears, and its sign.
+#: For each first moment along x, y and z: translation and rotation whose product contains it, and its sign there.
 MOMENTS = ((("y", "rz", 1.0), ("z", "ry", -1.0)), (("z", "rx", 1.0),), (("x", "ry", 1.0),))
 
 
@@ -56,9 +56,9 @@ class Masses:
 
 
 def masses_of(model: StructuralModel, point_masses: Sequence[PointMass], M: PETSc.Mat) -> Masses | None:
-    """Masses and centre of gravity of a body: its model with mass matrix M, and the `point_masses` on it; collective.
+    """Masses and centre of gravity of a body: of its model with mass matrix M and of its `point_masses`; collective.
 
-    Supports do not count.  Returns None for given matrices, which may contain supports.
+    Returns None for given matrices: supports inside them would falsify the mass.
     """
     if not is_assembled(model):
         return None
@@ -94,7 +94,7 @@ def _gram_matrix(R: Array, M: PETSc.Mat) -> Array:
 
 @dataclass(frozen=True)
 class RigidMotions:
-    """Rigid motions of a body, computed from its geometry alone, and what clamps and springs measure of these motions."""
+    """Rigid motions of a body, computed from its geometry alone, and what clamps and springs measure of them."""
 
     # (n_local, k): this rank's free coordinates under each of k unit motions, translations first
     coordinates: Array
@@ -257,12 +257,15 @@ class FullSystem(BodySystem[FullModel]):
         return np.concatenate([complete[..., at][..., model.share] for at, model in parts], axis=-1)
 
     def gather_vectors(self, local: Array) -> Any:
-        """Whole vectors (k, n) on rank 0 from k local vectors `local` (k, n_local); other ranks get `local` back.  Collective."""
+        """Whole vectors (k, n) on rank 0 from k local vectors `local` (k, n_local); collective.
+
+        Other ranks get `local` back.
+        """
         parts = [self.comm.gather(local[:, at]) for at in self.local_slices]
         return np.concatenate([np.concatenate(part, 1) for part in parts], 1) if self.comm.rank == 0 else local
 
     def with_supports(self) -> FullSystem:
-        """System in which each support of a single coordinate is a contact with the ground too, after all other contacts."""
+        """System in which each support of a single coordinate is a contact with the ground too, after all others."""
         used = {(side.place.body, side.place.row) for side in self.sides}
         held = [
             Contact(input_name(name, row), Place(name, row, model.rows.rows[number].breaks[0]))
