@@ -49,7 +49,7 @@ class UnitState(Protocol):
         """Pairs of a place on the body and the force (3,) in N that acts there."""
 
     def displacement(self, space: Any) -> Any:
-        """Displacement of the body under the loads of this state, as a function on the model's function space; collective."""
+        """Displacement of the body under the loads of this state, a function on the model's space; collective."""
 
 
 class StructuralModel(Protocol):
@@ -98,7 +98,7 @@ class StructuralModel(Protocol):
         """Centroid of a place, (3,) m."""
 
     def strip(self, face: str, window: Window) -> Strip:
-        """Points within `window` on a flat face, or on the line that represents it on a beam, over which pads are integrated.
+        """Points for the integrals of pads, within `window` on a flat face or on the line that represents it on a beam.
 
         Raises
         ------
@@ -129,7 +129,7 @@ class FiniteElementModel(StructuralModel, Protocol):
         """Mass and stiffness as UFL forms on `space`."""
 
     def inertia(self, space: Any, S: Any) -> Any:
-        """UFL form of the integral of rho v . S u over the volume; u and v are the displacements of trial and test function.
+        """UFL form of the integral of rho v . S u over the volume, for trial and test displacements u and v.
 
         `S` is a tensor (3, 3) in UFL, and rho is the density.  If S is the identity, the form is the mass.
         """
@@ -141,7 +141,7 @@ class FiniteElementModel(StructuralModel, Protocol):
         """
 
     def element_coordinates(self, cells: Indices) -> list[Indices]:
-        """Numbers (c, d) of the d coordinates on each of c cells, one array for each scalar component of the function space.
+        """Numbers (c, d) of the d coordinates on each of c cells, one array per scalar component of the function space.
 
         `cells` (c,) are numbers of cells in the mesh from which `domain` was created.  If the model has a
         `transformation`, the coordinates are those of the function space, otherwise those of the model.

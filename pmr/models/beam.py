@@ -77,15 +77,15 @@ class Beam(ABC):
     @property
     @abstractmethod
     def node_transformations(self) -> Array:
-        """For each section the matrix that gives a node's coordinates in the function space from those of the model, (K, d, d)."""
+        """Matrices (K, d, d), one per section, from a node's coordinates of the model to those of the function space."""
 
     @abstractmethod
     def in_elements(self, h: Array, X: Array, number: Indices) -> Array:
-        """Motion (q, d, 2 d) of the axis at a point in each of q elements, per unit of the space's coordinates of the element.
+        """Motion (q, d, 2 d) of the axis at a point in each of q elements, per unit of the element's coordinates.
 
-        Point i is at the share X[i] in [0, 1] of an element of length h[i] in m with section number[i]; h, X and number
-        are (q,).  Rows are displacements and rotations along and about the directions.  Columns are the d coordinates
-        of the function space at the element's first node, then those at its second node.
+        The coordinates are those of the function space.  Point i is at the share X[i] in [0, 1] of an element of length
+        h[i] in m with section number[i]; h, X and number are (q,).  Rows are displacements and rotations along and
+        about the directions.  Columns are the d coordinates at the element's first node, then those at its second node.
         """
 
     @abstractmethod
@@ -94,7 +94,7 @@ class Beam(ABC):
 
     @abstractmethod
     def strains(self, space: Any) -> Any:
-        """The v generalised strains of a trial function on `space` as a UFL vector, one for each entry of a section force."""
+        """The v generalised strains of a trial function on `space`, to which section forces belong, as a UFL vector."""
 
     @property
     @abstractmethod
@@ -128,7 +128,7 @@ class Beam(ABC):
 
     @cached_property
     def first(self) -> Indices:
-        """Number (E,) of the function space's node at the start of each element; the node at its end has the next number."""
+        """Number (E,) of the function space's node at the start of each element; the node at its end has the next one."""
         cells = self.grid.cells
         apart = (np.diff(self.number) != 0) | (cells[1:, 0] != cells[:-1, 1])
         return np.arange(len(cells)) + np.append(0, np.cumsum(apart))
@@ -272,7 +272,7 @@ class Beam(ABC):
         return create_mesh(comm, "interval", points[:, None], cells)
 
     def element_coordinates(self, cells: Indices) -> list[Indices]:
-        """Numbers (c, 2) of the function space's coordinates on c elements `cells` (c,), one array for each of d components."""
+        """Numbers (c, 2) of the function space's coordinates on c elements, one array for each of d components."""
         nodes = self.first[cells, None] + np.arange(2)
         return [len(self.directions) * nodes + i for i in range(len(self.directions))]
 
@@ -293,10 +293,10 @@ class Beam(ABC):
         return pulled - mass_here * (a * (end - x) + b * (end**2 - x**2) / 2.0)
 
     def moment(self, mesh: Any, state: UnitState, component: int) -> Any:
-        r"""Bending moment M(x) = EI w'' in N m of the beam held at its tail, in UFL on a dolfinx mesh; w is the deflection.
+        r"""Bending moment M(x) = EI w'' in N m of the beam held at its tail, in UFL on a dolfinx mesh.
 
-        The beam bends along y (`component` 1) or z (`component` 2), along which the state's acceleration is a and its
-        forces at :math:`x_i` are :math:`F_i`.  With the mass per length :math:`\rho A` and the length L
+        The deflection w is along y (`component` 1) or z (`component` 2).  The state's acceleration along this axis is a
+        and its forces at :math:`x_i` are :math:`F_i`.  With the mass per length :math:`\rho A` and the length L
 
         .. math:: M = -\int_x^L \rho A\, a\, (\xi - x)\, d\xi + \sum_{x_i > x} F_i\, (x_i - x)
         """
@@ -318,7 +318,7 @@ class Beam(ABC):
         return np.append(np.cumsum(values[:0:-1])[::-1], 0.0)
 
     def _sums_beyond(self, mesh: Any, state: UnitState, component: int) -> tuple[Any, Any]:
-        """Sum of the state's forces beyond each element, and sum of forces times their coordinates along the axis, in UFL.
+        """Sums of the state's forces beyond each element, and of forces times their coordinates x, in UFL.
 
         Only one `component` of the forces is summed: 0, 1 or 2 for x, y or z.
         """
@@ -330,7 +330,7 @@ class Beam(ABC):
         return cellwise(mesh, sums[0]), cellwise(mesh, sums[1])
 
     def displacement(self, *places: str | float) -> sp.csr_matrix:
-        """Rows (k t, n) of the displacements of the centroids at k places, along those t of x, y and z that the beam has."""
+        """Rows (k t, n) of the displacements of the centroids at k places, along the t of x, y, z that the beam has."""
         at = np.array([self.station(place) for place in places])
         motions = self._point_motions(at, np.array([self.centroid(place) for place in at]))
         return motions[np.flatnonzero(np.tile([d in "xyz" for d in self.directions], len(at)))]

@@ -92,7 +92,7 @@ class Beam2D(Beam):
 
     @property
     def reference_frequency(self) -> float:
-        """Scale of the lowest frequencies in rad/s: sqrt(EI / (rho A L^4)) with the least EI and rho A, and the length L."""
+        """Scale of the lowest frequencies in rad/s: sqrt(EI / (rho A L^4)) with the least EI and the least rho A."""
         of = self.stiffnesses
         return float(np.sqrt(of.bending.min() / of.mass.min()) / self.body.length**2)
 
@@ -123,12 +123,12 @@ class Beam2D(Beam):
 
     @property
     def signs(self) -> Array:
-        """Signs (d,): the coordinate of the direction ``ry`` is w', minus the rotation; the others are the motion itself."""
+        """Signs (d,): -1 for the direction ``ry``, whose coordinate is w', minus the rotation; else 1."""
         return np.array([-1.0 if direction == "ry" else 1.0 for direction in self.directions])
 
     @cached_property
     def node_transformations(self) -> Array:
-        """For each section the matrix that gives u of the centroid, w and w' from a node's coordinates on the axis, (K, d, d).
+        """Matrices (K, d, d), one per section, that give u of the centroid, w and w' from coordinates on the axis.
 
         u is left out if the beam has no axial coordinates.
         """
@@ -228,7 +228,7 @@ class Beam2D(Beam):
 
     @property
     def deflection(self) -> Array:
-        """Coefficients (4, E, 4) of the deflection w on each element, a cubic in the distance from the element's first node.
+        """Coefficients (4, E, 4) of the deflection w on each element, a cubic in the distance from its first node.
 
         The first axis counts the powers, the highest first.  The last axis counts the coordinates in `bending_dofs`.
         """

@@ -90,7 +90,7 @@ class Beam3D(Beam):
 
     @cached_property
     def planes(self) -> tuple[Bending, Bending]:
-        """Bending along both principal axes of the sections, with shear if the body has it and shear areas are known."""
+        """Bending along both principal axes of the sections, with shear if the body has it and its areas are known."""
         E, G = self.body.material.young, self.body.material.shear_modulus
         areas, I = self.sections.shear_areas if self.body.shear else None, self.sections.second_moments.T
         if areas is None:
@@ -130,7 +130,7 @@ class Beam3D(Beam):
 
     @cached_property
     def node_transformations(self) -> Array:
-        """For each section the matrix that gives the function space's coordinates of a node from the axis' motion, (K, 6, 6).
+        """Matrices (K, 6, 6), one per section, that give the function space's coordinates from the axis' motion.
 
         The coordinates of the function space are u, phi, v, v', w and w'.  u is the displacement along x of the
         centroid; v and w are the displacements of the shear centre along the principal axes.  v' is the rotation about
@@ -159,7 +159,7 @@ class Beam3D(Beam):
         return Forms(self.inertia(space, ufl.Identity(3)), stiffness * measure(mesh))
 
     def inertia(self, space: Any, S: Any) -> Any:
-        r"""UFL form of the integral of rho v . S u over the body, for the displacements u and v of trial and test function.
+        r"""UFL form of the integral of rho v . S u over the body, for trial and test displacements u and v.
 
         .. math::
             \int \rho A\, v \cdot S u + \rho I_z\, v_{,y} \cdot S u_{,y} + \rho I_y\, v_{,z} \cdot S u_{,z}\, dx
@@ -179,7 +179,7 @@ class Beam3D(Beam):
         return (total + self._ring_inertia(mesh, S, by, of)) * measure(mesh)
 
     def _ring_inertia(self, mesh: Any, S: Any, by: Sequence[Motion], of: Sequence[Motion]) -> Any:
-        """Integrand of the rings' inertia in UFL, from `_motion` of the test function (`by`) and of the trial function (`of`).
+        """Integrand of the rings' inertia in UFL, from `_motion` of the test (`by`) and trial (`of`) functions.
 
         Rings have their own centroid and second moments.
         """
@@ -265,7 +265,7 @@ class Beam3D(Beam):
         return (self.axial_force(mesh, state) * along + across) * measure(mesh)
 
     def _deflections(self, mesh: Any, field: Any) -> list[Deflection]:
-        """Deflections in both planes of a field in UFL, whose components are u, phi, and w_A and theta_B of each plane."""
+        """Deflections in both planes of a field in UFL with the components u, phi, and w_A and theta_B for each plane."""
         h = ufl.JacobianDeterminant(mesh)
         middle = cellwise(mesh, self.node_stations[self.grid.cells].mean(axis=1))
         X, of_elements = (ufl.SpatialCoordinate(mesh)[0] - middle) / h + 0.5, partial(self.element_property, mesh)
@@ -290,7 +290,7 @@ class Beam3D(Beam):
         return local
 
     def faces(self, at: float) -> dict[str, tuple[Plane, Extent]]:
-        """Faces of the profile at the coordinate `at` (m) along the axis: the plane and extent of each face by its name.
+        """Faces of the profile at the coordinate `at` (m) along the axis: plane and extent of each face by its name.
 
         A beam without a profile has four faces, all of them through the axis.
         """
@@ -321,7 +321,7 @@ class Beam3D(Beam):
 
     @property
     def section_stiffness(self) -> dict[str, Array]:
-        """Normal force, torque and both bending moments, by name: each (E, 4) per unit of the four `strains` in E elements."""
+        """Normal force, torque and both bending moments, by name: (E, 4) per unit of the four strains in E elements."""
         material, sections, number = self.body.material, self.sections, self.number
         # moments about z and y per unit of the curvatures along the principal axes
         bent = material.young * np.einsum("kji,kj->kij", sections.principal, sections.second_moments)[number]
@@ -332,7 +332,7 @@ class Beam3D(Beam):
         return stiffness
 
     def strains(self, space: Any) -> Any:
-        """Stretch u', curvatures psi_v' and psi_w' in both planes, and twist phi', as a UFL vector of a trial function."""
+        """Stretch u', curvatures psi_v' and psi_w' in both planes, and twist phi' of a trial function, in UFL."""
         field = ufl.TrialFunction(space)
         v, w = self._deflections(space.mesh, field)
         return ufl.as_vector([field[0].dx(0), v.curvature, w.curvature, field[1].dx(0)])

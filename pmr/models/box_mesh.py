@@ -351,7 +351,7 @@ def _section_curves(drawing: Drawing, boom: BoxBoom, x: float, inset: float) -> 
 
 
 def _frame_surfaces(drawing: Drawing, boom: BoxBoom, outer: list[int], x: float) -> list[Entity]:
-    """Surfaces of a frame at x: from the curves `outer` to the frames' depth, or all within the curves if it is infinite."""
+    """Surfaces of a frame at x: from the curves `outer` to the frames' depth, or all within them if it is infinite."""
     if boom.frame_depth == np.inf:
         return [drawing.fill(outer)]
     inner = _section_curves(drawing, boom, x, boom.frame_depth)
