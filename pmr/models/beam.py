@@ -77,7 +77,7 @@ class Beam(ABC):
     @property
     @abstractmethod
     def node_transformations(self) -> Array:
-        """Matrices (K, d, d), one per section, from a node's coordinates of the model to those of the function space."""
+        """Matrices (K, d, d), one per section, from a node's coordinates of the model to those of the space."""
 
     @abstractmethod
     def in_elements(self, h: Array, X: Array, number: Indices) -> Array:
@@ -128,7 +128,7 @@ class Beam(ABC):
 
     @cached_property
     def first(self) -> Indices:
-        """Number (E,) of the function space's node at the start of each element; the node at its end has the next one."""
+        """Number (E,) of the function space's node at each element's start; the node at its end has the next number."""
         cells = self.grid.cells
         apart = (np.diff(self.number) != 0) | (cells[1:, 0] != cells[:-1, 1])
         return np.arange(len(cells)) + np.append(0, np.cumsum(apart))

@@ -265,7 +265,10 @@ class Beam3D(Beam):
         return (self.axial_force(mesh, state) * along + across) * measure(mesh)
 
     def _deflections(self, mesh: Any, field: Any) -> list[Deflection]:
-        """Deflections in both planes of a field in UFL with the components u, phi, and w_A and theta_B for each plane."""
+        """Deflections in both planes of a field in UFL with the components u, phi, w_A, theta_B, w_A and theta_B.
+
+        The first w_A and theta_B belong to bending along y, the second ones to bending along z.
+        """
         h = ufl.JacobianDeterminant(mesh)
         middle = cellwise(mesh, self.node_stations[self.grid.cells].mean(axis=1))
         X, of_elements = (ufl.SpatialCoordinate(mesh)[0] - middle) / h + 0.5, partial(self.element_property, mesh)

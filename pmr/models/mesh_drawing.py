@@ -66,7 +66,7 @@ class Drawing:
         return self._curve(start, end, divisions, lambda: self._model.geo.addLine(start, end))
 
     def arc(self, start: int, centre: int, end: int, divisions: int) -> int:
-        """Tag in gmsh of the circular arc around the point `centre` from `start` to `end`, in `divisions` equal parts."""
+        """Tag in gmsh of the arc around the point `centre` from the point `start` to `end`, in `divisions` parts."""
         return self._curve(start, end, divisions, lambda: self._model.geo.addCircleArc(start, centre, end))
 
     def _curve(self, start: int, end: int, divisions: int, draw: Any) -> int:

@@ -140,7 +140,7 @@ class MeshedModel(TracedModel):
 
     @property
     def grid(self) -> Grid:
-        """Cells of the mesh; pictures use the vertices' displacements, although displacements are quadratic in cells."""
+        """Cells of the mesh; pictures use the vertices' displacements, though displacements are quadratic in cells."""
         name, order = next((name, order) for name, (kind, _, order) in CELLS_OF_KIND.items() if kind == self.mesh.cell)
         return Grid(name, self.mesh.points, self.mesh.cells[:, order], self.mesh.regions)
 

@@ -133,7 +133,10 @@ class MidLine:
 
     @property
     def shear_compliance(self) -> Array:
-        """Inverse shear areas (2, 2) in 1/m^2: integrals of products of the two shear flows, divided by the thickness."""
+        """Inverse shear areas (2, 2) in 1/m^2: integrals of products of both shear flows over the thickness t.
+
+        The integrals are those of q_i q_j / t along the line, with the flows q_1 and q_2 of unit forces along y and z.
+        """
         return np.einsum("k,kqi,kqj,q", self.lengths / self.thickness, self.flow, self.flow, WEIGHTS)
 
     @property
@@ -244,7 +247,10 @@ def _mitre(side: Side, other: Side) -> float:
 
 
 def _sector(side: Side) -> Integrals:
-    """Integrals of 1, p (2,) and p p^T (2, 2) over a rounded corner, a sector of a ring, with the vector p from the axis."""
+    """Integrals of 1, p (2,) and p p^T (2, 2) over a rounded corner, a sector of a ring.
+
+    p is the vector from the axis.
+    """
     r, t, centre = side.radius, side.thickness, np.array(side.centre)
     (b,), a = _arc_angles(side, np.ones(1))
     c, s, twice = np.sin(b) - np.sin(a), np.cos(a) - np.cos(b), (np.sin(2.0 * b) - np.sin(2.0 * a)) / 4.0

@@ -178,7 +178,7 @@ class Shell(MeshedModel):
         return ufl.as_vector([sigma[i, j] for sigma in stresses for i, j in ((0, 0), (1, 1), (0, 1))])
 
     def stresses(self) -> StressRows:
-        """Plane stress at each triangle's centroid: on the outer face, in the middle (membrane), and on the inner face."""
+        """Plane stress at each triangle's centroid: on the outer face, in the middle (membrane), on the inner face."""
         mesh, half = self.mesh, self.thickness / 2.0
         rows = cell_values(self, self.plane_stresses, rule_points("triangle", 1))
         membrane, bent = rows.entries[:, 0, :3], half[:, None, None] * rows.entries[:, 0, 3:]
@@ -273,7 +273,7 @@ def draw_box(box: Box, size: float, along: float, tail_layer: float = 0.0) -> Bo
     parts = tuple(
         BoxStretch(stretch.start, stretch.end, stretch.first.sides, stretch.last.sides) for stretch in stretches
     )
-    # where corners differ in thickness between bottom and top on any stretch, they have different names on all stretches
+    # if bottom and top corners differ in thickness on any stretch, they differ in name on all
     names = max(
         ([side.name for side in part.first] for part in parts), key=lambda names_of_part: len(set(names_of_part))
     )

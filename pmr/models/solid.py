@@ -161,7 +161,7 @@ def of(body: Body, mesh: NamedMesh) -> Solid:
 
 @dataclass(frozen=True)
 class Skin:
-    """The f facets of a solid's surface: the cell (f,) of each, its vertices (f, k), and outward unit normals (f, 3)."""
+    """The f facets of a solid's surface: cell (f,) and vertices (f, k) of each, and outward unit normals (f, 3)."""
 
     cell: Indices
     vertices: Indices

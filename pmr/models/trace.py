@@ -77,7 +77,10 @@ class Trace:
         )
 
     def shift_to(self, axis: int, place: float) -> Trace:
-        """This trace for a point with the coordinate `place` (m) on an `axis`, 0 to 2; unchanged if the centroid is there."""
+        """This trace for the point that has the coordinate `place` (m) on an `axis`, 0 to 2.
+
+        The trace is unchanged if the points' centroid has this coordinate.
+        """
         offset = np.eye(3)[axis] * (place - self.centroid[axis])
         close = np.abs(offset).max() <= 1e-9 * np.abs(self.points - self.centroid).max(initial=0.0)
         return self if close else replace(self, offset=tuple(offset.tolist()))
@@ -186,7 +189,7 @@ def _named_group(mesh: NamedMesh, name: str) -> Group:
 
 
 def _entity_nodes(mesh: NamedMesh, nodes: Nodes, name: str, kind: str) -> Indices:
-    """First coordinates (e, k) of the k displacement nodes on each entity of a group, in the order of Lagrange functions."""
+    """First coordinates (e, k) of k displacement nodes on each of e entities, in the order of Lagrange functions."""
     topology = cell_topology(kind) if mesh.groups[name].dim else [[[0]]]
     tables = [
         _part_coordinates(mesh, nodes, name, parts)
