@@ -150,7 +150,10 @@ class TomlFile:
         return (inside[-1:] or above or [str(self.path)])[0]
 
     def _with_base(self, path: Path, extending: tuple[Path, ...]) -> dict[str, Any]:
-        """Return the tables of a file merged over those of the files it extends; `extending` are files that lead here."""
+        """Return the tables of a file merged over those of the files it extends.
+
+        `extending` are the files that lead to this one by their keys ``extends``.
+        """
         what = self.dialect.name
         data = read_tables(path, what)
         if path.resolve() in extending:
