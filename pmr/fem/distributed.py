@@ -111,9 +111,7 @@ def fix_signs(local: Array, comm: Any) -> Array:
     deciding = np.zeros(local.shape[1])
     if len(local):
         deciding = np.where(candidates.any(axis=0), local[candidates.argmax(axis=0), columns], 0.0)
-    by_rank = np.array(
-        comm.allgather(deciding)
-    )  # ranks own consecutive rows: the first rank with such an entry decides
+    by_rank = np.array(comm.allgather(deciding))  # ranks own consecutive rows: the first with such an entry decides
     first = by_rank[(by_rank != 0.0).argmax(axis=0), columns]
     return local * np.where(first < 0.0, -1.0, 1.0)
 

@@ -11,10 +11,10 @@ The index f means all fixed pads and ends, and the index m means pads that slide
     \delta_m = A(u)\, y_f + S_m(u)\, y_m, \quad
     A S_f^T = k_0\, C_{mf}, \quad S_m^2 = k_0\, C_{mm} - A A^T
 
-So the pads of one ring dent the walls under each other, and so do rings that come close.  Both roots, :math:`S_f` and
-:math:`S_m`, are symmetric.  They are smooth wherever C is, so that a row is still a cubic of the path coordinate
-between its breaks.  Pads that slide on one path do not dent the walls under pads that slide on another.  The mass that
-belongs to a pad's y is that of the wall under the pad.
+So the pads of one ring dent the walls under each other, and so do rings that come close.  Both :math:`S_f` and
+:math:`S_m` come from symmetric roots, which are smooth wherever C is, so that a row is still a cubic of the path
+coordinate between its breaks.  Pads that slide on one path do not dent the walls under pads that slide on another.  The
+mass that belongs to a pad's y is that of the wall under the pad.
 
 A free end, whose shape no clamp or rigid mass keeps, is treated as a fixed pad.  A mass that follows the end's mean
 motion, a load or a support there moves along y and z and turns about x by more than the beam does.
@@ -51,9 +51,7 @@ class Standing:
 
     pads: tuple[str, ...] = ()  # their names
     ends: tuple[tuple[str, str], ...] = ()  # as ("tip", "y")
-    compliance: Array = field(
-        default_factory=lambda: np.empty((0, 0))
-    )  # (m, m): compliance C_ff in m/N, rad/N or rad/(N m)
+    compliance: Array = field(default_factory=lambda: np.empty((0, 0)))  # (m, m): C_ff in m/N, rad/N, rad/(N m)
     masses: Array = field(default_factory=lambda: np.empty(0))  # (m,) kg, or kg m^2
 
 

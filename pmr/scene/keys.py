@@ -67,9 +67,7 @@ class Refusal:
             e for e in errors if of_table and e["input"] is not errors[0]["input"]
         ]  # a number, or a table of them
         first = next((e for e in errors if e["type"] == "extra_forbidden"), [*within, errors[0]][0])
-        spelled = {key for _, _, key, _ in iterate_keys(data)} | {
-            ""
-        }  # pydantic's locations also name branches of unions, which are left out
+        spelled = {key for _, _, key, _ in iterate_keys(data)} | {""}  # without branches of unions
         location: list[str | int] = [part for part in first["loc"] if isinstance(part, int) or part in spelled]
         value, allowed, about = first["input"], first["msg"].removeprefix("Value error, "), first.get("ctx", {})
         match first["type"]:

@@ -74,9 +74,8 @@ class Member:
     # position in m of the fixed end of each rigid overlap, by the names of its two rows
     overlap_ends: Mapping[tuple[str, str], float] = field(default_factory=dict)
     cylinder: LuffingCylinder | None = None  # luffing cylinder that holds the base
-    other_sections: tuple[
-        Member, ...
-    ] = ()  # all other sections, each without `other_sections`, if the model is ``auto``
+    # all other sections, each with empty `other_sections`, if the model of this one is ``auto``
+    other_sections: tuple[Member, ...] = ()
 
     @property
     def signals(self) -> dict[str, SignalBase]:

@@ -39,9 +39,7 @@ def check_structure(member: Member) -> None:
     check_names("pads", (name for ring in member.pads for name, _, _ in ring.named_pads))
     for key in ("loads", "masses", "probes"):
         check_names(key, (part.name for part in getattr(member.part, key)))
-    for i, mass in enumerate(
-        member.part.masses if model_of(member) != "beam2d" else ()
-    ):  # a planar beam turns about y alone
+    for i, mass in enumerate(member.part.masses if model_of(member) != "beam2d" else ()):  # beam2d turns about y
         if not is_inertia(mass.inertia):
             raise scene_error(f"masses[{i}].inertia", list(mass.inertia), ALLOWED_INERTIA)
     fields = (INERTIA + field for field in inertia_fields(member))
