@@ -292,7 +292,7 @@ def hermite_space(mesh: Any, linear: int, planes: int = 1) -> Any:
 
 
 def _element(mesh: Any, family: str, degree: int, components: int = 0) -> Any:
-    """Element of a scalar, or of a vector with the given number of components."""
+    """Element of a scalar or, if `components` is not 0, of a vector with as many components."""
     if not _WRAPPED:
         shape = (components,) if components else None
         return basix.ufl.element(family, mesh.topology.cell_name(), degree, shape=shape)
@@ -334,7 +334,7 @@ def _vertex_element(functions: Any, derivative: int, complete_degree: int) -> An
 
 
 def constant(mesh: Any, value: float | Array) -> Any:
-    """UFL constant whose value is not compiled into the form, so that another value needs no compilation."""
+    """UFL constant that is not compiled into the form, so that a change of its value needs no compilation."""
     return dolfinx.fem.Constant(mesh, np.array(value, PETSc.ScalarType, order="C"))
 
 

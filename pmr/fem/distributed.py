@@ -120,7 +120,7 @@ def free_dropped(comm: MPI.Comm, cycles: bool = True) -> None:
     """Free the PETSc objects on a communicator that Python has dropped; collective.
 
     Python's ranks drop objects at different times, so PETSc (3.18 and newer) keeps the objects until all ranks agree
-    here. If `cycles`, objects that refer to each other are looked for too, which takes some tenths of a second.
+    here.  If `cycles`, objects that refer to each other are looked for too, which takes some tenths of a second.
     """
     if cycles:
         gc.collect()

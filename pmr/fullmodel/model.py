@@ -94,14 +94,14 @@ def _gram_matrix(R: Array, M: PETSc.Mat) -> Array:
 
 @dataclass(frozen=True)
 class RigidMotions:
-    """Rigid motions of a body, computed from its geometry alone, and what clamps and springs measure of them."""
+    """Rigid motions of a body, computed from its geometry alone, and what clamps and springs measure of these."""
 
     # (n_local, k): this rank's free coordinates under each of k unit motions, translations first
     coordinates: Array
     held_measures: (
         Array  # (h, k) m or rad: what clamps and springs measure of each; a motion is free if its column is zero
     )
-    whole: bool = True  # False with clamped coordinates, whose loads the model lacks, or inner supports
+    whole: bool = True  # False with clamped coordinates, on which the model has no loads, or with inner supports
 
 
 @dataclass(frozen=True)
@@ -248,7 +248,7 @@ class FullSystem(BodySystem[FullModel]):
 
     @cached_property
     def output_slices(self) -> tuple[slice, ...]:
-        """Slice of each body's outputs among those of the system."""
+        """Slice of each body's outputs among the outputs of the system."""
         return consecutive([model.outputs.getSize()[1] for model in self.models])
 
     def local_part(self, complete: Array) -> Array:

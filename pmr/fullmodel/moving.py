@@ -114,7 +114,7 @@ class _DenseSolver:
 
 
 class _SparseSolver:
-    """Static solver by a sparse factor, spread over the ranks or whole on each of them."""
+    """Static solver by a sparse factor that is spread over the ranks, or complete on each of them."""
 
     def __init__(self, stiffness: PETSc.Mat, elimination: Elimination) -> None:
         self._condensed = EliminationOperator(elimination, stiffness)

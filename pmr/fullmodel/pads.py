@@ -163,8 +163,8 @@ class Restraints:
     A spring is a row c (1, n) that measures its elongation, with a stiffness k.
     """
 
-    rows: tuple[Row, ...]  # of pads and supports that move, are rigid or only push
-    springs: tuple[Row, ...]  # of all others; k c^T c is part of K
+    rows: tuple[Row, ...]  # rows of pads and supports that move, are rigid or only push
+    springs: tuple[Row, ...]  # rows of all other pads and supports; k c^T c is part of K
 
     def stiffness(self, size: int) -> sp.csr_matrix:
         """Stiffness (n, n) in N/m of all springs: the sum of k c^T c over their rows c (1, n); `size` is n."""

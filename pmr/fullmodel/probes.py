@@ -107,7 +107,7 @@ def _displacements(probe: Probe, model: FiniteElementModel) -> Iterator[Gauge]:
 
 @dataclass(frozen=True)
 class _Stresses:
-    """Stress rows of a model, with the body whose probes and materials they are for."""
+    """Stress rows of a model, and the body with the probes and materials to which they are applied."""
 
     part: OneBody
     model: FiniteElementModel

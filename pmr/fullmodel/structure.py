@@ -144,7 +144,7 @@ class Coupling:
     masses: tuple[PointMass, ...]
     motions: tuple[sp.csr_matrix, ...]  # (k, n') each: G of each mass, along the k directions of the model
     rigid: Array  # (n', k): z under each of the model's k rigid motions
-    clamped: Array  # (c, k): clamped coordinates of q under each of them, were they free
+    clamped: Array  # (c, k): coordinates of q that are clamped, under the same rigid motions without the clamps
     walls: Walls
 
     def attached_mass(self) -> sp.csr_matrix:

@@ -390,5 +390,5 @@ class Beam(ABC):
 
 
 def measure(mesh: Any) -> Any:
-    """UFL measure by which forms of beams are integrated."""
+    """UFL measure by which weak forms of beams are integrated."""
     return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 6})

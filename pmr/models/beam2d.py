@@ -181,18 +181,24 @@ class Beam2D(Beam):
         return local
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
-        """Rows (d, n) of the motion of a place's centroid; raises an `InputError` if `about` is given."""
+        """Rows (d, n) of the motion of a place's centroid.
+
+        Raises an `InputError` if `about` is given.
+        """
         if about is not None:
             allowed = "the place itself is allowed: a planar beam has no points beside it"
             raise InputError("scene", "place", place, allowed)
         return super().motion(place)
 
     def faces(self, at: float) -> dict[str, tuple[Plane, Extent]]:
-        """The faces ``bottom`` and ``top`` with their planes, along the whole beam."""
+        """The faces ``bottom`` and ``top`` by name, each with its plane and its extent, the whole beam."""
         return {name: (FACES[name], Extent((0.0, self.body.length))) for name in ("bottom", "top")}
 
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
-        """Axial stresses of the lowest and highest fibres; None for a beam that is given by its stiffnesses."""
+        """Axial stresses of the lowest and highest fibres at P places; None for a beam given by its stiffnesses.
+
+        `element` (P,) is the number of the element of each place.
+        """
         if self.sections is None:
             return None
         return stresses_along(self.sections, np.repeat(self.number, 2), forces, element, fibre_stress_factors)

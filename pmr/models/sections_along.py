@@ -187,7 +187,7 @@ def sections_of(body: Beam3DBody, stations: Array, box: Box | None = None) -> Se
 
 
 def mean_section(stretch: Stretch, poisson: float) -> BeamSection:
-    """Mean properties over a stretch by Gauss' rule; exact for the area, which is quadratic in x."""
+    """Mean properties of the section over a stretch by Gauss' rule; exact for the area, which is quadratic in x."""
     if stretch.first is stretch.last:
         return section_of(stretch.first, poisson)
     x, w = np.polynomial.legendre.leggauss(3)

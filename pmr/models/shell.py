@@ -84,7 +84,10 @@ class Shell(MeshedModel):
 
     @property
     def components(self) -> Mapping[int, tuple[int, ...]]:
-        """Displacements on vertices and edges, rotations on edges."""
+        """Components of an entity's node, by the dimension of the entity.
+
+        Displacements are on vertices and edges, rotations on edges.
+        """
         return {0: (0, 1, 2), 1: (0, 1, 2, 3, 4, 5)}
 
     @cached_property

@@ -68,7 +68,10 @@ class Solid(MeshedModel):
 
     @property
     def components(self) -> Mapping[int, tuple[int, ...]]:
-        """Displacements on vertices and edges; on hexahedra also on faces and cells."""
+        """Components of an entity's node, by the dimension of the entity.
+
+        Displacements are on vertices and edges, on hexahedra also on faces and in cells.
+        """
         return dict.fromkeys(range(4 if self.mesh.cell == "hexahedron" else 2), (0, 1, 2))
 
     @cached_property

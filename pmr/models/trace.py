@@ -97,7 +97,7 @@ class Trace:
     def rotation(self) -> sp.csr_matrix:
         """Rows (3, n) of the mean rotation.
 
-        Raises an `InputError` if the group's points lie on a line, about which the rotation is undetermined.
+        Raises an `InputError` if the group's points lie on a line: the rotation about the line is then undetermined.
         """
         r, w = self.points - self.centroid + self.offset, self.weights
         J = np.eye(3) * (w @ (r**2).sum(axis=1)) - (r.T * w) @ r

@@ -176,7 +176,10 @@ class Support(SceneTable):
 
     @property
     def symbol(self) -> str:
-        """Name of the symbol in drawings: ``clamped`` if ry or rz is held, ``pinned`` if only x is, else ``roller``."""
+        """Name of the support's symbol in drawings.
+
+        It is ``clamped`` if the support holds ry or rz, otherwise ``pinned`` if it holds x, otherwise ``roller``.
+        """
         return (
             "clamped"
             if {"ry", "rz"} & set(self.held_directions)
@@ -195,9 +198,9 @@ class Support(SceneTable):
 class Slider(SceneTable):
     """The path s(t) along which moving pads slide.  Without such pads, points of a planar beam slide at s + `offsets`.
 
-    A saved model can follow any path within the range that this path covers, or within `travel` if that is given (`pmr
-    simulate`, FMUs).  Points may use the whole beam.  A measured path may exceed the range by 1e-5 of the range; the
-    excess is cut off.
+    A saved model, as in `pmr simulate` or an FMU, can follow any path within the range that this path covers, or within
+    `travel` if that is given.  Points may use the whole beam.  A measured path may exceed the range by 1e-5 of the
+    range; the excess is cut off.
     """
 
     path: Annotated[Signal, Usual(0.0, 2.0, "length", "m")] = Field(description="Path s over time, in m")

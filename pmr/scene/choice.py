@@ -61,7 +61,7 @@ def model_of(member: Member) -> str:
 
 
 def has_giving_walls(member: Member) -> bool:
-    """Whether the chosen model is a beam whose walls are locally flexible under pads."""
+    """Whether the chosen model is a beam whose walls are locally flexible under pads, as ``body.walls`` says."""
     return member.part.body.walls == "give" and model_of(member) in ("beam2d", "beam3d")
 
 

@@ -243,7 +243,7 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
 
 
 def load_any(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
-    """Read a scene file of one section or of several; arguments and errors are those of `load`."""
+    """Read a scene file of one section or of several; arguments and errors are as in `load`."""
     return vary(path, [override(text) for text in overrides])
 
 

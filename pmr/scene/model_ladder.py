@@ -106,7 +106,7 @@ def candidate_scenes(scene: Scene) -> list[Scene]:
 
 
 def comparable_scene(scene: Scene) -> Scene:
-    """Return the scene with its own models, but with positions and a reduction by which models can be compared."""
+    """Return the scene with its own models, and with positions and a reduction by which models can be compared."""
     return _scene_with_models(scene, [model_of(member) for member in members(scene)])
 
 
@@ -132,7 +132,7 @@ def _passes_checks(scene: Scene) -> bool:
 
 
 def _no_comparison(value: str, why: str) -> InputError:
-    """Return the error that says why there is no comparison; `value` is that of ``compare.richer``."""
+    """Return the error that says why there is no comparison; `value` is the value of ``compare.richer``."""
     return InputError("scene", "compare.richer", value, why)
 
 

@@ -239,7 +239,7 @@ class BoxProfile(SceneTable):
 
     @model_validator(mode="after")
     def _check_closed(self) -> BoxProfile:
-        """Refuse chamfers, walls and radii with which the profile does not close."""
+        """Refuse chamfers, walls and radii for which the profile does not close."""
         _check_chamfers(self)
         _check_walls(self)
         _check_radii(self)
@@ -344,7 +344,7 @@ def _mitre(edge: Edge, other: Edge, angle: float) -> float:
 
 
 def _check_radii(profile: BoxProfile) -> None:
-    """Refuse radii of at most half the wall, and radii whose arcs are longer than the plates beside them allow."""
+    """Refuse radii of at most half the wall's thickness, and radii for which the plates next to the arc are too short."""
     edges = profile.edges
     for half in ("bottom", "top"):
         r, wall, most = profile.radius_at(half), profile.thickness(half), np.inf

@@ -149,7 +149,7 @@ class Reduction(SceneTable):
     basis is possible with every structural model.
 
     `flexibility` adds the static flexibility of the modes that the basis leaves out, as tables in the path coordinate
-    s. Far fewer coordinates are then enough.  For free modes it is on by default, with 6 coordinates.
+    s.  Far fewer coordinates are then enough.  For free modes it is on by default, with 6 coordinates.
 
     `estimate` computes the error of free modes with flexibility.  It needs no full model; it simulates a second time,
     with four modes more and with attachment modes for the loads of the first simulation.
@@ -276,7 +276,7 @@ class Compare(SceneTable):
 
 
 class _Target(SceneTable):
-    """Base of `Accuracy` and `Budget`: the outputs whose errors count."""
+    """Base of `Accuracy` and `Budget`, with the outputs that have to be accurate."""
 
     outputs: tuple[OutputKind, ...] = Field(
         default=("beam", "tip"), min_length=1, description="Outputs whose errors have to be small enough"
