@@ -344,7 +344,7 @@ def _mitre(edge: Edge, other: Edge, angle: float) -> float:
 
 
 def _check_radii(profile: BoxProfile) -> None:
-    """Refuse radii of at most half the wall's thickness, and radii for which the plates next to the arc are too short."""
+    """Refuse radii of at most half the wall's thickness, and radii for which the plates beside arcs are too short."""
     edges = profile.edges
     for half in ("bottom", "top"):
         r, wall, most = profile.radius_at(half), profile.thickness(half), np.inf
