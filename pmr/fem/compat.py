@@ -34,11 +34,11 @@ from pmr.errors.environment import check_current_folder, check_temporary, launch
 with contextlib.suppress(ImportError):
     import dolfinx_solver  # noqa: F401  (sets up the wheel's libraries)
 
-#: Matrices that are given do without, on one rank.
+#: Whether PETSc, SLEPc and MPI are installed; given matrices need none of them on one rank.
 HAS_PETSC = all(find_spec(name) is not None for name in ("petsc4py", "slepc4py", "mpi4py"))
 
 if HAS_PETSC:
-    check_temporary()  # Open MPI says pages where it has no room
+    check_temporary()  # Open MPI prints pages of messages if the folder has no room
     check_current_folder()
     import petsc4py
 
@@ -51,7 +51,8 @@ if HAS_PETSC:
 def _versions_alone() -> Iterator[None]:
     """While active, give UFL and FFCx 0.5 the versions that they read from `pkg_resources`, without loading it.
 
-    That package looks through all packages of the installation, which takes as long as loading UFL and FFCx together.
+    The package `pkg_resources` looks through all packages of the installation, which takes as long as loading UFL and
+    FFCx together.
     """
     name = "pkg_resources"
     if name in sys.modules:
@@ -77,7 +78,7 @@ try:
     import dolfinx.jit
     import ffcx.codegeneration
     import ffcx.naming
-except ImportError as error:  # matrices that are given do without
+except ImportError as error:  # given matrices need no FEniCSx
     _MISSING: ImportError | None = error
 else:
     _MISSING = None
@@ -109,7 +110,7 @@ __all__ = [
     "unrolled_cell_dofs", "versions",
 ]  # fmt: skip
 
-if not HAS_PETSC and launched_process_count() > 1:  # each would take itself for the only one
+if not HAS_PETSC and launched_process_count() > 1:  # each process would act as the only one
     raise InputError(
         "installation", "mpi4py", None, "with petsc4py and slepc4py it is needed for more than one process"
     )
@@ -120,12 +121,12 @@ _WRAPPED = VERSION < (0, 7)  # elements before basix.ufl
 #: Where a mesh keeps the space of `cellwise`.
 _CELLWISE = "_pmr_cellwise"
 
-# FFCx tells of every compilation through the root logger.
+# FFCx logs every compilation through the root logger.
 logging.getLogger("FFCx").setLevel(logging.WARNING)
 logging.getLogger("UFL").setLevel(logging.WARNING)
 
 
-# So do setuptools and Python's older distutils, of the compiler that they call; newer ones by a logger of their own.
+# setuptools and older versions of distutils log their compiler calls there too; newer ones have a logger of their own.
 logging.getLogger().addFilter(lambda record: "distutils" not in record.pathname)
 logging.getLogger("compilers").setLevel(logging.WARNING)
 
@@ -149,14 +150,16 @@ def versions() -> dict[str, str]:
 
 
 def check_fenicsx(model: str) -> None:
-    """Raise an `InputError`, which says what is missing, if there is no FEniCSx to assemble the named model."""
+    """Raise an `InputError` that says what is missing if FEniCSx, needed to assemble `model`, is not installed."""
     if _MISSING:
         allowed = f"matrices is allowed without FEniCSx ({_MISSING}); apt, conda or pip install '.[fenicsx]' has it"
         raise InputError("scene", "body.model", model, allowed)
 
 
 def create_mesh(comm: MPI.Comm, cell: str, points: Array, cells: NDArray[np.int64]) -> Any:
-    """A dolfinx mesh of linear cells, distributed over `comm`; points and cells of rank 0 count.  Collective.
+    """A dolfinx mesh of linear cells, distributed over `comm`; collective.
+
+    Only the points and cells that rank 0 passes in are used.
 
     Parameters
     ----------
@@ -180,17 +183,17 @@ def create_mesh(comm: MPI.Comm, cell: str, points: Array, cells: NDArray[np.int6
 
 
 def _destinations(cells: NDArray[np.int64], _: MPI.Comm, ranks: int, *_more: Any) -> Any:
-    """For each cell that this rank passes in: the rank that will own it, then those that will know it as a ghost.
+    """For each cell that this rank passes in: the rank that will own it, then the ranks that will know it as a ghost.
 
-    Ranks own equal shares in the order of the cells' lowest vertices: coordinates are numbered by vertices, so most
-    rows of a matrix are assembled on the rank that keeps them.
+    Ranks own equal shares of the cells in the order of their lowest vertices.  As coordinates are numbered by vertices,
+    most rows of a matrix are then assembled on the rank that keeps them.
     """
     count, k = cells.shape
     first, place = np.arange(count + 1), np.empty(count, np.int64)
     place[np.argsort(cells.min(axis=1, initial=np.iinfo(np.int64).max), kind="stable")] = first[:-1]
     owner = sp.csr_matrix((np.ones(count), place * ranks // max(1, count), first), (count, ranks))
     meets = sp.csr_matrix((np.ones(cells.size), cells.ravel(), k * first), (count, cells.max(initial=0) + 1))
-    knowing = sp.coo_matrix(meets @ (meets.T @ owner) + k**2 * owner)  # the owner has most
+    knowing = sp.coo_matrix(meets @ (meets.T @ owner) + k**2 * owner)  # the owner of a cell has the largest entry
     order = np.lexsort((-knowing.data, knowing.row))
     offsets = np.searchsorted(knowing.row[order], first)
     return dolfinx.cpp.graph.AdjacencyList_int32(knowing.col[order].astype(np.int32), offsets.astype(np.int32))
@@ -199,8 +202,9 @@ def _destinations(cells: NDArray[np.int64], _: MPI.Comm, ranks: int, *_more: Any
 def comm_of(mesh: Any) -> MPI.Comm:
     """The communicator that was passed to `create_mesh` for this mesh.
 
-    dolfinx makes a communicator of its own for each mesh.  PETSc's objects must not stay on it: if Python drops one,
-    it is kept until all ranks of its communicator agree to free it, which nobody can request once the mesh is gone.
+    dolfinx makes a communicator of its own for each mesh, on which PETSc objects must not stay: if Python drops such an
+    object, it is kept until all ranks of its communicator agree to free it, and nobody can request that once the mesh
+    is gone.
     """
     return _comm_of[mesh]
 
@@ -209,17 +213,17 @@ _comm_of: WeakKeyDictionary[Any, MPI.Comm] = WeakKeyDictionary()
 
 
 def cell_topology(cell: str) -> list[list[list[int]]]:
-    """Vertices of each sub-entity of the reference cell, in one list for each dimension from 0 on."""
+    """Vertices of each sub-entity of the reference cell, in one list for each dimension from 0 to the cell's own."""
     return [[list(entity) for entity in part] for part in basix.topology(getattr(basix.CellType, cell))]
 
 
 @lru_cache(maxsize=32)
 def lagrange_rule(cell: str, nodes: int, degree: int, parts: int = 1) -> tuple[Array, Array, Array]:
-    """Weights (q,), functions (q, k) and their derivatives (d, q, k) of a Lagrange element at q quadrature points.
+    """Weights (q,) of q quadrature points, and a Lagrange element's functions (q, k) and their derivatives (d, q, k).
 
-    They are on the reference cell, which has d dimensions and k functions.  `nodes` is the element's polynomial
-    degree, `degree` the one that the quadrature rule integrates exactly; the rule is repeated in the cell's `parts`^d
-    equal pieces (lines, triangles and quadrilaterals).
+    All are on the reference cell, which has d dimensions; the element has k functions.  `nodes` is the polynomial
+    degree of the element, and `degree` the one that the quadrature rule integrates exactly.  The rule is repeated in
+    the `parts`^d equal pieces of the cell, for lines, triangles and quadrilaterals.
     """
     if cell == "point":
         return np.ones(1), np.ones((1, 1)), np.zeros((0, 1, 1))
@@ -231,14 +235,15 @@ def lagrange_rule(cell: str, nodes: int, degree: int, parts: int = 1) -> tuple[A
 
 
 def rule_points(cell: str, degree: int) -> Array:
-    """Quadrature points (q, d) on the reference cell that `lagrange_rule` has for this degree."""
+    """Quadrature points (q, d) on the reference cell that belong to the weights of `lagrange_rule` for this degree."""
     return np.asarray(_quadrature(getattr(basix.CellType, cell), degree)[0])
 
 
 def _repeat_rule(cell: str, parts: int, points: Array, weights: Array) -> tuple[Array, Array]:
-    """Points and weights of a rule repeated on the `parts`^d equal pieces of the reference cell.
+    """Points and weights of a rule, repeated on the `parts`^d equal pieces of the reference cell of dimension d.
 
-    A triangle's pieces are upright and, between them, turned by 180 degrees.  Raises a `ValueError` for tetrahedra.
+    The pieces of a triangle are upright and, between these, turned by 180 degrees.  Raises a `ValueError` for
+    tetrahedra.
     """
     d = points.shape[1]
     if parts == 1:
@@ -262,7 +267,7 @@ def _quadrature(kind: Any, degree: int) -> Any:
 
 
 def lagrange_space(mesh: Any, degree: int) -> Any:
-    """Space of continuous vectors with the mesh's geometric dimension, polynomials of `degree` in each component."""
+    """Space of continuous vectors of polynomials of `degree`, with as many components as the mesh has coordinates."""
     return _space(mesh, _element(mesh, "Lagrange", degree, mesh.geometry.dim))
 
 
@@ -272,11 +277,12 @@ def shell_space(mesh: Any) -> Any:
 
 
 def hermite_space(mesh: Any, linear: int, planes: int = 1) -> Any:
-    """Function space on an interval mesh: `linear` components u, then w_A, theta_B for each of the bending planes.
+    """Function space on an interval mesh: `linear` components u, then w_A and theta_B for each of the bending `planes`.
 
-    Cubic Hermite functions as two elements with one degree of freedom at each vertex: A spans the value functions
-    N2 and N5, B the slope functions N3 and N6 of the unit interval.  With J = dx/dX the deflection is
-    ``w = w_A + J theta_B``; it is C1 on graded meshes, and theta_B is the physical slope.
+    Cubic Hermite functions on an element with the coordinate X in [0, 1] are built from two elements with one degree of
+    freedom at each vertex: A spans the value functions N2 and N5, B spans the slope functions N3 and N6.  With the
+    element's length J = dx/dX the deflection is ``w = w_A + J theta_B``; it is C1 on graded meshes, and theta_B is the
+    physical slope.
     """
     # Complete degrees (A holds the constants, B does not) also keep the two apart for FFCx, which in 0.5 compares
     # custom elements by little else.
@@ -286,7 +292,7 @@ def hermite_space(mesh: Any, linear: int, planes: int = 1) -> Any:
 
 
 def _element(mesh: Any, family: str, degree: int, components: int = 0) -> Any:
-    """Element of a scalar, or of a vector with the given number of components."""
+    """Element of a scalar or, if `components` is not 0, of a vector with as many components."""
     if not _WRAPPED:
         shape = (components,) if components else None
         return basix.ufl.element(family, mesh.topology.cell_name(), degree, shape=shape)
@@ -304,8 +310,8 @@ def _mixed_element(elements: list[Any]) -> Any:
 def _vertex_element(functions: Any, derivative: int, complete_degree: int) -> Any:
     """Custom cubic element on the unit interval with two functions, and one degree of freedom at each vertex.
 
-    `derivative` is 0 if that is a value, 1 if a slope; `complete_degree` is the highest degree of polynomials that the
-    functions span, -1 for none.
+    `derivative` is 0 if the degree of freedom is a value and 1 if it is a slope.  `complete_degree` is the highest
+    degree up to which the functions span all polynomials, -1 if they do not span the constants.
     """
     interval = basix.CellType.interval
     points, weights = _quadrature(interval, 6)
@@ -328,12 +334,15 @@ def _vertex_element(functions: Any, derivative: int, complete_degree: int) -> An
 
 
 def constant(mesh: Any, value: float | Array) -> Any:
-    """UFL constant whose value is not compiled into the form, so that another value needs no compilation."""
+    """UFL constant that is not compiled into the form, so that a change of its value needs no compilation."""
     return dolfinx.fem.Constant(mesh, np.array(value, PETSc.ScalarType, order="C"))
 
 
 def function(space: Any, values: Array) -> Any:
-    """Function on a space from all its coordinates in PETSc's global order, the same on every rank; collective."""
+    """Function on a space from the `values` of all its coordinates in PETSc's global order, the same on every rank.
+
+    Collective.
+    """
     result = dolfinx.fem.Function(space)
     block, owned = space.dofmap.index_map_bs, space.dofmap.index_map.local_range
     result.x.array[: block * (owned[1] - owned[0])] = values[block * owned[0] : block * owned[1]]
@@ -342,7 +351,7 @@ def function(space: Any, values: Array) -> Any:
 
 
 def compiled_form(form: Any) -> Any:
-    """Compile a bilinear form, to be assembled again whenever the values of its constants change; collective."""
+    """Compile a bilinear form; it can be assembled again whenever the values of its constants change.  Collective."""
     domain = next(iter(form.subdomain_data())).ufl_cargo()
     return _compile_once(domain.comm, f"form {form.signature()}", partial(dolfinx.fem.form, form))
 
@@ -357,8 +366,8 @@ def assemble(form: Any) -> PETSc.Mat:
 def tabulation_space(space: Any) -> Any:
     """Space on which `tabulate` works for expressions that are linear in functions of `space`: itself or an equivalent.
 
-    In dolfinx 0.5 an expression writes beyond its memory if components share their dofs' numbers; there it is a mixed
-    space.
+    In dolfinx 0.5 an expression writes beyond its memory if the components of the space share the numbers of their
+    degrees of freedom; a mixed space is then the equivalent.
     """
     if not _WRAPPED or space.dofmap.index_map_bs == 1:
         return space
@@ -366,10 +375,10 @@ def tabulation_space(space: Any) -> Any:
 
 
 def tabulate(expression: Any, points: Array, space: Any) -> Array:
-    """Values (C, q, v, d) of a vector expression with v components that is linear in a trial function of `space`.
+    """Values (C, q, v, d) of an expression of v components that is linear in a trial function of `space`; collective.
 
-    They are at q `points` (q, tdim) of the reference cell, in each of the C cells that this rank knows, for each of a
-    cell's d dofs in the order of `unrolled_cell_dofs`; collective.
+    The q `points` (q, tdim) are on the reference cell of dimension tdim.  C is the number of cells that this rank
+    knows, and d the number of degrees of freedom of a cell, in the order of `unrolled_cell_dofs`.
     """
     mesh = space.mesh
     name = ffcx.naming.compute_signature([(expression, points)], "")
@@ -388,8 +397,9 @@ def _space(mesh: Any, element: Any) -> Any:
 def _compile_once(comm: MPI.Comm, signature: str, create: Callable[..., Any]) -> Any:
     """Call `create` with a folder in dolfinx' cache for the code that it compiles, named by `signature`; collective.
 
-    FFCx marks what it has begun by a file that stays if its process is killed: from then on each run that needs the
-    same code waits for it and fails.  So it compiles in a folder that counts only once it is complete.
+    FFCx marks code that it has begun by a file, which stays if its process is killed: from then on each run that needs
+    the same code waits for this code and fails.  Therefore `create` compiles in a folder that is used only once it is
+    complete.
 
     Raises an `InputError` if the folder can't be written to.
     """
@@ -409,7 +419,7 @@ def _compile_once(comm: MPI.Comm, signature: str, create: Callable[..., Any]) ->
 
 @cache
 def _compiler() -> tuple[Path, tuple[Any, ...]]:
-    """Folder in which compiled code is stored, and the settings that determine that code; read from files once."""
+    """Folder for compiled code, and the settings that determine that code; both are read from files once."""
     old = VERSION < (0, 6)
     options = dict(dolfinx.jit.get_parameters() if old else dolfinx.jit.get_options())
     of_forms = sorted((ffcx.get_parameters() if old else ffcx.get_options()).items(), key=str)
@@ -419,15 +429,16 @@ def _compiler() -> tuple[Path, tuple[Any, ...]]:
 
 
 def _is_whole(folder: Path) -> bool:
-    """Whether FFCx has finished all code that it began in this folder."""
+    """Whether FFCx has finished all code that it began in `folder`."""
     begun = list(folder.glob("*.c"))
     return bool(begun) and all(file.with_suffix(".c.cached").is_file() for file in begun)
 
 
 def cellwise(mesh: Any, values: Array) -> Any:
-    """Function that is constant in each cell, from one value for each cell in the input of `create_mesh`.
+    """Function that is constant in each cell, from the `values` of the cells in the order of `create_mesh`.
 
-    The space of such functions is made once for a mesh, as forms take dozens of them and it takes most of their time.
+    The space of such functions is made once for a mesh, because forms take dozens of these functions and making the
+    space takes most of their time.
     """
     attributes = vars(mesh)
     if _CELLWISE not in attributes:
@@ -438,12 +449,12 @@ def cellwise(mesh: Any, values: Array) -> Any:
 
 
 def original_cells(mesh: Any) -> NDArray[np.int64]:
-    """Numbers, in the input of `create_mesh`, of the cells that this rank knows: its own, then ghosts."""
+    """Numbers, in the input of `create_mesh`, of the cells that this rank knows: its own cells, then ghosts."""
     return np.asarray(mesh.topology.original_cell_index, np.int64)
 
 
 def cell_dofs(space: Any) -> list[NDArray[np.int64]]:
-    """Global dofs (cells, d) of each scalar component on the cells that this rank knows."""
+    """Global degrees of freedom (cells, d) of each scalar component, on the cells that this rank knows."""
     index_map, block = space.dofmap.index_map, space.dofmap.index_map_bs
     tables = []
     for part in _scalar_parts(space):
@@ -454,20 +465,20 @@ def cell_dofs(space: Any) -> list[NDArray[np.int64]]:
 
 
 def unrolled_cell_dofs(space: Any) -> NDArray[np.int64]:
-    """Local dofs (cells, d) of the cells that this rank knows, in the order of element matrices."""
+    """Local degrees of freedom (cells, d) on the cells that this rank knows, in the order of element matrices."""
     table, block = _table(space.dofmap), space.dofmap.index_map_bs
     return (table[..., None] * block + np.arange(block)).reshape(len(table), -1)
 
 
 def _scalar_parts(space: Any) -> list[Any]:
-    """Scalar subspaces of a space, those of its subspaces included."""
+    """Scalar subspaces of a space, with the scalar subspaces of its subspaces."""
     if space.num_sub_spaces == 0:
         return [space]
     return [part for i in range(space.num_sub_spaces) for part in _scalar_parts(space.sub(i))]
 
 
 def _table(dofmap: Any) -> NDArray[np.int64]:
-    """Dofs of each cell that this rank knows, (cells, d), blocks counted once."""
+    """Degrees of freedom (cells, d) of each cell that this rank knows; the components of a block count as one."""
     table = dofmap.list
     if VERSION < (0, 7):
         return np.asarray(table.array, np.int64).reshape(table.num_nodes, -1)

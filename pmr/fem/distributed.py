@@ -1,7 +1,7 @@
 """Matrices distributed over ranks: dense ones of few columns by their rows, and sparse ones to and from PETSc.
 
-Rows of dense matrices are spread over ranks as those of the full model's operators; each rank keeps its own in a NumPy
-array.
+The rows of dense matrices are spread over ranks as the rows of the full model's operators.  Each rank keeps its own
+rows in a NumPy array.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ SIGN_TOLERANCE = 1e-6
 
 
 def tall(local: Array, like: PETSc.Mat) -> PETSc.Mat:
-    """Dense PETSc matrix (n, k) from this rank's rows, distributed as the rows of `like`; collective."""
+    """Dense PETSc matrix (n, k) from this rank's rows `local`, distributed as the rows of `like`; collective."""
     return _tall(local, like.getSizes()[0], like.comm)
 
 
 def _tall(local: Array, sizes: tuple[int, int], comm: Any) -> PETSc.Mat:
-    """Dense PETSc matrix from this rank's rows; `sizes` are the local and global number of rows."""
+    """Dense PETSc matrix from this rank's rows `local`; `sizes` are the local and the global number of rows."""
     assert len(local) == sizes[0]
     matrix = PETSc.Mat().createDense((sizes, (PETSc.DECIDE, local.shape[1])), comm=comm)
     matrix.setUp()
@@ -40,13 +40,13 @@ def _tall(local: Array, sizes: tuple[int, int], comm: Any) -> PETSc.Mat:
 def view(local: Array, like: PETSc.Mat) -> PETSc.Mat:
     """Dense PETSc matrix that shares its entries with this rank's rows `local` (n_local, k) in Fortran's order.
 
-    Its rows are distributed as those of `like`; collective.
+    The rows are distributed as the rows of `like`; collective.
     """
     return _view(local, like.getSizes()[0], like.comm)
 
 
 def _view(local: Array, sizes: tuple[int, int], comm: Any) -> PETSc.Mat:
-    """Dense PETSc matrix that shares its entries with `local`; `sizes` are the local and global number of rows."""
+    """Dense PETSc matrix that shares its entries with `local`; `sizes` are the local and the global number of rows."""
     assert len(local) == sizes[0] and local.flags.f_contiguous
     matrix = PETSc.Mat().createDense((sizes, (PETSc.DECIDE, local.shape[1])), array=local, comm=comm)
     matrix.assemble()
@@ -54,9 +54,9 @@ def _view(local: Array, sizes: tuple[int, int], comm: Any) -> PETSc.Mat:
 
 
 def sparse(rows: sp.csr_matrix, like: PETSc.Mat, columns: int | None = None) -> PETSc.Mat:
-    """Sparse PETSc matrix from this rank's rows, distributed as the rows of `like`; collective.
+    """Sparse PETSc matrix from this rank's `rows`, distributed as the rows of `like`; collective.
 
-    `columns` is the number of columns that this rank owns; None: PETSc decides.
+    `columns` is the number of columns that this rank owns; if it is None, PETSc decides.
     """
     owned = PETSc.DECIDE if columns is None else columns
     csr = (rows.indptr.astype(PETSc.IntType, copy=False), rows.indices.astype(PETSc.IntType, copy=False), rows.data)
@@ -68,7 +68,7 @@ def sparse(rows: sp.csr_matrix, like: PETSc.Mat, columns: int | None = None) -> 
 def times(A: PETSc.Mat, local: Array) -> Array:
     """This rank's rows of A X, from its rows `local` of X, which are distributed as the columns of A; collective.
 
-    X in Fortran's order is not copied; the result is in that order.
+    If X is in Fortran's order it is not copied; the result is in that order.
     """
     (rows, columns), result = A.getSizes(), np.empty((A.getLocalSize()[0], local.shape[1]), order="F")
     right, product = _view(np.asfortranarray(local), columns, A.comm), _view(result, rows, A.comm)
@@ -78,28 +78,31 @@ def times(A: PETSc.Mat, local: Array) -> Array:
 
 
 def free_objects(*objects: Any) -> None:
-    """Free the memory of PETSc objects at once; collective.  What Python drops is kept until `free_dropped`."""
+    """Free the memory of PETSc objects at once; collective.
+
+    The memory of objects that Python merely drops is kept until `free_dropped`.
+    """
     for item in objects:
         item.destroy()
 
 
 def inner(X: Array, Y: Array, comm: Any) -> Array:
-    """X^T Y of two matrices from this rank's rows of both, the same on every rank; collective."""
+    """Product X^T Y of two matrices from this rank's rows of both, the same on every rank; collective."""
     return np.asarray(comm.allreduce(X.T @ Y))
 
 
 def subtract(X: Array, A: Array, B: Array) -> None:
-    """Subtract A B from X in place, without a temporary of full length; X and A are in Fortran's order."""
+    """Subtract the product A B from X in place, without a temporary as long as X; X and A are in Fortran's order."""
     if A.size and B.size:
         assert X.flags.f_contiguous and A.flags.f_contiguous
         scipy.linalg.blas.dgemm(-1.0, A, B, 1.0, X, overwrite_c=True)
 
 
 def fix_signs(local: Array, comm: Any) -> Array:
-    """Columns times 1 or -1, so that their entry of largest magnitude is positive; collective.
+    """Columns times 1 or -1, so that the entry of largest magnitude of each column is positive; collective.
 
-    Of entries within `SIGN_TOLERANCE` of the largest, the first in the model's order decides, so that round-off can't
-    choose between the two ends of a symmetric mode.
+    Of all entries within `SIGN_TOLERANCE` of the largest one, the first in the model's order decides, so that round-off
+    can't choose between the two ends of a symmetric mode.
     """
     size = np.abs(local)
     largest = np.max(comm.allgather(size.max(axis=0, initial=0.0)), axis=0)
@@ -108,7 +111,7 @@ def fix_signs(local: Array, comm: Any) -> Array:
     deciding = np.zeros(local.shape[1])
     if len(local):
         deciding = np.where(candidates.any(axis=0), local[candidates.argmax(axis=0), columns], 0.0)
-    by_rank = np.array(comm.allgather(deciding))  # ranks own consecutive rows: the first that holds one decides
+    by_rank = np.array(comm.allgather(deciding))  # ranks own consecutive rows: the first with such an entry decides
     first = by_rank[(by_rank != 0.0).argmax(axis=0), columns]
     return local * np.where(first < 0.0, -1.0, 1.0)
 
@@ -116,8 +119,8 @@ def fix_signs(local: Array, comm: Any) -> Array:
 def free_dropped(comm: MPI.Comm, cycles: bool = True) -> None:
     """Free the PETSc objects on a communicator that Python has dropped; collective.
 
-    Python's ranks drop objects at different times, so PETSc (3.18 and newer) keeps them until all ranks agree here.
-    If `cycles`, objects that refer to each other are looked for too, which takes some tenths of a second.
+    Python's ranks drop objects at different times, so PETSc (3.18 and newer) keeps the objects until all ranks agree
+    here.  If `cycles`, objects that refer to each other are looked for too, which takes some tenths of a second.
     """
     if cycles:
         gc.collect()
@@ -125,9 +128,9 @@ def free_dropped(comm: MPI.Comm, cycles: bool = True) -> None:
 
 
 def columns(like: PETSc.Mat, transposed: sp.csr_matrix) -> PETSc.Mat:
-    """Sparse PETSc matrix (n, k) from its transpose (k, n) on every rank, without explicit zeros; collective.
+    """Sparse PETSc matrix (n, k) without explicit zeros, from its transpose (k, n) on every rank; collective.
 
-    Its rows are distributed as those of `like`.
+    The rows of the matrix are distributed as those of `like`.
     """
     rows = transposed.T.tocsr()[slice(*like.getOwnershipRange())]
     rows.eliminate_zeros()
@@ -135,13 +138,13 @@ def columns(like: PETSc.Mat, transposed: sp.csr_matrix) -> PETSc.Mat:
 
 
 def local_csr(A: PETSc.Mat) -> sp.csr_matrix:
-    """This rank's rows of a sparse matrix, with global column numbers."""
+    """Rows of a sparse matrix that this rank owns, with global column numbers."""
     indptr, columns, values = A.getValuesCSR()
     return sp.csr_matrix((values, columns, indptr), shape=(len(indptr) - 1, A.getSize()[1]))
 
 
 def without_zeros(A: PETSc.Mat) -> PETSc.Mat:
-    """A without the explicit zeros in its pattern; frees A.  Collective."""
+    """Copy of A without the explicit zeros in its pattern; frees A.  Collective."""
     rows: sp.csr_matrix = local_csr(A)
     rows.eliminate_zeros()
     result = sparse(rows, A, columns=A.getLocalSize()[1])

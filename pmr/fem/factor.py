@@ -1,9 +1,9 @@
 """Factors of symmetric positive definite matrices: distributed over ranks by MUMPS, or complete on each rank.
 
-A matrix is factorised once, and then solved with many times.  With a complete factor, each rank solves for its share
-of the right-hand sides and waits for no other meanwhile.  A factor that is distributed over two ranks solves no faster
-than on one: two fifths of its time go into sending the solutions to the ranks that own their rows, for which PETSc
-sets up the communication anew at each call.
+A matrix is factorised once, and its factor is then used for many solves.  With a complete factor, each rank solves for
+its share of the right-hand sides and waits for no other rank meanwhile.  A factor that is distributed over two ranks
+solves no faster than a factor on one rank: two fifths of its time go into sending the solutions to the ranks that own
+their rows, for which PETSc sets up the communication anew at each call.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ _log = logging.getLogger(__name__)
 Indices = NDArray[np.int64]
 
 
-#: Right-hand sides solved at once: a column then costs a sixth of what it costs alone (18,000 coordinates).
+#: Right-hand sides solved at once: one of them then takes a sixth of its time alone (18,000 coordinates).
 BLOCK = 64
 #: MUMPS' error codes (its manual, "Error and warning diagnostics"): the memory limit is too small; memory could not be
 #: had within the limit, in the analysis, for integers, numbers or messages; files can't be written; the structure, a
 #: pivot or its sign shows that the matrix is not positive definite.
 TOO_LITTLE, NO_MEMORY, NO_FILES, NOT_DEFINITE = -19, (-5, -7, -8, -9, -11, -13, -14, -17, -20), -90, (-6, -10, -40)
-#: Share of the free memory that a factor may take: solves and what follows need some too.
+#: Share of the free memory that a factor may take: solves and later steps need some too.
 SHARE = 0.8
 #: Entries of a factor over those of its matrix: almost no factor has more.
 FILL = 20
@@ -52,13 +52,13 @@ class _PetscFactor:
     _factor: PETSc.Mat
 
     def solve(self, right: PETSc.Vec, answer: PETSc.Vec) -> None:
-        """Solve for one right-hand side, and write the solution to `answer`; collective."""
+        """Solve for one right-hand side `right`, and write the solution to `answer`; collective."""
         self._factor.solve(right, answer)
 
     def solve_columns(self, columns: Array) -> Array:
-        """Rows (n_local, k) of the solutions, from the rows `columns` (n_local, k) of right-hand sides; collective.
+        """This rank's rows (n_local, k) of k solutions, from its rows `columns` (n_local, k) of right-hand sides.
 
-        Both are this rank's.  Right-hand sides in Fortran's order are not copied; the result is in that order.
+        Collective.  Right-hand sides in Fortran's order are not copied; the result is in that order.
         """
         result = np.empty(columns.shape, order="F")
         for k in range(0, columns.shape[1], BLOCK):
@@ -76,11 +76,11 @@ class _PetscFactor:
 class Factor(_PetscFactor):
     """Factor L L^T of a distributed matrix by MUMPS; collective.
 
-    Its memory is known before it is computed.  A factor that does not fit into the free memory is kept in files, in
-    the folder named by the environment variable MUMPS_OOC_TMPDIR, and a warning is logged.
+    The memory for the factor is known before the factor is computed.  A factor that does not fit into the free memory
+    is kept in files, in the folder named by the environment variable MUMPS_OOC_TMPDIR, and a warning is logged.
 
     Raises a `NotDefiniteError` if the matrix, called `name`, is not positive definite, and an `InputError` if its
-    factor does not even fit with files.
+    factor does not fit into the memory even with files.
     """
 
     def __init__(self, A: PETSc.Mat, name: str) -> None:
@@ -104,7 +104,7 @@ class Factor(_PetscFactor):
         return bool(self._factor.getMumpsInfog(1) == TOO_LITTLE)
 
     def _say(self, name: str, needed: int, free: int) -> None:
-        """Raise an `InputError` if the factor does not even fit with files, else warn that it is kept in files.
+        """Raise an `InputError` if the factor does not fit even with files, else warn that it is kept in files.
 
         `needed` and `free` are in MB on a rank.
         """
@@ -120,18 +120,18 @@ class Factor(_PetscFactor):
 
 
 def product(A: PETSc.Mat, x: Array) -> Array:
-    """This rank's rows of A x, from its rows x (n_local,), in a new array; collective."""
+    """This rank's rows of A x in a new array, from its rows `x` (n_local,); collective."""
     right, result = A.createVecs()
     right.getArray()[:] = x
     A.mult(right, result)
     rows = np.array(result.getArray())
-    right.destroy()  # at once: what is only dropped is kept until all ranks clean up together
+    right.destroy()  # at once: PETSc keeps an object that is merely dropped until all ranks clean up together
     result.destroy()
     return rows
 
 
 class SequentialFactor(_PetscFactor):
-    """Factor on one rank by CHOLMOD, whose solve with a single right-hand side takes half as long as MUMPS'.
+    """Factor on one rank by CHOLMOD, whose solve with a single right-hand side takes half as long as that of MUMPS.
 
     Raises a `NotDefiniteError` if the matrix, called `name`, is not positive definite.
     """
@@ -148,7 +148,7 @@ class SequentialFactor(_PetscFactor):
 
 
 class SparseFactor:
-    """Factor L U of a matrix by SciPy's SuperLU, with pivots on the diagonal: where there is no PETSc.
+    """Factor L U of a matrix by SciPy's SuperLU with pivots on the diagonal, used if PETSc is not installed.
 
     Raises a `NotDefiniteError` if the matrix, called `name`, is not positive definite.
     """
@@ -163,11 +163,11 @@ class SparseFactor:
             raise NotDefiniteError(name)
 
     def solve(self, right: PETSc.Vec, answer: PETSc.Vec) -> None:
-        """Solve for one right-hand side, and write the solution to `answer`."""
+        """Solve for one right-hand side `right`, and write the solution to `answer`."""
         answer.getArray()[:] = self._factor.solve(right.getArray())
 
     def solve_columns(self, columns: Array) -> Array:
-        """Solutions (n, k), in Fortran's order, for the right-hand sides `columns` (n, k)."""
+        """Solutions (n, k), in Fortran's order, for the k right-hand sides `columns` (n, k)."""
         return np.asfortranarray(self._factor.solve(columns))
 
     def destroy(self) -> None:
@@ -179,7 +179,7 @@ AnyFactor = Factor | SequentialFactor | SparseFactor
 
 
 def factor_of(A: PETSc.Mat, name: str) -> Factor | SparseFactor:
-    """Factor by MUMPS, or by SciPy where there is no PETSc; collective.
+    """Factor by MUMPS, or by SciPy if PETSc is not installed; collective.
 
     Raises a `NotDefiniteError` if the matrix, called `name`, is not positive definite.
     """
@@ -187,9 +187,9 @@ def factor_of(A: PETSc.Mat, name: str) -> Factor | SparseFactor:
 
 
 def factor_for_steps(A: PETSc.Mat, name: str) -> AnyFactor:
-    """Factor for single right-hand sides, one after another: by CHOLMOD on one rank, else as `factor_of`.
+    """Factor for single right-hand sides, one after another: by CHOLMOD on one rank, else the one of `factor_of`.
 
-    CHOLMOD is taken if PETSc was built with it.  Raises a `NotDefiniteError` as `factor_of`.
+    CHOLMOD is taken only if PETSc was built with it.  Raises the errors of `factor_of`.
     """
     if HAS_PETSC and A.comm.size == 1:
         with suppress(PETSc.Error):
@@ -212,7 +212,7 @@ def cholesky(A: PETSc.Mat, package: str) -> PETSc.PC:
 
 
 def refusal(name: str, code: int) -> InputError:
-    """The error for a matrix called `name` whose factorisation MUMPS ended with the negative `code`."""
+    """The error for a matrix called `name` whose factorisation MUMPS ended with the negative error `code`."""
     if code in NOT_DEFINITE:
         return NotDefiniteError(name)
     allowed = f"the factor of {name} failed in MUMPS with error {code}"
@@ -229,30 +229,33 @@ def refusal(name: str, code: int) -> InputError:
 def factorise(A: PETSc.Mat, free: int, in_files: bool = False) -> PETSc.Mat:
     """Factor of A by MUMPS in at most `free` MB on a rank, 0: without a limit; collective.
 
-    If its analysis finds that too little, MUMPS sets an error code and computes nothing.  The factor holds no
-    reference to A.
+    If the analysis by MUMPS finds that this is too little, MUMPS sets an error code and computes nothing.  The factor
+    holds no reference to A.
     """
     pc = cholesky(A, "mumps")
     factor = pc.getFactorMatrix()
     factor.setMumpsIcntl(22, int(in_files))
     factor.setMumpsIcntl(23, free)
-    factor.setMumpsIcntl(27, BLOCK)  # so many at once within MUMPS too, not its 32: an eighth faster
+    factor.setMumpsIcntl(27, BLOCK)  # as many at once within MUMPS, instead of its 32: an eighth faster
     pc.setUp()
     pc.destroy()
     return factor
 
 
 def ample(A: PETSc.Mat) -> int:
-    """MB on a rank that suffice for most factors of A; collective.
+    """Memory in MB on a rank that suffices for most factors of A; collective.
 
-    MUMPS reserves half of what it is allowed, whether it is needed or not.
+    It is used as a limit, as MUMPS reserves half of what it is allowed, whether it needs that or not.
     """
     entries = A.getInfo(PETSc.Mat.InfoType.GLOBAL_MAX)["nz_used"]
     return max(1000, int(FILL * 12 * entries / 1e6))
 
 
 def free_memory(comm: MPI.Comm) -> int:
-    """MB that a factor may take on each rank; 0, for no limit, if a machine doesn't say what is free.  Collective."""
+    """Memory in MB that a factor may take on each rank; collective.
+
+    It is 0, for no limit, if a machine doesn't say how much memory is free.
+    """
     node = comm.Split_type(MPI.COMM_TYPE_SHARED)
     available = available_memory()
     share = np.inf if available is None else SHARE * available / 1e6 / node.size
@@ -261,7 +264,7 @@ def free_memory(comm: MPI.Comm) -> int:
     return 0 if np.isinf(least) else max(1, int(least))
 
 
-#: Share of the memory that one factor could have which the factors of all ranks on a machine may take together.
+#: The factors of all ranks on a machine may together take this share of the memory that a single factor may take.
 COPIES = 0.5
 
 #: Most bytes in a message: MPI counts them in 32 bits.
@@ -278,7 +281,7 @@ class ReplicatedFactor:
     Raises
     ------
     TooLargeError
-        On all ranks, if one lacks the memory.
+        On all ranks, if one rank lacks the memory.
     NotDefiniteError
         If the matrix, called `name`, is not positive definite.
     """
@@ -301,15 +304,15 @@ class ReplicatedFactor:
             raise refusal(name, min(codes))
 
     def solve_columns(self, columns: Array) -> Array:
-        """Solve for this rank's rows `columns` (n_local, k) of right-hand sides; collective.
+        """This rank's rows (n_local, k) of k solutions, from its rows `columns` (n_local, k) of right-hand sides.
 
-        Right-hand sides in Fortran's order are overwritten by the solutions, which are returned.  It is fastest for
-        multiples of `BLOCK` columns times the number of ranks.
+        Collective.  Right-hand sides in Fortran's order are overwritten by the solutions, which are returned.  The
+        solve is fastest if the number of columns is a multiple of `BLOCK` times the number of ranks.
         """
         columns, many = np.asfortranarray(columns), self._exchange.ranks * min(BLOCK, self._exchange.most)
         for k in range(0, columns.shape[1], many):
             mine = self._exchange.columns(columns[:, k : k + many])
-            if mine.size:  # fewer columns than ranks leave some without
+            if mine.size:  # if there are fewer columns than ranks, some ranks have none
                 right, answer = view(mine, self._factor), view(mine, self._factor)
                 self._factor.matSolve(right, answer)
                 free_objects(right, answer)
@@ -322,9 +325,10 @@ class ReplicatedFactor:
 
 
 def factor_for_columns(A: PETSc.Mat, name: str) -> AnyFactor | ReplicatedFactor:
-    """Factor for many columns at a time: on several ranks complete on each, if it fits into memory; collective.
+    """Factor for many columns at a time; collective.
 
-    Otherwise, and on one rank, it is that of `factor_of`.
+    On several ranks it is complete on each rank if it fits into the memory.  Otherwise, and on one rank, it is the
+    factor of `factor_of`.
     """
     if A.comm.size > 1:
         try:
@@ -338,7 +342,7 @@ def factor_for_columns(A: PETSc.Mat, name: str) -> AnyFactor | ReplicatedFactor:
 class Exchange:
     """Redistributes tall matrices (n, k) from ranks that own rows to ranks that own columns, and back.
 
-    `ends` (ranks + 1,) are the first row of each rank, and n.
+    `ends` (ranks + 1,) are the number of the first row of each rank, and n.
     """
 
     def __init__(self, comm: MPI.Comm, ends: Indices) -> None:
@@ -346,7 +350,7 @@ class Exchange:
         self.most = max(1, LARGEST // (8 * int(self._ends[-1])))  # columns for each rank at a time
 
     def columns(self, local: Array) -> Array:
-        """Columns (n, k_own) of a matrix, from the rows `local` (n_local, k) in Fortran's order, both this rank's.
+        """Columns (n, k_own) of a matrix that this rank owns, from its rows `local` (n_local, k) in Fortran's order.
 
         Collective.
         """
@@ -356,7 +360,7 @@ class Exchange:
         return full
 
     def rows(self, full: Array, local: Array) -> None:
-        """Write rows to `local` (n_local, k) in Fortran's order, from the columns `full` (n, k_own), both this rank's.
+        """Write this rank's rows to `local` (n_local, k) in Fortran's order, from its columns `full` (n, k_own).
 
         Collective; it is the reverse of `columns`.
         """
@@ -367,7 +371,7 @@ class Exchange:
     def _parts(self, local: Array, full: Array) -> Iterator[tuple[Any, Any]]:
         """Yield MPI's descriptions of this rank's rows, by columns, and of its columns, by rows, for one exchange.
 
-        Both refer to the arrays in place; their data types are freed on exit.
+        Both refer to the arrays in place.  Their data types are freed on exit.
         """
         counts, number = len(local) * self._shares(local.shape[1]), MPI.DOUBLE
         begins = (np.cumsum(counts) - counts) * number.size
@@ -382,5 +386,5 @@ class Exchange:
                 kind.Free()
 
     def _shares(self, k: int) -> Indices:
-        """Number of columns, out of k, of each rank."""
+        """Number of columns, out of k, that each rank owns."""
         return k // self.ranks + (np.arange(self.ranks) < k % self.ranks)

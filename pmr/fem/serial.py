@@ -1,6 +1,7 @@
-"""Replacement of PETSc and MPI on one rank by SciPy: for given matrices where petsc4py is not installed.
+"""Replacement of PETSc and MPI on one rank by SciPy: for given matrices if petsc4py is not installed.
 
-Names and meanings are PETSc's, so that no other module needs to know which it works with; `pmr.fem.compat` decides.
+Names and meanings are PETSc's, so that no other module needs to know which of the two it uses; `pmr.fem.compat`
+decides.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 class Comm:
-    """A communicator of one rank, with those of mpi4py's methods that pmr calls; they return what they get."""
+    """A communicator of one rank, with those methods of mpi4py that pmr calls; a reduction returns its argument."""
 
     rank, size = 0, 1
 
@@ -50,7 +51,7 @@ WORLD = Comm()
 
 
 class Vec:
-    """A vector (n,), with those of PETSc's methods that pmr calls."""
+    """A vector (n,), with those methods of PETSc vectors that pmr calls."""
 
     comm = WORLD
 
@@ -72,7 +73,7 @@ class Vec:
 
 
 class IS:
-    """Numbers of rows or columns, with those of PETSc's methods that pmr calls."""
+    """Numbers of rows or columns, with those methods of PETSc index sets that pmr calls."""
 
     def createGeneral(self, numbers: NDArray[Any], comm: Comm = WORLD) -> IS:
         self.numbers = numbers
@@ -83,7 +84,7 @@ class IS:
 
 
 class Mat:
-    """A sparse matrix, or a dense one in Fortran's order, with those of PETSc's methods that pmr calls."""
+    """A sparse matrix, or a dense one in Fortran's order, with those methods of PETSc matrices that pmr calls."""
 
     comm = WORLD
     Structure = SimpleNamespace(SUBSET_NONZERO_PATTERN=0, DIFFERENT_NONZERO_PATTERN=1)
@@ -101,7 +102,7 @@ class Mat:
         return self
 
     def setUp(self) -> None:
-        """Do nothing; also serves as `assemble` and `destroy`."""
+        """Do nothing; also used as `assemble` and `destroy`."""
 
     assemble = destroy = setUp
 
@@ -171,17 +172,17 @@ class Mat:
         self.values *= factor
 
     def axpy(self, factor: float, X: Mat, structure: Any = None) -> None:
-        """Add `factor` times X; `structure` is not used."""
+        """Add `factor` times X to this matrix; `structure` is not used."""
         self.values = sp.csr_matrix(self.values + factor * X.values)
 
     def zeroRowsColumns(self, numbers: NDArray[Any], diag: float) -> None:
-        """Set rows and columns with these numbers to zero, and their diagonal to `diag`."""
+        """Set the rows and columns with these `numbers` to zero, and their diagonal entries to `diag`."""
         remaining, diagonal = np.ones(self.getSize()[0]), np.zeros(self.getSize()[0])
         remaining[numbers], diagonal[numbers] = 0.0, diag
         self.values = sp.csr_matrix(sp.diags(remaining) @ self.values @ sp.diags(remaining) + sp.diags(diagonal))
 
     def norm(self, kind: Any) -> float:
-        """Largest absolute row sum, PETSc's infinity norm, whatever `kind`."""
+        """Largest sum of the absolute values in a row, which is PETSc's infinity norm; `kind` is not used."""
         return float(np.abs(self.values).sum(axis=1).max())
 
 

@@ -1,1 +1,1 @@
-"""From a structure to its full model: operators, loads, outputs, pads, and eigensolvers for it."""
+"""Full models of bodies: matrices, loads, outputs and pads that are made from a structure, and their eigensolvers."""

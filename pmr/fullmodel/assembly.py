@@ -1,4 +1,4 @@
-"""Assembly of a structural model's forms to distributed PETSc matrices in the model's own order of coordinates."""
+"""Assembly of a structural model's weak forms to distributed PETSc matrices, in the model's order of coordinates."""
 
 from __future__ import annotations
 
@@ -22,10 +22,9 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Operators:
-    """Mass M and stiffness K (n, n), distributed in consecutive shares of the model's coordinates.
+    """Mass M and stiffness K (n, n) of a model with n coordinates; each rank owns consecutive rows of both.
 
-    Wherever M has an entry, K has one too; the reverse does not hold (of a shell's K, five of six entries are not in
-    M).
+    K has an entry wherever M has one.  M lacks some entries of K: in a shell five of six entries of K.
     """
 
     M: PETSc.Mat
@@ -33,12 +32,12 @@ class Operators:
 
 
 def rayleigh(damping: Damping) -> Rayleigh:
-    """Rayleigh damping D = a M + b K with a scene's factors: a in 1/s is `mass`, b in s is `stiffness`."""
+    """Rayleigh damping D = a M + b K with the factors of a scene's table: a in 1/s is `mass`, b in s is `stiffness`."""
     return Rayleigh(damping.mass, damping.stiffness)
 
 
 def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
-    """Mass and stiffness of a model, assembled from its forms or read from given matrices; collective."""
+    """Mass and stiffness of a model, assembled from its forms or read from the matrices of a file; collective."""
     if is_assembled(model):
         return assemble_model(model, model.domain(comm))
     assert isinstance(model, Matrices)
@@ -58,7 +57,7 @@ def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
 
 
 def pad_pattern(A: sp.csr_matrix, other: sp.csr_matrix) -> sp.csr_matrix:
-    """A with explicit zeros added where `other` has entries, so that the pattern of A contains that of `other`."""
+    """Copy of A with explicit zeros where only `other` has entries, so that its pattern contains that of `other`."""
     A, other = A.tocoo(), other.tocoo()
     entries = np.concatenate([A.data, np.zeros(other.nnz)])
     places = np.concatenate([A.row, other.row]), np.concatenate([A.col, other.col])
@@ -66,9 +65,10 @@ def pad_pattern(A: sp.csr_matrix, other: sp.csr_matrix) -> sp.csr_matrix:
 
 
 def assemble_model(model: FiniteElementModel, domain: object) -> Operators:
-    """Assemble mass and stiffness of a model on its distributed mesh, without boundary conditions; collective.
+    """Assemble mass and stiffness of a model on its distributed mesh `domain`, without boundary conditions; collective.
 
-    It also frees PETSc objects of earlier models that Python has dropped, as PETSc does so only on request.
+    The function also frees the PETSc objects of earlier models that Python has dropped, which PETSc keeps until it is
+    asked to free them.
     """
     free_dropped(comm_of(domain), cycles=False)
     assembler = Assembler(model, domain)
@@ -77,18 +77,18 @@ def assemble_model(model: FiniteElementModel, domain: object) -> Operators:
 
 
 class Assembler:
-    """Assembles forms on a model's function space to matrices in the model's order of coordinates."""
+    """Assembles weak forms on a model's function space to matrices in the model's order of coordinates."""
 
     def __init__(self, model: FiniteElementModel, domain: object) -> None:
         self.model, self.comm, self.space = model, comm_of(domain), model.space(domain)
         self._order = model_order(model, self.space)
 
     def matrix(self, form: object, zeros: bool = True) -> PETSc.Mat:
-        """Assemble a UFL form to a matrix (n, n); explicit zeros of its pattern are kept if `zeros`.  Collective."""
+        """Assemble a UFL form to a matrix (n, n); if `zeros`, explicit zeros of its pattern are kept.  Collective."""
         return self.assemble_form(compiled_form(form), zeros)
 
     def assemble_form(self, form: object, zeros: bool = True) -> PETSc.Mat:
-        """Assemble a compiled form to a matrix (n, n); explicit zeros of its pattern are kept if `zeros`.
+        """Assemble a compiled form to a matrix (n, n); if `zeros`, explicit zeros of its pattern are kept.
 
         Collective.
         """
@@ -105,9 +105,9 @@ class Assembler:
         return matrix
 
     def displacement_function(self, q: Array) -> Any:
-        """Function on the space with the model's coordinates q (n,), the same on every rank; collective.
+        """Function on the function space with the model's coordinates q (n,), the same on every rank; collective.
 
-        The model must have no `transformation`.
+        Not to be called for a model with a `transformation`, whose coordinates are not those of the function space.
         """
         values = np.empty(len(q))
         values[self._order] = q
@@ -115,12 +115,12 @@ class Assembler:
 
 
 def model_order(model: FiniteElementModel, space: Any) -> Indices:
-    """PETSc's global index (n,) in the space of each of the model's coordinates; collective, the same on every rank.
+    """For each coordinate of the model its PETSc index (n,) in the function space; collective, the same on every rank.
 
     Raises
     ------
     RuntimeError
-        If the model's numbering does not cover the space's coordinates exactly once.
+        If the model's numbering does not cover the coordinates of the function space exactly once.
     """
     ours = model.element_coordinates(original_cells(space.mesh))
     theirs = cell_dofs(space)
@@ -137,13 +137,13 @@ def model_order(model: FiniteElementModel, space: Any) -> Indices:
 
 @dataclass(frozen=True)
 class MatrixRows:
-    """Some rows of a matrix (N, N) on one rank: their numbers (n,) and entries (n, N)."""
+    """Some of the N rows of a matrix (N, N) that one rank holds: the numbers (n,) and the entries (n, N) of n rows."""
 
     numbers: Indices
     matrix: sp.csr_matrix
 
     def select(self, positions: Indices) -> MatrixRows:
-        """The rows at these positions, in their order."""
+        """The rows at the given `positions` (k,) among the n rows, in the order of `positions`."""
         return MatrixRows(self.numbers[positions], self.matrix[positions])
 
 
@@ -155,10 +155,11 @@ def _local_rows(A: PETSc.Mat) -> MatrixRows:
 
 
 def reorder_rows(rows: MatrixRows, order: Indices, comm: MPI.Comm) -> PETSc.Mat:
-    """Matrix with rows and columns in the model's order, in consecutive shares of about equal size; collective.
+    """Matrix with rows and columns in the model's order, of which each rank owns about equally many rows; collective.
 
-    `rows` are this rank's in PETSc's order; `order` (N,) is PETSc's index of each of the model's coordinates, from
-    `model_order`.  PETSc's own `createSubMatrix` takes three times as long on two ranks as on one.
+    `rows` are the rows that this rank owns in PETSc's order.  `order` (N,) is the PETSc index of each of the model's
+    coordinates, from `model_order`.  PETSc's own method `createSubMatrix` takes three times as long on two ranks as on
+    one.
     """
     number = np.empty(len(order), PETSc.IntType)
     number[order] = np.arange(len(order), dtype=number.dtype)
@@ -175,7 +176,7 @@ def reorder_rows(rows: MatrixRows, order: Indices, comm: MPI.Comm) -> PETSc.Mat:
 
 
 def _exchange_rows(rows: MatrixRows, comm: MPI.Comm) -> MatrixRows:
-    """Send rows to the ranks whose shares they are in; returns the rows of this rank's share, ascending.
+    """Send each of this rank's rows to the rank that will own it; returns the rows that this rank will own, ascending.
 
     Collective.
     """
@@ -192,13 +193,13 @@ def _exchange_rows(rows: MatrixRows, comm: MPI.Comm) -> MatrixRows:
 
 
 def project_matrix(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
-    """P^T A P; frees A.  Collective."""
+    """Product P^T A P; frees A.  Collective."""
     product = A.PtAP(P)
-    result = product.copy()  # a product keeps its factors for ever
+    result = product.copy()  # a PETSc product keeps its factors in memory as long as it lives
     free_objects(product, A)
     return result
 
 
 def share(size: int, comm: MPI.Comm) -> Indices:
-    """First coordinate of this rank's share of `size`, and the one after its last."""
+    """First of the `size` coordinates that this rank owns, and the one after the last coordinate that it owns."""
     return np.array([comm.rank, comm.rank + 1]) * size // comm.size

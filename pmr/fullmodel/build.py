@@ -1,15 +1,18 @@
 r"""Full models of a scene's bodies, and the check that no rigid motion of them is left free.
 
-The check uses the geometry alone.  Each body moves as the body that carries it and, in addition, by its relative motion
-:math:`d_b`: displacements along and rotations about x, y and z, about the origin of the base.  The total motion of body
-b is :math:`m_b`.  With the rigid motions R of each body and A, which moves the reference point to the body's tail, all
-that holds the bodies measures
+The check uses the geometry alone.  The bodies b = 1, 2, ... are numbered from the base outwards.  A rigid motion has
+six components: displacements along and rotations about x, y and z, about the origin of the base.  Body b moves as body
+b - 1, which carries it, and in addition by its relative motion :math:`d_b`; its total motion is :math:`m_b`.  At the
+path coordinates s, the matrix A(s) turns a motion about the origin of the base into the motion about the body's tail,
+and the columns of R are the coordinates of the body under unit rigid motions about its tail.  The supports, pads and
+contacts that hold the bodies are the rows of C(s) and measure
 
 .. math:: C(s) R\, A(s)\, m, \qquad m_b = d_1 + \dots + d_b
 
-The rows C are those of supports and pads, with or without stiffness, of clamped coordinates, and of contacts between
-two bodies.  Motions d in the null space are free.  Pads that only push count as holding: whether anything presses on
-them is the static start's question.  Rows that keep a body straight measure none of its rigid motions.
+C contains the rows of supports and pads, with or without stiffness, of clamped coordinates, and of contacts between two
+bodies.  A motion d is free if all of these measures are zero.  Pads that only push are treated as if they held both
+ways; whether anything presses on them is found when the static start is computed.  Rows that keep a body straight are
+zero for every rigid motion.
 """
 
 from __future__ import annotations
@@ -43,7 +46,7 @@ logger = logging.getLogger(__name__)
 
 #: A motion is free if singular values of what holds it are below this share of the largest; pads are exact to 1e-12.
 FREE = 1e-7
-#: A row that measures less than this share of the sum of its terms' sizes is round-off.
+#: A row is round-off if it measures less than this share of the sum of the magnitudes of its terms.
 ROUND_OFF = 1e-9
 AXES = "xyz"
 
@@ -52,7 +55,7 @@ AXES = "xyz"
 class FreeMotions:
     """Free rigid motions in words, at the position with most of them; both texts are empty if there are none.
 
-    `said` names all of them, `short` is a clause about the first one.
+    `sentence` names all free motions, `clause` is a short clause about the first one.
     """
 
     sentence: str = ""  # "fly free to move along x at t = 2 s"
@@ -61,27 +64,27 @@ class FreeMotions:
 
 @dataclass(frozen=True)
 class CheckedPositions:
-    """The T positions at which a system is checked for free motions."""
+    """The T positions of the bodies at which a system is checked for free motions."""
 
-    s: Mapping[str, Array]  # path coordinates (T,) m
-    tails: Mapping[str, Array]  # (T,) m: by body, the distance of its tail ahead of the base's
-    labels: Sequence[str]  # each position in words
+    s: Mapping[str, Array]  # (T,) m: path coordinates, by the name of the path
+    tails: Mapping[str, Array]  # (T,) m: distance of each body's tail ahead of the tail of the base, by body
+    labels: Sequence[str]  # (T,) texts: each position in words
 
 
 @dataclass(frozen=True)
 class RigidBody:
-    """A body's six rigid motions as its rows measure them; columns of motions that its model lacks are zero."""
+    """What the rows of a body measure of its six rigid motions; columns of motions that its model lacks are zero."""
 
-    carrier_motions: Array  # (K, 6): measures of the K carriers of its rows
-    carrier_sizes: Array  # (K, 6): the same with absolute values of all factors; round-off is a share of it
-    held_motions: Array  # (h, 6): measures that always hold it: clamps, springs, missing directions
-    reach: float  # m: largest displacement of a coordinate under a unit rotation
+    carrier_motions: Array  # (K, 6): what the K carrier rows measure of the motions
+    carrier_sizes: Array  # (K, 6): the same sums of absolute values, by which round-off is judged
+    held_motions: Array  # (h, 6): what clamps, springs and missing directions measure
+    reach: float  # m: largest displacement coordinate under a unit rotation
 
     @classmethod
     def from_model(cls, model: FullModel, structural: StructuralModel) -> RigidBody:
-        """Measure the rigid motions of a full model; collective.
+        """Compute what the rows of a full model measure of its rigid motions; collective.
 
-        Raises a `ValueError` if the model does not know its rigid motions.
+        Raises a `ValueError` if the full model has no rigid motions (`FullModel.rigid` is None).
         """
         if model.rigid is None:
             raise ValueError("a model is needed that knows its rigid motions")
@@ -98,9 +101,10 @@ class RigidBody:
 
 
 def _span_rows(rows: Array, reach: float) -> Array:
-    """At most six rows (h, 6) with the same span as `rows` (any number, 6): a clamp of many points holds six motions.
+    """At most six rows (h, 6) with the same span as `rows` (m, 6), not necessarily independent.
 
-    `reach` in m scales rotations to displacements.
+    A clamp of many points has many rows, of which six say the same.  The columns 3 to 5 of `rows` belong to rotations;
+    `reach` in m scales these to displacements.
     """
     scale = np.repeat([1.0, reach or 1.0], 3)
     rows = rows / scale
@@ -112,7 +116,7 @@ def _span_rows(rows: Array, reach: float) -> Array:
 def free_motions(
     system: FullSystem, structural: Mapping[str, StructuralModel], positions: CheckedPositions
 ) -> list[dict[str, Array]]:
-    """Free motions at each position: of each body (6, f), relative to the body that carries it.  Collective.
+    """For each of the T positions the free motions (6, f) of bodies by name, relative to the carrying body; collective.
 
     Bodies without a free motion are left out.
     """
@@ -132,7 +136,7 @@ def free_motions(
 def describe_free_motions(
     system: FullSystem, structural: Mapping[str, StructuralModel], positions: CheckedPositions
 ) -> FreeMotions:
-    """Describe in words the free motions at the position with most of them; collective."""
+    """Describe in words the free motions at the position that has most of them; collective."""
     by_position = [
         {name: describe_motions(motions) for name, motions in at.items()}
         for at in free_motions(system, structural, positions)
@@ -158,7 +162,10 @@ def describe_free_motions(
 def _contacts(
     system: FullSystem, bodies: Mapping[str, RigidBody], positions: CheckedPositions, shifts: Mapping[str, Array]
 ) -> Array:
-    """Measures (T, m, 6 b) of the m contacts for the rigid motions of b bodies; rows that are round-off are zero."""
+    """What the m contacts measure of the rigid motions of b bodies at T positions, (T, m, 6 b).
+
+    A row is set to zero if it is round-off of the terms that it is summed from.
+    """
     names, x = list(bodies), system.side_coordinates(positions.s)
     rows, terms = np.zeros((2, len(positions.labels), len(system.contacts), 6 * len(names)))
     for side, row, at in zip(system.sides, system.side_rows, x.T, strict=True):
@@ -175,28 +182,32 @@ def _contacts(
 
 
 def _supports(bodies: Mapping[str, RigidBody], shifts: Mapping[str, Array]) -> Iterator[Array]:
-    """Yield for each body the measures (T, h, 6 b) of what always holds it, for the rigid motions of b bodies."""
+    """Yield for each of b bodies what its clamps and springs measure of rigid motions at T positions, (T, h, 6 b)."""
     for k, (name, body) in enumerate(bodies.items()):
         rows = np.einsum("hk,tkl->thl", body.held_motions, shifts[name])
         yield np.pad(rows, ((0, 0), (0, 0), (6 * k, 6 * (len(bodies) - k - 1))))
 
 
 def _multiply_each(rows: Array, shifts: Array) -> Array:
-    """Products (T, 6) of rows (T, 6) with matrices (T, 6, 6)."""
+    """Product (T, 6) of each row of `rows` (T, 6) with the matrix of `shifts` (T, 6, 6) of the same number."""
     return np.asarray(np.einsum("tk,tkl->tl", rows, shifts))
 
 
 def _shifts(distances: Array) -> Array:
-    """Matrices (T, 6, 6) from a rigid motion about the base's origin to that about a point at `distances` (T,) m."""
+    """Matrices (T, 6, 6) that turn a rigid motion about the base's origin into that about points at `distances` (T,) m.
+
+    The points lie ahead of the origin along x.
+    """
     A = np.tile(np.eye(6), (len(distances), 1, 1))
     A[:, 2, 4], A[:, 1, 5] = -distances, distances
     return A
 
 
 def _distribute_motions(free: Array, names: tuple[str, ...], scale: Array) -> dict[str, Array]:
-    """Distribute orthonormal motions `free` (6 b, f): each goes to the first of the b bodies that moves in it.
+    """Distribute the f orthonormal motions `free` (6 b, f) over b bodies: each goes to the first body that moves in it.
 
-    Returns for each body that has any its motions (6, f_b) relative to the body that carries it, divided by `scale`.
+    Returns by the name of each body with free motions these motions (6, f_b), relative to the body that carries it and
+    divided by `scale` (6,).
     """
     motions = {}
     for k, name in enumerate(names):
@@ -216,7 +227,7 @@ def _null_space(C: Array) -> Array:
 
 
 def describe_motions(motions: Array) -> list[str]:
-    """Describe free motions (6, f) in words, one phrase each: translations first, then rotations about axes."""
+    """Describe f free motions (6, f) in words, one phrase each: translations first, then rotations about axes."""
     theta = motions[3:]
     _, sigma, Vt = np.linalg.svd(theta, full_matrices=True)
     turns = int(np.sum(sigma > FREE * np.abs(motions).max(initial=0.0)))
@@ -231,7 +242,7 @@ def describe_motions(motions: Array) -> list[str]:
 
 
 def _reduce_rows(A: Array) -> Array:
-    """Basis of the row space of A (f, d) with as many zeros as possible, by Gauss-Jordan elimination; overwrites A."""
+    """Basis of the row space of A (f, d) with many zeros, by Gauss-Jordan elimination; overwrites A."""
     row = 0
     for column in range(A.shape[1]):
         if row == len(A):
@@ -248,7 +259,7 @@ def _reduce_rows(A: Array) -> Array:
 
 
 def _direction(vector: Array) -> str:
-    """Axis name of a vector (3,) along x, y or z, otherwise its unit vector as text."""
+    """Name of the axis x, y or z along which a vector (3,) points, or its unit vector as text if it is along none."""
     unit = vector / np.linalg.norm(vector)
     along = int(np.abs(unit).argmax())
     if np.abs(unit[along]) > 1.0 - 1e-6:
@@ -257,15 +268,15 @@ def _direction(vector: Array) -> str:
 
 
 def _place(point: Array) -> str:
-    """Point (3,) m as text."""
+    """Coordinates of a point (3,) in m as text."""
     return "({}) m".format(", ".join(f"{c + 0.0:.4g}" for c in np.round(point, 6)))
 
 
 def needed_matrices(scene: Scene) -> tuple[str, ...]:
-    """Names in `ROTATING`, `CARRIED` and `STATES` of `pmr.system.body_matrices` of the matrices that a scene needs.
+    """Names of the matrices of `pmr.system.body_matrices` (in `ROTATING`, `CARRIED`, `STATES`) that a scene needs.
 
-    Only these are assembled.  Without second order, the geometric stiffness matrices are still among them: they tell
-    how much the neglected terms matter.
+    Only these matrices are assembled.  If the scene leaves second order out, the geometric stiffness matrices are
+    needed all the same, to tell how large the neglected terms are.
     """
     return tuple(dict.fromkeys(term.matrix for term in (*frame_terms(scene), *stress_terms(scene))))
 
@@ -278,14 +289,17 @@ PLACES = 33
 
 @dataclass(frozen=True)
 class AssembledBody:
-    """A body's full model and the structure that it was assembled from."""
+    """Full model of a body, and the structure from which it was assembled."""
 
     model: FullModel
     structure: Structure
 
 
 def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> AssembledBody:
-    """Assemble the full model of a scene with one body on `comm`; raises as `build_bodies`, and for several bodies."""
+    """Assemble the full model of a scene with one body on `comm`; collective.
+
+    Raises the errors of `build_bodies`, and an `InputError` for a scene of several bodies.
+    """
     scene.only_section  # noqa: B018 - refuses others
     return build_bodies(scene, comm)[ALONE]
 
@@ -305,10 +319,10 @@ def log_warnings(built: Iterable[AssembledBody], comm: MPI.Comm) -> None:
 
 
 def warnings(structure: Structure) -> list[str]:
-    """Warnings about a structure: nodes of given matrices that could not be checked, or visible round-off.
+    """Warnings about a structure: nodes of given matrices that could not be checked, and round-off in the stiffness.
 
-    Round-off is visible where elements are so short that it changes the lowest frequency by more than
-    `NOTICED_ROUND_OFF`.
+    Elements that are very short cause round-off.  A warning is given if it changes the lowest frequency by more than
+    the share `NOTICED_ROUND_OFF`.
     """
     if getattr(structure.model, "unchecked", False):
         return [UNCHECKED]
@@ -324,8 +338,9 @@ def warnings(structure: Structure) -> list[str]:
 def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, AssembledBody]:
     """Assemble the full models of all bodies of a scene, by name; equal bodies share one `AssembledBody`.  Collective.
 
-    Raises an `InputError` if a body's model is still ``auto``, a mesh can't be read or drawn, or something attached
-    does not fit the mesh; a `NotHeldError` if a rigid motion is free and the scene does not allow it.
+    Raises an `InputError` if a body's model is still ``auto``, a mesh can't be read or drawn, or a load, mass, support,
+    pad or probe does not fit the mesh.  Raises a `NotHeldError` if a rigid motion is free and the scene does not allow
+    it.
     """
     for member in filter(is_undecided, members(scene)):
         allowed = "a model by its name is allowed here: pmr.run and pmr.reduce measure which one will do"
@@ -348,14 +363,14 @@ def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, 
 
 
 def models_of(built: Mapping[str, AssembledBody]) -> dict[str, FullModel]:
-    """Full models of bodies, by name."""
+    """Full models of the bodies by name."""
     return {name: body.model for name, body in built.items()}
 
 
 def free_motion_warnings(scene: Scene, built: Mapping[str, AssembledBody]) -> list[str]:
-    """Return one line that names the rigid motions that nothing resists, or an empty list; collective.
+    """One sentence in a list that names the rigid motions which nothing resists, or an empty list; collective.
 
-    The line is about the position on the scene's way that has most of them.
+    The sentence is about the position with most free motions, among those that the bodies pass through in the scene.
     """
     free = _find_free_motions(scene, built)
     return [_free_motion_sentence(built, free)] if free.sentence else []
@@ -368,7 +383,7 @@ def _free_motion_sentence(built: Mapping[str, AssembledBody], free: FreeMotions)
 
 
 def _find_free_motions(scene: Scene, built: Mapping[str, AssembledBody]) -> FreeMotions:
-    """Find the free rigid motions of a scene's bodies, with supports as contacts; collective."""
+    """Find the free rigid motions of a scene's bodies; supports count as contacts with the ground.  Collective."""
     models = models_of(built)
     system = FullSystem(models, contacts_of(scene, models)).with_supports()
     return describe_free_motions(
@@ -379,8 +394,8 @@ def _find_free_motions(scene: Scene, built: Mapping[str, AssembledBody]) -> Free
 def _checked_positions(scene: Scene) -> CheckedPositions:
     """Positions at which free motions are looked for.
 
-    A single body is checked at `PLACES` path coordinates, several bodies at `PLACES` times and at the breaks of the
-    driven paths.
+    A scene of a single body is checked at `PLACES` path coordinates.  A scene of several bodies is checked at `PLACES`
+    times and at the times at which the signal of a driven path breaks.
     """
     if ALONE in scene.bodies:
         along = np.linspace(*scene.travel, PLACES)

@@ -1,10 +1,12 @@
 """Lowest modes of the full model with its rows held at one path coordinate: dense LAPACK, SLEPc or block Lanczos.
 
-All solve (K + sigma M) phi = (omega^2 + sigma) M phi with a small sigma > 0 for the largest 1 / (omega^2 + sigma).
-That keeps rigid-body modes harmless and, in contrast to asking LAPACK for eigenvalues of (K, M), gives the low modes
-to full relative accuracy: they are then the dominant ones.
+A mode phi with the circular frequency omega satisfies K phi = omega^2 M phi with the stiffness K and the mass M.  All
+solvers solve (K + sigma M) phi = (omega^2 + sigma) M phi with a small sigma > 0, and look for the largest values of 1 /
+(omega^2 + sigma).  Rigid-body modes are then no special case.  The low modes, which are the dominant ones of this
+problem, get full relative accuracy; LAPACK does not give them that if it solves for the eigenvalues of (K, M).
 
-The dense and the SLEPc solver eliminate the rigid rows C: q = T z satisfies C q = 0 for every z.
+The dense and the SLEPc solver eliminate the rigid constraint rows C: with a matrix T, q = T z satisfies C q = 0 for
+every z.
 """
 
 from __future__ import annotations
@@ -38,7 +40,10 @@ Indices = NDArray[np.int64]
 
 
 class DependentRowsError(InputError):
-    """A rigid row is a combination of others: a slider sits on a support, a pad on a beam opposite another one."""
+    """A rigid row is a combination of other rows.
+
+    For example, a slider sits on a support, or two pads on a beam are opposite one another.
+    """
 
     def __init__(self, names: Sequence[str]) -> None:
         allowed = (
@@ -50,9 +55,10 @@ class DependentRowsError(InputError):
 
 @dataclass(frozen=True)
 class Elimination:
-    """Solution of C q = 0 for c pivot coordinates: ``q[pivots] = -factors @ q[others]``; other coordinates are free.
+    """Solution of C q = 0 for c pivot coordinates: ``q[pivots] = -factors @ q[coupled]``; other coordinates are free.
 
-    `size` is n, `pivots` (c,), `others` (k,) and `factors` (c, k).  T (n, n - c) maps the free coordinates to q.
+    `size` is the number n of coordinates q.  `pivots` (c,) and `coupled` (k,) are numbers of coordinates, `factors` is
+    (c, k).  The matrix T (n, n - c) gives q = T z from the free coordinates z.
     """
 
     size: int
@@ -66,7 +72,7 @@ class Elimination:
         return np.setdiff1d(np.arange(self.size), self.pivots)
 
     def to_scipy(self) -> sp.csr_matrix:
-        """T (n, n - c) as a SciPy matrix."""
+        """The matrix T (n, n - c) as a SciPy matrix."""
         free = self.free
         column = np.full(self.size, -1)
         column[free] = np.arange(len(free))
@@ -77,7 +83,7 @@ class Elimination:
         return sp.csr_matrix((entries, (rows, columns)), shape=(self.size, len(free)))
 
     def project_dense(self, A: Array) -> Array:
-        """T^T A T (n - c, n - c) of a dense matrix A (n, n)."""
+        """Product T^T A T (n - c, n - c) for a dense matrix A (n, n)."""
         free, F, p = self.free, self.factors, self.pivots
         at = np.searchsorted(free, self.coupled)
         AT = A[:, free]
@@ -87,10 +93,10 @@ class Elimination:
         return result
 
     def condense(self, K: PETSc.Mat) -> PETSc.Mat:
-        """T^T K T, (n, n) with rows and columns of zeros at the pivots but for their diagonal; collective.
+        """Product T^T K T as a matrix (n, n) in which rows and columns of pivots are zero off the diagonal; collective.
 
-        The diagonal at the pivots is the largest one of K.  So vectors keep their size: `EliminationOperator` applies
-        T^T and T to them in place.
+        The diagonal entries of the pivots are equal to the largest diagonal entry of K.  As the size stays n,
+        `EliminationOperator` can apply T^T and T to vectors in place.
         """
         first, last = K.getOwnershipRange()
         result = K.copy()
@@ -103,9 +109,10 @@ class Elimination:
         return result
 
     def _condensation_change(self, K: PETSc.Mat) -> sp.csr_matrix:
-        """T^T K T - K in the free coordinates: a few rows and columns, cheaper than a product with K; collective.
+        """Difference T^T K T - K in the free coordinates, of few rows and columns; collective.
 
-        With the factors F, the pivots' rows R of K, and P, the pivots' columns of R: F^T P F - F^T R - R^T F.
+        With F (the `factors`), the rows R of K at the pivots, and the columns P of R at the pivots, the difference is
+        F^T P F - F^T R - R^T F.  It is cheaper than a product with K.
         """
         first, last = K.getOwnershipRange()
         coupled = np.flatnonzero(np.any(self.factors, axis=1))
@@ -120,7 +127,10 @@ class Elimination:
         return sp.csr_matrix(F.T @ R[:, pivots] @ F - RF - RF.T)
 
     def to_petsc(self, template: PETSc.Mat) -> PETSc.Mat:
-        """T as a PETSc matrix; its rows are spread as those of `template`, its columns follow their rows."""
+        """The matrix T as a PETSc matrix, with its rows spread over ranks as those of `template`.
+
+        Each rank owns as many columns of T as it owns rows of free coordinates.
+        """
         first, last = template.getOwnershipRange()
         pivots = np.count_nonzero((self.pivots >= first) & (self.pivots < last))
         return sparse(self.to_scipy()[first:last], template, columns=last - first - pivots)
@@ -129,7 +139,7 @@ class Elimination:
 class EliminationOperator:
     """Applies T and T^T of an elimination, q = T z, in place to columns whose rows are spread over ranks.
 
-    The spread is that of the rows of `like`.
+    The rows are spread as those of the matrix `like`.
     """
 
     def __init__(self, elimination: Elimination, like: PETSc.Mat) -> None:
@@ -141,7 +151,10 @@ class EliminationOperator:
         self._factors, self._coupled = elimination.factors[:, near], bool(np.any(elimination.factors))
 
     def restrict(self, g: Array) -> None:
-        """Overwrite this rank's rows `g` (n_local, k) with T^T g, zero at the pivots; collective."""
+        """Overwrite this rank's rows `g` (n_local, k) of k columns by the rows of T^T g; collective.
+
+        The rows at pivots become zero.
+        """
         if self._coupled:
             at_pivots = np.zeros((self._count, g.shape[1]))
             at_pivots[self._own] = g[self._pivots]
@@ -149,7 +162,10 @@ class EliminationOperator:
         g[self._pivots] = 0.0
 
     def extend(self, x: Array) -> None:
-        """Overwrite this rank's rows `x` (n_local, k) with T x; values at the pivots are not read.  Collective."""
+        """Overwrite this rank's rows `x` (n_local, k) of k columns by the rows of T x; collective.
+
+        The entries of `x` at pivots are not read.
+        """
         x[self._pivots] = 0.0
         if self._coupled:
             x[self._pivots] = -np.asarray(self._comm.allreduce(self._factors @ x[self._others]))[self._own]
@@ -199,10 +215,10 @@ DENSE_UP_TO = 1500  # coordinates; above, sparse factors are the automatic choic
 def eigensolver(model: FullModel, choice: str) -> EigenSolver:
     """Eigensolver of a model: ``"dense"``, ``"slepc"``, or ``"auto"``, which is dense up to `DENSE_UP_TO` coordinates.
 
-    Its `lowest(s, count)` computes the lowest modes with the rows held at path coordinate s (m); collective.  It
-    raises a `DependentRowsError` if rigid rows depend on each other at s, and a `ConvergenceError` if fewer modes
-    exist or converge.  If some rows have a compliance, or there is no SLEPc, ``"slepc"`` means block Lanczos with one
-    factor for all path coordinates.
+    The method `lowest(s, count)` of the solver computes the lowest modes with the rows held at path coordinate s (m);
+    collective.  It raises a `DependentRowsError` if rigid rows depend on each other at s, and a `ConvergenceError` if
+    fewer modes exist or converge.  If some rows have a compliance, or SLEPc is not installed, ``"slepc"`` means block
+    Lanczos with one factor for all path coordinates.
     """
     if is_dense(model, choice):
         return DenseEigenSolver(model)
@@ -247,9 +263,9 @@ class DenseEigenSolver:
 class SlepcEigenSolver:
     """Krylov-Schur with shift-and-invert on factors by MUMPS; the inertia of K - x M proves that no mode was missed.
 
-    A single Krylov sequence finds one vector of each multiple eigenvalue.  By Sylvester's law of inertia, the negative
-    pivots of K - x M count the modes below x; where some are missing, the solver runs again in the complement of those
-    already found.
+    A single Krylov sequence finds one vector of each multiple eigenvalue.  By Sylvester's law of inertia, the number of
+    negative pivots of K - x M is the number of modes with omega^2 below x.  Where modes are missing, the solver runs
+    again in the complement of the modes that it has found.
     """
 
     def __init__(self, model: FullModel) -> None:
@@ -257,7 +273,10 @@ class SlepcEigenSolver:
         self._sigma = model.reference_frequency**2
 
     def lowest(self, s: float, count: int) -> Modes:
-        """Compute the `count` lowest modes with the rows, all rigid, held at path coordinate `s` (m); collective."""
+        """Compute the `count` lowest modes with the rows held at path coordinate `s` (m); collective.
+
+        Not to be called for a model that has a row with compliance: all rows are taken as rigid.
+        """
         model = self._model
         elimination = eliminate(model.rows.at(s), model.rows.names)
         dimension = model.size - len(elimination.pivots)
@@ -287,7 +306,7 @@ class SlepcEigenSolver:
     def _solve(
         self, M: PETSc.Mat, K: PETSc.Mat, count: int, deflation: list[PETSc.Vec]
     ) -> tuple[Array, list[PETSc.Vec]]:
-        """The `count` lowest omega^2 and modes of (K, M), M-orthogonal to the vectors in `deflation`; collective."""
+        """The `count` lowest omega^2 and the modes of these, M-orthogonal to the vectors in `deflation`; collective."""
         eps = lowest_mode_solver(K, M, self._sigma, count)
         pc = eps.getST().getKSP().getPC()
         pc.setType("cholesky")
@@ -301,13 +320,14 @@ class SlepcEigenSolver:
 class OneFactorEigenSolver:
     r"""Block Lanczos with shift-and-invert on one factor for all path coordinates; the rows change it by a low rank.
 
-    With F = K + sigma M, and m rows C(s) with compliance 1/k (zero for rigid ones), the inverse that is applied is
+    With F = K + sigma M and m rows C(s) whose compliances are the diagonal matrix 1/k, zero for rigid rows, the inverse
+    that is applied to vectors is
 
     .. math::
         \bigl(F + C^T k\, C\bigr)^{-1} = F^{-1} - F^{-1} C^T \bigl(1/k + C F^{-1} C^T\bigr)^{-1} C F^{-1}
 
-    (Woodbury; for 1/k = 0 its limit, in which C phi = 0).  A path coordinate costs m solves with F and those of
-    Lanczos.
+    (Woodbury's formula; for 1/k = 0 its limit, in which C phi = 0).  One path coordinate costs m solves with F and the
+    solves of the Lanczos iteration.
     """
 
     def __init__(self, model: FullModel) -> None:
@@ -349,8 +369,8 @@ EigenSolver = DenseEigenSolver | SlepcEigenSolver | OneFactorEigenSolver
 def lowest_frequencies(model: FullModel, s: Array, count: int, solver: str) -> Array:
     """Lowest circular frequencies (S, f) in rad/s with the rows held at each path coordinate `s` (S,) m; collective.
 
-    f is `count`, or the number of coordinates less that of all rows if that is smaller.  Raises a `ConvergenceError`
-    if the solver finds too few.
+    The number f of frequencies is `count`, or the number of coordinates less the number of rows if that is smaller.
+    Raises a `ConvergenceError` if the solver finds too few.
     """
     solver_of_model = eigensolver(model, solver)
     count = min(count, model.size - len(model.rows.names))
@@ -358,7 +378,7 @@ def lowest_frequencies(model: FullModel, s: Array, count: int, solver: str) -> A
 
 
 def _inertia(M: PETSc.Mat, K: PETSc.Mat, below: float) -> int:
-    """Number of eigenvalues omega^2 < `below`: the negative pivots of K - below M (Parlett 1998, section 3.3)."""
+    """Number of eigenvalues omega^2 < `below`: the negative pivots of K - `below` M (Parlett 1998, section 3.3)."""
     shifted = K.copy()
     shifted.axpy(-below, M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
     shifted.setOption(PETSc.Mat.Option.SYMMETRIC, True)

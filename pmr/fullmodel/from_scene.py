@@ -1,4 +1,4 @@
-"""From a body of a scene to a structure: its mesh, the model on it, pads, loads, masses and outputs."""
+"""The structure of a body of a scene: its mesh, the structural model on the mesh, pads, loads, masses and outputs."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ Array = NDArray[np.float64]
 
 #: Models that need no FEniCSx; the modules of all others load it.
 WITHOUT_FORMS = ("matrices",)
-#: Nodes of a beam that are observed by default: with all of them the tables of outputs grow with the mesh's square.
+#: Nodes of a beam that are observed by default: with all nodes, tables of outputs grow with the mesh's square.
 MOST_OBSERVED = 1000
 
 
@@ -54,14 +54,12 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
 
     Its outputs are, in this order:
 
-    - displacements in m along each transverse direction at the observed stations; by default at a beam's nodes but for
-    the
-      last one, the tip, and of more than `MOST_OBSERVED` nodes at every second, third ...;
+    - displacements in m along each transverse direction at the observed stations.  By default these are the nodes of a
+      beam without the last one, which is the tip; of more than `MOST_OBSERVED` nodes every second, third and so on;
     - displacements of the tip in m;
-    - forces in N of pads that stay, have a stiffness and hold both ways, and of supports with a stiffness; the forces
-    of
-      all others are the multipliers of their rows;
-    - the tip's rotation, if it is observed, and what the probes measure.
+    - forces in N of the pads that do not move, have a stiffness and hold both ways, and of supports with a stiffness.
+      The forces of all other pads and supports are the multipliers of their rows;
+    - the rotation of the tip, if the scene observes it, and what the probes measure.
 
     Raises an `InputError` if the mesh can't be read or drawn, or lacks a group.
     """
@@ -112,12 +110,12 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
 
 
 def _port(model: StructuralModel, place: str | float, direction: str) -> Action:
-    """Unit action along `direction` on a place to which something may be attached, named by the place and direction."""
+    """Action of size 1 along `direction` on a place where another body may be attached, with a name made from both."""
     return Action(f"{place if isinstance(place, str) else f'{place:g} m'} {direction}", place, direction)
 
 
 def _pads(member: Member) -> Pads:
-    """Pads, sliding points and contacts with other bodies that hold a body, on faces where its model can feel pads."""
+    """Pads, sliding points and contacts with other bodies that hold a body, on the faces that its model knows."""
     faces = pad_faces(member)
     fixed, moving = (
         tuple(
@@ -145,13 +143,16 @@ def _pads(member: Member) -> Pads:
 
 
 def _common_travel(pads: Pads) -> tuple[float, float]:
-    """Range (low, high) in m of the path coordinate in which the rows of all moving pads are defined."""
+    """Lowest and highest path coordinate in m between which the rows of all moving pads are defined."""
     travels = [pad.travel for pad in pads.moving if pad.travel is not None] or [pads.travel]
     return float(np.max([low for low, _ in travels])), float(np.min([high for _, high in travels]))
 
 
 def _ring_pads(ring: PadRing, faces: tuple[str, ...], travel: tuple[float, float] | None) -> list[Pad]:
-    """Pads of a ring on the given faces; `travel` in m is the range of s of these pads, None: that of the body."""
+    """Pads of a ring on the given faces.
+
+    `travel` is the least and largest path coordinate in m of these pads; None means that of the body.
+    """
     stiffness = np.inf if ring.stiffness == "rigid" else ring.stiffness
     size, only_pushes = (ring.length, ring.width, stiffness), ring.unilateral
     return [
@@ -162,7 +163,7 @@ def _ring_pads(ring: PadRing, faces: tuple[str, ...], travel: tuple[float, float
 
 
 def _supports(member: Member) -> tuple[Support, ...]:
-    """Supports of the mean motion of places, one for each held direction along which the model can move."""
+    """Supports of the mean motion of places, one for each held direction along or about which the model can move."""
     moves = motion_directions(member)
     return tuple(
         Support(support.row_name(d), support.on, d, np.inf if support.stiffness == "rigid" else support.stiffness)
@@ -174,7 +175,7 @@ def _supports(member: Member) -> tuple[Support, ...]:
 
 
 def _planar_beam(member: Member, comm: MPI.Comm) -> StructuralModel:
-    """Planar beam of a body, from its stiffnesses or its box, on generated nodes or those of a mesh file."""
+    """Planar beam of a body from its stiffnesses or its box, on generated nodes or on the nodes of a mesh file."""
     from pmr.models.beam2d import Beam2D, planar_beam
 
     mesh, length = member.part.mesh, member.part.length
@@ -192,7 +193,7 @@ def _beam(member: Member, comm: MPI.Comm) -> StructuralModel:
 
 
 def _beam_body(member: Member) -> Beam3DBody:
-    """The beam's data in a body: its box or section, material and number of elements."""
+    """Data of a beam in space in a body's table: box or section, material and number of elements."""
     box, body = _box(member), member.part.body
     return Beam3DBody(
         length=box.length,
@@ -205,9 +206,9 @@ def _beam_body(member: Member) -> Beam3DBody:
 
 
 def _mesh_model(member: Member, comm: MPI.Comm) -> StructuralModel:
-    """Shell or solid of a body, from the module called as the scene's model; collective.
+    """Shell or solid of a body, made by the module that is called as the scene's model; collective.
 
-    The module's `KINDS` are the cells that it allows, its `of` makes the model from the body and the mesh.
+    The module's `KINDS` are the cells that it allows.  Its function `of` makes the model from the body and the mesh.
     """
     kind = _model_module(model_of(member))
 
@@ -223,9 +224,9 @@ def _mesh_model(member: Member, comm: MPI.Comm) -> StructuralModel:
 
 
 def _model_module(name: str) -> Any:
-    """Module of a shell or solid: of pmr, or of an installed plug-in.
+    """Module of a shell or solid, in pmr or in an installed plug-in.
 
-    Raises the error of a plug-in that has no `KINDS` or `of`.
+    Raises an `InputError` for a plug-in that has no `KINDS` or `of`.
     """
     models_of_pmr = frozenset(get_args(OwnModel))
     if name in models_of_pmr:
@@ -237,7 +238,7 @@ def _model_module(name: str) -> Any:
 
 
 def _matrices(member: Member, comm: MPI.Comm) -> StructuralModel:
-    """Model of given matrices, which every rank reads by itself."""
+    """Structural model of given matrices; every rank reads the file by itself."""
     assert member.part.mesh.file is not None  # the scene's check
     return Matrices.load(member.part.mesh.file)
 
@@ -250,18 +251,18 @@ _MODELS: dict[str, Callable[[Member, MPI.Comm], StructuralModel]] = {
 
 
 def _mesh(member: Member, comm: MPI.Comm, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]) -> NamedMesh:
-    """Mesh of a body, read or drawn by rank 0 and sent to all; collective.
+    """Mesh of a body, read or drawn by rank 0 and sent to all ranks; collective.
 
-    `kinds` are the allowed cells, `write` meshes a box and writes the mesh to a file.
+    `kinds` are the allowed kinds of cells.  `write` meshes a box and writes the mesh to a file.
     """
     mesh: NamedMesh = comm.bcast(call_on_first_rank(comm, lambda: _read_or_draw(member, kinds, write)))
     return mesh
 
 
 def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]) -> NamedMesh:
-    """Mesh of a body from its file, or of its box by gmsh, on this rank.
+    """Mesh of a body from its file, or drawn by gmsh from its box, on this rank.
 
-    Raises an `InputError` if the mesh can't be read or drawn; its key is that of the scene.
+    Raises an `InputError` with the key of the scene if the mesh can't be read or drawn.
     """
     if member.part.mesh.file is not None:
         return read_mesh(member.part.mesh.file, kinds)
@@ -275,7 +276,7 @@ def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBo
             write(boom, file)
             try:
                 return read_mesh(file, kinds)
-            except InputError as error:  # of a file that nobody has ever seen
+            except InputError as error:  # of the temporary file, which the user does not know
                 raise NotDrawnError(error.allowed) from None
     except NotDrawnError as error:
         raise InputError("scene", "body.box", None, f"with mesh.size, sizes that mesh are allowed ({error})") from None
@@ -287,6 +288,6 @@ def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBo
 
 
 def _box(member: Member) -> Box:
-    """The body's box, which the scene's checks guarantee."""
+    """Box of the body; the checks of the scene have made sure that it has one."""
     assert member.part.body.box is not None  # the scene's check
     return member.part.body.box

@@ -1,12 +1,13 @@
 r"""Constraint row of a luffing cylinder that holds a base: the cylinder's elongation over the luffing angle.
 
-With the unit vector :math:`d(\varphi)` from foot to lug in the boom's axes at the luffing angle :math:`\varphi`, and
-the lug a height z above the boom's axis, the cylinder gets longer by
+The cylinder goes from the foot on the machine to the lug on the boom.  At the luffing angle :math:`\varphi` the unit
+vector from foot to lug, in the boom's axes, is :math:`d(\varphi)`.  The section of the boom at the lug is displaced by
+u and turns by :math:`\theta`, and the lug is the height z above the boom's axis.  The cylinder then gets longer by
 
 .. math:: c(\varphi)\, q = d_x(\varphi)\, (u_x + z\, \theta_y) + d_z(\varphi)\, u_z
 
-u and :math:`\theta` are the motion of the section at the lug.  Between two breaks d is the polynomial of fifth degree
-with the exact values and first two derivatives at both.
+with the row c on the coordinates q of the boom.  Between two breaks d is the polynomial of fifth degree that has the
+exact values and first two derivatives at both.
 """
 
 from __future__ import annotations
@@ -41,12 +42,12 @@ def cylinder_row(
     tail : (3,) m
         Position of the base's tail relative to the pivot.
     model : StructuralModel
-        Model of the base, with coordinates q.
+        Model of the base, with n coordinates q.
     T : (n, n') sparse matrix
-        q = T z; the row is on z.
+        Gives q = T z from the n' coordinates z on which the row acts.
     travel : (2,) m
-        Range of the path coordinate, on which other rows of the body are defined: the angles -pi to pi map linearly to
-        it, and the row's breaks are path coordinates in m.
+        Range of the path coordinate on which the other rows of the body are defined.  The angles -pi to pi are mapped
+        linearly to this range, so that the breaks of the row are path coordinates in m.
     """
     place, z = cylinder.lug[0] - tail[0], cylinder.lug[1] - tail[2]
     along = model.displacement(place)
@@ -69,10 +70,10 @@ def cylinder_row(
 
 
 def direction_polynomial(cylinder: LuffingCylinder) -> PPoly:
-    """Piecewise polynomial of the unit vector (2,), x and z, from foot to lug in the boom's axes.
+    """Piecewise polynomial of the unit vector (2,) from foot to lug, its components along x and z in the boom's axes.
 
-    Its argument is the luffing angle in rad from -pi to pi.  Intervals are halved until the error is at most
-    `ACCURACY`, or their length at most `SHORTEST`.
+    Its argument is the luffing angle in rad from -pi to pi.  Intervals are halved until the error is at most `ACCURACY`
+    or the length of the interval at most `SHORTEST`.
     """
     breaks = np.linspace(-np.pi, np.pi, INTERVALS + 1)
     while True:
@@ -87,11 +88,10 @@ def direction_polynomial(cylinder: LuffingCylinder) -> PPoly:
 
 
 def _direction_derivatives(cylinder: LuffingCylinder, angle: Array) -> Array:
-    r"""Unit vector from foot to lug and its first two derivatives by the angle, (n, 3, 2), at angles (n,) rad.
+    r"""Unit vector from foot to lug and its first two derivatives by the luffing angle, (n, 3, 2), at `angle` (n,) rad.
 
-    As a complex number x + i z the unit vector is :math:`e^{i \beta}` with
-    :math:`\beta = \arg(r_1 - r_0 e^{-i \varphi})`, the foot :math:`r_0`, the lug :math:`r_1` and the angle
-    :math:`\varphi`.
+    With the foot :math:`r_0` and the lug :math:`r_1` as complex numbers x + i z, and the luffing angle :math:`\varphi`,
+    the unit vector is :math:`e^{i \beta}` with :math:`\beta = \arg(r_1 - r_0 e^{-i \varphi})`.
     """
     foot, lug = complex(*cylinder.foot), complex(*cylinder.lug)
     turned = foot * np.exp(-1j * angle)

@@ -3,8 +3,9 @@ r"""The full model of a body and the system of several: matrices, constraint row
 The full model holds mass, stiffness, damping, inputs, outputs and constraint rows, spread over MPI ranks.  The system
 of full models says where the coordinates of each body are in vectors of all coordinates.
 
-Mass m and centre of gravity :math:`(\bar x, \bar y, \bar z)` of a body follow from its mass matrix M and its rigid
-motions: unit translations r_x, r_y, r_z and unit rotations about the axes:
+The mass m and the centre of gravity :math:`(\bar x, \bar y, \bar z)` of a body follow from its mass matrix M and the
+coordinates of its rigid motions: r_x, r_y, r_z under unit translations along the axes, and :math:`r_{\theta x}`,
+:math:`r_{\theta y}`, :math:`r_{\theta z}` under unit rotations about them:
 
 .. math:: m = r_x^T M r_x, \qquad m\, \bar x = r_y^T M r_{\theta z}, \quad m\, \bar y = r_z^T M r_{\theta x}, \quad
     m\, \bar z = r_x^T M r_{\theta y}
@@ -37,27 +38,27 @@ Array = NDArray[np.float64]
 
 #: Share of the largest coordinate of a centre of gravity up to which another one is round-off.
 ROUND_OFF = 1e-12
-#: First moments along x, y, z by a translation and a rotation that meet in them, with their sign.
+#: For each first moment along x, y and z: translation and rotation whose product contains it, and its sign there.
 MOMENTS = ((("y", "rz", 1.0), ("z", "ry", -1.0)), (("z", "rx", 1.0),), (("x", "ry", 1.0),))
 
 
 @dataclass(frozen=True)
 class Masses:
-    """Mass of a body, mass of what is attached to it, and the centre of gravity of both."""
+    """Mass of a body, mass of what is attached to the body, and the centre of gravity of both together."""
 
     body: float  # kg
     attached: float  # kg
     centre: Array  # (3,) m: centre of gravity of both, in the body's axes
 
     def summary(self) -> dict[str, Any]:
-        """``mass`` and ``attached`` in kg, ``centre`` in m, as summary.json has them."""
+        """Entry for summary.json: ``mass`` of the body and ``attached`` mass in kg, ``centre`` of gravity in m."""
         return {"mass": self.body, "attached": self.attached, "centre": self.centre.tolist()}
 
 
 def masses_of(model: StructuralModel, point_masses: Sequence[PointMass], M: PETSc.Mat) -> Masses | None:
-    """Masses of a body without supports: of its model with mass matrix M, and of attached masses; collective.
+    """Masses and centre of gravity of a body: of its model with mass matrix M and of its `point_masses`; collective.
 
-    Returns None for given matrices, which may contain supports.
+    Returns None for given matrices: supports inside them would falsify the mass.
     """
     if not is_assembled(model):
         return None
@@ -78,7 +79,7 @@ def masses_of(model: StructuralModel, point_masses: Sequence[PointMass], M: PETS
 
 
 def _gram_matrix(R: Array, M: PETSc.Mat) -> Array:
-    """R^T M R (k, k) of motions R (n, k), which every rank has complete; collective."""
+    """Product R^T M R (k, k) for k motions R (n, k), of which every rank has all rows; collective."""
     x, f = M.createVecRight(), M.createVecLeft()
     mine, columns = R[slice(*M.getOwnershipRange())], []
     for motion in mine.T:
@@ -93,23 +94,27 @@ def _gram_matrix(R: Array, M: PETSc.Mat) -> Array:
 
 @dataclass(frozen=True)
 class RigidMotions:
-    """Rigid motions of a body, computed from its geometry alone, and what clamps and springs measure of them."""
+    """Rigid motions of a body, computed from its geometry alone, and what clamps and springs measure of these."""
 
     # (n_local, k): this rank's free coordinates under each of k unit motions, translations first
     coordinates: Array
     held_measures: (
         Array  # (h, k) m or rad: what clamps and springs measure of each; a motion is free if its column is zero
     )
-    whole: bool = True  # False with clamped coordinates, whose loads the model lacks, or inner supports
+    whole: bool = True  # False with clamped coordinates, on which the model has no loads, or with inner supports
 
 
 @dataclass(frozen=True)
 class FullModel(RowProperties):
     r"""Full model of a body, with operators distributed over `comm`, in SI units.
 
+    The coordinates q (n,) follow the inputs f (i,) and the path coordinate s by
+
     .. math:: M \ddot q + D \dot q + K q + C(s)^T \lambda = B f, \qquad C(s)\, q = 0, \qquad y = O q
 
-    All coordinates are in the model's own order, so that serial and parallel runs number them alike.
+    with the mass M, damping D and stiffness K, the constraint rows C(s) and their multipliers :math:`\lambda`, the
+    input matrix B, and the outputs y (o,).  Coordinates are numbered from the mesh alone, in serial and parallel runs
+    alike.
     """
 
     M: PETSc.Mat  # (n, n), without boundary conditions; each rank owns consecutive rows
@@ -143,7 +148,7 @@ class FullModel(RowProperties):
 
     @cached_property
     def D(self) -> PETSc.Mat:
-        """Damping matrix (n, n) with as many entries as K, assembled at first use; collective."""
+        """Damping matrix (n, n) with as many entries as K, assembled when it is first used; collective."""
         if self.rayleigh is None:
             return self.damping
         D = self.K.duplicate(copy=True)
@@ -163,7 +168,7 @@ class FullModel(RowProperties):
 
     @property
     def carriers(self) -> SharedCarriers:
-        """The constraint rows on carriers that they share."""
+        """Constraint rows as combinations of carrier rows that they share."""
         return self.rows.shared_carriers
 
     @property
@@ -172,7 +177,7 @@ class FullModel(RowProperties):
         return slice(*self.M.getOwnershipRange())
 
     def gather(self) -> FullBody | None:
-        """The model with SciPy matrices on rank 0; None on other ranks.  Collective."""
+        """This model with SciPy matrices on rank 0; None on other ranks.  Collective."""
         parts = [gather(A) for A in (self.M, self.D, self.K, self.inputs, self.outputs)]
         matrices = {name: gather(A) for name, A in self.matrices.items()}
         if self.comm.rank != 0:
@@ -199,15 +204,16 @@ class FullModel(RowProperties):
 
 @dataclass(frozen=True)
 class FullSystem(BodySystem[FullModel]):
-    """Full models of several bodies on one communicator, and the contacts between them.
+    """Full models of several bodies on one communicator, and the contacts between the bodies.
 
-    A local vector holds this rank's coordinates of one body after the other; a whole vector holds all coordinates of
-    one body after the other.  Supports that hold a single coordinate are not among the contacts (see `with_supports`).
+    A local vector holds this rank's coordinates of the first body, then those of the second, and so on.  A whole vector
+    holds all coordinates of the bodies in the same order.  Supports that hold a single coordinate are not among the
+    contacts (see `with_supports`).
     """
 
     @classmethod
     def of(cls, model: FullModel) -> FullSystem:
-        """System of a single body, with its rows as contacts with the ground."""
+        """System of a single body, with the rows of its model as contacts with the ground."""
         return cls({ALONE: model}, ground_contacts(model))
 
     @property
@@ -222,7 +228,7 @@ class FullSystem(BodySystem[FullModel]):
 
     @property
     def size(self) -> int:
-        """Number n of coordinates of all bodies, those that supports hold included."""
+        """Number n of coordinates of all bodies, with the coordinates that supports hold."""
         return sum(model.size for model in self.models)
 
     @cached_property
@@ -242,21 +248,24 @@ class FullSystem(BodySystem[FullModel]):
 
     @cached_property
     def output_slices(self) -> tuple[slice, ...]:
-        """Slice of each body's outputs among those of the system."""
+        """Slice of each body's outputs among the outputs of the system."""
         return consecutive([model.outputs.getSize()[1] for model in self.models])
 
     def local_part(self, complete: Array) -> Array:
-        """This rank's coordinates (..., n_local) from whole vectors (..., n)."""
+        """This rank's coordinates (..., n_local) of the whole vectors `complete` (..., n)."""
         parts = zip(self.whole_slices, self.models, strict=True)
         return np.concatenate([complete[..., at][..., model.share] for at, model in parts], axis=-1)
 
     def gather_vectors(self, local: Array) -> Any:
-        """Whole vectors (k, n) on rank 0 from local vectors (k, n_local); other ranks get `local` back.  Collective."""
+        """Whole vectors (k, n) on rank 0 from k local vectors `local` (k, n_local); collective.
+
+        Other ranks get `local` back.
+        """
         parts = [self.comm.gather(local[:, at]) for at in self.local_slices]
         return np.concatenate([np.concatenate(part, 1) for part in parts], 1) if self.comm.rank == 0 else local
 
     def with_supports(self) -> FullSystem:
-        """Return the system with each support of a single coordinate as a contact with the ground, after all others."""
+        """System in which each support of a single coordinate is a contact with the ground too, after all others."""
         used = {(side.place.body, side.place.row) for side in self.sides}
         held = [
             Contact(input_name(name, row), Place(name, row, model.rows.rows[number].breaks[0]))
@@ -267,7 +276,7 @@ class FullSystem(BodySystem[FullModel]):
         return replace(self, contacts=(*self.contacts, *held))
 
     def gather(self) -> System | None:
-        """The system with SciPy matrices on rank 0; None on other ranks.  Collective."""
+        """This system with SciPy matrices on rank 0; None on other ranks.  Collective."""
         gathered: dict[int, FullBody | None] = {}
         for model in self.models:
             if id(model) not in gathered:
@@ -277,7 +286,7 @@ class FullSystem(BodySystem[FullModel]):
         return System(bodies, self.contacts, terms=terms) if bodies else None
 
     def _gather_term(self, term: Term) -> Term:
-        """The term with SciPy matrices on rank 0, unchanged on other ranks; collective."""
+        """The `term` with SciPy matrices on rank 0, unchanged on other ranks; collective."""
         on_first_rank: dict[str, Any] = {
             key: A if sp.issparse(A) or isinstance(A, np.ndarray) else gather(A) for key, A in term.matrices.items()
         }
@@ -285,5 +294,5 @@ class FullSystem(BodySystem[FullModel]):
 
     @cached_property
     def side_rows(self) -> tuple[Row, ...]:
-        """Constraint row of each of the `sides`, on its body's carriers."""
+        """Constraint row of each of the `sides`, on the carrier rows of the body that the side belongs to."""
         return tuple(self.row(side.place) for side in self.sides)

@@ -1,13 +1,15 @@
 r"""Eigenmodes of the full model by SLEPc's Krylov-Schur or block Lanczos, their normalisation and residuals.
 
-Block Lanczos finds the largest eigenvalues of an operator H that is self-adjoint in the product of the mass M:
+Block Lanczos finds the largest eigenvalues, the diagonal matrix :math:`\Theta`, and the eigenvectors, the columns of
+:math:`\Phi`, of an operator H that is self-adjoint in the product of the mass M:
 
 .. math::
     H \Phi = \Phi \Theta, \qquad \Phi^T M \Phi = I
 
-A block of right-hand sides costs little more than one right-hand side (`pmr.fem.factor.Factor`).  Of equal eigenvalues
-it finds as many as it has columns, where a single vector finds one.  Columns are made M-orthogonal to all earlier ones
-twice, so that no converged vector reappears.  Golub and Van Loan: Matrix Computations, 4th ed., 2013, section 10.3.6.
+A block of right-hand sides costs little more than one right-hand side (`pmr.fem.factor.Factor`).  A block of b columns
+finds b vectors of a multiple eigenvalue, where a single column finds one.  Each new column is made M-orthogonal to all
+earlier columns twice, so that no converged vector appears again.  Golub and Van Loan: Matrix Computations, 4th ed.,
+2013, section 10.3.6.
 """
 
 from __future__ import annotations
@@ -32,8 +34,8 @@ logger = logging.getLogger(__name__)
 #: Columns of a block.  Fifteen modes of a shell of 70,000 coordinates take 72, 100, 144 and 224 columns in blocks of 2,
 #: 4, 8 and 16, and their solves 1.08, 0.83, 0.74 and 0.79 s; vector by vector 80 columns took 1.8 s.
 BLOCK = 8
-#: Residual of an eigenpair over its eigenvalue.  What a mode has of others is about that, and decides whether a load
-#: that acts on the others alone is said to excite it.
+#: Residual of an eigenpair over its eigenvalue.  The share of other modes in a mode is about that; it decides if a load
+#: that acts on these other modes alone counts as exciting it.
 RESIDUAL_TOLERANCE = 1e-15
 #: Directions of a block that are shorter than this share of its longest one are left out: round-off decides them.
 SPANNED = 1e-8
@@ -43,7 +45,7 @@ STEPS = 100
 
 @dataclass(frozen=True)
 class Eigenpairs:
-    """Eigenvalues `theta` (k,), largest first, and this rank's rows (n_local, k) of M-orthonormal eigenvectors."""
+    """Eigenvalues `theta` (k,), largest first, and this rank's rows (n_local, k) of the M-orthonormal eigenvectors."""
 
     theta: Array
     vectors: Array
@@ -52,9 +54,10 @@ class Eigenpairs:
 def largest_eigenpairs(
     apply: Callable[[Array], Array], M: PETSc.Mat, start: Array, count: int, dimension: int
 ) -> Eigenpairs:
-    """Compute the `count` largest eigenpairs H phi = theta phi, or all if the range of H is smaller; collective.
+    """Compute the `count` largest eigenvalues theta of H phi = theta phi, with their eigenvectors phi; collective.
 
-    H is self-adjoint in the product of the mass M, in which the vectors are orthonormal.
+    The operator H is self-adjoint in the product of the mass M, in which the vectors are orthonormal.  If the dimension
+    of the range of H is less than `count`, all eigenpairs are returned.
 
     Parameters
     ----------
@@ -85,7 +88,7 @@ def largest_eigenpairs(
         Q[:, len(T) :] = block.vectors
         near = slice(max(0, filled - 2 * start.shape[1]), filled)
         W = apply(block.dual)
-        overlap = inner(Q[:, near], times(M, W), comm)  # to all blocks before the last two H W is orthogonal by itself
+        overlap = inner(Q[:, near], times(M, W), comm)  # H W is orthogonal by itself to all blocks before the last two
         T = _border(T, overlap)
         subtract(W, Q[:, near], overlap)
         rough = _orthonormalise(W, times(M, W), comm, dimension - filled)
@@ -106,10 +109,10 @@ def largest_eigenpairs(
 
 @dataclass(frozen=True)
 class _Block:
-    """A block of columns W (n_local, b), M-orthonormalised with the mass M.
+    """A block of b columns W (n_local, b), M-orthonormalised with the mass M.
 
-    `vectors` X are M-orthonormal columns with the span of W, but for directions that are too short; `dual` is M X;
-    `lengths` is L (b, b) with L^T L = W^T M W.
+    `vectors` X are M-orthonormal columns that span the columns of W; directions of W that are too short are left out.
+    `dual` is the product M X.  `lengths` is a matrix L (b, b) with L^T L = W^T M W.
     """
 
     vectors: Array
@@ -118,7 +121,10 @@ class _Block:
 
 
 def _orthonormalise(W: Array, MW: Array, comm: MPI.Comm, most: int) -> _Block:
-    """M-orthonormalise the columns of W, given M W: at most `most` directions, the longest ones; collective."""
+    """M-orthonormalise the columns of W, given the product `MW`; collective.
+
+    At most `most` directions are kept, the longest ones.
+    """
     values, turned = np.linalg.eigh(inner(W, MW, comm))
     is_spanned = values > SPANNED**2 * np.max(values, initial=0.0)
     is_spanned[: max(0, len(values) - most)] = False
@@ -128,9 +134,10 @@ def _orthonormalise(W: Array, MW: Array, comm: MPI.Comm, most: int) -> _Block:
 
 
 def _border(T: Array, columns: Array) -> Array:
-    """Return T bordered by b rows and columns; `columns` (d, b) are the last d rows of the new columns, zeros above.
+    """Matrix T (m, m) with b rows and columns added behind it; T and the result are symmetric.
 
-    T and the result are symmetric; the new diagonal block (b, b) is symmetrised.
+    `columns` (d, b) are the last d entries of each new column, and the entries above them are zero.  The new diagonal
+    block (b, b) is symmetrised.
     """
     d, b = columns.shape
     m = len(T) + b
@@ -151,9 +158,10 @@ CLUSTER = 1e-7
 
 @dataclass(frozen=True)
 class Modes:
-    """Circular frequencies `omega` (k,) in rad/s, this rank's rows `phi` (n_local, k) of the modes, `residuals` (k,).
+    """Circular frequencies `omega` (k,) in rad/s, this rank's rows `phi` (n_local, k) of k modes, and `residuals` (k,).
 
-    Modes are mass-normalised; their entry of largest magnitude is positive (`pmr.fem.distributed.fix_signs`).
+    Modes are mass-normalised, and the entry of largest magnitude of each mode is positive
+    (`pmr.fem.distributed.fix_signs`).
     """
 
     omega: Array
@@ -164,7 +172,8 @@ class Modes:
 def lowest_mode_solver(K: PETSc.Mat, M: PETSc.Mat, sigma: float, count: int) -> SLEPc.EPS:
     """Set up SLEPc's Krylov-Schur solver with shift-and-invert at -sigma for the `count` lowest modes of (K, M).
 
-    The start vector is the same on any number of ranks, and lies along no direction of symmetry.
+    The start vector is the same on any number of ranks.  It is random, so that it is not orthogonal to any mode for
+    reasons of symmetry.
     """
     eps = SLEPc.EPS().create(comm=M.comm)
     eps.setOperators(K, M)
@@ -185,7 +194,7 @@ def lowest_mode_solver(K: PETSc.Mat, M: PETSc.Mat, sigma: float, count: int) -> 
 
 
 def solve_modes(eps: SLEPc.EPS, count: int) -> tuple[Array, list[PETSc.Vec]]:
-    """Solve and destroy `eps`: return omega^2 (count,) in ascending order, and the modes in the same order; collective.
+    """Solve `eps` and free it: the values of omega^2 (count,), ascending, and the modes in the same order; collective.
 
     Raises a `ConvergenceError` if fewer than `count` converge.
     """
@@ -207,7 +216,7 @@ def solve_modes(eps: SLEPc.EPS, count: int) -> tuple[Array, list[PETSc.Vec]]:
 
 
 def check_count(count: int, dimension: int) -> None:
-    """Raise a `TooManyModesError` if `count` modes are asked for and only `dimension` exist."""
+    """Raise a `TooManyModesError` if `count` modes are requested and only `dimension` exist."""
     if count > dimension:
         raise TooManyModesError(count, dimension)
 
@@ -223,11 +232,11 @@ def finish_modes(model: FullModel, s: float, omega2: Array, phi: Array, cut: boo
     Parameters
     ----------
     s : float, m
-        Path coordinate, at which the rows are held.
+        Path coordinate at which the rows are held.
     omega2, phi : (k,) and (n_local, k) arrays
-        Squared frequencies, and this rank's rows of the modes.
+        Squared circular frequencies, and this rank's rows of the k modes.
     cut : bool
-        Whether the next mode, which was left out, has the frequency of the last one; a warning is logged then.
+        True if the first mode that is left out has the frequency of the last mode in `phi`: a warning is then logged.
     """
     if cut:
         logger.warning(
@@ -246,7 +255,7 @@ def finish_modes(model: FullModel, s: float, omega2: Array, phi: Array, cut: boo
 
 
 def _residuals(model: FullModel, s: float, omega2: Array, phi: Array) -> Array:
-    """Backward errors (k,) of eigenpairs at path coordinate s, without the part that constraint forces balance."""
+    """Backward errors (k,) of k eigenpairs at path coordinate s, less the part that constraint forces balance."""
     comm = model.comm
     first, last = model.M.getOwnershipRange()
     residual = times(model.K, phi) - times(model.M, phi) * omega2

@@ -1,13 +1,13 @@
 r"""Static solves, and the matrices and loads that a moving frame and axial forces add to a structural model.
 
-On the model's own coordinates, with displacements u and test functions v, the matrices and loads are
+u and v are the displacements of trial and test function, rho is the density.  S (3, 3) is one of the tensors in
+`pmr.system.body_matrices`, R_c are the model's coordinates under the unit rigid motion along or about direction c,
+which every model represents exactly, and sigma are the stresses of a unit state (docs/moving_frame.md).  On the model's
+own coordinates the matrices and loads are
 
 .. math::
     A_S = \int \rho\, v \cdot S u \, dV, \qquad f_S = A_S R_c, \qquad
     K_g = \int \sigma_{jk}\, u_{i,j} v_{i,k} \, dV
-
-S (3, 3) are the tensors in `pmr.system.body_matrices`, R_c is the model's rigid motion along direction c, which every
-model represents exactly, and sigma are the stresses of a unit state (docs/moving_frame.md).
 
 Static solves take one factor: by MUMPS of the distributed stiffness, or by LAPACK on rank 0.
 """
@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 
 
 class SingularError(InputError):
-    """A stiffness with all rigid motions held does not resist some other motion, or has a negative eigenvalue."""
+    """A stiffness does not resist some motion although all rigid motions are held, or has a negative eigenvalue."""
 
     def __init__(self) -> None:
         allowed = (
@@ -50,10 +50,13 @@ class SingularError(InputError):
 
 
 class StaticSolver(Protocol):
-    """Solves x = T (T^T K T)^-1 T^T g for loads g, with the stiffness K; T spans the motions that held rows allow."""
+    """Solves x = T (T^T K T)^-1 T^T g for loads g with the stiffness K; T spans the motions that held rows allow."""
 
     def solve(self, g: Array) -> Array:
-        """This rank's rows (n_local, k) of x, for its rows `g` (n_local, k), which may be overwritten; collective."""
+        """This rank's rows (n_local, k) of k solutions x, for its rows `g` (n_local, k) of the loads; collective.
+
+        The solver may overwrite `g`.
+        """
 
     def destroy(self) -> None:
         """Free the factor's memory; collective."""
@@ -71,7 +74,7 @@ def static_solver(model: FullModel, held_rows: Sequence[Row], choice: str = "aut
     DependentRowsError
         If the held rows depend on each other.
     InputError
-        If the factor takes more memory than there is.
+        If the factor takes more memory than is free.
     """
     rows = Rows(tuple(held_rows), model.size)
     elimination = eliminate(rows.at(rows.domain[0]) if held_rows else rows.at(0.0), rows.names)
@@ -99,7 +102,7 @@ class _DenseSolver:
             raise SingularError()
 
     def solve(self, g: Array) -> Array:
-        """This rank's rows (n_local, k) of x, for its rows `g` (n_local, k); collective."""
+        """This rank's rows (n_local, k) of k solutions x, for its rows `g` (n_local, k) of the loads; collective."""
         shares, x = self._comm.gather(g), None
         if shares is not None:
             x = self._T @ scipy.linalg.cho_solve(self._factor, self._T.T @ np.concatenate(shares))
@@ -111,7 +114,7 @@ class _DenseSolver:
 
 
 class _SparseSolver:
-    """Static solver by a sparse factor, spread over the ranks or whole on each of them."""
+    """Static solver by a sparse factor that is spread over the ranks, or complete on each of them."""
 
     def __init__(self, stiffness: PETSc.Mat, elimination: Elimination) -> None:
         self._condensed = EliminationOperator(elimination, stiffness)
@@ -124,7 +127,10 @@ class _SparseSolver:
             free_objects(K)
 
     def solve(self, g: Array) -> Array:
-        """This rank's rows (n_local, k) of x, for its rows `g` (n_local, k), which are overwritten; collective."""
+        """This rank's rows (n_local, k) of k solutions x, for its rows `g` (n_local, k) of the loads; collective.
+
+        `g` is overwritten.
+        """
         self._condensed.restrict(g)
         x = self._factor.solve_columns(g)
         self._condensed.extend(x)
@@ -136,11 +142,12 @@ class _SparseSolver:
 
 
 class FrameAssembler:
-    """Assembles matrices and loads of a moving frame for a model; its function space is made at first use.
+    """Assembles matrices and loads of a moving frame for a model; the model's function space is made at first use.
 
-    With displacements u and test functions v, the matrix A_S is int rho v . S u dV for a tensor S (3, 3), the load f_S
-    is A_S times a rigid motion, and the geometric stiffness K_g is int sigma_jk u_i,j v_i,k dV with the stresses sigma
-    of a unit state.  `masses` are point masses attached to the model.
+    u and v are the displacements of trial and test function.  For a tensor S (3, 3) the matrix A_S is the integral of
+    rho v . S u over the volume, and the load f_S is A_S times the coordinates of a rigid motion.  The geometric
+    stiffness K_g is the integral of sigma_jk u_i,j v_i,k with the stresses sigma of a unit state.  `masses` are point
+    masses attached to the model.
     """
 
     def __init__(self, model: StructuralModel, masses: Sequence[PointMass], comm: MPI.Comm) -> None:
@@ -158,22 +165,22 @@ class FrameAssembler:
         return Assembler(self._model, self._model.domain(self._comm))
 
     def inertia(self, S: Array) -> PETSc.Mat:
-        """A_S (n, n) of the model without point masses, for S (3, 3); collective."""
+        """Matrix A_S (n, n) of the model without point masses, for a tensor S (3, 3); collective."""
         tensor, form = self._inertia_form
         tensor.value = S
         return self._assembler.assemble_form(form, zeros=False)
 
     @cached_property
     def _inertia_form(self) -> tuple[Any, Any]:
-        """S (3, 3) as a UFL constant whose value may change, and the form of A_S, compiled once; collective."""
+        """Tensor S (3, 3) as a UFL constant with a changeable value, and the form of A_S, compiled once; collective."""
         space = self._assembler.space
         tensor = constant(space.mesh, np.zeros((3, 3)))
         return tensor, compiled_form(self._assembler.model.inertia(space, tensor))
 
     def acceleration_load(self, name: str) -> Array:
-        """Load f_S (n,) of an input in `CONSTANT` or `LINEAR`, without point masses, whole on every rank.
+        """Load f_S (n,) of the input `name`, a key of `CONSTANT` or `LINEAR`; collective.
 
-        Collective.
+        It leaves out point masses.  Every rank has all of its entries.
         """
         S, motion = acceleration_field(name, self._model)
         A = self.inertia(S)
@@ -182,7 +189,10 @@ class FrameAssembler:
         return np.concatenate(self._comm.allgather(forces[:, 0]))
 
     def geometric_stiffness(self, name: str) -> PETSc.Mat:
-        """K_g (n, n) of the unit state `name` in `STATES`; its loads include the point masses' inertia.  Collective."""
+        """Geometric stiffness K_g (n, n) of the unit state `name`, a key of `STATES`; collective.
+
+        The loads of the state include the inertia of the point masses.
+        """
         load, x = STATES[name], np.eye(3)[0]
         forces = [(m.on, -m.mass * (load.acceleration + load.stretch * self._station(m) * x)) for m in self._masses]
         state = StressState(self, load.acceleration, load.stretch, (*forces, ("tip", load.force)))
@@ -190,11 +200,11 @@ class FrameAssembler:
         return self._assembler.matrix(form, zeros=False)
 
     def _station(self, mass: PointMass) -> float:
-        """Coordinate of a mass along the axis, m."""
+        """Coordinate of a point mass along the axis, m."""
         return float(self._model.centroid(mass.on)[0] if mass.at is None else mass.at[0])
 
     def displacement(self, state: StressState) -> Any:
-        """Displacement under the loads of `state` with the tail clamped, a function on the model's space.
+        """Displacement under the loads of `state` with the tail clamped, as a function on the model's function space.
 
         Collective.
         """
@@ -212,7 +222,7 @@ class FrameAssembler:
 
     @cached_property
     def _clamped_solver(self) -> StaticSolver:
-        """Static solver of the model with its tail clamped, one for all states; collective."""
+        """Static solver of the model with its tail clamped, the same for all states; collective."""
         model = self._assembler.model
         clamped = model.coordinates_on("tail", model.directions)
         elimination = Elimination(model.size, clamped, np.empty(0, np.int64), np.zeros((len(clamped), 0)))
@@ -232,8 +242,8 @@ class FrameAssembler:
 class StressState:
     """A unit state of stress, an implementation of `pmr.models.UnitState`.
 
-    `of` solves for its displacement; `acceleration` (3,) in m/s^2 and `stretch` in 1/s^2 are those of the frame,
-    `forces` (3,) in N act at the named places.
+    `assembler` solves for the displacement under the loads of the state.  `acceleration` (3,) in m/s^2 and `stretch` in
+    1/s^2 describe the motion of the frame; each of the `forces` (3,) in N acts at a named place.
     """
 
     assembler: FrameAssembler
@@ -242,14 +252,19 @@ class StressState:
     forces: tuple[tuple[str, Array], ...]
 
     def displacement(self, space: Any) -> Any:
-        """Displacement under the state's loads as a function on the model's space; `space` is not used.  Collective."""
+        """Displacement under the state's loads as a function on the model's function space; collective.
+
+        `space` is not used.
+        """
         return self.assembler.displacement(self)
 
 
 def acceleration_field(name: str, model: StructuralModel) -> tuple[Array, Array]:
-    """S (3, 3) and the rigid motion r (n,) of an acceleration field S r, for an input in `CONSTANT` or `LINEAR`.
+    """Tensor S (3, 3) and rigid motion r (n,) of the acceleration field of an input, a key of `CONSTANT` or `LINEAR`.
 
-    Both are zero if the model has no direction that makes the field.
+    The n entries of r are the coordinates of the model under a unit rigid motion.  The field is S, applied at each node
+    to the displacement vector of r there.  Both results are zero if the model lacks all directions whose rigid motion
+    could give the field.
     """
     nothing = np.zeros((3, 3)), np.zeros(model.size)
     fields = (

@@ -1,30 +1,33 @@
 r"""Pads: patches of finite length and width that hold the normal displacement of a face, or of a beam's line.
 
-The row of a pad centred at x is a weighted mean over stations :math:`x_k`, a lattice of spacing :math:`\Delta`,
+The row C(s) of a pad acts on the coordinates q of a body at the path coordinate s.  With the pad centred at x it is a
+weighted mean over stations :math:`x_k`, a lattice of spacing :math:`\Delta`,
 
 .. math::
     C(s)\, q = \sum_k b(x_k - x)\, U_k q, \qquad
     U_k q = \int \varphi(\xi - x_k)\, v(\eta)\, u \cdot n \, d\xi\, d\eta \Big/ \int \varphi\, v \, d\xi\, d\eta
 
-b is a cubic B-spline over all but :math:`2 \Delta` of the pad's length, :math:`\varphi` a hat, v a cubic B-spline over
-the width, u the displacement and n the face's outward normal.  Between two breaks a row is a cubic in the path
-coordinate s, on any mesh, and twice continuously differentiable throughout: its third derivative jumps at every
-:math:`\Delta`.  So the acceleration of a sliding body has no jumps.  For every s the weights add up to one, their
-centroid is the pad's centre and their spread does not change.  A rigid motion is therefore measured exactly, and the
-measure of a displacement that is a parabola along the axis does not ripple as the pad slides.
+with the coordinates :math:`\xi` along the body's axis and :math:`\eta` across the face, the displacement u and the
+face's outward normal n.  The weight b is a cubic B-spline over all but :math:`2 \Delta` of the pad's length,
+:math:`\varphi` a hat, and v a cubic B-spline over the width.  Between two breaks a row is a cubic in s, on any mesh,
+and twice continuously differentiable throughout: its third derivative jumps at every :math:`\Delta`.  So the
+acceleration of a sliding body has no jumps.  For every s the weights add up to one, their centroid is the pad's centre
+and their spread does not change.  A rigid motion is therefore measured exactly, and the measure of a displacement that
+is a parabola along the axis does not ripple as the pad slides.
 
-The multiplier is the force of the pad in N, positive if it pushes the body inwards; 1/k is the pad's compliance.  A
-pad that does not move, holds both ways and is not rigid is a spring, a contribution to the stiffness: it needs no row,
-takes no rigid motion from the body and contributes to its Rayleigh damping; its force is an output.
+The multiplier of the row is the force of the pad in N, positive if it pushes the body inwards; the pad's stiffness is k
+and its compliance 1/k.  A pad that does not move, holds both ways and is not rigid is a spring, a contribution to the
+stiffness.  It needs no row, eliminates no motion of the body, and contributes to its Rayleigh damping; its force is
+an output.
 
-A unilateral pad only pushes, once the body has moved outwards by the pad's clearance c.  With its force
-:math:`\lambda` and its gap g
+A unilateral pad only pushes, once the body has moved outwards by the pad's clearance c.  With its force :math:`\lambda`
+and its gap g
 
 .. math::
     \lambda \ge 0, \qquad g = c - (C q + H f - (G + 1/k) \lambda) \ge 0, \qquad \lambda\, g = 0
 
-H f and :math:`G \lambda` are static corrections of a reduced model for its loads f and the forces; a full model has
-none.  A unilateral pad always is a row, even if it does not move: whether it holds changes over time.
+The terms H f and :math:`G \lambda` are the static corrections of a reduced model for its loads f and for the forces; a
+full model has none.  A unilateral pad always has a row, even if it does not move, because it holds at some times only.
 
 Supports, and points that slide on a planar beam, are rows or springs too.
 """
@@ -55,9 +58,9 @@ Indices = NDArray[np.int64]
 
 
 def slider_row(beam: Beam2D, offset: float = 0.0, name: str = "slider") -> Row:
-    """The row w(s + offset) = 0 as an exact piecewise cubic in the path coordinate s; its multiplier is a force in N.
+    """Row w(s + `offset`) = 0 for the deflection w of a beam, an exact piecewise cubic in the path coordinate s.
 
-    w is the deflection of the beam; `offset` in m.
+    s and `offset` are in m along the axis; the multiplier of the row is a force in N.
     """
     return row_on_coordinates(name, np.unique(beam.nodes) - offset, beam.bending_dofs, beam.deflection, beam.size)
 
@@ -70,7 +73,7 @@ MOST_STATIONS = 10_000
 SPACING = 0.5
 #: Largest error of a station's weight, relative, and of its centroid, in Delta; beyond, the pad leaves its face.
 MISSING = 0.02
-#: Share of a face's length or breadth by which a pad may reach beyond it: the path of one that stays has some length.
+#: Share of a face's length or breadth by which a pad may reach beyond it: the path of a fixed pad has some length.
 SLACK = 2e-3
 
 
@@ -101,7 +104,7 @@ class Pad:
 
     @property
     def gap(self) -> float | None:
-        """Clearance in m of a pad that only pushes; None for one that holds both ways."""
+        """Clearance in m of a pad that only pushes; None for a pad that holds both ways."""
         return self.clearance if self.unilateral else None
 
 
@@ -109,7 +112,7 @@ class Pad:
 class Support:
     """A support of the mean motion of a place along or about a direction, rigid by default.
 
-    Its stiffness is in N/m, or N m/rad about a direction.
+    The stiffness is in N/m, or in N m/rad about a direction.
     """
 
     name: str
@@ -128,14 +131,14 @@ class Slider:
 
 @dataclass(frozen=True)
 class Pads:
-    """All pads, supports, sliders and rows that hold a body."""
+    """All pads, supports, sliding points and other rows that hold a body."""
 
     fixed: tuple[Pad, ...] = ()
     moving: tuple[Pad, ...] = ()  # centred at s + `at`
     supports: tuple[Support, ...] = ()
     sliders: tuple[Slider, ...] = ()
     travel: tuple[float, float] = (0.0, 1.0)  # m: smallest and largest s
-    # places that another body holds, not the ground
+    # supports of places that another body holds, not the ground
     ends: tuple[Support, ...] = ()
     straight: tuple[StraightRows, ...] = ()  # stretches of a planar beam that another body keeps straight
     walls: Walls = Walls()  # walls of a beam that give way under its pads
@@ -160,18 +163,18 @@ class Restraints:
     A spring is a row c (1, n) that measures its elongation, with a stiffness k.
     """
 
-    rows: tuple[Row, ...]  # of pads and supports that move, are rigid or only push
-    springs: tuple[Row, ...]  # of all others; k c^T c is part of K
+    rows: tuple[Row, ...]  # rows of pads and supports that move, are rigid or only push
+    springs: tuple[Row, ...]  # rows of all other pads and supports; k c^T c is part of K
 
     def stiffness(self, size: int) -> sp.csr_matrix:
-        """Sum of k c^T c over the springs' rows c (1, n), (n, n) in N/m; `size` is n."""
+        """Stiffness (n, n) in N/m of all springs: the sum of k c^T c over their rows c (1, n); `size` is n."""
         total = sp.csr_matrix((size, size))
         for c, spring in zip(self.spring_rows(size), self.springs, strict=True):
             total += c.T @ c / spring.compliance
         return total.tocsr()
 
     def force(self, name: str, size: int) -> sp.csr_matrix:
-        """Row (1, n) in N per unit of a coordinate that measures the force of the spring called `name`; `size` is n.
+        """Row (1, n) in N/m that measures the force of the spring called `name` from the n coordinates; `size` is n.
 
         Raises an `InputError` if no spring has this name.
         """
@@ -183,17 +186,17 @@ class Restraints:
         raise InputError("scene", "outputs.pad", name, f"{allowed}; the forces of others are multipliers")
 
     def spring_rows(self, size: int) -> list[sp.csr_matrix]:
-        """Rows c (1, n) of the springs; `size` is n."""
+        """Row c (1, n) of each spring; `size` is n."""
         return [spring.at(spring.breaks[0]) for spring in self.springs]
 
 
 def restrain(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Restraints:
     """Rows and springs of all pads, supports and sliders on the coordinates z of a structure, with q = T z.
 
-    Springs are all that stay in place, have a stiffness and hold both ways; everything else is a row.  The coordinates
-    of walls that give way are the last ones of z.
+    Springs are the pads and supports that do not move, have a stiffness and hold both ways; all others are rows.  The
+    coordinates of walls that give way are the last ones of z.
 
-    Raises an `InputError` if a face does not exist or a pad leaves it somewhere on its travel.
+    Raises an `InputError` if a face does not exist or a pad leaves its face somewhere on its travel.
     """
     staying = [
         *(pads.walls.pad_row(fixed_pad(pad, model, T, pads.travel), pad.at) for pad in pads.fixed),
@@ -212,10 +215,10 @@ def restrain(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Restraints
 
 
 def moving_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
-    """Row of a pad centred at s + pad.at on the body's axis, for path coordinates s in `travel` (m).
+    """Row of a pad centred at s + `pad.at` on the body's axis, for path coordinates s in `travel` (m).
 
-    It is on the coordinates z with q = T z.  Raises an `InputError` if the pad is too short for its travel, or leaves
-    its face.
+    The row acts on the coordinates z of a structure, with q = T z.  Raises an `InputError` if the pad is too short for
+    its travel, or leaves its face.
     """
     low, high = travel
     step, reach = _lattice(pad)
@@ -237,18 +240,19 @@ def moving_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple
 
 
 def fixed_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
-    """Row of a pad that stays at pad.at, constant over `travel` (m), on the coordinates z with q = T z.
+    """Row of a pad that stays at `pad.at`, constant over `travel` (m), on the coordinates z with q = T z.
 
-    It equals the row of a moving pad with a station at its centre.  Raises an `InputError` if the pad leaves its face.
+    It equals the row of a moving pad that has a station at its centre.  Raises an `InputError` if the pad leaves its
+    face.
     """
     mean = sp.csr_matrix(pad_means(pad, model, np.array([pad.at])) @ T)
     return replace(fixed_row(pad.name, mean, travel), compliance=1.0 / pad.stiffness, clearance=pad.gap)
 
 
 def pad_means(pad: Pad, model: StructuralModel, positions: Array) -> sp.csr_matrix:
-    """Mean normal displacement under a pad centred at each of the `positions` (p,) m along the axis: rows (p, n).
+    """Rows (p, n) of the mean normal displacement under a pad centred at each of the `positions` (p,) m along the axis.
 
-    Raises an `InputError` if the pad leaves its face at one of them.
+    Raises an `InputError` if the pad leaves its face at one of the positions.
     """
     step, reach = _lattice(pad)
     offsets = step * np.arange(1 - reach, reach)
@@ -265,7 +269,7 @@ def pad_means(pad: Pad, model: StructuralModel, positions: Array) -> sp.csr_matr
 def _support_row(support: Support, model: StructuralModel, T: sp.csr_matrix, pads: Pads) -> Row:
     """Row of a support, constant over the travel of `pads`, on the coordinates z with q = T z.
 
-    Raises an `InputError` if the model lacks the direction, or a clamp holds the place along it already.
+    Raises an `InputError` if the model lacks the direction, or a clamp already holds the place along it.
     """
     if support.direction not in model.directions:
         allowed = f"{', '.join(model.directions)} are allowed"
@@ -281,16 +285,19 @@ def _support_row(support: Support, model: StructuralModel, T: sp.csr_matrix, pad
 
 
 def _end_row(end: Support, model: StructuralModel, T: sp.csr_matrix, pads: Pads) -> Row:
-    """Row of a place that another body holds: that of a support, but on two intervals.
+    """Row of a place that another body holds: the row of a support, cut into two intervals of the path coordinate.
 
-    Rows on two intervals do not count as supports, which always hold.
+    A row with one interval counts as a support of the ground, which always holds; two intervals avoid this.
     """
     travel = pads.travel
     return _support_row(end, model, T, pads).refine(np.array([travel[0], sum(travel) / 2.0, travel[1]]))
 
 
 def _point_row(slider: Slider, model: StructuralModel, T: sp.csr_matrix) -> Row:
-    """Row of a slider on the coordinates z with q = T z; raises an `InputError` if the model is no planar beam."""
+    """Row of a sliding point on the coordinates z with q = T z.
+
+    Raises an `InputError` if the model is no planar beam.
+    """
     from pmr.models.beam2d import Beam2D  # its forms need FEniCSx, which given matrices do without
 
     if not isinstance(model, Beam2D):
@@ -300,12 +307,12 @@ def _point_row(slider: Slider, model: StructuralModel, T: sp.csr_matrix) -> Row:
 
 
 def _lattice(pad: Pad) -> tuple[float, int]:
-    """Spacing of the stations in m, and the number of stations within the weight on either side of the centre."""
+    """Spacing of a pad's stations in m, and the number of stations on either side of its centre that have a weight."""
     return pad.length / (4 * STATIONS + 2), 2 * STATIONS
 
 
 def _station_means(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
-    """Weighted means (K, n) of the normal displacement around each of the `places` (K,) m along the axis.
+    """Rows (K, n) of the weighted mean of the normal displacement around each of the `places` (K,) m along the axis.
 
     Raises an `InputError` if the pad leaves its face.
     """
@@ -337,9 +344,9 @@ def _station_means(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_ma
 
 
 def _nearby_points(points: Array, places: Array, step: float) -> sp.csc_matrix:
-    """Sparse (q, K) ones where a point of `points` (q,) is less than `step` away from a lattice point `places` (K,).
+    """Sparse matrix (q, K) with ones where a point of `points` (q,) is near a lattice point of `places` (K,).
 
-    Row numbers ascend in each column.
+    A point is near if the distance is less than `step`, all in m.  Row numbers ascend in each column.
     """
     first, last = (np.searchsorted(places + reach, points, side="right") for reach in (step, -step))
     ends = np.concatenate([[0], np.cumsum(last - first)])
@@ -348,7 +355,7 @@ def _nearby_points(points: Array, places: Array, step: float) -> sp.csc_matrix:
 
 
 def _check_extent(pad: Pad, places: tuple[float, float], extent: Extent) -> None:
-    """Raise an `InputError` if a pad with its stations between two `places` (m) reaches beyond the face's extent."""
+    """Raise an `InputError` if a pad with stations between two `places` (m) reaches beyond the extent of its face."""
     step, half = _lattice(pad)[0], pad.width / 2.0
     spans = [("along the axis", (places[0] - step, places[1] + step), step, extent.along)]
     if extent.across is not None:
@@ -360,7 +367,7 @@ def _check_extent(pad: Pad, places: tuple[float, float], extent: Extent) -> None
 
 
 def _off_face_error(pad: Pad, position: str, extent: Extent) -> InputError:
-    """The error of a pad that leaves its face at a `position`, which is described in words."""
+    """The error for a pad that leaves its face at a `position`, which is described in words."""
     allowed = f"the pad leaves the face {pad.on} {position}; places where all of it is on it are allowed: {extent}"
     return InputError("scene", f"pads.{pad.name}", None, allowed)
 
@@ -370,10 +377,11 @@ _PRODUCTS = np.array([[0, 1, 2, 3], [1, 3, 4, 6], [2, 4, 5, 7], [3, 6, 7, 8]])
 
 
 def _moments(weights: Array, offsets: Array, ends: Indices) -> Array:
-    """Sums (9, K) of `weights` (q,) times 1, x, y, x^2, x y, y^2, x^3, x^2 y and x^4 over the points of each station.
+    """Sums (9, K) of `weights` (q,) times nine powers of x and y over the points of each of K stations.
 
-    The points of station k are numbered from ends[k] to ends[k + 1]; `ends` is (K + 1,), `offsets` (2, q) are x and y
-    from the station, in units of the stations' spacing.
+    The powers are 1, x, y, x^2, x y, y^2, x^3, x^2 y and x^4.  The points of station k are numbered from ends[k] to
+    ends[k + 1]; `ends` is (K + 1,).  `offsets` (2, q) are x and y of each point from its station, in units of the
+    stations' spacing.
     """
     x, y = offsets
     wx, wy = weights * x, weights * y
@@ -386,11 +394,12 @@ def _moments(weights: Array, offsets: Array, ends: Indices) -> Array:
 
 
 def _correct_weights(weights: Array, offsets: Array, ends: Indices, moments: Array) -> Array:
-    """Weights (q,) times a parabola in the offsets, so that they have the moments of the exact integral.
+    """Weights (q,) times a parabola in the offsets of each station, which gives them the moments of the exact integral.
 
-    Those of each station add up to one, their centroid is zero, and their spread along the axis is 1/6, that of the
-    hat.  The correction is as small as the quadrature error, but without it motions without a ripple would seem to
-    have one.  Arguments are those of `_moments`; `moments` (9, K) is its result.
+    After this the weights of each station add up to one, their centroid is zero, and their spread along the axis is 1/6
+    as that of the hat.  The correction is as small as the error of the quadrature; without it, rows would ripple for
+    motions that have no ripple.  `weights`, `offsets` and `ends` are those of `_moments`, and `moments` (9, K) is its
+    result.
     """
     targets = np.array([1.0, 0.0, 0.0, 1.0 / 6.0])
     parabolas = np.linalg.pinv(moments.T[:, _PRODUCTS], rcond=1e-12, hermitian=True) @ targets

@@ -1,6 +1,8 @@
 r"""Probes as outputs: stresses, strains and displacements of a place as rows on a model's coordinates.
 
-Strains follow from stresses by Hooke's law with the cell's material, on a shell for plane stress:
+The normal strains :math:`\varepsilon` and shear strains :math:`\gamma` follow from the stresses :math:`\sigma` and
+:math:`\tau` by Hooke's law, on a shell for plane stress, with Young's modulus E, Poisson's ratio :math:`\nu` and the
+shear modulus G of the cell's material:
 
 .. math:: \varepsilon = \frac{(1 + \nu)\, \sigma - \nu \operatorname{tr}(\sigma)\, 1}{E}, \qquad \gamma = \frac{\tau}{G}
 
@@ -33,7 +35,7 @@ UNITS = {"stress": "Pa", "strain": "1", "displacement": "mm"}
 
 @dataclass(frozen=True)
 class Gauge:
-    """An output: a row (1, n) on the coordinates of a structural model, measured at the point `at` (3,) m.
+    """An output of a probe: a row (1, n) on the coordinates of a structural model, measured at the point `at` (3,) m.
 
     `face` names the face of a wall, or the corner of a beam's section; it is empty for displacements.
     """
@@ -51,7 +53,7 @@ class Gauge:
 
 
 def gauges(part: OneBody, model: StructuralModel) -> list[Gauge]:
-    """Gauges of all probes of a body, one for each component that they measure.
+    """Gauges of all probes of a body, one for each component that a probe measures.
 
     Raises an `InputError` if a group or face does not exist, or the model has no stresses.
     """
@@ -74,9 +76,10 @@ def gauges(part: OneBody, model: StructuralModel) -> list[Gauge]:
 
 
 def probe_summary(outputs: Mapping[str, Iterable[object]]) -> dict[str, list[dict[str, Any]]]:
-    """``probes`` of summary.json: name, unit, position in m and face of each gauge among the outputs of bodies.
+    """Entry ``probes`` of summary.json: name, unit, position in m and face of each gauge among the outputs of bodies.
 
-    `outputs` are by body; names begin with the body's name unless it is empty.  Returns an empty dict without gauges.
+    `outputs` are by body; the name of a gauge begins with the body's name unless that is empty.  Returns an empty dict
+    if there are no gauges.
     """
     probes = [
         {"name": qualified_name(body, gauge.name), "unit": gauge.unit, "at": gauge.at.tolist(), "face": gauge.face}
@@ -88,7 +91,7 @@ def probe_summary(outputs: Mapping[str, Iterable[object]]) -> dict[str, list[dic
 
 
 def _displacements(probe: Probe, model: FiniteElementModel) -> Iterator[Gauge]:
-    """Yield gauges of a probe's displacement along x, y and z: of the nearest grid point, or the mean of its group."""
+    """Yield gauges of a probe's displacement along x, y and z, at the nearest grid point or as the mean of a group."""
     if probe.at is not None:
         point = int(np.linalg.norm(model.grid.points - probe.at, axis=1).argmin())
         rows, names = model.point_displacements()[3 * point : 3 * point + 3], list("xyz")
@@ -98,13 +101,13 @@ def _displacements(probe: Probe, model: FiniteElementModel) -> Iterator[Gauge]:
         rows, names = model.displacement(on), [d for d in model.directions if d in ("x", "y", "z")]
         where = model.centroid(on)
     for k, name in enumerate(names):
-        if rows[k].nnz:  # a planar beam stays in its plane
+        if rows[k].nnz:  # a planar beam has no displacement along y
             yield Gauge(f"{probe.name} displacement {name}", UNITS["displacement"], 1e3 * sp.csr_matrix(rows[k]), where)
 
 
 @dataclass(frozen=True)
 class _Stresses:
-    """Stress rows of a model, with the body whose probes and materials they are for."""
+    """Stress rows of a model, and the body with the probes and materials to which they are applied."""
 
     part: OneBody
     model: FiniteElementModel
@@ -117,7 +120,7 @@ class _Stresses:
         return None if rows is None else cls(part, model, rows)
 
     def gauges(self, number: int, measure: str) -> Iterator[Gauge]:
-        """Yield gauges of the stress or strain components that probe `number` measures."""
+        """Yield gauges of the components of ``stress`` or ``strain`` (`measure`) that probe `number` measures."""
         stress_rows, probe, points = self.rows, self.part.probes[number], self._points(number)
         count = len(stress_rows.components)
         stress = sp.csr_matrix(np.vstack([stress_rows.rows[count * points + k].mean(axis=0) for k in range(count)]))
@@ -128,7 +131,7 @@ class _Stresses:
             yield Gauge(f"{probe.name} {measure} {component}", UNITS[measure], stress[k], where, face)
 
     def _points(self, number: int) -> Indices:
-        """Numbers of the stress points of probe `number`: the one nearest to its point, or all of its group.
+        """Numbers of the stress points of probe `number`: the one nearest to its point, or all in its group.
 
         Raises an `InputError` if the probe's face or group does not exist, or has no stress point.
         """
@@ -149,7 +152,7 @@ class _Stresses:
         return inside
 
     def _material(self, cell: int) -> Material:
-        """Material of a grid cell: that of its region, by default the body's."""
+        """Material of a grid cell: that of the cell's region, or of the body if the region has none."""
         for name, region in self.part.body.regions.items():
             if region.material is not None and cell in self.model.grid.regions[name]:
                 return region.material
@@ -157,9 +160,9 @@ class _Stresses:
 
 
 def _hooke(material: Material, components: int) -> Array:
-    """Strains (c, c) of unit stresses, for c `components`: 1 of a fibre, 2 with shear, 3 in a plane, 6 in space.
+    """Strains (c, c) under unit stresses, for c `components`: 1 of a fibre, 2 with shear, 3 in a plane, 6 in space.
 
-    Shear strains are angles.
+    Shear strains are changes of angles in rad.
     """
     normal = {1: 1, 2: 1, 3: 2, 6: 3}[components]
     matrix = np.eye(components) / material.shear_modulus

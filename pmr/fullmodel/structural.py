@@ -1,13 +1,13 @@
 r"""The full model of a structure: its matrices, rows, loads and outputs, and its planes of symmetry.
 
-In a symmetric body, mirrored loads have mirrored answers.  With the mirror image P q of a motion q in a plane across y
-or z, where P is a signed permutation,
+In a symmetric body, mirrored loads have mirrored responses.  P is a signed permutation that turns a motion q into its
+mirror image P q in a plane across y or z.  For the mass M and the stiffness K
 
 .. math::
     P M P^T = M, \quad P K P^T = K \quad \Rightarrow \quad R\, (P g) = P\, (R\, g)
 
-for any operator R on loads g that is made from M and K.  Whether a body is symmetric, with what holds it and what it
-carries, is decided by these equations, on two random vectors.
+for any operator R on loads g that is made from M and K.  Whether a body is symmetric, with its supports and attached
+masses, is decided by these equations, on two random vectors.
 """
 
 from __future__ import annotations
@@ -47,22 +47,22 @@ SAME = 1e-9
 def mirror_images(model: StructuralModel, T: sp.csr_matrix, M: PETSc.Mat, K: PETSc.Mat) -> tuple[sp.csr_matrix, ...]:
     """Mirror images P (n, n) in the planes of symmetry across y or z, on a structure's coordinates z; collective.
 
-    P z is the image of a motion z, a signed permutation.
+    P is a signed permutation; P z is the mirror image of a motion z.
 
     Parameters
     ----------
     T : (n_model, n) sparse matrix
-        Gives the model's coordinates from the structure's, q = T z.
+        Gives the model's coordinates q = T z.
     M, K : PETSc.Mat
         Mass and stiffness (n, n), by which symmetry is decided.
 
     Returns
     -------
     tuple of (n, n) sparse matrices
-        The same on every rank; empty if the model has no nodes, or is coupled rigidly to masses.
+        The same on every rank; empty without symmetry, or if the model has no nodes or is coupled rigidly to masses.
     """
     nodes = getattr(model, "nodes", None)
-    if not isinstance(nodes, Nodes) or T.nnz != T.shape[1]:  # with rigid couplings coordinates are not those of nodes
+    if not isinstance(nodes, Nodes) or T.nnz != T.shape[1]:  # with rigid couplings, some coordinates belong to no node
         return ()
     T_transposed = T.T.tocsr()
     on_free = [sp.csr_matrix(T_transposed @ P @ T) for P in _images(nodes)]
@@ -73,7 +73,7 @@ def mirror_images(model: StructuralModel, T: sp.csr_matrix, M: PETSc.Mat, K: PET
 
 
 def _images(nodes: Nodes) -> Iterator[sp.csr_matrix]:
-    """Yield mirror images P in the middle planes across y and z, if every node has an image in the plane.
+    """Yield mirror images P in the middle planes across y and z, for each plane in which every node has an image.
 
     P (n, n) is a signed permutation of the nodes' coordinates.
     """
@@ -90,14 +90,14 @@ def _images(nodes: Nodes) -> Iterator[sp.csr_matrix]:
         columns = first[image[node]] + number - first[node]
         once = np.all(np.bincount(columns) == 1)
         if once and np.array_equal(nodes.component[columns], nodes.component):
-            sign = np.ones(6)  # rotations are axial vectors: those about the axis stay
+            sign = np.ones(6)  # rotations are axial vectors: those about the axis keep their sign
             sign[[axis, *(3 + other for other in range(3) if other != axis)]] = -1.0
             ends = np.arange(nodes.size + 1)
             yield sp.csr_matrix((sign[nodes.component], columns, ends), (nodes.size, nodes.size))
 
 
 def _commuting_images(mirrors: Sequence[sp.csr_matrix], A: PETSc.Mat) -> list[sp.csr_matrix]:
-    """Mirror images P for which A P x = P A x on random vectors x; collective."""
+    """Those mirror images P for which A P x = P A x on random vectors x; collective."""
     if not mirrors:
         return []
     comm, share = A.comm.tompi4py(), slice(*A.getOwnershipRange())
@@ -113,25 +113,25 @@ def _commuting_images(mirrors: Sequence[sp.csr_matrix], A: PETSc.Mat) -> list[sp
 
 @dataclass(frozen=True)
 class MirrorImage:
-    """A mirror image or a product of several: the matrix P, and which carrier is the image of which.
+    """A mirror image or a product of several: the matrix P, and the number of each carrier row's image.
 
-    Carriers are K rows (K, n) of which all constraint rows are combinations.
+    Carrier rows are K rows (K, n) of which all constraint rows are combinations.
     """
 
     P: sp.csr_matrix  # (n, n)
-    partners: Indices  # (K,): number of the carrier that is each one's image; -1: none
+    partners: Indices  # (K,): for each carrier row the number of its image; -1: none
 
 
 @dataclass(frozen=True)
 class LoadResponses:
-    """Answers to some loads: the loads' numbers (k,), and this rank's rows (n_local, k) of the answers."""
+    """Responses to k loads: the loads' numbers (k,), and this rank's rows (n_local, k) of the responses."""
 
     numbers: Indices
     columns: Array
 
 
 def images_of(carriers: sp.csr_matrix, mirrors: Sequence[sp.csr_matrix]) -> list[MirrorImage]:
-    """Images of all mirrors P (n, n) and of all their products, for K carriers (K, n)."""
+    """Mirror images of all `mirrors` P (n, n) and of all their products, for K carrier rows (K, n)."""
     products: list[sp.csr_matrix] = []
     for P in mirrors:
         products += [P, *(sp.csr_matrix(P @ other) for other in products)]
@@ -139,7 +139,7 @@ def images_of(carriers: sp.csr_matrix, mirrors: Sequence[sp.csr_matrix]) -> list
 
 
 def _partners(U: sp.csr_matrix, P: sp.csr_matrix) -> Indices:
-    """Number (K,) of the row of U (K, n) that is the image of each row under P; -1 where there is none."""
+    """For each row of U (K, n) the number of the row that is its image under P, or -1 if there is none."""
     V, partner_of = sp.csr_matrix(U @ P.T), np.full(U.shape[0], -1)
     size = np.asarray(U.multiply(U).sum(axis=1)).ravel()
     shared = sp.coo_matrix(V @ U.T)
@@ -154,16 +154,16 @@ def _partners(U: sp.csr_matrix, P: sp.csr_matrix) -> Indices:
 
 
 class MirroredLoads:
-    """Chooses loads to solve for, numbered `own`, and gives the answers to their mirror images without a solve.
+    """Chooses loads to solve for, their `representatives`, and gives the responses to mirrored loads without a solve.
 
     Parameters
     ----------
     order : integer array
-        Numbers of the loads; an image of an earlier one is left out of `own`.
-    images : sequence of Image
-        Loads with numbers below K act on the K carriers; others have no image.
+        Numbers of all loads.  A load that is the image of an earlier one does not become one of `representatives`.
+    images : sequence of MirrorImage
+        Loads with numbers below K act on the K carrier rows; other loads have no image.
     like : PETSc.Mat
-        The images' rows are spread as its rows.
+        The rows of the images are spread over ranks as the rows of this matrix.
     """
 
     def __init__(self, order: Indices, images: Sequence[MirrorImage], like: PETSc.Mat) -> None:
@@ -184,9 +184,9 @@ class MirroredLoads:
         self.representatives = np.array(representatives, np.int64)
 
     def responses(self, numbers: Indices, columns: Array) -> Iterator[LoadResponses]:
-        """Yield the answers to the given loads, then those to each of their images; collective.
+        """Yield the responses to the given loads, then the responses to each mirror image of them; collective.
 
-        `numbers` (k,) are among `own`; `columns` (n_local, k) are this rank's rows of the answers.
+        `numbers` (k,) are some of `representatives`; `columns` (n_local, k) are this rank's rows of the responses.
         """
         yield LoadResponses(numbers, columns)
         for P, of in zip(self._mirrors, self._partners, strict=True):
@@ -202,7 +202,7 @@ class MirroredLoads:
 def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
     """Assemble the full model of a structure on `comm`; collective.
 
-    Clamped coordinates are left out; the constraint rows are those of the structure's pads.  Raises an `InputError` if
+    Clamped coordinates are left out.  The constraint rows are those of the structure's pads.  Raises an `InputError` if
     a place does not exist, a rigid coupling shares coordinates with a clamp or another coupling, or a pad leaves its
     face.
     """
@@ -246,9 +246,9 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
 
 
 def _frame_matrices(names: Sequence[str], coupling: Coupling, moving: FrameAssembler) -> dict[str, PETSc.Mat]:
-    """Matrices of a moving frame and of axial forces, by name; those that are zero are left out.  Collective.
+    """Matrices of a moving frame and of axial forces, by name; matrices that are zero are left out.  Collective.
 
-    Walls that give way under pads add nothing to them: their dents are small, and so is their mass.
+    Walls that give way under pads add nothing to the matrices: their dents are small, and so is their mass.
     """
     tensors, nothing = ROTATING | CARRIED, sp.csr_matrix((coupling.T.shape[1],) * 2)
     matrices = dict[str, PETSc.Mat]()
@@ -267,14 +267,14 @@ def _frame_matrices(names: Sequence[str], coupling: Coupling, moving: FrameAssem
 
 
 def _inner_supports(model: StructuralModel) -> Array:
-    """Measures (h, k) of k rigid motions by supports inside given matrices; no rows for other models."""
+    """What supports inside given matrices measure of the k rigid motions, (h, k); no rows for other models."""
     return model.body_matrices.held if isinstance(model, Matrices) else np.empty((0, len(model.directions)))
 
 
 def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat, inner_supports: Array) -> RigidMotions:
-    """Rigid motions of a structure, and what clamps, springs and `inner_supports` (h, k) measure of them; collective.
+    """Rigid motions of a structure, and what clamps, springs and inner supports measure of them; collective.
 
-    A spring weaker than the round-off in K is left out.
+    `inner_supports` (h, k) are from `_inner_supports`.  A spring weaker than the round-off in K is left out.
     """
     size = coupling.T.shape[1]
     lost = size * np.finfo(float).eps * np.concatenate(K.comm.tompi4py().allgather(K.getDiagonal().getArray()))
@@ -289,10 +289,10 @@ def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat, inn
 
 
 def _constrain_matrix(A: PETSc.Mat, T: sp.csr_matrix, addition: sp.csr_matrix) -> PETSc.Mat:
-    """T^T A T + `addition`, distributed in consecutive shares; frees A, unless it is the result.  Collective.
+    """Sum T^T A T + `addition`, of which each rank owns consecutive rows; collective.
 
-    Zeros of `addition` keep their place in the pattern.  If T only leaves coordinates out, rows and columns are
-    selected without a product.
+    A is freed if the sum is another matrix.  Zeros of `addition` keep their place in the pattern.  If T only leaves
+    coordinates out, rows and columns are selected without a product.
     """
     first, last = A.getOwnershipRange()
     low, high = share(T.shape[1], A.comm.tompi4py())
@@ -312,7 +312,10 @@ def _constrain_matrix(A: PETSc.Mat, T: sp.csr_matrix, addition: sp.csr_matrix) -
 
 
 def _submatrix(A: PETSc.Mat, numbers: Indices) -> PETSc.Mat:
-    """Submatrix of A with the same rows and columns, of which `numbers` are to be this rank's; frees A.  Collective."""
+    """Matrix of some rows of A and the columns of the same numbers; frees A.  Collective.
+
+    `numbers` are those rows that this rank will own.
+    """
     chosen = PETSc.IS().createGeneral(numbers.astype(PETSc.IntType), comm=A.comm)
     result = A.createSubMatrix(chosen, chosen)
     free_objects(A, chosen)
@@ -320,10 +323,10 @@ def _submatrix(A: PETSc.Mat, numbers: Indices) -> PETSc.Mat:
 
 
 def _only_selects(T: sp.csr_matrix) -> bool:
-    """Whether T z consists of the coordinates z in their order with zeros between them.
+    """Whether T z consists of the coordinates z in their order, with zeros between them.
 
-    T of a rigid mass on a single node has as many entries as coordinates too, but in other places and with other
-    signs.
+    The number of entries does not decide: T of a rigid mass on a single node has as many, in other places and with
+    other signs.
     """
     T = T.tocoo()
     order = np.argsort(T.row, kind="stable")
@@ -331,7 +334,7 @@ def _only_selects(T: sp.csr_matrix) -> bool:
 
 
 def _position(output: Action | PadForce | Gauge, structure: Structure) -> float:
-    """Coordinate along the axis at which an output is measured, m."""
+    """Coordinate along the axis in m at which an output is measured."""
     if isinstance(output, Gauge):
         return float(output.at[0])
     if isinstance(output, Action):

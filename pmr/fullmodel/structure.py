@@ -1,7 +1,8 @@
-r"""A structure: a model with clamps, pads, loads, gravity, attached masses and outputs, and the coordinates it keeps.
+r"""A structure: a model with clamps, pads, loads, gravity, masses and outputs, and the coordinates that remain of it.
 
-With clamps and rigid couplings eliminated, the coordinates z remain of the coordinates q of a structural model:
-q = T z.  An attached body of mass m and inertia J moves by g = G q.  Mass, stiffness and inputs are
+Clamps and rigid couplings are eliminated from the coordinates q of a structural model.  The coordinates z of the
+structure remain: q = T z.  :math:`M_q` and :math:`K_q` are mass and stiffness of the model, :math:`B_q` are its inputs,
+and an attached body of mass m and inertia J moves by g = G q.  Mass, stiffness and inputs of the structure are
 
 .. math::
     M = T^T \bigl(M_q + G^T \operatorname{diag}(m, J)\, G\bigr) T, \qquad K = T^T K_q T, \qquad B = T^T B_q
@@ -32,7 +33,7 @@ from pmr.scene.structures import PointMass, unit_vector
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-#: By place and direction, a matrix and the number of its row that measures this motion.
+#: For a place and a direction a matrix, and the number of its row that measures the motion of the place.
 Measured = dict[tuple[str | float, str], tuple[sp.csr_matrix, int]]
 
 #: Directions of displacements.
@@ -41,7 +42,7 @@ ALONG = ("x", "y", "z")
 
 @dataclass(frozen=True)
 class Clamp:
-    """Coordinates on a named group that are held at zero: by default along and about all axes."""
+    """Coordinates on a named group that are held at zero; by default displacements and rotations of all axes."""
 
     on: str
     directions: tuple[str, ...] = ("x", "y", "z", "rx", "ry", "rz")
@@ -49,16 +50,16 @@ class Clamp:
 
 @dataclass(frozen=True)
 class Action:
-    """A force or moment of `size` along or about `direction` on a place.
+    """A force (N) or moment (N m) of `size` along or about `direction` on a place.
 
-    As an output it is the place's displacement or rotation, times `size`.
+    As an output it is the displacement or rotation of the place, times `size`.
     """
 
     name: str
     on: str | float
     direction: str
     size: float = 1.0
-    measures: str = "beam"  # kind as an output: of a place along the ``beam``, or of its ``tip``
+    measures: str = "beam"  # kind of output: ``beam`` for a place along the body, ``tip`` for its tip
 
     @property
     def kind(self) -> str:
@@ -73,7 +74,7 @@ class Action:
 
 @dataclass(frozen=True)
 class PadForce:
-    """An output: the force in N of a pad or support that has a stiffness, holds both ways and does not move."""
+    """An output: the force in N of a pad or support that does not move, has a stiffness and holds both ways."""
 
     pad: str
     kind: str = "pad"  # or ``support``
@@ -85,15 +86,15 @@ class PadForce:
 
     @property
     def unit(self) -> str:
-        """Unit of the force."""
+        """Unit of the force, N."""
         return "N"
 
 
 @dataclass(frozen=True)
 class Weight:
-    """A load that accelerates the structure and attached masses along `direction` (3,), whose length does not count.
+    """A load that accelerates the structure and its attached masses along `direction` (3,); its input is in m/s^2.
 
-    Its input is in m/s^2.
+    The length of `direction` is not used.
     """
 
     direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
@@ -102,10 +103,11 @@ class Weight:
 
 @dataclass(frozen=True)
 class Inertia:
-    """A load by a field of acceleration, uniform :math:`e_j` or linear :math:`r_k e_j`; `field` is ``j`` or ``jk``.
+    """A load by a field of acceleration at the points r: uniform along axis j, or along j and proportional to r_k.
 
-    j and k are x, y or z.  Its input is minus the field's amplitude, so that it has the sign of a force: in m/s^2 or,
-    if linear, 1/s^2.
+    `field` is ``j`` for the uniform field :math:`e_j` or ``jk`` for the linear field :math:`r_k e_j`, with the letters
+    x, y or z for j and k.  The input of the load is minus the amplitude of the field, so that it has the sign of a
+    force.  Its unit is m/s^2 for a uniform and 1/s^2 for a linear field.
     """
 
     field: str
@@ -134,7 +136,7 @@ class Structure:
 
 @dataclass(frozen=True)
 class Coupling:
-    """Coordinates z (n',) of a structure, with clamps and rigid couplings eliminated; the model's are q = T z."""
+    """Coordinates z (n',) of a structure without clamps and rigid couplings; the model's coordinates are q = T z."""
 
     model: StructuralModel
     # (n, n'): the model's free coordinates in their order, then the motions of rigidly coupled masses, dents of walls
@@ -142,20 +144,20 @@ class Coupling:
     masses: tuple[PointMass, ...]
     motions: tuple[sp.csr_matrix, ...]  # (k, n') each: G of each mass, along the k directions of the model
     rigid: Array  # (n', k): z under each of the model's k rigid motions
-    clamped: Array  # (c, k): clamped coordinates of q under each of them, were they free
+    clamped: Array  # (c, k): coordinates of q that are clamped, under the same rigid motions without the clamps
     walls: Walls
 
     def attached_mass(self) -> sp.csr_matrix:
-        """Mass (n', n') of walls that give way, and of attached masses: the sum of G^T diag(m, J) G.
+        """Mass (n', n') of attached masses and of walls that give way.
 
-        A mass m with inertia J moves by G z.
+        An attached mass m with inertia J moves by G z and contributes G^T diag(m, J) G.
         """
         return sp.csr_matrix(self.walls.mass(self.T.shape[1]) + self.attached_inertia(np.eye(3)))
 
     def attached_inertia(self, S: Array) -> sp.csr_matrix:
-        """Integral of rho v . S u over the attached masses, (n', n'), of their motions u and v.
+        """Integral of rho v . S u over the attached masses, (n', n'), for their displacements u (trial) and v (test).
 
-        Where S (3, 3) is the identity, it is their mass matrix.
+        If S (3, 3) is the identity, this is the mass matrix of the attached masses.
         """
         total = sp.csr_matrix((self.T.shape[1],) * 2)
         for mass, G in zip(self.masses, self.motions, strict=True):
@@ -163,7 +165,7 @@ class Coupling:
         return total
 
     def rows(self, actions: Sequence[Action | Gauge]) -> sp.csr_matrix:
-        """Rows (k, n') that apply or measure k actions, or measure gauges, times the actions' sizes.
+        """Rows (k, n') on z that apply or measure k actions, each times the action's size, or measure gauges.
 
         Raises an `InputError` if the model cannot move along an action's direction.
         """
@@ -181,16 +183,17 @@ class Coupling:
         return sp.csr_matrix(sp.diags(sizes, shape=(len(sizes), len(sizes))) @ result)
 
     def _dents(self, action: Action | Gauge) -> sp.csr_matrix:
-        """Row (1, n') that the walls' dents add to what an action measures."""
+        """Row (1, n') that the dents of walls add to the row of an action; zero for a gauge."""
         nothing = sp.csr_matrix((1, self.T.shape[1]))
         if isinstance(action, Gauge):
             return nothing
         return self.walls.add_end_motion(nothing, action.on, (action.direction,))
 
     def _measuring_rows(self, actions: Sequence[Action]) -> Measured:
-        """Rows on the model's coordinates q for actions, by place and direction: a matrix and the number of its row.
+        """For each place and direction of the actions a matrix on the model's coordinates q, and the number of its row.
 
-        Displacements of all places share one matrix.  Raises an `InputError` if the model lacks a direction.
+        The row measures the motion of the place along or about the direction.  Displacements of all places share one
+        matrix.  Raises an `InputError` if the model lacks a direction.
         """
         model_directions = self.model.directions
         for action in actions:
@@ -208,7 +211,7 @@ class Coupling:
         return row_of
 
     def _model_entries(self, action: Action | Gauge, measuring_rows: Measured) -> tuple[Indices, Array]:
-        """Coordinates (c,) of the model that an action or gauge measures, and their weights (c,).
+        """Numbers (c,) of the model's coordinates that an action or gauge measures, and their weights (c,).
 
         `measuring_rows` is the result of `_measuring_rows` for all actions.
         """
@@ -220,9 +223,9 @@ class Coupling:
         return rows.indices[entries], rows.data[entries]
 
     def load(self, load: Action | Weight | Inertia, M: PETSc.Mat, moving: FrameAssembler) -> sp.csr_matrix:
-        """The load vector as a row (1, n'), for an input of one; collective.
+        """The load vector as a row (1, n') for an input of one; collective.
 
-        M is the model's mass matrix, `moving` assembles fields of acceleration.
+        M is the model's mass matrix.  `moving` assembles the loads of acceleration fields.
         """
         if isinstance(load, Action):
             return self.rows([load])
@@ -241,7 +244,7 @@ class Coupling:
         return sp.csr_matrix(column)
 
     def _acceleration_row(self, name: str, model_load: Array) -> sp.csr_matrix:
-        """Load vector (1, n') of an input in `CONSTANT` or `LINEAR`, with attached masses.
+        """Load vector (1, n') of the input `name`, a key of `CONSTANT` or `LINEAR`, with attached masses.
 
         `model_load` (n,) is the load on the model alone.
         """
@@ -294,19 +297,20 @@ def couple(structure: Structure) -> Coupling:
 
 
 def _centre(mass: PointMass) -> Array | None:
-    """Centre of gravity (3,) m of a mass that has one given; None: the centroid of its place."""
+    """Centre of gravity (3,) m of a point mass; None if the scene gives none: then the centroid of its place counts."""
     return None if mass.at is None else np.array(mass.at)
 
 
 def _inertia(mass: PointMass, directions: Sequence[str], S: Array) -> Array:
-    r"""Integral of rho v . S u over a mass, (k, k), for its motions u and v along the k `directions` about its centre.
+    r"""Integral (k, k) of rho v . S u over a mass, for its motions along and about the k `directions` at its centre.
 
-    For rotations :math:`\theta`, with the mass's inertia J, it is
+    u and v are the displacements of two such motions.  For displacements of the centre the integral is the mass times
+    S.  For rotations by :math:`\theta` with the mass's inertia J it is
 
     .. math:: v \cdot S u = \sum S_{jk} \varepsilon_{jab} \varepsilon_{kcb}\, \theta_a \theta_c\, r_b^2, \qquad
         \int \rho\, r_b^2 = \tfrac12 \operatorname{tr} J - J_b
 
-    and the mass times S for displacements; where S (3, 3) is the identity, diag(m, J).
+    with the vector r from the centre to a point of the mass.  If S (3, 3) is the identity, the result is diag(m, J).
     """
     J = np.array(mass.inertia)
     turned = np.stack([np.cross(axis, np.eye(3)).T for axis in np.eye(3)])  # of r by a unit angle about an axis

@@ -1,13 +1,13 @@
 r"""Compliance of the walls of a box that is modelled as a beam, under its pads and at its ends: solves on a shell.
 
-The shell is held, as the body is, by what keeps its ends in shape: clamps and rigid masses.  Where that leaves it free
-to move, its inertia holds it: the loads are the forces less the mass times the mean acceleration that they cause.
-With the mean displacement :math:`u_i` under pad i, the force :math:`f_j` of pad j, and a beam of the same profile,
-length and support,
+The shell is held by the clamps and rigid masses that keep the shape of the body's ends.  Where these leave the shell
+free to move, its inertia holds it: the loads are the forces less the mass times the mean acceleration that they cause.
+The walls' own compliance is the difference between the shell and a beam of the same profile, length and support, both
+with the mean displacement :math:`u_i` under pad i and the force :math:`f_j` of pad j:
 
 .. math:: C_{ij} = \frac{\partial u_i}{\partial f_j}\Big|_{shell} - \frac{\partial u_i}{\partial f_j}\Big|_{beam}
 
-is the walls' own compliance, for pads of one ring and of several, and for the mean motion of a free end.
+It is computed for pads of one ring and of several, and for the mean motion of a free end.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ HELD = 0.05
 
 @dataclass(frozen=True)
 class PlateBody:
-    """A box as a shell with its cells, and the clamps and rigid masses that keep its ends in shape."""
+    """A box that is meshed as a shell, and the clamps and rigid masses that keep the shape of its ends."""
 
     box: BoxBoom
     profile: Box = field(compare=False)  # from which `box` was made
@@ -68,7 +68,7 @@ class PlateBody:
 
 @dataclass(frozen=True)
 class Ring:
-    """Pads that slide together by `span` (m), or stay if it is 0; their `at` is the first position along the body."""
+    """Pads that slide together by `span` (m), or do not move if `span` is 0; `at` of each is its first position, m."""
 
     pads: tuple[Pad, ...]
     span: float = 0.0
@@ -76,21 +76,21 @@ class Ring:
 
 @dataclass(frozen=True)
 class SlidingCompliance:
-    """Compliance of k pads that slide, at p distances u, with forces on themselves and on m that stay."""
+    """Compliance of k sliding pads at p distances u, under forces on these pads and on m fixed pads and ends."""
 
     u: Array  # (p,) m: distances from the first position
-    sliding: Array  # (p, k, k) m/N: among the pads that slide
-    standing: Array  # (p, k, m) m/N: between them and what stays
+    sliding: Array  # (p, k, k) m/N: of the sliding pads under their own forces
+    standing: Array  # (p, k, m) m/N: between sliding pads and fixed pads and ends
 
 
 @lru_cache(maxsize=8)
 def wall_compliance(
     body: PlateBody, standing: tuple[Pad, ...], ends: tuple[tuple[str, str], ...], rings: tuple[Ring, ...]
 ) -> tuple[Array, list[SlidingCompliance]]:
-    """Compute the walls' compliance for pads and ends that stay, (m, m), and for each of `rings`; not collective.
+    """Compute the walls' compliance (m, m) for m fixed pads and ends, and for rings of sliding pads; not collective.
 
-    `ends` are pairs such as ``("tip", "y")``.  Results are cached for further calls, for bodies with equal sections
-    and for the check of a model before it is chosen.
+    `standing` are the fixed pads, and `ends` are pairs such as ``("tip", "y")``.  Results are cached: bodies with equal
+    sections, and the check of a model before it is chosen, take the same results.
 
     Raises an `InputError` if a pad leaves its face.
     """
@@ -114,9 +114,10 @@ def wall_compliance(
 
 
 class _HeldModel:
-    """A model held by what keeps its ends in shape or by its inertia, and its static displacements under unit forces.
+    """A model of a body and its static displacements under unit forces.
 
-    `sigma` in 1/s^2 times the mass is added to the stiffness of a model that is free to move.
+    The clamps and rigid masses that keep the shape of its ends hold the model.  If they leave a rigid motion free, its
+    inertia holds the model, and `sigma` in 1/s^2 times the mass is added to the stiffness.
     """
 
     def __init__(self, model: StructuralModel, body: PlateBody, sigma: float) -> None:
@@ -135,9 +136,9 @@ class _HeldModel:
         free_objects(F)
 
     def pads(self, pads: Sequence[Pad], u: Array) -> sp.csr_matrix:
-        """Rows (p k, n) that measure the normal displacement under k pads after they slid by each of p distances `u` m.
+        """Rows (p k, n) of the normal displacement under k pads after they slid by each of p distances `u` (p,) m.
 
-        Those of all pads after one distance are neighbours.
+        The k rows of one distance follow each other.
         """
         means = [sp.csr_matrix((0, self._T.shape[1]))]
         means += [pad_means(pad, self._model, pad.at + u) @ self._T for pad in pads]
@@ -150,16 +151,17 @@ class _HeldModel:
         return sp.csr_matrix(sp.vstack([sp.csr_matrix((0, self._T.shape[1])), *rows]))
 
     def displacements(self, loaded_rows: sp.csr_matrix) -> Array:
-        """Static displacements (n, f) under a unit force on each of the rows `loaded_rows` (f, n)."""
+        """Static displacements (n, f) under a unit force on each of the f rows `loaded_rows` (f, n)."""
         f = loaded_rows.T.toarray()
         x = self._factor.solve_columns(np.asfortranarray(f - self._MR @ self._solve_rigid(self._R.T @ f)))
         x -= self._R @ self._solve_rigid(self._MR.T @ x)
         return x
 
     def compliance_along(self, pads: Sequence[Pad], u: Array, fixed_rows: sp.csr_matrix) -> Array:
-        """Measures (p, k + m, k) under unit forces on k pads after they slid by each of p distances `u` m.
+        """Compliance (p, k + m, k) under unit forces on k pads, after they slid by each of p distances `u` (p,) m.
 
-        The first k are those under the pads themselves, the others of the rows `fixed_rows` (m, n).
+        The first k rows are the displacements under these pads, and the last m are what the `fixed_rows` (m, n)
+        measure.
         """
         k = len(pads)
         rows, compliance = self.pads(pads, u), np.empty((len(u), k + fixed_rows.shape[0], k))
@@ -174,7 +176,7 @@ class _HeldModel:
         return compliance
 
     def _solve_rigid(self, g: Array) -> Array:
-        """Solve J x = g for the rigid motions that are free, with their inertia J (k, k)."""
+        """Solve J x = g for the k free rigid motions, which have the inertia J (k, k)."""
         return np.linalg.solve(self._J, g) if self._R.size else g
 
     def destroy(self) -> None:
@@ -186,7 +188,7 @@ class _HeldModel:
 def places_along(span: float, layer: float) -> Array:
     """Distances (p,) in m from 0 to `span` at which a sliding ring is evaluated, `A_LAYER` per layer of cells (m).
 
-    They are at most `MOST_PLACES`; round-off in `span` adds none.
+    There are at most `MOST_PLACES`; round-off in `span` does not add a distance.
     """
     return np.linspace(0.0, span, min(MOST_PLACES, max(2, int(np.ceil(A_LAYER * span / layer - 1e-9)) + 1)))
 
@@ -194,7 +196,7 @@ def places_along(span: float, layer: float) -> Array:
 def _smooth(values: Array) -> Array:
     """Moving means of `values` (p, ...) over a layer of cells.
 
-    On a coarse mesh a pad dents the wall deeper between two nodes than on a node.
+    They are needed because on a coarse mesh a pad dents the wall deeper between two nodes than on a node.
     """
     between = (values[:-1] + values[1:]) / 2.0
     return np.concatenate([between[:1], (between[:-1] + between[1:]) / 2.0, between[-1:]])
@@ -239,7 +241,7 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
     rings = tuple(Ring(tuple(sliding_pads), span) for span, sliding_pads in sliding)
     C, compliances = comm.bcast(call_on_first_rank(comm, lambda: wall_compliance(plates, tuple(staying), ends, rings)))
     rho = body.material.density
-    soft = np.diagonal(C) > 0.0  # an end that is stiffer than the beam's is as stiff
+    soft = np.diagonal(C) > 0.0  # an end that is stiffer than the beam's end is left as stiff as it
     soft_ends = [end for end, gives in zip(ends, soft[len(staying) :], strict=True) if gives]
     weights = [rho * _wall_volume(pad, box) for pad in staying] + [
         rho * _end_volume(box, direction) for _, direction in soft_ends
@@ -261,9 +263,9 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
 
 
 def _split_by_sliding(member: Member, pads: Sequence[Pad]) -> tuple[list[Pad], list[tuple[float, list[Pad]]]]:
-    """Pads that stay, and groups of pads that slide together, each after the distance in m that it slides.
+    """Pads that do not move, and for each group of pads that slide together the distance in m and the pads.
 
-    Each pad's `at` is its first position along the body, m.
+    `at` of each returned pad is its first position along the body, m.
     """
     staying, sliding = list[Pad](), dict[int, tuple[float, list[Pad]]]()
     rings = {name: ring for ring in member.pads for name, _, _ in ring.named_pads}
@@ -288,16 +290,16 @@ def _wall_volume(pad: Pad, box: Box) -> float:
 
 
 def _end_volume(box: Box, direction: str) -> float:
-    """Volume in m^3 of the walls that move with a free end, over a quarter of the box's size.
+    """Volume in m^3 of the walls that move with a free end, over a quarter of the larger of width and height.
 
-    For the direction ``rx`` it is multiplied by the square of the walls' arm, m^5.
+    For the direction ``rx`` the result is multiplied by the square of the walls' arm and is in m^5.
     """
     arm = (box.width**2 + box.height**2) / 4.0 if direction == "rx" else 1.0
     return sum(side.thickness * side.length for side in box.sides) * max(box.width, box.height) / 4.0 * arm
 
 
 def _loaded_ends(part: BoomSection) -> set[str | float]:
-    """Places that carry a mass, load or support, and are not kept in shape by a clamp or rigid mass."""
+    """Places that carry a mass, load or support and whose shape is not kept by a clamp or rigid mass."""
     clamped = {support.on for support in part.supports if support.points == "all"}
     held_in_shape = clamped | {mass.on for mass in part.masses if mass.coupling == "rigid"}
     return {attached.on for kind in (part.masses, part.loads, part.supports) for attached in kind} - held_in_shape

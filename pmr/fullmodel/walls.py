@@ -1,23 +1,23 @@
 r"""Walls of a beam that give way under its pads, and at its free ends.
 
-A beam's section keeps its shape; a box's walls do not.  With :math:`C` the walls' own compliance, computed by static
+A beam's section keeps its shape; a box's walls do not.  With the walls' own compliance :math:`C`, computed by static
 solves on a shell of the body (`pmr.fullmodel.wall_compliance`), pads that press with forces f dent the walls by
-:math:`C f`, in addition to their own compliance 1/k.  The body gets one more coordinate y per pad, each with the
-strain energy :math:`\tfrac12 k_0 y^2`, and the dent :math:`\delta` is added to what the pad measures.  With the index
-f for all pads and ends that stay on the body, and m for pads that slide along it by u,
+:math:`C f`, in addition to the pads' own compliance 1/k.  The body gets one more coordinate y per pad, each with the
+strain energy :math:`\tfrac12 k_0 y^2`, and the dent :math:`\delta` is added to the displacement that the pad measures.
+The index f means all fixed pads and ends, and the index m means pads that slide along the body by u:
 
 .. math::
     \delta_f = S_f\, y_f, \quad S_f S_f^T = k_0\, C_{ff}, \qquad
     \delta_m = A(u)\, y_f + S_m(u)\, y_m, \quad
     A S_f^T = k_0\, C_{mf}, \quad S_m^2 = k_0\, C_{mm} - A A^T
 
-so the pads of one ring dent the walls under each other, and so do rings that come close.  Both roots are symmetric:
-they are smooth wherever C is, so along the path a row stays a cubic between its breaks.  Pads that slide on one path
-do not dent the walls under pads that slide on another.  The mass that belongs to a pad's y is that of the wall under
-it.
+So the pads of one ring dent the walls under each other, and so do rings that come close.  Both :math:`S_f` and
+:math:`S_m` come from symmetric roots, which are smooth wherever C is, so that a row is still a cubic of the path
+coordinate between its breaks.  Pads that slide on one path do not dent the walls under pads that slide on another.  The
+mass that belongs to a pad's y is that of the wall under the pad.
 
-An end whose shape nothing keeps counts as something that stays.  What is spread over it, a mass that follows its mean
-motion, a load or a support, moves along y and z and turns about x by more than the beam does.
+A free end, whose shape no clamp or rigid mass keeps, is treated as a fixed pad.  A mass that follows the end's mean
+motion, a load or a support there moves along y and z and turns about x by more than the beam does.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 
 #: Eigenvalues below this share of the largest one count as zero in a root: two pads at one point then count as one.
 SAME = 1e-9
-#: Entries of A, whose size is about one, below which pads that slide have nothing in common with those that stay.
+#: Entries of A, of about one at most, below which sliding pads count as independent of fixed pads.
 SHARED = 0.01
 #: k_0 of a body without pads, N/m.
 STIFF = 1e7
@@ -47,7 +47,7 @@ STIFF = 1e7
 
 @dataclass(frozen=True)
 class Standing:
-    """Everything on a body that stays in place: pads, then ends along or about a direction; m in all."""
+    """The m fixed pads and ends of a body: pads first, then ends, each along or about one direction."""
 
     pads: tuple[str, ...] = ()  # their names
     ends: tuple[tuple[str, str], ...] = ()  # as ("tip", "y")
@@ -61,7 +61,7 @@ class Sliding:
 
     pads: tuple[str, ...]  # their names
     first: Array  # (k,) m: coordinates of their centres along the body at u = 0
-    u: Array  # (p,) m: distances from there; compliance is constant beyond
+    u: Array  # (p,) m: distances from there; beyond the last one compliance is constant
     compliance: Array  # (p, k, k): C_mm in m/N
     standing_compliance: Array  # (p, k, m): C_mf in m/N
     masses: Array  # (k,) kg
@@ -69,11 +69,11 @@ class Sliding:
 
 @dataclass(frozen=True)
 class Walls:
-    """The walls that give way: those under all that stays, then those under pads that slide.
+    """The walls that give way: under fixed pads and at ends, then under sliding pads.
 
-    Their coordinates y are the last ones of a body, in this order, each with the strain energy k_0 y^2 / 2.  The dent
-    under m things that stay is S_f y_f, with S_f S_f^T = k_0 C_ff from their compliance C_ff.  That under k sliding
-    pads is A y_f + S_m y_m, with A S_f^T = k_0 C_mf and S_m^2 = k_0 C_mm - A A^T.
+    The coordinates y of the walls are the last ones of a body, in this order, each with the strain energy k_0 y^2 / 2.
+    The dents of m fixed pads and ends are S_f y_f, with S_f S_f^T = k_0 C_ff and their compliance C_ff.  The dents of k
+    sliding pads are A y_f + S_m y_m, with A S_f^T = k_0 C_mf and S_m^2 = k_0 C_mm - A A^T.
     """
 
     standing: Standing = Standing()
@@ -86,15 +86,15 @@ class Walls:
 
     @cached_property
     def stiffness_scale(self) -> float:
-        """Stiffness k_0 in N/m: the inverse of the pads' mean compliance; `STIFF` without pads."""
+        """Stiffness k_0 in N/m: the inverse of the pads' mean compliance, or `STIFF` if there are no pads."""
         compliances = [c for _, c in self.pad_compliances]
         return 1.0 / float(np.mean(compliances)) if compliances else STIFF
 
     @property
     def pad_compliances(self) -> Iterator[tuple[str, float]]:
-        """Yield the name of each pad and the compliance of its wall under its own force, m/N.
+        """Yield the name of each pad, and the compliance in m/N of the wall under the pad's own force.
 
-        For pads that slide it is the mean over the path.
+        For a sliding pad it is the mean over the path.
         """
         yield from zip(self.standing.pads, np.diagonal(self.standing.compliance), strict=False)
         for sliding in self.sliding:
@@ -112,9 +112,9 @@ class Walls:
         return self._last_diagonal(masses * np.concatenate(sizes) * (self.stiffness_scale if self.count else 0.0), size)
 
     def pad_row(self, row: Row, centre: float) -> Row:
-        """The row of a pad with the dents of its wall added; unchanged if its wall does not give way.
+        """The row of a pad with the dents of its wall added, or the same row if the wall does not give way.
 
-        The pad is centred at `centre` (m), a moving one at s + `centre`.
+        The pad is centred at `centre` (m) on the body, or at s + `centre` if it moves with the path coordinate s.
         """
         behind, m = row.carriers.shape[1] - self.count, len(self.standing.masses)
         if row.name in self.standing.pads:
@@ -135,7 +135,7 @@ class Walls:
         return row
 
     def add_end_motion(self, motion: sp.csr_matrix, place: str | float, directions: tuple[str, ...]) -> sp.csr_matrix:
-        """Rows `motion` (k, n) of a place along k directions, with the additional motion of an end's walls."""
+        """Rows `motion` (k, n) of a place along k directions, plus the motion of the walls if the place is an end."""
         behind, pads = motion.shape[1] - self.count, len(self.standing.pads)
         ends = enumerate(self.standing.ends)
         pairs = [(directions.index(d), pads + j) for j, (end, d) in ends if end == place and d in directions]
@@ -148,15 +148,18 @@ class Walls:
 
     @cached_property
     def _standing_root(self) -> Array:
-        """S_f (m, m), from the root of C_ff scaled by its diagonal, as m and rad differ in size."""
+        """Matrix S_f (m, m) with S_f S_f^T = k_0 C_ff, from the symmetric root of C_ff scaled by its diagonal.
+
+        C_ff is scaled because its entries differ in unit and size.
+        """
         d = np.sqrt(np.diagonal(self.standing.compliance))
         return np.asarray(np.sqrt(self.stiffness_scale) * d[:, None] * _root(self.standing.compliance / np.outer(d, d)))
 
     @cached_property
     def _sliding_factors(self) -> list[tuple[Array, Array, Array]]:
-        """For each `Sliding` the factors A' (p, k, r) and V (r, m) of A = A' V, and S_m (p, k, k).
+        """For each `Sliding` two factors A' (p, k, r) and V (r, m) of A = A' V, and S_m (p, k, k).
 
-        Rows of V in which A is below `SHARED` are left out.
+        Components V of y_f to which A contributes less than `SHARED` are left out.
         """
         inverse, factors = np.linalg.pinv(self._standing_root, rcond=SAME**0.5).T, []
         for sliding in self.sliding:
@@ -174,9 +177,10 @@ class Walls:
 
 
 def summary(bodies: Mapping[str, Walls]) -> dict[str, list[dict[str, Any]]]:
-    """``walls`` of summary.json: compliance in m/N of the wall under each pad's own force, and its stiffness in N/m.
+    """Entry ``walls`` of summary.json: compliance in m/N and stiffness in N/m of the wall under each pad's own force.
 
-    Of sliding pads it is the mean over the path.  `bodies` are by name; returns an empty dict without such walls.
+    For a sliding pad the compliance is the mean over the path.  `bodies` are the walls by the name of the body.
+    Returns an empty dict if no walls give way.
     """
     walls_of_bodies = [
         {"name": qualified_name(body, pad), "compliance": float(c), "stiffness": 1.0 / float(c)}
@@ -195,9 +199,10 @@ def _root(C: Array) -> Array:
 
 
 def _add_dents(row: Row, dents: Array, carriers: Array, behind: int) -> Row:
-    """Row with k more carriers: their weights `dents` (b, k) at the row's b breaks are interpolated between them.
+    """Row with k more carrier rows, whose weights between the b breaks of the row are interpolated.
 
-    The carriers (k, c) are on the last c coordinates, after `behind` others.
+    `dents` (b, k) are the weights at the breaks.  The carrier rows `carriers` (k, c) act on the last c coordinates,
+    after `behind` others.
     """
     k = len(carriers)
     if row.moves:

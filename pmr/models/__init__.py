@@ -1,4 +1,7 @@
-"""Meshes, and structural models, one file each: weak forms, and rows that measure displacements of places."""
+"""Meshes, and structural models, one file each: weak forms, and rows that measure displacements of places.
+
+A row is a vector (1, n) of weights of the model's n coordinates; its product with the coordinates is the measure.
+"""
 
 from __future__ import annotations
 
@@ -24,29 +27,29 @@ __all__ = ["DIRECTIONS", "rigid_motions"]
 
 @dataclass(frozen=True)
 class Forms:
-    """Mass and stiffness as UFL forms of a trial and a test function."""
+    """Mass and stiffness as UFL forms of a trial function and a test function."""
 
     mass: Any
     stiffness: Any
 
 
 class UnitState(Protocol):
-    """A state of stress of a body held at its tail; its name is one of `pmr.system.body_matrices.STATES`."""
+    """A state of stress of a body that is held at its tail; its name is a key of `pmr.system.body_matrices.STATES`."""
 
     @property
     def acceleration(self) -> Array:
-        """Acceleration of the frame in which the body rests, (3,) m/s^2."""
+        """Acceleration (3,) in m/s^2 of the frame in which the body rests."""
 
     @property
     def stretch(self) -> float:
-        """Increase of the frame's acceleration along x per metre in x, 1/s^2."""
+        """Increase of the frame's acceleration along x per metre along x, in 1/s^2."""
 
     @property
     def forces(self) -> Sequence[tuple[str, Array]]:
-        """Places of the body, and the force (3,) in N on each."""
+        """Pairs of a place on the body and the force (3,) in N that acts there."""
 
     def displacement(self, space: Any) -> Any:
-        """Displacement of the body under these loads, as a function on the model's function space; collective."""
+        """Displacement of the body under the loads of this state, a function on the model's space; collective."""
 
 
 class StructuralModel(Protocol):
@@ -58,7 +61,7 @@ class StructuralModel(Protocol):
 
     @property
     def size(self) -> int:
-        """Number of coordinates n, with those that supports will hold."""
+        """Number n of coordinates, with those that supports will hold."""
 
     @property
     def reference_frequency(self) -> float:
@@ -66,24 +69,24 @@ class StructuralModel(Protocol):
 
     @property
     def node_stations(self) -> Array | None:
-        """Coordinates of a beam's nodes along its axis, (N,) m; None for a body that is no beam."""
+        """Coordinates (N,) in m of a beam's N nodes along its axis; None for a body that is no beam."""
 
     @property
     def directions(self) -> tuple[str, ...]:
         """Directions along or about which a place can move: some of `DIRECTIONS`, in their order."""
 
     def displacement(self, *places: str | float) -> sp.csr_matrix:
-        """Rows (p t, n) that measure the mean displacement of p places along the model's t directions among x, y and z.
+        """Rows (p t, n) of the mean displacements of p places along those t of x, y and z that the model has.
 
-        Rows of the first place come first.  In contrast to `motion`, a place may be a single point.
+        Rows of the first place come first.  Unlike in `motion`, a place may be a single point.
         """
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
         """Rows (len(directions), n) that measure displacement (m) and rotation (rad) of a place.
 
-        A place is a named group, whose mean motion is measured, or a distance along the body's axis in m.  `about`
-        (3,) m is a point that moves with the place, by default its centroid.  The rows' transpose applies a force (N)
-        or moment (N m), spread over the group with the weights of the mean.
+        A place is a named group, whose mean motion is measured, or a distance along the body's axis in m.  `about` (3,)
+        m is a point that moves with the place, by default the place's centroid.  The transpose of the rows applies a
+        force (N) or moment (N m), spread over the group with the weights of the mean.
 
         Raises
         ------
@@ -95,7 +98,7 @@ class StructuralModel(Protocol):
         """Centroid of a place, (3,) m."""
 
     def strip(self, face: str, window: Window) -> Strip:
-        """Points within `window` on a flat face, or on the line that represents it on a beam: where pads may be.
+        """Points for the integrals of pads, within `window` on a flat face or on the line that represents it on a beam.
 
         Raises
         ------
@@ -104,58 +107,59 @@ class StructuralModel(Protocol):
         """
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        """Numbers of all coordinates along or about the given `directions` on a named group."""
+        """Numbers of all coordinates that belong to a named group and to one of the given `directions`."""
 
     def rigid_motions(self) -> Array:
-        """Coordinates (n, k) under unit rigid motions along and about the k `directions`.
+        """Coordinates (n, k) under unit rigid motions along and about the model's k `directions`.
 
         Rotations are about the origin.
         """
 
 
 class FiniteElementModel(StructuralModel, Protocol):
-    """A structural model that is assembled from weak forms on a mesh, and has cells to draw and stresses in them."""
+    """A structural model that is assembled from weak forms on a mesh, with cells to draw and stresses in the cells."""
 
     def domain(self, comm: MPI.Comm) -> Any:
-        """The mesh in dolfinx, spread over `comm`; collective."""
+        """The dolfinx mesh of the model, spread over `comm`; collective."""
 
     def space(self, domain: Any) -> Any:
-        """Function space of the model on `domain`, the mesh in dolfinx."""
+        """Function space of the model on `domain`, the dolfinx mesh."""
 
     def forms(self, space: Any) -> Forms:
         """Mass and stiffness as UFL forms on `space`."""
 
     def inertia(self, space: Any, S: Any) -> Any:
-        """The UFL form of int rho v . S u dV, of the displacements u and v of trial and test function.
+        """UFL form of the integral of rho v . S u over the volume, for trial and test displacements u and v.
 
-        S is (3, 3) in UFL.
-
-        With the identity for S it is the mass.
+        `S` is a tensor (3, 3) in UFL, and rho is the density.  If S is the identity, the form is the mass.
         """
 
     def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
-        """The UFL form of int sigma_jk u_i,j v_i,k dV, of the displacements u and v of trial and test function.
+        """UFL form of the integral of sigma_jk u_i,j v_i,k over the volume, for trial and test displacements u and v.
 
-        sigma are the stresses of a unit state; u_i,j is the derivative of u_i along j.
+        sigma are the stresses of the unit state; u_i,j is the derivative of component i of u along j.
         """
 
     def element_coordinates(self, cells: Indices) -> list[Indices]:
-        """Numbers (c, d) of the d coordinates on each of c cells, one array for each scalar component of the space.
+        """Numbers (c, d) of the d coordinates on each of c cells, one array per scalar component of the function space.
 
-        `cells` (c,) are numbers in the mesh that `domain` was created from.  Coordinates are the model's or, if there
-        is a `transformation`, those of the space.
+        `cells` (c,) are numbers of cells in the mesh from which `domain` was created.  If the model has a
+        `transformation`, the coordinates are those of the function space, otherwise those of the model.
         """
 
     @property
     def transformation(self) -> sp.csr_matrix | None:
-        """T (n_e, n) that gives the n_e coordinates of the space, T q; None if they are q."""
+        """Matrix T (n_e, n) that gives the n_e coordinates T q of the function space from the model's q.
+
+        None if both have the same coordinates.
+        """
 
     @property
     def grid(self) -> Grid:
         """Cells by which the body is drawn, and to which results refer."""
 
     def point_displacements(self) -> sp.csr_matrix:
-        """Rows (3 N, n) that measure the displacement along x, y, z of each of the N points of `grid`."""
+        """Rows (3 N, n) that measure the displacements along x, y and z of each of the N points of `grid`."""
 
     def stresses(self) -> StressRows | None:
         """Stress rows for the cells of `grid`, from the strains in `forms`; None for a beam without a profile."""
@@ -169,46 +173,47 @@ class Line(FiniteElementModel, Protocol):
 
     @property
     def node_stations(self) -> Array:
-        """Coordinates of the nodes along the axis, (N,) m."""
+        """Coordinates (N,) in m of the beam's N nodes along its axis."""
 
     def station(self, place: str | float) -> float:
         """Distance of a place from the beam's first end in m; raises an `InputError` if it is not on the beam."""
 
     def section_forces(self) -> ForceRows:
-        """Section forces at both ends of each element, from its strains: exact if nothing acts between nodes."""
+        """Section forces at both ends of each element, from the strains there: exact if no load acts between nodes."""
 
     def end_forces(self) -> sp.csr_matrix:
         """Rows (P, n) that turn forces on the coordinates at elements' ends into section forces.
 
-        They are ordered as `section_forces`.  Section forces act on the face that looks along x: at an element's
-        second end they are the forces there, at its first end the negative forces.
+        The P rows are in the order of `section_forces`.  Section forces act on the face that looks along x: at the
+        second end of an element they are the forces on its coordinates, at the first end the negative forces.
         """
 
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
         """Stresses in the profile's corners from the section forces at P places; None if there is no profile.
 
-        `element` (P,) is each place's element.  The result's rows are on the same coordinates as those of `forces`.
+        `element` (P,) is the number of the element of each place.  The rows of the result act on the same coordinates
+        as the rows of `forces`.
         """
 
 
 @dataclass(frozen=True)
 class Cut:
-    """A beam that is cut into p pieces: at its nodes and, in equal parts, between them.
+    """A beam that is cut into p pieces, at its nodes and at equal distances between them.
 
-    Each piece has coordinates of its own at both ends, c in all; `beam` has two nodes at each inner cut.
+    Each piece has coordinates of its own at both ends, c coordinates in all.  `beam` has two nodes at each inner cut.
     """
 
     beam: Line
-    coordinates: sp.csr_matrix  # (c, n): gives the pieces' coordinates from the whole beam's
-    joined: sp.csr_matrix  # (c, m): gives them from the coordinates at the m / d cuts between nodes
-    element: Indices  # (2 p,): the whole beam's element at both ends of each piece
+    coordinates: sp.csr_matrix  # (c, n): gives the coordinates of the pieces from those of the whole beam
+    joined: sp.csr_matrix  # (c, m): gives them from the m coordinates at the cuts between nodes
+    element: Indices  # (2 p,): number of the whole beam's element at both ends of each piece
 
 
 def ufl_product(S: Any, v: Sequence[Any], u: Sequence[Any]) -> Any:
-    """The product v . S u in UFL, for S (3, 3); components of v or u that are None count as zero."""
+    """Product v . S u in UFL for S (3, 3); components of v or u that are None count as zero."""
     return sum(S[j, k] * v[j] * u[k] for j in range(3) for k in range(3) if v[j] is not None and u[k] is not None)
 
 
 def is_assembled(model: StructuralModel) -> TypeGuard[FiniteElementModel]:
-    """Whether a model has forms on a mesh; given matrices have not."""
+    """Whether a model has weak forms on a mesh, which given matrices have not."""
     return hasattr(model, "forms")

@@ -1,9 +1,10 @@
-"""What beam models share: coordinates on nodes along an axis, and rows that measure motions along it.
+"""Common parts of beam models: coordinates on nodes along an axis, and rows that measure motions along it.
 
 Each node has as many coordinates as the beam has directions.  Sections change at nodes, so that each element has
 constants of its own.  A beam's coordinates are the displacements and rotations of points on its axis, which move with
-the section.  Coordinates of its function space differ: they are those of the section's centroid and shear centre,
-along its principal axes.  Where sections change, and where the beam is cut, the space has two nodes at the same point.
+the section.  The coordinates of its function space are others: the motion of the section's centroid and shear centre,
+along its principal axes.  Where sections change, and where the beam is cut, the function space has two nodes at the
+same point.
 
 In shapes, N is the number of nodes, E of elements, K of sections, d of directions and n = N d that of coordinates.
 """
@@ -43,7 +44,7 @@ class Beam(ABC):
 
     In shapes, N is the number of nodes, E of elements, K of sections, d of directions, and n = N d that of coordinates
     q.  The function space has n_e coordinates of its own, T q (see `transformation`): those of the section's centroid
-    and shear centre, along its principal axes.
+    and shear centre, along the section's principal axes.
     """
 
     body: Profile | Beam3DBody
@@ -61,12 +62,12 @@ class Beam(ABC):
     @property
     @abstractmethod
     def masses(self) -> Array:
-        """Mass per length rho A of each element, (E,) kg/m."""
+        """Mass per length rho A (E,) in kg/m of each element, with the density rho and the area A."""
 
     @property
     @abstractmethod
     def signs(self) -> Array:
-        """Signs (d,): a node's coordinates are its motions along and about the directions times these, 1 or -1."""
+        """Signs (d,), 1 or -1: a coordinate of a node is its motion along or about a direction, times the sign."""
 
     @property
     @abstractmethod
@@ -76,62 +77,65 @@ class Beam(ABC):
     @property
     @abstractmethod
     def node_transformations(self) -> Array:
-        """Matrices (K, d, d) from a node's coordinates of the model to those of the function space, by section."""
+        """Matrices (K, d, d), one per section, from a node's coordinates of the model to those of the space."""
 
     @abstractmethod
     def in_elements(self, h: Array, X: Array, number: Indices) -> Array:
-        """Motion (q, d, 2 d) of the axis at points in q elements, per unit of the space's coordinates on the element.
+        """Motion (q, d, 2 d) of the axis at a point in each of q elements, per unit of the element's coordinates.
 
-        Point i is at X[i] in [0, 1], a distance X[i] h[i] in m from the start of an element of length h[i] with
-        section number[i]; h, X and number are (q,).  Rows are displacements and rotations along and about the
-        directions; columns are the space's d coordinates at the element's first node, then those at its second.
+        The coordinates are those of the function space.  Point i is at the share X[i] in [0, 1] of an element of length
+        h[i] in m with section number[i]; h, X and number are (q,).  Rows are displacements and rotations along and
+        about the directions.  Columns are the d coordinates at the element's first node, then those at its second node.
         """
 
     @abstractmethod
     def faces(self, at: float) -> dict[str, tuple[Plane, Extent]]:
-        """Faces for pads at the coordinate `at` (m) along the axis: by name, each with its plane and extent."""
+        """Faces for pads at the coordinate `at` (m) along the axis: the plane and extent of each face by its name."""
 
     @abstractmethod
     def strains(self, space: Any) -> Any:
-        """The v generalised strains that belong to the section forces: a UFL vector of a trial function on `space`."""
+        """The v generalised strains of a trial function on `space`, to which section forces belong, as a UFL vector."""
 
     @property
     @abstractmethod
     def section_stiffness(self) -> dict[str, Array]:
-        """Section forces (E, v) per unit of each of the v `strains`, by the force's name."""
+        """For each section force, by its name, the force (E, v) per unit of each of v `strains` in E elements."""
 
     @abstractmethod
     def on_nodes(self, stations: Array) -> Line:
-        """This beam with nodes at `stations` (N,) m; it is cut where two nodes are at the same point."""
+        """Copy of this beam with nodes at `stations` (N,) m, cut where two nodes are at the same point."""
 
     @property
     @abstractmethod
     def resultants(self) -> Array:
-        """Section forces, in the order of `FORCES`, per unit force on each coordinate of a node, (E, k, d)."""
+        """The k section forces at a node per unit force on each of its d coordinates, (E, k, d) for E elements.
+
+        They are in the order of `FORCES`.
+        """
 
     @abstractmethod
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
         """Stresses in the profile's corners from section forces at P places; None if there is no profile.
 
-        `element` (P,) is each place's element.
+        `element` (P,) is the number of the element of each place.
         """
 
     @cached_property
     def number(self) -> Indices:
-        """Number of each element's section, (E,)."""
+        """Number (E,) of the section of each element."""
         middles = self.node_stations[self.grid.cells].mean(axis=1)
         return np.zeros(len(middles), np.int64) if self.sections is None else self.sections.section_numbers(middles)
 
     @cached_property
     def first(self) -> Indices:
-        """Number of the space's node at each element's start, (E,); the node at its end has the next number."""
+        """Number (E,) of the function space's node at each element's start; the node at its end has the next number."""
         cells = self.grid.cells
         apart = (np.diff(self.number) != 0) | (cells[1:, 0] != cells[:-1, 1])
         return np.arange(len(cells)) + np.append(0, np.cumsum(apart))
 
     @cached_property
     def transformation(self) -> sp.csr_matrix:
-        """T (n_e, n): the space's coordinates from the model's, T q."""
+        """Matrix T (n_e, n) that gives the coordinates T q of the function space from the model's q."""
         d, size = len(self.directions), self.first[-1] + 2
         of, number = np.empty((2, size), np.int64)
         for k in (0, 1):
@@ -146,9 +150,12 @@ class Beam(ABC):
         return self._axis_rows(places, np.eye(len(self.directions)))
 
     def _axis_rows(self, places: Array, of: Array) -> sp.csr_matrix:
-        """Rows (k m, n): m linear combinations `of` (m, d) of the axis' motions at each of k places, in m along it."""
+        """Rows (k m, n) of m linear combinations of the axis' motions at each of k `places` (k,) in m along the axis.
+
+        `of` (m, d) are the coefficients of the combinations.
+        """
         d, x = len(self.directions), self.node_stations[self.grid.cells]
-        e = np.clip(np.searchsorted(x[:, 0], places, side="right") - 1, 0, None)  # at a node the one behind it
+        e = np.clip(np.searchsorted(x[:, 0], places, side="right") - 1, 0, None)  # at a node, the element behind it
         h = np.diff(x)[e, 0]
         ends = of @ self.in_elements(h, (places - x[e, 0]) / h, self.number[e])
         ends = ends.reshape(len(places), len(of), 2, d).swapaxes(1, 2)
@@ -161,14 +168,14 @@ class Beam(ABC):
         return rows
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
-        """Rows (d, n) that measure a place's motion at the point `about` (3,) m, by default its centroid."""
+        """Rows (d, n) that measure a place's motion at the point `about` (3,) m, by default at the place's centroid."""
         at = self.station(place)
         return self._point_motions(np.array([at]), np.array([self.centroid(at) if about is None else about]))
 
     def _point_motions(self, at: Array, points: Array) -> sp.csr_matrix:
         """Rows (k d, n) of the motions of k points, which move with the sections at k distances along the axis.
 
-        `at` (k,) are the distances, `points` (k, 3) the points, in m.
+        `at` (k,) are the distances and `points` (k, 3) the points, both in m.
         """
         rows, arms = self.motions(at), points - at[:, None] * np.eye(3)[0]
         if arms.any():
@@ -182,13 +189,14 @@ class Beam(ABC):
         return rows
 
     def coordinates_at(self, places: Array) -> sp.csr_matrix:
-        """Rows (k d, n) of the coordinates that nodes at `places` (k,) m along the axis would have."""
+        """Rows (k d, n) that give the coordinates which nodes at `places` (k,) m along the axis would have."""
         return sp.csr_matrix(sp.diags(np.tile(self.signs, len(places))) @ self.motions(places))
 
     def strip(self, face: str, window: Window) -> Strip:
-        """The line beside the axis that represents a face; its height above or below the axis does not matter.
+        """Points within `window` on the line beside the axis that represents a face.
 
-        Raises an `InputError` if the beam has no such face.
+        The height of the face above or below the axis does not matter.  Raises an `InputError` if the beam has no such
+        face.
         """
         faces = self.faces(sum(window.along) / 2.0)
         if face not in faces:
@@ -211,11 +219,11 @@ class Beam(ABC):
 
     @cached_property
     def _strains(self) -> CellValues:
-        """Strains at both ends of each element, on the space's coordinates."""
+        """Strains at both ends of each element, per unit of the function space's coordinates."""
         return cell_values(self, self.strains, np.array([[0.0], [1.0]]))
 
     def element_property(self, mesh: Any, values: Array) -> Any:
-        """A property `values` (K,) of the sections in UFL: constant in each element."""
+        """Property of the sections with the `values` (K,) in UFL, constant in each element."""
         return constant(mesh, float(values[0])) if len(values) == 1 else cellwise(mesh, values[self.number])
 
     def stresses(self) -> StressRows | None:
@@ -254,9 +262,9 @@ class Beam(ABC):
         return len(self.directions) * len(self.node_stations)
 
     def domain(self, comm: MPI.Comm) -> Any:
-        """The axis as an interval mesh in dolfinx, spread over `comm`; collective.
+        """The axis as a dolfinx interval mesh, spread over `comm`; collective.
 
-        It has two points where sections change or the beam is cut.
+        The mesh has two points where sections change or the beam is cut.
         """
         cells = self.first[:, None] + np.arange(2)
         points = np.empty(int(cells[-1, -1]) + 1)
@@ -264,14 +272,15 @@ class Beam(ABC):
         return create_mesh(comm, "interval", points[:, None], cells)
 
     def element_coordinates(self, cells: Indices) -> list[Indices]:
-        """Numbers (c, 2) of the space's coordinates on the given elements, one array for each of the d components."""
+        """Numbers (c, 2) of the function space's coordinates on c elements, one array for each of d components."""
         nodes = self.first[cells, None] + np.arange(2)
         return [len(self.directions) * nodes + i for i in range(len(self.directions))]
 
     def axial_force(self, mesh: Any, state: UnitState) -> Any:
         r"""Axial force N(x) in N, tension positive, of the beam held at its tail, in UFL on a dolfinx mesh.
 
-        With the state's acceleration a along x, its stretch b, and its forces :math:`F_i` along x at :math:`x_i`,
+        With the mass per length :math:`\rho A`, the length L, the state's acceleration a along x, its stretch b, and
+        its forces :math:`F_i` along x at :math:`x_i`,
 
         .. math:: N = -\int_x^L \rho A\, (a + b \xi)\, d\xi + \sum_{x_i > x} F_i
         """
@@ -284,10 +293,10 @@ class Beam(ABC):
         return pulled - mass_here * (a * (end - x) + b * (end**2 - x**2) / 2.0)
 
     def moment(self, mesh: Any, state: UnitState, component: int) -> Any:
-        r"""Bending moment M(x) = EI w'' in N m, of the beam held at its tail, in UFL on a dolfinx mesh.
+        r"""Bending moment M(x) = EI w'' in N m of the beam held at its tail, in UFL on a dolfinx mesh.
 
-        The beam bends along y (`component` 1) or z (`component` 2), along which the state's acceleration is a and its
-        forces are :math:`F_i` at :math:`x_i`:
+        The deflection w is along y (`component` 1) or z (`component` 2).  The state's acceleration along this axis is a
+        and its forces at :math:`x_i` are :math:`F_i`.  With the mass per length :math:`\rho A` and the length L
 
         .. math:: M = -\int_x^L \rho A\, a\, (\xi - x)\, d\xi + \sum_{x_i > x} F_i\, (x_i - x)
         """
@@ -299,19 +308,19 @@ class Beam(ABC):
         return arm - force * x - a * (within + first - beyond * x)
 
     def _element_masses(self) -> tuple[Array, Array, Array, Array]:
-        """Mass per length (kg/m), end, middle and length (m) of each element, (E,) each."""
+        """For each of E elements, (E,) each: mass per length (kg/m), end, middle and length (m)."""
         ends = self.node_stations[self.grid.cells]
         return self.masses, ends[:, 1], ends.mean(axis=1), np.diff(ends)[:, 0]
 
     @staticmethod
     def _beyond(values: Array) -> Array:
-        """For each element the sum of `values` (E,) over all elements after it."""
+        """For each element the sum of `values` (E,) over all elements behind it."""
         return np.append(np.cumsum(values[:0:-1])[::-1], 0.0)
 
     def _sums_beyond(self, mesh: Any, state: UnitState, component: int) -> tuple[Any, Any]:
-        """Sums of the state's forces beyond each element, and of forces times their coordinates along the axis, in UFL.
+        """Sums of the state's forces beyond each element, and of forces times their coordinates x, in UFL.
 
-        Only the `component` 0, 1 or 2 of forces is summed: along x, y or z.
+        Only one `component` of the forces is summed: 0, 1 or 2 for x, y or z.
         """
         middle = self.node_stations[self.grid.cells].mean(axis=1)
         sums = np.zeros((2, len(middle)))
@@ -321,15 +330,15 @@ class Beam(ABC):
         return cellwise(mesh, sums[0]), cellwise(mesh, sums[1])
 
     def displacement(self, *places: str | float) -> sp.csr_matrix:
-        """Rows (k t, n) of the displacements of the centroids at k places, along the t directions among x, y and z."""
+        """Rows (k t, n) of the displacements of the centroids at k places, along the t of x, y, z that the beam has."""
         at = np.array([self.station(place) for place in places])
         motions = self._point_motions(at, np.array([self.centroid(place) for place in at]))
         return motions[np.flatnonzero(np.tile([d in "xyz" for d in self.directions], len(at)))]
 
     def station(self, place: str | float) -> float:
-        """Distance of a place from the beam's first end in m.
+        """Distance in m of a place from the beam's first end.
 
-        Raises an `InputError` if it is not on the beam.
+        Raises an `InputError` if the place is not on the beam.
         """
         length = self.body.length
         at = ENDS[place] * length if isinstance(place, str) and place in ENDS else place
@@ -339,9 +348,9 @@ class Beam(ABC):
         return min(max(float(at), 0.0), length)
 
     def centroid(self, place: str | float) -> Array:
-        """Point (3,) m that represents a place: the middle of the walls' mid-line, as a shell has it at its end.
+        """Point (3,) m that represents a place: the middle of the walls' mid-line, as the end of a shell has it.
 
-        It is on the axis if the beam has no profile.
+        The point is on the axis if the beam has no profile.
         """
         at = self.station(place)
         return np.array([at, *(np.zeros(2) if self.sections is None else self.sections.middle_at(at))])
@@ -365,12 +374,12 @@ class Beam(ABC):
 
     @cached_property
     def grid(self) -> Grid:
-        """The axis as line cells."""
-        first = np.flatnonzero(np.diff(self.node_stations))  # not where it is cut
+        """The axis as line cells, one for each element; no cell joins the two nodes where the axis is cut."""
+        first = np.flatnonzero(np.diff(self.node_stations))  # no cell where the axis is cut
         return Grid("line", self.node_stations[:, None] * np.eye(3)[0], first[:, None] + np.arange(2))
 
     def point_displacements(self) -> sp.csr_matrix:
-        """Rows (3 N, n) that measure the nodes' displacements along x, y and z.
+        """Rows (3 N, n) that measure the displacements of the N nodes along x, y and z.
 
         Rows along directions that the beam does not have are zero.
         """
@@ -381,5 +390,5 @@ class Beam(ABC):
 
 
 def measure(mesh: Any) -> Any:
-    """UFL measure by which forms of beams are integrated."""
+    """UFL measure by which weak forms of beams are integrated."""
     return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 6})

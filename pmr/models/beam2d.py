@@ -1,15 +1,19 @@
 r"""Planar Euler-Bernoulli beam with C1 cubic Hermite elements.
 
+With the displacements u along x and w along z and their variations :math:`\delta u` and :math:`\delta w`, the bending
+stiffness EI, the axial stiffness EA, the mass per length :math:`\rho A` and the axial force N, stiffness k, mass m and
+geometric stiffness g are
+
 .. math::
     k(w, \delta w) = \int EI\, w'' \delta w'' + EA\, u' \delta u' \, dx, \qquad
     m(w, \delta w) = \int \rho A\, (w\, \delta w + u\, \delta u) \, dx, \qquad
     g(w, \delta w) = \int N\, w' \delta w' \, dx
 
 Shear deformation and rotary inertia are neglected.  Cook, Malkus, Plesha: Concepts and Applications of Finite Element
-Analysis, 3rd ed., 1989, sections 4.2 and 13.3; H. P. Gavin: Structural Element Stiffness, Mass, and Damping
-Matrices, 2020.  Coordinates are ordered node by node: [u,] w, w', of a point on the axis, which moves with its section:
-with its centroid :math:`z_c` above it, :math:`u_c = u - z_c w'`.  z is up: w is the displacement along z, and the
-rotation about y is -w'.  Constants of a section that tapers are its means over the element.
+Analysis, 3rd ed., 1989, sections 4.2 and 13.3; H. P. Gavin: Structural Element Stiffness, Mass, and Damping Matrices,
+2020.  Coordinates are ordered node by node: [u,] w, w', of a point on the axis, which moves with its section.  If the
+section's centroid is the height :math:`z_c` above the axis, it moves by :math:`u_c = u - z_c w'` along x.  z is up, and
+the rotation about y is -w'.  Constants of a section that tapers are its means over the element.
 """
 
 from __future__ import annotations
@@ -47,7 +51,7 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Stiffnesses:
-    """Stiffnesses, masses and centroids of K sections."""
+    """Stiffnesses, masses per length and centroids of K sections."""
 
     bending: Array  # (K,) N m^2
     axial: Array | None  # (K,) N; None if there are no axial coordinates
@@ -61,7 +65,7 @@ class Beam2D(Beam):
 
     body: Profile | Beam3DBody
     nodes: Array
-    along: SectionsAlong | None = None  # None: the body's section all along; sections change at nodes
+    along: SectionsAlong | None = None  # sections change at nodes; None: the same section all along
 
     @cached_property
     def sections(self) -> SectionsAlong | None:
@@ -72,7 +76,7 @@ class Beam2D(Beam):
 
     @cached_property
     def stiffnesses(self) -> Stiffnesses:
-        """Stiffnesses and masses of each section."""
+        """Stiffnesses, masses per length and centroids of the sections."""
         body, sections = self.body, self.sections
         if isinstance(body, Profile):
             EI, EA, mass = (
@@ -88,16 +92,17 @@ class Beam2D(Beam):
 
     @property
     def reference_frequency(self) -> float:
-        """Scale of the lowest frequencies in rad/s: sqrt(EI / (rho A L^4)) of the softest section."""
+        """Scale of the lowest frequencies in rad/s: sqrt(EI / (rho A L^4)) with the least EI and the least rho A."""
         of = self.stiffnesses
         return float(np.sqrt(of.bending.min() / of.mass.min()) / self.body.length**2)
 
     @property
     def round_off(self) -> float:
-        """Relative error to expect in the lowest frequency from round-off in the stiffness, with the beam's length L.
+        """Relative error to expect in the lowest frequency from round-off in the stiffness.
 
-        It was measured as 2e-17 times the sum of (L / h)^3 over the elements of lengths h: entries of 12 EI / h^3 have
-        to cancel to leave rigid rotation free, and what is left of them in each element acts as a spring.
+        It was measured as 2e-17 times the sum of (L / h)^3 over the elements, with the beam's length L and the
+        elements' lengths h.  Entries of 12 EI / h^3 have to cancel to leave rigid rotation free, and the rest that
+        round-off leaves in each element acts as a spring.
         """
         return float(2e-17 * np.sum((self.body.length / np.diff(self.nodes)) ** 3))
 
@@ -113,17 +118,20 @@ class Beam2D(Beam):
 
     @property
     def directions(self) -> tuple[str, ...]:
-        """``z`` and ``ry``; with axial coordinates also ``x``, first."""
+        """The directions ``z`` and ``ry``; before them ``x`` if the beam has axial coordinates."""
         return ("z", "ry") if self.stiffnesses.axial is None else ("x", "z", "ry")
 
     @property
     def signs(self) -> Array:
-        """1 or -1 for each direction: the coordinate of the direction ``ry`` is w', minus the rotation."""
+        """Signs (d,): -1 for the direction ``ry``, whose coordinate is w', minus the rotation; else 1."""
         return np.array([-1.0 if direction == "ry" else 1.0 for direction in self.directions])
 
     @cached_property
     def node_transformations(self) -> Array:
-        """Matrices (K, d, d) from a node's coordinates on the axis to u of the centroid (if there is u), w and w'."""
+        """Matrices (K, d, d), one per section, that give u of the centroid, w and w' from coordinates on the axis.
+
+        u is left out if the beam has no axial coordinates.
+        """
         U = np.tile(np.eye(len(self.directions)), (len(self.stiffnesses.mass), 1, 1))
         if "x" in self.directions:
             U[:, 0, 2] = -self.stiffnesses.centroid
@@ -143,23 +151,26 @@ class Beam2D(Beam):
         return Forms(self.inertia(space, ufl.Identity(3)), stiffness * measure(mesh))
 
     def inertia(self, space: Any, S: Any) -> Any:
-        """The UFL form of int rho A v . S u dx; without rotary inertia."""
+        """UFL form of the integral of rho A v . S u along the axis; rotary inertia is neglected."""
         u, v = (self._displacement(field) for field in _trial_and_test(space))
         return self.element_property(space.mesh, self.stiffnesses.mass) * ufl_product(S, v, u) * measure(space.mesh)
 
     def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
-        """The UFL form of int N w' dw' dx."""
+        """UFL form of the integral of N w' dw' along the axis, with the state's axial force N.
+
+        w and dw are the deflections of trial and test function.
+        """
         w, dw = (self._displacement(field)[2] for field in _trial_and_test(space))
         return self.axial_force(space.mesh, state) * w.dx(0) * dw.dx(0) * measure(space.mesh)
 
     def _displacement(self, field: Any) -> tuple[Any, None, Any]:
-        """Displacements along x, y and z of a field in UFL; None along those that the model does not have."""
+        """Displacements along x, y and z of a field in UFL; None along directions that the model does not have."""
         i = self.directions.index("z")
         J = ufl.JacobianDeterminant(field.ufl_function_space().ufl_domain())
         return field[0] if i else None, None, field[i] + J * field[i + 1]
 
     def in_elements(self, h: Array, X: Array, number: Indices) -> Array:
-        """Motion (q, d, 2 d) of the axis at X h in q elements; see `Beam.in_elements`."""
+        """Motion (q, d, 2 d) of the axis at a point in each of q elements, with the arguments of `Beam.in_elements`."""
         d, (value, slope) = len(self.directions), Bending(self.stiffnesses.bending).shape_weights(h, X, number)
         local = np.zeros((len(h), d, 2 * d))
         for k, component in enumerate((d - 2, d - 1, 2 * d - 2, 2 * d - 1)):
@@ -170,29 +181,35 @@ class Beam2D(Beam):
         return local
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
-        """Rows (d, n) of the motion of a place's centroid; raises an `InputError` if `about` is given."""
+        """Rows (d, n) of the motion of a place's centroid.
+
+        Raises an `InputError` if `about` is given.
+        """
         if about is not None:
             allowed = "the place itself is allowed: a planar beam has no points beside it"
             raise InputError("scene", "place", place, allowed)
         return super().motion(place)
 
     def faces(self, at: float) -> dict[str, tuple[Plane, Extent]]:
-        """The faces ``bottom`` and ``top`` with their planes, along the whole beam."""
+        """The faces ``bottom`` and ``top`` by name, each with its plane and its extent, the whole beam."""
         return {name: (FACES[name], Extent((0.0, self.body.length))) for name in ("bottom", "top")}
 
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
-        """Axial stresses of the lowest and highest fibres; None for a beam that is given by its stiffnesses."""
+        """Axial stresses of the lowest and highest fibres at P places; None for a beam given by its stiffnesses.
+
+        `element` (P,) is the number of the element of each place.
+        """
         if self.sections is None:
             return None
         return stresses_along(self.sections, np.repeat(self.number, 2), forces, element, fibre_stress_factors)
 
     def on_nodes(self, stations: Array) -> Beam2D:
-        """This beam with nodes at `stations` (N,) m; it is cut where two nodes are at the same point."""
+        """Copy of this beam with nodes at `stations` (N,) m, cut where two nodes are at the same point."""
         return replace(self, nodes=stations)
 
     @property
     def resultants(self) -> Array:
-        """Normal force, shear force and bending moment per unit force on each coordinate of a node, (E, d, d).
+        """Normal force, shear force and bending moment per unit force on each of a node's d coordinates, (E, d, d).
 
         Without axial coordinates there is no normal force.
         """
@@ -201,7 +218,7 @@ class Beam2D(Beam):
 
     @property
     def section_stiffness(self) -> dict[str, Array]:
-        """Bending moment about y and, with axial coordinates, normal force per unit of the `strains`, (E, v) each."""
+        """Bending moment about y and, with axial coordinates, normal force, by name: (E, v) per unit of v `strains`."""
         of, rows = self.stiffnesses, {}
         bent = -of.bending[self.number]
         if of.axial is None:
@@ -211,15 +228,15 @@ class Beam2D(Beam):
         return rows
 
     def strains(self, space: Any) -> Any:
-        """Strains u' (if there are axial coordinates) and w'', in UFL."""
+        """Strain u', if there are axial coordinates, and curvature w'' of a trial function as a UFL vector."""
         u, _, w = self._displacement(ufl.TrialFunction(space))
         return ufl.as_vector([*([] if u is None else [u.dx(0)]), w.dx(0).dx(0)])
 
     @property
     def deflection(self) -> Array:
-        """Deflection w on each element as an exact cubic in the distance from its first node: coefficients (4, E, 4).
+        """Coefficients (4, E, 4) of the deflection w on each element, a cubic in the distance from its first node.
 
-        The first axis counts the powers, the highest first; the last one counts the coordinates in `bending_dofs`.
+        The first axis counts the powers, the highest first.  The last axis counts the coordinates in `bending_dofs`.
         """
         h = np.diff(self.nodes[self.grid.cells])[:, 0]
         powers = h ** -np.arange(3.0, -1.0, -1.0)[:, None]  # (x / h)^p
@@ -236,7 +253,10 @@ class Beam2D(Beam):
 
 
 def planar_beam(body: Beam3DBody, box: Box, nodes: Array) -> Beam2D:
-    """Planar beam of a box: on `nodes` (m), or on nodes of its own, about as many, if the box varies along the axis."""
+    """Planar beam of a box on `nodes` (m).
+
+    If the box varies along the axis, the beam has nodes of its own, about as many as `body.elements`.
+    """
     if not box.varying_keys:
         return Beam2D(body, nodes)
     stations = stations_of(box.breaks, body.elements)

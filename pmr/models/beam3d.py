@@ -1,7 +1,9 @@
 r"""Beam in space: stretching, torsion and bending in two planes, with C1 cubic Hermite elements.
 
-With x along the axis, y and z the section's principal axes, u and the inertia of translations at its centroid, v and w
-at its shear centre
+x is along the axis, y and z are the section's principal axes.  u is the displacement along x of the section's centroid,
+v and w are the displacements along y and z of its shear centre, and :math:`\phi` is the twist.  The centroid has the
+inertia of translations.  With Young's modulus E, the shear modulus G, the density :math:`\rho` and the section's area
+A, torsion constant J and second moments :math:`I_y` and :math:`I_z`, stiffness k and mass m are
 
 .. math::
     k = \int EA\, u' \delta u' + GJ\, \phi' \delta\phi'
@@ -12,8 +14,8 @@ at its shear centre
     m = \int \rho A\, (u\, \delta u + v\, \delta v + w\, \delta w) + \rho (I_y + I_z)\, \phi\, \delta\phi
         + \rho I_z\, \psi_v\, \delta\psi_v + \rho I_y\, \psi_w\, \delta\psi_w \, dx
 
-h is the element's length, psi_v and psi_w are the section's rotations in both planes.  Bending with shear, and what
-Phi is: `pmr.models.sections_along`.
+h is the element's length, :math:`\psi_v` and :math:`\psi_w` are the section's rotations in both planes.  Bending with
+shear, and the parameter :math:`\Phi` of each plane, are explained in `pmr.models.sections_along`.
 
 Sections are rigid in their plane and warping is free; an element of a beam that tapers has the mean constants over its
 length.  Coordinates are ordered node by node: displacements along and rotations about x, y, z, of a point on the axis,
@@ -65,8 +67,8 @@ class Beam3D(Beam):
     """Beam in space with the data of a scene's body."""
 
     body: Beam3DBody
-    stations: Array | None = None  # (N,) m: of its nodes; None: evenly spaced
-    along: SectionsAlong | None = None  # None: the body's section all along; sections change at nodes
+    stations: Array | None = None  # (N,) m: coordinates of the nodes along the axis; None: evenly spaced
+    along: SectionsAlong | None = None  # sections change at nodes; None: the same section all along
     rings: RingMasses | None = None  # areas and moments of transverse plates inside
 
     @cached_property
@@ -88,7 +90,7 @@ class Beam3D(Beam):
 
     @cached_property
     def planes(self) -> tuple[Bending, Bending]:
-        """Bending along the sections' principal axes; with shear if the body has it and shear areas are known."""
+        """Bending along both principal axes of the sections, with shear if the body has it and its areas are known."""
         E, G = self.body.material.young, self.body.material.shear_modulus
         areas, I = self.sections.shear_areas if self.body.shear else None, self.sections.second_moments.T
         if areas is None:
@@ -100,20 +102,20 @@ class Beam3D(Beam):
     def reference_frequency(self) -> float:
         """Scale of the lowest frequencies in rad/s.
 
-        It is sqrt(EI / (rho A L^4)) of the softest section in its softer plane.
+        It is sqrt(EI / (rho A L^4)) with the least EI of all sections in both planes, the least rho A and the length L.
         """
         softest = min(plane.stiffness.min() for plane in self.planes)
         return float(np.sqrt(softest / self.masses.min()) / self.body.length**2)
 
     @property
     def masses(self) -> Array:
-        """Mass per length of each element with the rings in it, (E,) kg/m."""
+        """Mass per length (E,) in kg/m of each element, with the rings in it."""
         added = 0.0 if self._element_rings is None else self._element_rings.area
         return self.body.material.density * (self.sections.area[self.number] + added)
 
     @cached_property
     def _element_rings(self) -> RingMasses | None:
-        """Areas of rings, spread over each element; None without rings."""
+        """Areas and moments of the rings in each element, spread over its length; None without rings."""
         return None if self.rings is None else self.rings.at_positions(self.node_stations[self.grid.cells].mean(axis=1))
 
     @property
@@ -123,15 +125,16 @@ class Beam3D(Beam):
 
     @property
     def signs(self) -> Array:
-        """Ones (6,): the coordinates are the motion itself."""
+        """Ones (6,): each coordinate is the motion itself."""
         return np.ones(6)
 
     @cached_property
     def node_transformations(self) -> Array:
-        """Matrices (K, 6, 6) from a node's motion of the axis to the space's coordinates u, phi, v, v', w and w'.
+        """Matrices (K, 6, 6), one per section, that give the function space's coordinates from the axis' motion.
 
-        u is that of the centroid, v and w those of the shear centre along the principal axes; v' is the rotation about
-        the axis z, w' minus that about y.
+        The coordinates of the function space are u, phi, v, v', w and w'.  u is the displacement along x of the
+        centroid; v and w are the displacements of the shear centre along the principal axes.  v' is the rotation about
+        z, and w' is minus the rotation about y.
         """
         U = np.zeros((6, 6))
         U[range(6), [0, 3, 1, 5, 2, 4]] = 1.0, 1.0, 1.0, 1.0, 1.0, -1.0
@@ -156,13 +159,14 @@ class Beam3D(Beam):
         return Forms(self.inertia(space, ufl.Identity(3)), stiffness * measure(mesh))
 
     def inertia(self, space: Any, S: Any) -> Any:
-        r"""The UFL form of the integral of rho v . S u over the body.
+        r"""UFL form of the integral of rho v . S u over the body, for trial and test displacements u and v.
 
         .. math::
             \int \rho A\, v \cdot S u + \rho I_z\, v_{,y} \cdot S u_{,y} + \rho I_y\, v_{,z} \cdot S u_{,z}\, dx
 
-        The point (y, z) of a section moves by :math:`(u - y \psi_v - z \psi_w,\; v - z \phi,\; w + y \phi)`; without
-        shear the rotations psi have no inertia.
+        The point (y, z) of a section moves by :math:`(u - y \psi_v - z \psi_w,\; v - z \phi,\; w + y \phi)`, where u,
+        v, w are the displacements of the centroid.  Without shear, the rotations :math:`\psi_v` and :math:`\psi_w` of
+        the section have no inertia.
         """
         mesh, sections, rho = space.mesh, self.sections, self.body.material.density
         sizes = sections.area, *sections.second_moments.T
@@ -175,7 +179,7 @@ class Beam3D(Beam):
         return (total + self._ring_inertia(mesh, S, by, of)) * measure(mesh)
 
     def _ring_inertia(self, mesh: Any, S: Any, by: Sequence[Motion], of: Sequence[Motion]) -> Any:
-        """Integrand of the rings' inertia in UFL, from `_motion` of the test (`by`) and trial function (`of`).
+        """Integrand of the rings' inertia in UFL, from `_motion` of the test (`by`) and trial (`of`) functions.
 
         Rings have their own centroid and second moments.
         """
@@ -188,7 +192,7 @@ class Beam3D(Beam):
         second = rho * np.einsum("eij,ejk,elk->eil", R, added.about_centroid, R)
 
         def centroid_motion(motion: Sequence[Motion]) -> Motion:
-            """Displacement of the rings' centroid, from that of the section's and its derivatives."""
+            """Displacement of the rings' centroid from the displacement of the section's and its derivatives."""
             centre, *turns = motion
             for arm, turn in zip(arms, turns, strict=True):
                 centre = tuple(c if t is None else c + arm * t for c, t in zip(centre, turn, strict=True))
@@ -201,13 +205,13 @@ class Beam3D(Beam):
         return total
 
     def _principal_rotation(self, mesh: Any) -> list[list[Any]]:
-        """Matrix R of the principal axes in UFL, constant in each element."""
+        """Rows of the matrix R in UFL that turns y and z to the principal axes, constant in each element."""
         return [[self.element_property(mesh, self.sections.principal[:, i, j]) for j in (0, 1)] for i in (0, 1)]
 
     def _motion(self, mesh: Any, field: Any) -> tuple[Motion, ...]:
         """Displacement of the centroid, then its derivatives along both principal axes of the section, in UFL.
 
-        Each has components along x and the principal axes; those without inertia are None.
+        Each of the three has components along x and the principal axes; a component without inertia is None.
         """
         v, w = self._deflections(mesh, field)
         phi, (turn_v, turn_w) = (
@@ -228,20 +232,22 @@ class Beam3D(Beam):
         return v, w + self.element_property(mesh, y) * phi if y.any() else w
 
     def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
-        r"""The UFL form of the geometric stiffness of a state's axial force and bending moments.
+        r"""UFL form of the geometric stiffness of a state's axial force and bending moments.
 
-        With the axial force N and the moments :math:`M_v = EI_z v_0''`, :math:`M_w = EI_y w_0''` of the state's
-        deflections :math:`v_0` and :math:`w_0` it is
+        The axial force of the state is N, its deflections are :math:`v_0` and :math:`w_0`, and its bending moments are
+        :math:`M_v = EI_z v_0''` and :math:`M_w = EI_y w_0''`.  With the deflections v, w and the twist :math:`\phi` of
+        the trial function, and the variations :math:`\delta v`, :math:`\delta w` and :math:`\delta\phi` of the test
+        function, the form is
 
         .. math::
             \int N\, \Bigl(v' \delta v' + w' \delta w' + \frac{I_y + I_z}{A} \phi' \delta\phi'\Bigr)
                 + (M_w \phi)' \delta v' + v' (M_w \delta\phi)' - (M_v \phi)' \delta w' - w' (M_v \delta\phi)' \, dx
 
         The term with I_y + I_z, Wagner's, twists a bar that is soft in torsion; moments make a high beam tip over
-        sideways.  It follows from :math:`\sigma_{jk} u_{i,j} v_{i,k}` with the motion of sections and the shear force
-        -M'; forces act on the axis (Timoshenko, Gere: Theory of Elastic Stability, 2nd ed., 1961, sections 5.3 and
-        6.3).  N moves with the centroid, moments with the shear centre; left out is what moments do to the twist of a
-        section without symmetry.
+        sideways.  The form follows from the integral of :math:`\sigma_{jk} u_{i,j} v_{i,k}` with the stresses
+        :math:`\sigma`, the motion of sections and the shear force -M'; forces act on the axis (Timoshenko, Gere: Theory
+        of Elastic Stability, 2nd ed., 1961, sections 5.3 and 6.3).  N moves with the centroid, moments move with the
+        shear centre.  The effect of moments on the twist of a section without symmetry is left out.
         """
         mesh, trial, test = space.mesh, ufl.TrialFunction(space), ufl.TestFunction(space)
         of, by = ([deflection.value.dx(0) for deflection in self._deflections(mesh, field)] for field in (trial, test))
@@ -259,7 +265,10 @@ class Beam3D(Beam):
         return (self.axial_force(mesh, state) * along + across) * measure(mesh)
 
     def _deflections(self, mesh: Any, field: Any) -> list[Deflection]:
-        """Deflections in both planes of a field in UFL, whose components are u, phi, w_A and theta_B of both planes."""
+        """Deflections in both planes of a field in UFL with the components u, phi, w_A, theta_B, w_A and theta_B.
+
+        The first w_A and theta_B belong to bending along y, the second ones to bending along z.
+        """
         h = ufl.JacobianDeterminant(mesh)
         middle = cellwise(mesh, self.node_stations[self.grid.cells].mean(axis=1))
         X, of_elements = (ufl.SpatialCoordinate(mesh)[0] - middle) / h + 0.5, partial(self.element_property, mesh)
@@ -267,9 +276,10 @@ class Beam3D(Beam):
         return [plane.deflection(w, h, X, of_elements) for plane, w in zip(self.planes, cubics, strict=True)]
 
     def in_elements(self, h: Array, X: Array, number: Indices) -> Array:
-        """Motion (q, 6, 12) of the axis along and about x, y, z at X h in q elements; see `Beam.in_elements`.
+        """Motion (q, 6, 12) of the axis along and about x, y, z at a point in each of q elements.
 
-        The space's coordinates at a node are u, phi, v, v', w and w'.
+        The arguments are those of `Beam.in_elements`.  The coordinates of the function space at a node are u, phi, v,
+        v', w and w'.
         """
         local = np.zeros((len(h), 6, 12))
         for row, component in ((0, 0), (3, 1)):
@@ -283,9 +293,9 @@ class Beam3D(Beam):
         return local
 
     def faces(self, at: float) -> dict[str, tuple[Plane, Extent]]:
-        """Faces of the profile at the coordinate `at` (m) along the axis: by name, each with its plane and extent.
+        """Faces of the profile at the coordinate `at` (m) along the axis: plane and extent of each face by its name.
 
-        Without a profile they are the four faces through the axis.
+        A beam without a profile has four faces, all of them through the axis.
         """
         profile, along = self.sections.profile_at(at), (0.0, self.body.length)
         if profile is None:
@@ -301,12 +311,12 @@ class Beam3D(Beam):
         return stresses_along(self.sections, np.repeat(self.number, 2), forces, element, corner_stress_factors)
 
     def on_nodes(self, stations: Array) -> Beam3D:
-        """This beam with nodes at `stations` (N,) m; it is cut where two nodes are at the same point."""
+        """Copy of this beam with nodes at `stations` (N,) m, cut where two nodes are at the same point."""
         return replace(self, stations=stations)
 
     @property
     def resultants(self) -> Array:
-        """Section forces per unit force on each coordinate of a node, (E, 6, 6).
+        """Section forces per unit force on each of a node's six coordinates, (E, 6, 6) for E elements.
 
         Normal force and bending moments are about the centroid, shear forces and torque about the shear centre.
         """
@@ -314,9 +324,9 @@ class Beam3D(Beam):
 
     @property
     def section_stiffness(self) -> dict[str, Array]:
-        """Normal force, torque and bending moments per unit of the four `strains`, (E, 4) each, by name."""
+        """Normal force, torque and both bending moments, by name: (E, 4) per unit of the four strains in E elements."""
         material, sections, number = self.body.material, self.sections, self.number
-        # about z and y, of curvatures along principal axes
+        # moments about z and y per unit of the curvatures along the principal axes
         bent = material.young * np.einsum("kji,kj->kij", sections.principal, sections.second_moments)[number]
         stiffness = {name: np.zeros((len(number), 4)) for name in FORCES if "shear" not in name}
         stiffness["normal force"][:, 0] = material.young * sections.area[number]
@@ -325,7 +335,7 @@ class Beam3D(Beam):
         return stiffness
 
     def strains(self, space: Any) -> Any:
-        """Stretch u', curvatures psi_v' and psi_w' in both planes, and twist phi', in UFL."""
+        """Stretch u', curvatures psi_v' and psi_w' in both planes, and twist phi' of a trial function, in UFL."""
         field = ufl.TrialFunction(space)
         v, w = self._deflections(space.mesh, field)
         return ufl.as_vector([field[0].dx(0), v.curvature, w.curvature, field[1].dx(0)])

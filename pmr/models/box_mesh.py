@@ -1,16 +1,18 @@
 r"""The boom, meshed by gmsh: plates around a closed profile along x, as a surface (their mid-surface) or a solid.
 
-Groups: the flat walls that pads slide on, by the names of their faces (a solid's outer faces); ``corners``, the
-rounded edges; ``frames``, the transverse stiffeners; ``tail`` and ``tip``, the two ends.
+Groups: the flat walls that pads slide on, by the names of their faces (a solid's outer faces); ``corners``, the rounded
+edges; ``frames``, the transverse stiffeners; ``tail`` and ``tip``, the two ends.
 
-A box that tapers is first drawn with one profile all along; then its points are moved.  A point that was drawn in side
-k of the profile, at the share xi in [0, 1] along the side and at the depth eta, which is 0 on walls and up to 1 on
-frames, is moved to the point p with the same shares in the profile at its coordinate x:
+A box that tapers is first drawn with one profile all along; then its points are moved.  A point drawn in side k of the
+profile has a share :math:`\xi` in [0, 1] along the side and a depth :math:`\eta` inwards from the wall, 0 on walls and
+up to 1 on frames.  It is moved to the point p that has the same :math:`\xi` and :math:`\eta` in the profile at its
+coordinate x:
 
 .. math:: p = (1 - \eta)\, a_k(\xi) + \eta\, b_k(\xi)
 
-a is on the middle of the wall, b is farther inside by the depth of the frames.  Both change linearly along x.  Points
-of plates that close the section, which are not on walls, keep their shares in the triangle of the axis and a side.
+The point :math:`a_k` is on the middle of wall k, and :math:`b_k` is farther inside by the depth of the frames.  Both
+change linearly along x.  Points of plates that close the section, which are not on walls, keep their shares in the
+triangle of the axis and a side.
 """
 
 from __future__ import annotations
@@ -52,7 +54,7 @@ class Side(Protocol):
 
     @property
     def centre(self) -> Pair | None:
-        """Centre y and z of an arc, m; None for a flat side."""
+        """Coordinates y and z of the centre of an arc, m; None for a flat side."""
 
     @property
     def angle(self) -> float:
@@ -90,9 +92,10 @@ class BoxStretch:
 
 
 def shifted_ends(sides: Sequence[Side], k: int, outward: Callable[[Side], float]) -> tuple[Array, Array]:
-    """Start and end (2,) m of side k, with the sides shifted outwards from their mid-surfaces.
+    """Start and end (2,) m of side k, after all sides are shifted outwards from their mid-surfaces.
 
-    `outward` returns for each side how far, in m.  At a sharp corner the ends are where the shifted sides meet.
+    `outward` returns for a side how far it is shifted, in m.  At a sharp corner the ends are where the shifted sides
+    meet.
     """
     side, neighbours = sides[k], (sides[k - 1], sides[(k + 1) % len(sides)])
     ends = []
@@ -104,7 +107,7 @@ def shifted_ends(sides: Sequence[Side], k: int, outward: Callable[[Side], float]
 
 
 def outward_normal(side: Side, at: Pair) -> Array:
-    """Outward unit vector (2,) of a side at one of its ends."""
+    """Outward unit vector (2,) of a side at one of its ends, `at`."""
     if side.centre is not None:
         arm = np.subtract(at, side.centre)
         return np.asarray(arm / np.hypot(*arm))
@@ -119,9 +122,10 @@ THIN = 1e-6
 
 
 def taper_points(points: Array, sides: Sequence[Side], parts: Sequence[BoxStretch], depth: float) -> Array:
-    """Move points (N, 3) m, which were drawn with `sides` all along, to where the tapering `parts` have them.
+    """New positions (N, 3) in m of points of a tapered box that were drawn with the profile `sides` all along.
 
-    `depth` in m is that of the frames; infinite, if these close the section.  Returns new points (N, 3).
+    `points` (N, 3) m are the drawn points, and `parts` are the stretches of the box.  `depth` in m is the depth of the
+    frames, infinite if these close the section.
     """
     tapered_points, unplaced, depth = points.copy(), np.ones(len(points), bool), depth if np.isfinite(depth) else 0.0
     for place in (_in_side, _in_triangle):
@@ -145,29 +149,29 @@ Places = tuple[Array, Array, NDArray[np.bool_]]
 
 
 def _in_side(p: Array, sides: Sequence[Side], k: int, depth: float) -> Places:
-    """Share xi along side k and depth eta, each (N,), of points p (N, 2), and whether both are in [0, 1]."""
+    """Share xi along side k and depth eta, (N,) each, of points p (N, 2) m, and whether both are in [0, 1]."""
     xi, eta = _side_shares(p, sides, k, depth)
     return xi, eta, (np.abs(xi - 0.5) <= 0.5 + SLACK) & (np.abs(eta - 0.5) <= 0.5 + SLACK)
 
 
 def _in_triangle(p: Array, sides: Sequence[Side], k: int, depth: float) -> Places:
-    """Shares (N,) of points p (N, 2) along the vectors to start and end of side k, and whether none is negative.
+    """Shares (N,) of points p (N, 2) m along the vectors to start and end of side k, and whether none is negative.
 
-    Such points are in the sector between the two vectors; `depth` is not used.
+    Points without a negative share are in the sector between the two vectors.  `depth` is not used.
     """
     first_share, second_share = np.linalg.solve(np.array([sides[k].start, sides[k].end]).T, p.T)
     return first_share, second_share, (first_share >= -SLACK) & (second_share >= -SLACK)
 
 
 def _triangle_points(first_share: Array, second_share: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
-    """Points (N, 2) m with these shares along the vectors to start and end of side k; `depth` is not used."""
+    """Points (N, 2) m with the given shares (N,) along the vectors to start and end of side k; `depth` is not used."""
     return np.outer(first_share, sides[k].start) + np.outer(second_share, sides[k].end)
 
 
 def _side_shares(p: Array, sides: Sequence[Side], k: int, depth: float) -> tuple[Array, Array]:
-    """Share xi along side k and depth eta, each (N,), of points p (N, 2) m.
+    """Share xi along side k and depth eta, (N,) each, of points p (N, 2) m.
 
-    Outside of the side they are not in [0, 1].
+    For points outside of the side xi or eta is not in [0, 1].
     """
     side = sides[k]
     scale = depth or THIN * side.length
@@ -184,7 +188,7 @@ def _side_shares(p: Array, sides: Sequence[Side], k: int, depth: float) -> tuple
 
 
 def _side_points(xi: Array, eta: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
-    """Points (N, 2) m with the shares xi along side k and the depths eta."""
+    """Points (N, 2) m with the shares xi (N,) along side k and the depths eta (N,)."""
     side = sides[k]
     if side.centre is not None:
         start = np.subtract(side.start, side.centre)
@@ -197,9 +201,9 @@ def _side_points(xi: Array, eta: Array, sides: Sequence[Side], k: int, depth: fl
 
 #: Source of errors in a box's dimensions; the caller replaces it by the scene's key.
 DIMENSIONS = "box boom"
-#: Most rectangles of a drawing: with some 40 coordinates each they are four million, which take 50 GiB.
+#: Most rectangles of a drawing: with some 40 coordinates each, there are four million coordinates, which take 50 GiB.
 MOST_RECTANGLES = 100_000
-#: Smallest thickness of cells as a share of the others': gmsh merges points that are much closer.
+#: Smallest thickness of a layer as a share of that of others: gmsh merges points that are much closer.
 THINNEST = 1e-4
 #: Largest cosine of an angle that counts as a right one.
 SQUARE = 1e-6
@@ -209,18 +213,18 @@ SQUARE = 1e-6
 class BoxBoom:
     """A box along x and the sizes of its cells, in m.
 
-    Layers of cells may be finer at a clamped tail, where stresses are singular.  Raises an `InputError` with the
-    source `DIMENSIONS` for dimensions that can't be meshed.
+    Layers of cells may be finer at a clamped tail, where stresses are singular.  Raises an `InputError` with the source
+    `DIMENSIONS` for dimensions that can't be meshed.
     """
 
     sides: tuple[Side, ...]
     length: float = 6.0  # of the box along x
     size: float = 0.05  # edge length of the cells around the section
-    size_along: float = 0.0  # edge length along x; 0: as around the section
+    size_along: float = 0.0  # edge length of the cells along x; 0: as around the section
     # length of the first layer of cells at the tail, from which layers double up to the regular one; 0: as all others
     tail_layer: float = 0.0
     frames: tuple[float, ...] = ()  # coordinates x at which a transverse plate stiffens a shell all around
-    frame_depth: float = 0.0  # of these plates, inwards from the walls; infinite: they close the section
+    frame_depth: float = 0.0  # depth of these plates inwards from the walls; infinite: they close the section
     parts: tuple[BoxStretch, ...] = ()  # stretches along x; by default a single one with these sides
 
     def __post_init__(self) -> None:
@@ -249,7 +253,7 @@ class BoxBoom:
             if not fits:
                 raise InputError(DIMENSIONS, key, getattr(self, key), words.get(key, "more than 0") + " is allowed")
         rectangles = max(around / self.size, 8.0) * self.length / self.layer
-        if not rectangles <= MOST_RECTANGLES:  # too many to count, perhaps: a float, infinite or not
+        if not rectangles <= MOST_RECTANGLES:  # a float, which may be infinite
             allowed_sizes = (
                 f"sizes that make at most {MOST_RECTANGLES:,} cells are allowed; these make {rectangles:.1e}"
             )
@@ -258,9 +262,9 @@ class BoxBoom:
 
     @property
     def _room(self) -> float:
-        """Greatest depth of a frame within the section, m.
+        """Greatest depth in m that a frame may have within the section.
 
-        It is the corners' smallest radius, or half the smaller extent if all corners are sharp.
+        It is the smallest radius of a corner, or half the smaller of width and height if all corners are sharp.
         """
         radii = [np.hypot(*np.subtract(side.start, side.centre)) for side in self.sides if side.centre is not None]
         ends = np.array([side.start for side in self.sides])
@@ -285,15 +289,15 @@ class BoxBoom:
 
     @property
     def stations(self) -> list[float]:
-        """Coordinates x in m where layers of cells must end: tail and tip, frames, and ends of parts."""
+        """Coordinates x in m where layers of cells must end: tail and tip, frames, and ends of stretches."""
         ends = {part.end for part in self.parts if part.end < self.length}
         return [0.0, *sorted(ends | set(self.frames)), self.length]
 
 
 def write_shell(boom: BoxBoom, file: Path) -> None:
-    """Mesh the mid-surface by triangles and write it to `file`.
+    """Mesh the mid-surface by triangles and write the mesh to `file`.
 
-    Each rectangle is split by both of its diagonals, which prefers no direction.
+    Each rectangle is split by both of its diagonals, so that no direction is preferred.
     """
     with Drawing() as drawing:
         curves = _section_curves(drawing, boom, 0.0, 0.0)
@@ -311,7 +315,7 @@ def write_shell(boom: BoxBoom, file: Path) -> None:
 
 
 def write_solid(boom: BoxBoom, file: Path, hexahedra: bool = True) -> None:
-    """Mesh the walls by hexahedra, one across, or tetrahedra of the same structure, and write them to `file`.
+    """Mesh the walls by hexahedra, one across, or by tetrahedra of the same structure, and write the mesh to `file`.
 
     Raises an `InputError` if there are frames, or walls of different thickness with rounded corners.
     """
@@ -335,7 +339,7 @@ def write_solid(boom: BoxBoom, file: Path, hexahedra: bool = True) -> None:
 
 
 def _section_curves(drawing: Drawing, boom: BoxBoom, x: float, inset: float) -> list[int]:
-    """Curves (tags) around the section at x, moved inwards by `inset` (m) but with the divisions of the mid-line."""
+    """Tags of the curves around the section at x, moved inwards by `inset` (m), with the divisions of the mid-line."""
     curves = []
     for k, side in enumerate(boom.sides):
         start, end = (drawing.point(x, *p) for p in shifted_ends(boom.sides, k, lambda side: -inset))
@@ -347,7 +351,7 @@ def _section_curves(drawing: Drawing, boom: BoxBoom, x: float, inset: float) -> 
 
 
 def _frame_surfaces(drawing: Drawing, boom: BoxBoom, outer: list[int], x: float) -> list[Entity]:
-    """Surfaces of a frame at x: within the curves `outer` up to the frames' depth, or all that they enclose."""
+    """Surfaces of a frame at x: from the curves `outer` to the frames' depth, or all within them if it is infinite."""
     if boom.frame_depth == np.inf:
         return [drawing.fill(outer)]
     inner = _section_curves(drawing, boom, x, boom.frame_depth)
@@ -382,14 +386,15 @@ def _outer_distance(side: Side) -> float:
 
 
 def _inner_distance(side: Side) -> float:
-    """Distance from the mid-surface to the inner surface, m; negative, as it counts outwards."""
+    """Distance in m from the mid-surface to the inner surface; negative, as distances count outwards."""
     return -side.thickness / 2.0
 
 
 def _outer_ends(boom: BoxBoom, k: int) -> tuple[Array, Array]:
     """Ends (2,) m of the outer line of side k's patch.
 
-    They are opposite the inner line's ends where a patch of its own fills the corner, elsewhere mitred.
+    At a corner that has a patch of its own they are opposite the ends of the inner line; at other corners the patches
+    meet in a mitre.
     """
     side, outer = boom.sides[k], shifted_ends(boom.sides, k, _outer_distance)
     inner = [
@@ -401,7 +406,7 @@ def _outer_ends(boom: BoxBoom, k: int) -> tuple[Array, Array]:
 
 
 def _is_square(boom: BoxBoom, k: int) -> bool:
-    """Whether side k and the next one are flat and meet at a right angle."""
+    """Whether side k and the side after it are flat and meet at a right angle."""
     side, after = boom.sides[k], boom.sides[(k + 1) % len(boom.sides)]
     flat = side.centre is None and after.centre is None
     return flat and abs(float(outward_normal(side, side.end) @ outward_normal(after, after.start))) < SQUARE

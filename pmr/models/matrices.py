@@ -30,17 +30,17 @@ WHOLE = 0.5
 
 @dataclass(frozen=True)
 class Matrices(TracedModel):
-    """Model from given M and K; the mean over a group weighs every node alike.
+    """Model from given mass M and stiffness K (n, n); the mean over a group weighs every node alike.
 
-    A face that pads slide on is a group of nodes in a plane; displacements between them are linear on the triangles of
-    their Delaunay triangulation.
+    A face that pads slide on is a group of nodes in a plane.  Displacements between the nodes are linear on the
+    triangles of their Delaunay triangulation.
     """
 
     body_matrices: GivenMatrices
 
     @classmethod
     def load(cls, file: Path) -> Matrices:
-        """Read the model from a file; raises errors as `GivenMatrices.load`."""
+        """Read the model from a file; raises the errors of `GivenMatrices.load`."""
         return cls(GivenMatrices.load(file))
 
     @property
@@ -52,7 +52,7 @@ class Matrices(TracedModel):
     def unchecked(self) -> bool:
         """Whether positions and directions of the nodes could not be checked against the stiffness.
 
-        That is so if all nodes are beside supports inside the matrices.
+        This is so if all nodes are next to supports inside the matrices.
         """
         return self.body_matrices.unchecked
 
@@ -63,10 +63,11 @@ class Matrices(TracedModel):
 
     @property
     def reference_frequency(self) -> float:
-        """Root of Rayleigh's quotient of a bending motion w = x^2 about the middle, across the axis, in rad/s.
+        """Scale of the lowest circular frequencies in rad/s, the root of Rayleigh's quotient of a bending motion.
 
-        Of the two directions across, the one with the lower value counts, but at least a millionth of the other's.
-        Supports and springs inside K, which may be any number of times stiffer than the body, are left out.
+        The motion is w = x^2 across the axis, with x from the middle of the body.  There are two directions across; the
+        lower of their two quotients counts, but at least 1e-12 of the higher one.  Supports and
+        springs inside K, which may be any number of times stiffer than the body, are left out.
         """
         x = self.body_matrices.points - self.body_matrices.points.mean(axis=0)
         bent = []
@@ -87,7 +88,7 @@ class Matrices(TracedModel):
         return float(np.sqrt(max(squares.min(), 1e-12 * squares.max())))
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        """Numbers of all coordinates along or about the given `directions` on a group's nodes."""
+        """Numbers of all coordinates that belong to a node of a group and to one of the given `directions`."""
         on = np.isin(self.body_matrices.node, self._group(place))
         along = np.isin(self.body_matrices.direction, [DIRECTIONS.index(direction) for direction in directions])
         return np.flatnonzero(on & along)
@@ -142,13 +143,13 @@ class Matrices(TracedModel):
         return self.body_matrices.groups[name]
 
     def _values(self, nodes: Indices) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]:
-        """Displacements of g nodes along x, y and z as rows, (g, n) each."""
+        """Rows (g, n) of the displacements of g nodes, one matrix for each of x, y and z."""
         x, y, z = (self._of_direction[k][nodes] for k in range(3))
         return x, y, z
 
     @cached_property
     def _of_direction(self) -> list[sp.csr_matrix]:
-        """Displacements of all nodes along x, y and z as rows, (N, n) each."""
+        """Rows (N, n) of the displacements of all N nodes, one matrix for each of x, y and z."""
         matrices, shape = self.body_matrices, (len(self.body_matrices.points), self.body_matrices.size)
         numbers = [np.flatnonzero(matrices.direction == k) for k in range(3)]
         return [
@@ -159,9 +160,9 @@ class Matrices(TracedModel):
     def trace(self, place: str | float) -> Trace:
         """Displacements of a group's nodes, or of nodes near a cross-section at a distance along the axis in m.
 
-        Nodes around a cross-section are weighted by a hat that reaches to the next nodes, or as far as is needed for
-        them to spread over the section.  Raises an `InputError` if the group does not exist or the body does not reach
-        the cross-section.
+        The nodes near a cross-section are weighted by a hat that reaches to the next nodes on either side, or farther
+        until the nodes spread over the whole section.  Raises an `InputError` if the group does not exist or the body
+        does not reach the cross-section.
         """
         if isinstance(place, str):
             nodes = self._group(place)
@@ -180,15 +181,15 @@ class Matrices(TracedModel):
             across = np.ptp(points[nodes], axis=0) >= WHOLE * np.ptp(points, axis=0)
             if np.delete(across, self.axis).all() or len(nodes) == len(x):
                 break
-            reach *= 2.0  # nodes that lie in no levels: a few of them are no section
+            reach *= 2.0  # an irregular mesh: a few of its nodes are no section
         weights = 1.0 - np.abs(x[nodes] - place) / reach
         name = f"section at {place:g} m"
         return Trace(name, points[nodes], weights, self._values(nodes)).shift_to(self.axis, place)
 
     def _normal(self, face: str, points: Array) -> Array:
-        """Unit vector (3,) out of the body, normal to a face's nodes at `points` (g, 3).
+        """Unit vector (3,) out of the body and normal to a face, whose nodes are at `points` (g, 3) m.
 
-        Raises an `InputError` if they do not lie in a plane or lie on a line.
+        Raises an `InputError` if the nodes do not lie in a plane, or lie on a line.
         """
         middle = points.mean(axis=0)
         _, sizes, ways = np.linalg.svd(points - middle, full_matrices=False)
@@ -198,9 +199,9 @@ class Matrices(TracedModel):
 
 
 def _interval_middles(start: float, end: float, spacing: float) -> tuple[Array, float]:
-    """Middles of equal intervals between `start` and `end`, at most `spacing` wide, and their width.
+    """Middles of equal intervals between `start` and `end` whose width is at most `spacing`, and this width; all in m.
 
-    There are none if `end` <= `start`.
+    There are no intervals if `end` <= `start`.
     """
     if end <= start:
         return np.empty(0), 0.0

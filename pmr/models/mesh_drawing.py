@@ -1,6 +1,6 @@
 """Meshes made by this package: patches drawn and meshed by gmsh, and the nodes of a straight planar beam.
 
-Beam nodes are generated, or read from a chain of line cells in a file.
+The nodes of a beam are generated, or read from a chain of line cells in a file.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Entity = tuple[int, int]  # dimension and tag
 
 #: gmsh's element types: meshio's name and number of vertices.
 ELEMENTS = {1: ("line", 2), 2: ("triangle", 3), 3: ("quad", 4), 4: ("tetra", 4), 5: ("hexahedron", 8)}
-#: Bytes to append to a file that was cut off: more than a disk without room for an array has left.
+#: Number of bytes to append to a file that was cut off: more than a disk has left that had no room for an array.
 BEYOND = 2**20
 
 
@@ -32,7 +32,7 @@ class NotDrawnError(ValueError):
 
 
 class Drawing:
-    """A gmsh model in which equal points, and curves with equal ends, are drawn once.
+    """A gmsh model in which a point, or a curve between two points, is drawn once however often it is requested.
 
     It is a context manager, as gmsh is global to the process; on exit it turns gmsh's errors into `NotDrawnError`.
     """
@@ -55,22 +55,22 @@ class Drawing:
             raise NotDrawnError(str(error)) from None
 
     def point(self, x: float, y: float, z: float) -> int:
-        """Tag of the point at x, y, z in m."""
+        """Tag in gmsh of the point with the coordinates x, y, z in m."""
         key = tuple(round(c, 9) + 0.0 for c in (x, y, z))
         if key not in self._points:
             self._points[key] = self._model.geo.addPoint(x, y, z)
         return self._points[key]
 
     def line(self, start: int, end: int, divisions: int) -> int:
-        """Tag of a straight line between the points `start` and `end`, in `divisions` equal parts."""
+        """Tag in gmsh of the straight line between the points `start` and `end`, in `divisions` equal parts."""
         return self._curve(start, end, divisions, lambda: self._model.geo.addLine(start, end))
 
     def arc(self, start: int, centre: int, end: int, divisions: int) -> int:
-        """Tag of a circular arc around the point `centre` from point `start` to `end`, in `divisions` equal parts."""
+        """Tag in gmsh of the arc around the point `centre` from the point `start` to `end`, in `divisions` parts."""
         return self._curve(start, end, divisions, lambda: self._model.geo.addCircleArc(start, centre, end))
 
     def _curve(self, start: int, end: int, divisions: int, draw: Any) -> int:
-        """Tag of the curve between two points; `draw` makes it if there is none yet."""
+        """Tag in gmsh of the curve between two points; if there is none yet, `draw` draws it."""
         key = frozenset((start, end))
         if key not in self._curves:
             self._curves[key] = draw()
@@ -78,7 +78,7 @@ class Drawing:
         return self._curves[key]
 
     def patch(self, sides: Sequence[int], quads: bool) -> Entity:
-        """Surface within four curves, meshed in rows and columns: rectangles if `quads`, else triangles."""
+        """Surface within four curves, meshed in rows and columns: by rectangles if `quads`, else by triangles."""
         geo = self._model.geo
         surface = geo.addPlaneSurface([geo.addCurveLoop(sides, reorient=True)])
         geo.mesh.setTransfiniteSurface(surface)
@@ -94,13 +94,16 @@ class Drawing:
     def sweep(self, entities: Sequence[Entity], distance: float, layers: list[float], quads: bool) -> list[Entity]:
         """Sweep curves or surfaces along x by `distance` in m; returns the entities that gmsh makes, in its order.
 
-        `layers` are the ends of the layers of cells as shares of the distance.
+        `layers` are the ends of the layers of cells as shares of `distance`.
         """
         once = [1] * len(layers)
         return list(self._model.geo.extrude(list(entities), distance, 0, 0, once, layers, recombine=quads))
 
     def strips(self, outer: Sequence[int], inner: Sequence[int], divisions: int) -> list[Entity]:
-        """Patches of rectangles between the pairs of curves in `outer` and `inner`, in `divisions` parts across."""
+        """Patches of rectangles between each curve of `outer` and the curve of `inner` with the same number.
+
+        `divisions` is the number of rectangles across.
+        """
         self._model.geo.synchronize()
         patches = []
         for left_curve, right_curve in zip(outer, inner, strict=True):
@@ -118,7 +121,7 @@ class Drawing:
         return patches
 
     def _distance(self, a: int, b: int) -> float:
-        """Distance between two points, given by their tags, m."""
+        """Distance in m between two points, given by their gmsh tags."""
         p, q = (np.array(self._model.getValue(0, tag, [])) for tag in (a, b))
         return float(np.linalg.norm(p - q))
 
@@ -137,7 +140,8 @@ class Drawing:
     ) -> None:
         """Mesh the drawing, move its points and write it to `file`, with `groups` as physical groups.
 
-        `move` maps points (N, 3) m to their new positions.  Rectangles of a surface become four triangles each.
+        `move` maps points (N, 3) m to their new positions.  If the drawing is a surface, each of its rectangles becomes
+        four triangles.
 
         Raises a `NotDrawnError` if cells collapse.
         """
@@ -169,16 +173,16 @@ class Drawing:
         try:
             meshio.write(file, mesh, file_format="gmsh22", binary=True)
         except OSError as error:
-            if error.errno is None:  # arrays that are cut off don't say why; what is written beyond them does
+            if error.errno is None:  # the error of an array that was cut off has no cause; that of further bytes has
                 with file.open("ab") as stream:
                     stream.write(bytes(BEYOND))
             raise
 
 
 def split_quads(points: Array, quads: Indices) -> tuple[Array, Indices]:
-    """Split each of e quadrilaterals (e, 4) into four triangles around its centre.
+    """Split each of e quadrilaterals `quads` (e, 4) into four triangles around its centre.
 
-    Returns the points with the centres added, and the triangles (4 e, 3).
+    Returns the points with the centres added behind them, and the triangles (4 e, 3).
     """
     centre = len(points) + np.arange(len(quads))
     triangles = [np.stack([quads[:, i], quads[:, (i + 1) % 4], centre], axis=1) for i in range(4)]
@@ -186,9 +190,9 @@ def split_quads(points: Array, quads: Indices) -> tuple[Array, Indices]:
 
 
 def graded_nodes(length: float, elements: int, grading: float = 1.0) -> Array:
-    """Nodes (elements + 1,) in m from 0 to `length`.
+    """Coordinates (elements + 1,) in m of a beam's nodes from 0 to `length`.
 
-    Element lengths grow geometrically; `grading` is the last one over the first one.
+    The lengths of the elements grow geometrically; `grading` is the length of the last one over that of the first one.
     """
     if elements == 1 or grading == 1.0:
         return np.linspace(0.0, length, elements + 1)
@@ -198,9 +202,9 @@ def graded_nodes(length: float, elements: int, grading: float = 1.0) -> Array:
 
 
 def read_nodes(file: Path, length: float) -> Array:
-    """Nodes (N,) in m, ascending, of a beam from the line cells of a file that meshio reads.
+    """Coordinates (N,) in m, ascending, of a beam's nodes from the line cells of a file that meshio reads.
 
-    Raises an `InputError` if these form no chain on the x axis from 0 to `length`.
+    Raises an `InputError` if the line cells form no chain on the x axis from 0 to `length`.
     """
 
     def refuse(problem: str) -> InputError:

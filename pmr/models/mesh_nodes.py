@@ -1,7 +1,7 @@
-"""Numbers of a finite-element space's coordinates that depend on the mesh alone, not on ranks or library.
+"""Numbers of a function space's coordinates that depend on the mesh alone, not on MPI ranks or the library's version.
 
 A node sits on each vertex, edge, face or cell that the elements use: P2 triangles have nodes on vertices and edges, Q2
-hexahedra on all of them.  Nodes are ordered by their vertices, which are numbered along the mesh's longest extent; the
+hexahedra on all four.  Nodes are ordered by their vertices, which are numbered along the mesh's longest extent; the
 coordinates of a node have consecutive numbers.
 """
 
@@ -20,9 +20,9 @@ Indices = NDArray[np.int64]
 
 
 def codes(entities: Indices, points: int) -> Indices:
-    """One number for each entity (e, k) with sorted vertices, from its three lowest vertices, unique to the entity.
+    """One number (e,) for each entity (e, k) with sorted vertices, made from its three lowest vertices.
 
-    `points` is the number of the mesh's vertices.
+    It is unique among vertices, edges and faces.  `points` is the number of the mesh's vertices.
     """
     code = np.zeros(len(entities), np.int64)
     for column in range(3):
@@ -34,7 +34,7 @@ def codes(entities: Indices, points: int) -> Indices:
 class Nodes:
     """Nodes of a function space on a mesh, and the numbers of their coordinates."""
 
-    # by dimension of the entities: which components their nodes carry
+    # by dimension of the entities: the components that their nodes carry
     components: Mapping[int, tuple[int, ...]]
     codes: Mapping[int, Indices]  # (e,): by dimension, ascending codes of the entities
     first: Mapping[int, Indices]  # (e,): by dimension, first coordinate of each entity's node
@@ -48,9 +48,10 @@ class Nodes:
         return len(self.component)
 
     def first_coordinates(self, entities: Indices, dim: int, points: int) -> Indices:
-        """First coordinate (e,) of the node on each of the entities (e, k), given by vertices, of dimension `dim`.
+        """Number (e,) of the first coordinate of the node on each of e entities, given by their vertices (e, k).
 
-        `points` is the number of the mesh's vertices.  Raises a `KeyError` if one of them is no entity of the mesh.
+        `dim` is the dimension of the entities and `points` the number of the mesh's vertices.  Raises a `KeyError` if
+        one of the entities is no entity of the mesh.
         """
         entity_codes = codes(np.sort(entities, axis=1), points)
         place = np.clip(np.searchsorted(self.codes[dim], entity_codes), 0, len(self.codes[dim]) - 1)
@@ -60,9 +61,9 @@ class Nodes:
         return self.first[dim][place]
 
     def component_coordinates(self, cells: Indices) -> list[Indices]:
-        """Numbers (c, d) of the coordinates on the given cells, one array for each component.
+        """Numbers (c, d) of the d coordinates on each of c cells, one array for each component.
 
-        They are in the order of the element's functions.
+        Coordinates are in the order of the element's functions; `cells` (c,) are numbers of cells.
         """
         tables = []
         for component in sorted({c for carried in self.components.values() for c in carried}):
@@ -76,10 +77,10 @@ class Nodes:
 
 
 def number_nodes(cell: str, points: Array, cells: Indices, components: Mapping[int, tuple[int, ...]]) -> Nodes:
-    """Number the nodes of a space on a mesh of the given cells.
+    """Number the nodes of a function space on a mesh of cells of the kind `cell`.
 
-    `components` says for each dimension of entities which components their nodes carry; dimensions without nodes are
-    left out.
+    `components` says for each dimension of entities which components their nodes carry.  Dimensions without nodes are
+    left out of it.
     """
     topology = cell_topology(cell)
     code, in_cell, keys, places = {}, {}, [], []
@@ -108,8 +109,9 @@ def number_nodes(cell: str, points: Array, cells: Indices, components: Mapping[i
 
 
 def _dimension_codes(flat: Indices, dim: int, cells: Indices, points: int) -> Indices:
-    """Unique numbers (e,) of entities `flat` (e, k) with sorted vertices: their `codes`, or if `dim` is 3 their order.
+    """Unique numbers (e,) of e entities `flat` (e, k) with sorted vertices and the dimension `dim`.
 
-    In the latter case `cells` are the entities: cells may share their three lowest vertices.
+    They are the `codes` of the entities.  If `dim` is 3, the entities are `cells` and their numbers are 0, 1, 2, ...,
+    as two cells may share their three lowest vertices.
     """
     return np.arange(len(cells), dtype=np.int64) if dim == 3 else codes(flat, points)

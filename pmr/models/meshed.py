@@ -1,6 +1,6 @@
-"""What models on a mesh share: motions of named groups, materials by region, sides of walls, tabulated weak forms.
+"""Common parts of models on a mesh: motions of named groups, materials by region, sides of walls, tabulated quantities.
 
-Quantities in a model's weak form, such as strains, are tabulated as rows on its coordinates.
+A quantity in a model's weak form, such as a strain, is tabulated as rows on the model's coordinates.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ CLEAR = 0.01
 
 
 class TracedModel(ABC):
-    """A body in space that measures places by traces of its displacement."""
+    """A body in space that measures the motion of a place by a trace, its displacement at quadrature points."""
 
     node_stations: None = None
     directions: tuple[str, ...] = DIRECTIONS
 
     @abstractmethod
     def trace(self, place: str | float) -> Trace:
-        """Displacements on a named group, or of the cross-section at a distance along the axis in m."""
+        """Trace of the displacement on a named group, or on the cross-section at a distance along the axis in m."""
 
     def displacement(self, *places: str | float) -> sp.csr_matrix:
         """Rows (3 p, n) of the mean displacements of p places along x, y and z."""
@@ -99,11 +99,14 @@ class MeshedModel(TracedModel):
         return self.mesh.distribute(comm)
 
     def element_coordinates(self, cells: Indices) -> list[Indices]:
-        """Numbers (c, d) of the coordinates on the given cells, one array for each component."""
+        """Numbers (c, d) of the d coordinates on each of c cells, one array for each component."""
         return self.nodes.component_coordinates(cells)
 
     def trace(self, place: str | float) -> Trace:
-        """Displacements on a named group, or of the cross-section at a distance along the axis in m; cached."""
+        """Trace of the displacement on a named group, or on the cross-section at a distance along the axis in m.
+
+        Traces are cached.
+        """
         if place not in self._traces:
             if isinstance(place, str):
                 self._traces[place] = group_trace(self.mesh, self.nodes, place, degree=2)
@@ -113,22 +116,22 @@ class MeshedModel(TracedModel):
 
     @cached_property
     def _traces(self) -> dict[str | float, Trace]:
-        """Traces by place, as far as they have been asked for."""
+        """Traces by place that have been computed so far."""
         return {}
 
     def strip(self, face: str, window: Window) -> Strip:
-        """Quadrature points of a face within a window; raises an `InputError` as `flat_face` and `face_strip`."""
+        """Quadrature points of a face within a window; raises the errors of `flat_face` and `face_strip`."""
         if face not in self._faces:
             self._faces[face] = flat_face(self.mesh, face)
         return face_strip(self._faces[face], self.nodes, window)
 
     @cached_property
     def _faces(self) -> dict[str, FlatFace]:
-        """Flat faces by name, as far as they have been asked for."""
+        """Flat faces by name that have been computed so far."""
         return {}
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        """Numbers of all coordinates along or about the given `directions` on a named group."""
+        """Numbers of all coordinates that belong to a named group and to one of the given `directions`."""
         return coordinates_on(self.mesh, self.nodes, place, [DIRECTIONS.index(d) for d in directions])
 
     def rigid_motions(self) -> Array:
@@ -137,7 +140,7 @@ class MeshedModel(TracedModel):
 
     @property
     def grid(self) -> Grid:
-        """Cells of the mesh; pictures take the displacements of their vertices, although they are quadratic within."""
+        """Cells of the mesh; pictures use the vertices' displacements, though displacements are quadratic in cells."""
         name, order = next((name, order) for name, (kind, _, order) in CELLS_OF_KIND.items() if kind == self.mesh.cell)
         return Grid(name, self.mesh.points, self.mesh.cells[:, order], self.mesh.regions)
 
@@ -151,20 +154,23 @@ class MeshedModel(TracedModel):
 
 @dataclass(frozen=True)
 class CellProperties:
-    """Materials or thicknesses, and which of these kinds each cell of a mesh has."""
+    """Different materials or thicknesses (`kinds`), and which of them each of C cells of a mesh has."""
 
     kinds: tuple[object, ...]
     number: Indices  # (C,): each cell's number among the kinds
 
     def values(self, name: str) -> Array:
-        """Attribute `name` of each cell's kind, (C,); ``material.young`` is the attribute of an attribute."""
+        """Attribute `name` of each cell's material or thickness, (C,).
+
+        `name` may be the attribute of an attribute, such as ``material.young``.
+        """
         return np.array([attrgetter(name)(kind) for kind in self.kinds])[self.number]
 
 
 def region_properties(mesh: NamedMesh, default: object, regions: Mapping[str, object]) -> CellProperties:
-    """Material or thickness of each cell, by its region; cells of no region take the default.
+    """Material or thickness of each cell, by the region of the cell; cells of no region take `default`.
 
-    Raises an `InputError` if the mesh has no such group of cells, or two of them share cells.
+    Raises an `InputError` if the mesh has no group of cells with the name of a region, or two regions share cells.
     """
     owner = np.full(len(mesh.cells), -1)
     for number, name in enumerate(regions):
@@ -176,13 +182,14 @@ def region_properties(mesh: NamedMesh, default: object, regions: Mapping[str, ob
         if shared >= 0:
             raise InputError("scene", f"body.regions.{name}", None, f"shares cells with {list(regions)[shared]}")
         owner[cells] = number
-    return CellProperties((*regions.values(), default), owner)  # -1: the last one
+    return CellProperties((*regions.values(), default), owner)  # number -1 is the last one, the default
 
 
 def frequency_scale(points: Array, material: Material, thickness: float = 0.0) -> float:
     """Scale sqrt(E / rho) r / L^2 in rad/s of the frequencies of a slender beam.
 
-    L is the largest extent of `points` (N, 3) m, r half the smallest, which is at least the thickness (m).
+    E is Young's modulus and rho the density.  L is the largest extent of `points` (N, 3) m; r is half the smallest
+    extent, which counts as `thickness` (m) if it is less.
     """
     extent = np.ptp(points, axis=0)
     depth = max(extent.min(), thickness) / 2.0
@@ -190,9 +197,10 @@ def frequency_scale(points: Array, material: Material, thickness: float = 0.0) -
 
 
 def outward_signs(mesh: NamedMesh, places: Array, normals: Array) -> Array:
-    """1 where a unit normal (f, 3) at a point (f, 3) m points away from the body's axis, -1 towards it, 0 neither.
+    """For each of f points the direction of a unit normal: 1 away from the body's axis, -1 towards it, 0 neither.
 
-    The axis is along the mesh's longest extent, in the middle of the other extents.
+    `places` (f, 3) m are the points and `normals` (f, 3) their normals.  The axis is along the mesh's longest extent,
+    in the middle of the other extents.
     """
     arm = places - (mesh.points.min(axis=0) + mesh.points.max(axis=0)) / 2.0
     arm[:, mesh.axis] = 0.0
@@ -204,8 +212,8 @@ def outward_signs(mesh: NamedMesh, places: Array, normals: Array) -> Array:
 class CellValues:
     """A vector with v components at q points of each of C cells, linear in a model's coordinates."""
 
-    entries: Array  # (C, q, v, d) on the coordinates of each cell
-    coordinates: Indices  # (C, d): their numbers, as `FiniteElementModel.element_coordinates` counts
+    entries: Array  # (C, q, v, d): factors of the d coordinates of each cell
+    coordinates: Indices  # (C, d): numbers of these coordinates, as `FiniteElementModel.element_coordinates` counts
 
 
 def cell_values(model: Any, quantity: Callable[[Any], Any], points: Array) -> CellValues:
@@ -215,7 +223,7 @@ def cell_values(model: Any, quantity: Callable[[Any], Any], points: Array) -> Ce
     ----------
     model : FiniteElementModel
     quantity : callable
-        Returns, for a function space, a UFL vector that is linear in a trial function of it.
+        Returns, for a function space, a UFL vector that is linear in a trial function on this space.
     points : (q, d) array
         Points on the reference cell.
     """
@@ -230,7 +238,10 @@ def cell_values(model: Any, quantity: Callable[[Any], Any], points: Array) -> Ce
 
 
 def coordinate_rows(entries: Array, coordinates: Indices, size: int) -> sp.csr_matrix:
-    """Rows (P v, size) from entries (P, v, d) on coordinates (P, d), the v rows of each point together."""
+    """Rows (P v, size) on `size` coordinates from entries (P, v, d) at P points; the v rows of a point are neighbours.
+
+    `coordinates` (P, d) are the numbers of the d coordinates to which the entries at each point belong.
+    """
     columns = np.broadcast_to(coordinates[:, None], entries.shape)
     ends = np.arange(0, entries.size + 1, entries.shape[-1])
     return sp.csr_matrix((entries.ravel(), columns.ravel(), ends), (len(ends) - 1, size))

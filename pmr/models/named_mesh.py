@@ -34,7 +34,7 @@ DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2, "tetra": 3, "hex
 
 @dataclass(frozen=True)
 class Cells:
-    """Cells of one kind, in meshio's words, with their corners (c, k) as numbers of points."""
+    """Cells of one kind, named as meshio names it, with their corners (c, k) as numbers of points."""
 
     kind: str
     corners: Indices
@@ -52,7 +52,7 @@ class MeshFile:
 def read_mesh_file(file: Path) -> MeshFile:
     """Read points, cells and groups of a deck of Abaqus or CalculiX, or of any file that meshio reads.
 
-    Raises an `InputError` if the file can't be read, or a cell has corners that are not among its points.
+    Raises an `InputError` if the file can't be read, or a cell has corners that are not among the file's points.
     """
     content = (
         _deck_content(read_deck(file)) if file.suffix.lower() == ".inp" and file.is_file() else _meshio_content(file)
@@ -94,13 +94,16 @@ def _deck_content(deck: Deck) -> MeshFile:
 
 
 def _meshio_content(file: Path) -> MeshFile:
-    """Points, cells and groups that meshio reads; raises an `InputError` if it can't, or cells are not linear."""
+    """Points, cells and groups of a file that meshio reads.
+
+    Raises an `InputError` if meshio can't read the file, or cells are not linear.
+    """
     import meshio
 
     try:
         with redirect_stdout(StringIO()), redirect_stderr(StringIO()):  # meshio prints what it tried
             mesh = meshio.read(file)
-    except (Exception, SystemExit):  # meshio leaves with SystemExit where no reader fits
+    except (Exception, SystemExit):  # meshio raises SystemExit if no reader fits
         hint = ", of gmsh with Mesh.SaveAll = 0," if file.suffix.lower() == ".msh" else ""
         allowed = f"meshio can't read it; a mesh with named groups{hint} is allowed"
         raise InputError(str(file), "", None, allowed) from None
@@ -108,14 +111,14 @@ def _meshio_content(file: Path) -> MeshFile:
     if strange:
         raise InputError(str(file), "", None, f"cells of type {', '.join(strange)}; linear cells are allowed")
     points = np.asarray(mesh.points, float)
-    if points.ndim != 2 or not points.size:  # of files without any
+    if points.ndim != 2 or not points.size:  # a file without points
         points = np.empty((0, 3))
     blocks = [Cells(block.type, np.asarray(block.data, np.int64)) for block in mesh.cells]
     return MeshFile(points, blocks, _physical_groups(mesh))
 
 
 def _physical_groups(mesh: Any) -> dict[str, list[Indices]]:
-    """Numbers of each physical group's cells in each of meshio's blocks, from sets (MSH 4) or tags (MSH 2)."""
+    """For each physical group the numbers of its cells in each of meshio's blocks, from sets (MSH 4) or tags (2)."""
     sets = {name: parts for name, parts in mesh.cell_sets.items() if not name.startswith("gmsh:")}
     empty = np.empty(0, np.int64)
     if sets:
@@ -143,7 +146,7 @@ FOLDED = -0.99
 def mesh_fault(cell: str, points: Array, cells: Indices) -> str:
     """Describe why a mesh is unsound; an empty text if it is sound.
 
-    `cell` is the kind of cells in dolfinx' words.
+    `cell` is dolfinx' name of the kind of cells.
     """
     corners = points[cells]
     size = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
@@ -168,14 +171,14 @@ def mesh_fault(cell: str, points: Array, cells: Indices) -> str:
 
 
 def _normals(corners: Array) -> Array:
-    """Normals (C, 3) of triangles with `corners` (C, 3, 3), as long as their areas."""
+    """Normals (C, 3) of triangles with `corners` (C, 3, 3) in m; the length of a normal is the area in m^2."""
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
 
 
 def _corner_volumes(cell: str, corners: Array) -> Array:
-    """Triple products (C, k) of the edges at each corner of a cell.
+    """Triple products (C, k) in m^3 of the three edges at each of k corners of a cell.
 
-    All are positive in a convex cell with the orientation of the file's format.
+    All of them are positive in a convex cell with the orientation of the file's format.
     """
     if cell == "tetrahedron":
         at = np.array([[0, 1, 2, 3]])
@@ -188,9 +191,9 @@ def _corner_volumes(cell: str, corners: Array) -> Array:
 
 
 def _connected_parts(facet_codes: Indices) -> tuple[int, list[int]]:
-    """Number of parts of cells that are connected through facets, and their numbers of cells, largest first.
+    """Number of parts into which the cells fall that share no facet, and the parts' numbers of cells, largest first.
 
-    `facet_codes` (C, f) are the codes of each cell's facets.
+    `facet_codes` (C, f) are the codes of the f facets of each cell.
     """
     count, per_cell = facet_codes.shape
     _, facet = np.unique(facet_codes, return_inverse=True)
@@ -201,7 +204,10 @@ def _connected_parts(facet_codes: Indices) -> tuple[int, list[int]]:
 
 
 def _count_folds(corners: Array, cells: Indices, edge_codes: Indices) -> int:
-    """Number of pairs of triangles with a common edge that lie on the same side of it, folded on each other."""
+    """Number of pairs of triangles with a common edge that are folded on each other, on the same side of the edge.
+
+    `edge_codes` (C, 3) are the codes of the three edges of each triangle.
+    """
     opposite = np.tile(np.arange(3), len(cells))  # edge i of the reference triangle lies opposite vertex i
     triangle = np.repeat(np.arange(len(cells)), 3)
     order = np.argsort(edge_codes.ravel(), kind="stable")
@@ -231,7 +237,7 @@ CELLS_OF_KIND = {
 
 @dataclass(frozen=True)
 class Group:
-    """Named points, lines, faces or cells: their dimension 0 to 3, and vertices (e, k) in dolfinx' order."""
+    """Named points, lines, faces or cells: their dimension 0 to 3, and their vertices (e, k) in dolfinx' order."""
 
     dim: int
     entities: Indices
@@ -241,14 +247,14 @@ class Group:
 class NamedMesh:
     """A mesh in space of one kind of linear cells, the same on every rank.
 
-    Vertices are numbered along the longest extent, so that consecutive numbers are neighbours.
+    Vertices are numbered along the longest extent, so that vertices with consecutive numbers are near each other.
     """
 
     cell: str  # ``"triangle"``, ``"tetrahedron"`` or ``"hexahedron"``
     points: Array  # (N, 3) m
     cells: Indices  # (C, k): vertices in dolfinx' order
     groups: Mapping[str, Group]
-    regions: Mapping[str, Indices]  # of each group of cells the cells' numbers (c,)
+    regions: Mapping[str, Indices]  # (c,) each: numbers of the cells of each group of cells
     source: str = "mesh"  # where the mesh is from, for messages
 
     @cached_property
@@ -263,11 +269,11 @@ class NamedMesh:
         return x.min(axis=1), x.max(axis=1)
 
     def distribute(self, comm: MPI.Comm) -> Any:
-        """The mesh in dolfinx, spread over `comm`; collective."""
+        """The mesh as a dolfinx mesh, spread over `comm`; collective."""
         return create_mesh(comm, self.cell, self.points, self.cells)
 
     def require(self, names: Sequence[str]) -> None:
-        """Raise an `InputError`, which lists the groups there are, if one of the named groups is missing."""
+        """Raise an `InputError`, which lists the mesh's groups, if one of the named groups is missing."""
         missing = [name for name in names if name not in self.groups]
         if missing:
             names_there = ", ".join(sorted(self.groups)) or "none"
@@ -275,14 +281,14 @@ class NamedMesh:
 
 
 def read_mesh(file: Path, kinds: Sequence[str], groups: Sequence[str] = ()) -> NamedMesh:
-    """Read a mesh from any file that meshio reads, or a deck.
+    """Read a mesh from any file that meshio reads, or from a deck of Abaqus or CalculiX.
 
     Groups are gmsh's physical groups or a deck's element sets.
 
     Parameters
     ----------
     kinds : sequence of str
-        Kinds of cells that the model allows, in dolfinx' words, e.g. ``("triangle",)``.
+        Kinds of cells that the model allows, by dolfinx' names, such as ``("triangle",)``.
     groups : sequence of str
         Groups that the mesh must have.
 
@@ -306,9 +312,9 @@ def named_mesh(
     kinds: Sequence[str],
     source: str = "mesh",
 ) -> NamedMesh:
-    """Checked mesh from blocks of cells (kind, dimension, vertices) and each group's cell numbers in every block.
+    """Checked mesh from blocks of cells (kind, dimension, vertices) and each group's numbers of cells in every block.
 
-    `kinds` are the allowed cells; `source` is named in errors.  Raises an `InputError` as `read_mesh`.
+    `kinds` are the allowed kinds of cells.  `source` is the mesh's name in errors.  Raises the errors of `read_mesh`.
     """
 
     def refuse(what: str) -> InputError:

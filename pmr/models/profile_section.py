@@ -2,8 +2,8 @@ r"""Properties of a beam's section from its profile, and the mass of transverse 
 
 Area and second moments are those of the plates with their thickness, exactly: plates that meet at a sharp corner are
 mitred there, rounded corners are sectors of a ring.  All other properties follow from the shear flow q in thin walls
-under a transverse force V.  With the arc length s, the thickness t, p from the walls' centroid to a point of the
-mid-line, the outward normal n and the area :math:`A_m` that the mid-line encloses:
+under a transverse force V.  With the arc length s, the thickness t, the vector p from the walls' centroid to a point of
+the mid-line, the outward normal n, the area :math:`A_m` that the mid-line encloses, and the flow :math:`q_0` at s = 0:
 
 .. math::
     q = q_0 - V^T I^{-1} Q(s), \qquad Q(s) = \int_0^s t\, p\, ds, \qquad I = \oint t\, p\, p^T ds, \qquad
@@ -11,27 +11,28 @@ mid-line, the outward normal n and the area :math:`A_m` that the mid-line enclos
 
 The shear centre is where V has the moment of q, :math:`\oint q\, (p \cdot n)\, ds`.  The torsion constant is Bredt's,
 :math:`4 A_m^2 / \oint ds / t` (Young, Budynas, Sadegh: Roark's Formulas for Stress and Strain, 8th ed., 2012, section
-10.3).  The shear areas are :math:`V^2 / \oint (q^2 / t) ds`, from the energy of the flow, times the factor by which
-Poisson's ratio changes Cowper's coefficient of the box of the same width and height: with :math:`m = b / h`, h along
-the force and b across it,
+10.3).  The shear areas are :math:`V^2 / \oint (q^2 / t) ds`, from the energy of the flow, times a factor for Poisson's
+ratio :math:`\nu`.  The factor is that by which :math:`\nu` changes Cowper's coefficient :math:`\kappa` of the box of
+the same width and height: with :math:`m = b / h`, h along the force and b across it,
 
 .. math::
     \kappa = \frac{10 (1 + \nu) (1 + 3 m)^2}{12 + 72 m + 150 m^2 + 90 m^3 + \nu (11 + 66 m + 135 m^2 + 90 m^3)
              + 10 m^2 ((3 + \nu) m + 3 m^2)}
 
-which for :math:`\nu = 0` is the energy's.  Cowper: The shear coefficient in Timoshenko's beam theory, Journal of
-Applied Mechanics 33, 1966, 335-340, table 1.  It is exact within 2 % for a circular tube.  Left out: warping, which is
-free, and the shear that a force along one principal axis makes along the other.
+For :math:`\nu = 0` this is the coefficient from the energy.  Cowper: The shear coefficient in Timoshenko's beam theory,
+Journal of Applied Mechanics 33, 1966, 335-340, table 1.  For a circular tube the shear area is exact within 2 %.  Left
+out: warping, which is free, and the shear that a force along one principal axis makes along the other.
 
 The mass of transverse plates within a box is spread over the elements of its beam.  With the outline of a plane figure
-counter-clockwise, its normal n outwards and p from the beam's axis,
+counter-clockwise, its normal n outwards, the vector p from the beam's axis and the area A,
 
 .. math:: A = \frac12 \oint p \cdot n\, ds, \qquad \int p\, dA = \frac13 \oint p\, (p \cdot n)\, ds, \qquad
     \int p\, p^T dA = \frac14 \oint p\, p^T (p \cdot n)\, ds
 
-a ring is the figure within the walls' mid-line less the one within the mid-line moved inwards by the ring's depth.  A
-plate's mass is shared by the two elements between whose middles it is, so that its sum and its centre are exact;
-before the first middle and behind the last one it goes to that element alone.
+A ring is the figure within the walls' mid-line less the figure within the mid-line moved inwards by the ring's depth.
+A plate's mass is shared by the two elements between whose middles the plate is, so that the sum of the masses and their
+centre are exact.  The mass of a plate before the first middle goes to the first element alone, that of a plate behind
+the last middle to the last element.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ ROUND_OFF = 1e-12
 
 @dataclass(frozen=True)
 class MidLine:
-    """The mid-line of a profile's walls; k sides with q Gauss points each."""
+    """The mid-line of a profile's walls, with k sides and q Gauss points on each side."""
 
     profile: BoxProfile
 
@@ -81,7 +82,7 @@ class MidLine:
 
     @cached_property
     def points(self) -> Array:
-        """Gauss points, y and z, (k, q, 2) m."""
+        """Coordinates y and z of the Gauss points, (k, q, 2) m."""
         return np.array([points_along(side, POINTS) for side in self.sides])
 
     @cached_property
@@ -96,7 +97,7 @@ class MidLine:
 
     @property
     def middle(self) -> Array:
-        """Centroid of the line itself, whatever the thickness, (2,) m: the mean over a shell's end."""
+        """Centroid (2,) in m of the line itself, whatever the thickness: the mean position over the end of a shell."""
         return _zero_round_off(
             np.einsum("k,kqi,q", self.lengths, self.points, WEIGHTS) / self.lengths.sum(), self._size
         )
@@ -132,7 +133,10 @@ class MidLine:
 
     @property
     def shear_compliance(self) -> Array:
-        """Integrals of the products of both shear flows over the thickness, (2, 2) 1/m^2: inverse shear areas."""
+        """Inverse shear areas (2, 2) in 1/m^2: integrals of products of both shear flows over the thickness t.
+
+        The integrals are those of q_i q_j / t along the line, with the flows q_1 and q_2 of unit forces along y and z.
+        """
         return np.einsum("k,kqi,kqj,q", self.lengths / self.thickness, self.flow, self.flow, WEIGHTS)
 
     @property
@@ -143,7 +147,7 @@ class MidLine:
 
     @property
     def _size(self) -> float:
-        """Larger one of width and height, m, by which round-off is judged."""
+        """The larger of width and height, m, by which round-off is judged."""
         return max(self.profile.width, self.profile.height)
 
 
@@ -173,12 +177,12 @@ def section_of(profile: BoxProfile, poisson: float) -> BeamSection:
 
 
 def _zero_round_off(values: Array, size: float) -> Array:
-    """Values with those set to zero that are round-off compared to `size`."""
+    """Copy of `values` in which values that are round-off compared to `size` are set to zero."""
     return np.asarray(np.where(np.abs(values) > ROUND_OFF * size, values, 0.0))
 
 
 def _arc_angles(side: Side, x: Array) -> tuple[Array, float]:
-    """Angles (q,) in rad of points at the shares x (q,) in [0, 1] along an arc, and the angle of its start."""
+    """Angles (q,) in rad of points at the shares x (q,) in [0, 1] along an arc, and the angle of the arc's start."""
     y, z = np.subtract(side.start, side.centre or (0.0, 0.0))
     start = float(np.arctan2(z, y))
     return start + side.angle * x, start
@@ -201,9 +205,9 @@ def normals(side: Side, x: Array) -> Array:
 
 
 def _first_moments(side: Side, x: Array, centroid: Array) -> Array:
-    """Integrals (q, 2) m^3 of t p ds from a side's start to the shares x (q,) along it.
+    """Integrals (q, 2) in m^3 of t p ds from a side's start to the shares x (q,) along the side.
 
-    s is the length along the side, t its thickness, p from `centroid` (2,) to the mid-line.
+    s is the length along the side, t the side's thickness, p the vector from `centroid` (2,) to the mid-line.
     """
     s = (side.length * x)[:, None]
     if side.centre is None:
@@ -217,9 +221,9 @@ Integrals = tuple[Array, Array, Array]
 
 
 def _strip(side: Side, before: Side, after: Side) -> Integrals:
-    """Integrals of 1, p (2,) and p p^T (2, 2) over a flat plate, with p from the axis.
+    """Integrals of 1, p (2,) and p p^T (2, 2) over a flat plate, with the vector p from the axis.
 
-    It is mitred at sharp corners.
+    The plate is mitred at sharp corners.
     """
     x, w = np.polynomial.legendre.leggauss(3)
     out = x * side.thickness / 2.0
@@ -232,7 +236,10 @@ def _strip(side: Side, before: Side, after: Side) -> Integrals:
 
 
 def _mitre(side: Side, other: Side) -> float:
-    """Shortening at a plate's end per metre outwards from the mid-line, to meet `other` in a mitre; 0 beside an arc."""
+    """Length by which a plate's end is shorter per metre outwards from the mid-line, to meet `other` in a mitre.
+
+    It is 0 beside an arc.
+    """
     if other.centre is not None:
         return 0.0
     cosine = float(side.direction @ other.direction)
@@ -240,7 +247,10 @@ def _mitre(side: Side, other: Side) -> float:
 
 
 def _sector(side: Side) -> Integrals:
-    """Integrals of 1, p (2,) and p p^T (2, 2) over a rounded corner, a sector of a ring, with p from the axis."""
+    """Integrals of 1, p (2,) and p p^T (2, 2) over a rounded corner, a sector of a ring.
+
+    p is the vector from the axis.
+    """
     r, t, centre = side.radius, side.thickness, np.array(side.centre)
     (b,), a = _arc_angles(side, np.ones(1))
     c, s, twice = np.sin(b) - np.sin(a), np.cos(a) - np.cos(b), (np.sin(2.0 * b) - np.sin(2.0 * a)) / 4.0
@@ -253,15 +263,15 @@ def _sector(side: Side) -> Integrals:
 
 
 def _poisson_factor(across: float, along: float, nu: float) -> float:
-    """Factor by which Poisson's ratio changes the shear coefficient of a box `across` wide and `along` high (m).
+    """Factor by which Poisson's ratio `nu` changes the shear coefficient of a box.
 
-    The force acts along its height.
+    The box has the size `along` (m) along the force and the size `across` (m) across the force.
     """
     return _shear_coefficient(across / along, nu) / _shear_coefficient(across / along, 0.0)
 
 
 def _shear_coefficient(m: float, nu: float) -> float:
-    """Cowper's shear coefficient kappa of a thin-walled box, m being its width over its height along the force."""
+    """Cowper's shear coefficient kappa of a thin-walled box; m is its size across the force over its size along it."""
     return (
         10.0 * (1.0 + nu) * (1.0 + 3.0 * m) ** 2
         / (
@@ -274,34 +284,34 @@ def _shear_coefficient(m: float, nu: float) -> float:
 
 @dataclass(frozen=True)
 class Plane:
-    """Integrals over a plane figure, with p from the beam's axis: of 1, p and p p^T."""
+    """Integrals of 1, p and p p^T over a plane figure, with the vector p from the beam's axis."""
 
     area: float  # m^2
     first: Array  # (2,) m^3
     second: Array  # (2, 2) m^4
 
     def less(self, other: Plane) -> Plane:
-        """Integrals over this figure without `other`, which is inside."""
+        """Integrals over this figure without `other`, a figure inside it."""
         return Plane(self.area - other.area, self.first - other.first, self.second - other.second)
 
 
 @dataclass(frozen=True)
 class RingMasses:
-    """Areas and moments that plates add to each of E elements, spread over its length."""
+    """Areas and moments that transverse plates add to each of E elements, spread over the element's length."""
 
-    ends: Array  # (E + 1,) m: of the elements along the axis
+    ends: Array  # (E + 1,) m: ends of the elements along the axis
     area: Array  # (E,) m^2
-    first: Array  # (E, 2) m^3, about the axis
+    first: Array  # (E, 2) m^3: first moments about the axis
     second: Array  # (E, 2, 2) m^4
 
     def at_positions(self, places: Array) -> RingMasses:
-        """Areas and moments of the elements that contain the coordinates `places` (e,) m."""
+        """Areas and moments of those e elements that contain the coordinates `places` (e,) m."""
         number = np.clip(np.searchsorted(self.ends, places) - 1, 0, len(self.area) - 1)
         return replace(self, area=self.area[number], first=self.first[number], second=self.second[number])
 
     @cached_property
     def centroid(self) -> Array:
-        """Centroids of the added areas, (E, 2) m; zero where nothing is added."""
+        """Centroids (E, 2) in m of the added areas; zero where nothing is added."""
         return self.first / np.where(self.area > 0.0, self.area, 1.0)[:, None]
 
     @cached_property
@@ -330,7 +340,7 @@ def ring_masses(box: Box, stations: Array) -> RingMasses:
 
 
 def inset_sides(sides: tuple[Side, ...], depth: float) -> tuple[Side, ...]:
-    """Sides of a profile, moved inwards by `depth` (m)."""
+    """Sides of a profile after all sides are moved inwards by `depth` (m)."""
     inner_sides = []
     for k, side in enumerate(sides):
         a, b = shifted_ends(sides, k, lambda _: -depth)
@@ -339,7 +349,7 @@ def inset_sides(sides: tuple[Side, ...], depth: float) -> tuple[Side, ...]:
 
 
 def enclosed_figure(sides: tuple[Side, ...]) -> Plane:
-    """Area and moments of the figure that the mid-line of a profile's sides encloses."""
+    """Area and moments of the figure that the mid-line of the `sides` of a profile encloses."""
     area, first, second = 0.0, np.zeros(2), np.zeros((2, 2))
     for side in sides:
         p = points_along(side, POINTS)

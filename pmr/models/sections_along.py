@@ -1,22 +1,23 @@
 r"""Sections of a beam along its axis, the bending of an element, and stresses in the profile's outer corners.
 
-Stresses follow from section forces: Navier's from the normal force and bending, Bredt's from the torque, in the
-thinner of the two plates that meet in a corner.  Left out are the shear stresses of transverse forces, largest in the
-middle of a wall; warping; and all that a beam does not represent, such as walls that bend under pads.  Outer corners
-that are rounded get the stresses of sharp ones, which are larger.
+Stresses follow from section forces: Navier's from the normal force and bending, Bredt's from the torque, in the thinner
+of the two plates that meet in a corner.  Left out are the shear stresses of transverse forces, largest in the middle of
+a wall; warping; and all that a beam does not represent, such as walls that bend under pads.  Outer corners that are
+rounded get the stresses of sharp ones, which are larger.
 
-Bending in one plane, with cubic Hermite elements of length h, with shear or without:
+Bending in one plane, with cubic Hermite elements of length h and the bending stiffness EI, has the stiffness k.  w is
+the cubic deflection, and :math:`\kappa G A` is the shear stiffness:
 
 .. math::
     k = \int EI \Bigl( w'' \delta w'' - \frac{h^2}{12} \frac{\Phi}{1 + \Phi} w''' \delta w''' \Bigr) dx, \qquad
     \Phi = \frac{12 EI}{\kappa G A h^2}
 
-Without shear Phi = 0 and the last term is left out: Euler and Bernoulli's beam.  With shear, nodal slopes are
-rotations psi of the section.  The shear strain of an element, :math:`\gamma = -\frac{h^2}{12} \frac{\Phi}{1 + \Phi}
-w'''`, follows from its own minimum of energy, which gives the term above and the interpolation :math:`w + \gamma h (X
-- 3 X^2 + 2 X^3)`, :math:`\psi = w' - \gamma`, with X in [0, 1] along the element: nodal values are exact in statics,
-frequencies converge with order 2 (4 without shear).  Przemieniecki: Theory of Matrix Structural Analysis, 1968,
-section 5.6 (stiffness), 11.3 (mass).
+Without shear :math:`\Phi = 0` and the last term vanishes: Euler and Bernoulli's beam.  With shear, nodal slopes are
+rotations :math:`\psi` of the section.  The shear strain of an element, :math:`\gamma = -\frac{h^2}{12} \frac{\Phi}{1 +
+\Phi} w'''`, is the one with the least energy.  It gives the term above and the interpolations :math:`w + \gamma h (X -
+3 X^2 + 2 X^3)` of the deflection and :math:`\psi = w' - \gamma` of the rotation, with X in [0, 1] along the element.
+Nodal values are exact in statics; frequencies converge with order 2 (4 without shear).  Przemieniecki: Theory of Matrix
+Structural Analysis, 1968, section 5.6 (stiffness), 11.3 (mass).
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ Indices = NDArray[np.int64]
 class SectionsAlong:
     """K sections of a beam, one after the other along its axis, and their properties.
 
-    Second moments and shear areas are along each section's principal axes.
+    Second moments and shear areas are along the principal axes of each section.
     """
 
     ends: Array  # (K + 1,) m: start of each section, and end of the last one
@@ -56,7 +57,7 @@ class SectionsAlong:
     def section_numbers(self, places: Array | float) -> Indices:
         """Numbers (k,) of the sections at coordinates `places` (k,) m along the axis.
 
-        Where one section ends and another begins, it is the latter.
+        Where one section ends and another begins, the number is that of the section that begins.
         """
         return np.clip(np.searchsorted(self.ends, places, side="right") - 1, 0, len(self.each) - 1)
 
@@ -66,7 +67,7 @@ class SectionsAlong:
         return None if stretch is None else stretch.profile_at(x)
 
     def middle_at(self, x: float) -> Array:
-        """Centroid of the walls' mid-line at x (m), (2,) m, which is a shell's mean over its end.
+        """Centroid (2,) in m of the walls' mid-line at x (m), which is also the mean position over the end of a shell.
 
         It is on the axis if there is no profile.
         """
@@ -79,7 +80,7 @@ class SectionsAlong:
 
     @cached_property
     def _middles(self) -> tuple[Array | None, ...]:
-        """Centroid of the walls' mid-line of each section, (2,) m; None where it varies along the section."""
+        """Centroid (2,) in m of the walls' mid-line of each section; None where it varies along the section."""
         return tuple(
             np.zeros(2) if stretch is None else MidLine(stretch.first).middle if stretch.first is stretch.last else None
             for stretch in self.stretches
@@ -117,7 +118,7 @@ class SectionsAlong:
 
     @cached_property
     def principal(self) -> Array:
-        """Matrices R (K, 2, 2) with the principal axes as rows, turned by at most 45 degrees against y and z."""
+        """Matrices R (K, 2, 2) whose rows are the principal axes, turned by at most 45 degrees against y and z."""
         return np.array([_principal_axes(section) for section in self.each])
 
     @cached_property
@@ -144,9 +145,10 @@ class SectionsAlong:
 
     @cached_property
     def centre_motions(self) -> Array:
-        """Matrices (K, 6, 6) that give u_c, v_s, w_s, phi and rotations about the principal axes from the axis' motion.
+        """Matrices (K, 6, 6), one per section, that give the motion of its centres from the motion of the axis.
 
-        u_c is the centroid's displacement along x; v_s and w_s are the shear centre's along the principal axes.
+        The motion of the centres is u_c, v_s, w_s, phi and the rotations about the principal axes.  u_c is the
+        centroid's displacement along x; v_s and w_s are the shear centre's displacements along the principal axes.
         """
         motion = centre_motion_matrices(self)
         motion[:, 1:3], motion[:, 4:] = self.principal @ motion[:, 1:3], self.principal @ motion[:, 4:]
@@ -154,9 +156,10 @@ class SectionsAlong:
 
 
 def centre_motion_matrices(sections: SectionsAlong) -> Array:
-    """Matrices (K, 6, 6) that give u of the centroid, v and w of the shear centre and rotations from the axis' motion.
+    """Matrices (K, 6, 6), one per section, that give the motion of its centres along x, y and z from that of the axis.
 
-    Unlike `SectionsAlong.centre_motions`, all components are along and about x, y and z.
+    The motion of the centres is u of the centroid, v and w of the shear centre, and the rotations.  Unlike in
+    `SectionsAlong.centre_motions`, all components are along and about x, y and z, not the principal axes.
     """
     motion = np.tile(np.eye(6), (len(sections.each), 1, 1))
     motion[:, 0, 4], motion[:, 0, 5] = sections.centroid[:, 1], -sections.centroid[:, 0]
@@ -167,8 +170,7 @@ def centre_motion_matrices(sections: SectionsAlong) -> Array:
 def sections_of(body: Beam3DBody, stations: Array, box: Box | None = None) -> SectionsAlong:
     """Sections of a beam with nodes at `stations` (N,) m, from its section, its profile or a `box` that varies.
 
-    A stretch of constant profile is one section.  Where the profile changes along a stretch, each element is a
-    section.
+    A stretch of constant profile is one section.  Where the profile changes along a stretch, each element is a section.
     """
     poisson = body.material.poisson
     if body.profile is None:
@@ -185,7 +187,7 @@ def sections_of(body: Beam3DBody, stations: Array, box: Box | None = None) -> Se
 
 
 def mean_section(stretch: Stretch, poisson: float) -> BeamSection:
-    """Mean properties over a stretch by Gauss' rule; exact for the area, which is quadratic in x."""
+    """Mean properties of the section over a stretch by Gauss' rule; exact for the area, which is quadratic in x."""
     if stretch.first is stretch.last:
         return section_of(stretch.first, poisson)
     x, w = np.polynomial.legendre.leggauss(3)
@@ -196,13 +198,16 @@ def mean_section(stretch: Stretch, poisson: float) -> BeamSection:
 
 
 def _inner_nodes(stretch: Stretch, stations: Array) -> list[float]:
-    """Nodes strictly inside a stretch whose profile changes along it; none in others."""
+    """Nodes strictly inside a stretch if its profile changes along it, otherwise none."""
     inside = (stations > stretch.start) & (stations < stretch.end) & (stretch.first is not stretch.last)
     return [float(at) for at in stations[inside]]
 
 
 def stations_of(breaks: Sequence[float], elements: int) -> Array:
-    """Nodes in m of a beam of about `elements` elements: one at each of the breaks (m), evenly spaced in between."""
+    """Coordinates in m of the nodes of a beam of about `elements` elements.
+
+    There is a node at each of the `breaks` (m), and the nodes between two breaks are evenly spaced.
+    """
     parts = [np.array(breaks[:1])]
     for a, b in zip(breaks[:-1], breaks[1:], strict=True):
         count = max(1, round(elements * (b - a) / (breaks[-1] - breaks[0])))
@@ -224,10 +229,11 @@ Corners = tuple[dict[str, Array], Array]
 
 
 def corner_stress_factors(profile: BoxProfile, section: BeamSection) -> Corners:
-    r"""Corners of a profile, and the axial and torsion stress in each per unit section force, (k, 2, 6).
+    r"""Corners of a profile, and the axial and torsion stress in each of k corners per unit section force, (k, 2, 6).
 
-    Section forces are in the order of `FORCES`.  With the corner p, the centroid c, the area A, the second moments I,
-    the enclosed area :math:`A_m` and the thickness t
+    Section forces are in the order of `FORCES`.  The axial stress :math:`\sigma` follows from the normal force N and
+    the bending moments :math:`M_y` and :math:`M_z`, the torsion stress :math:`\tau` from the torque T.  With the corner
+    p, the centroid c, the area A, the second moments I, the enclosed area :math:`A_m` and the thickness t
 
     .. math:: \sigma = \frac{N}{A} + \begin{pmatrix} -M_z & M_y \end{pmatrix} I^{-1} (p - c), \qquad
         \tau = \frac{T}{2 A_m t}
@@ -265,7 +271,7 @@ def stresses_along(
     number, element : (P,) integer arrays
         Section and element of each point.
     forces : ForceRows
-        Section forces; those of one kind at all P points come after each other.
+        Section forces; the forces of one kind at all P points come after each other.
     corners : callable
         `corner_stress_factors` or `fibre_stress_factors`.  Where a profile varies along its section, it is called with
         the profile at the point.
@@ -290,9 +296,9 @@ def stress_rows(forces: ForceRows, element: Indices, corners: Mapping[str, Array
     Parameters
     ----------
     element : (P,) array
-        Element of each point.
+        Number of the element of each point.
     corners : dict of str to (P, 2) array, m
-        y and z of each of the k corners at each point.
+        y and z of each of the k corners at each point, by the corner's name.
     of : (P, k, c, 6) array
         c stress components in the corners per unit section force: axial, then torsion if c = 2.
     """
@@ -328,11 +334,11 @@ FIRST, THIRD = (np.array([np.polyder(p, k) for p in HERMITE]) for k in (1, 3))
 
 @dataclass(frozen=True)
 class Deflection:
-    """Bending in one plane, in UFL: the interpolated cubic's derivatives, the shear strain, and the motion from both.
+    """Bending in one plane, in UFL: derivatives of the interpolated cubic, shear strain, and the motion from both.
 
     `second` in 1/m and `third` in 1/m^2 are derivatives of the interpolated cubic; `shear` is the shear strain, None
     for a beam that is rigid in shear.  `value` is the deflection in m, `rotation` that of the section in rad,
-    `curvature` its derivative in 1/m.
+    `curvature` the derivative of the rotation in 1/m.
     """
 
     second: Any
@@ -354,10 +360,10 @@ class Bending:
     shear_stiffness: Array | None = None  # (K,)
 
     def shape_weights(self, h: Array, X: Array, number: Indices) -> tuple[Array, Array]:
-        """Weights (4, q) of w_1, psi_1, w_2, psi_2 in the deflection and in the section's rotation, in q elements.
+        """Weights (4, q) of w_1, psi_1, w_2, psi_2 in the deflection, and in the section's rotation, in q elements.
 
-        w_1 and psi_1 are deflection and rotation at the element's first node, w_2 and psi_2 at its second.  Weights
-        are at X h in elements of lengths h (m) with the sections `number`; X in [0, 1], h and number are (q,).
+        w_1 and psi_1 are deflection and rotation at the element's first node, w_2 and psi_2 at its second.  Point i is
+        at the share X[i] in [0, 1] of an element of length h[i] in m with section number[i]; h, X and number are (q,).
         """
         scale = np.stack([np.ones_like(h), h, np.ones_like(h), h])
         value, slope = _evaluate(HERMITE, X) * scale, _evaluate(FIRST, X) * scale / h
@@ -368,11 +374,11 @@ class Bending:
         return value + gamma * h * (X - 3 * X**2 + 2 * X**3), slope + gamma * (-6 * X + 6 * X**2)
 
     def deflection(self, w: Any, h: Any, X: Any, of_elements: Callable[[Array], Any]) -> Deflection:
-        """Deflection in UFL from the cubic w in elements of lengths h, at X in [0, 1] along each.
+        """Deflection in UFL from the cubic w in elements of length h, at the share X in [0, 1] along each element.
 
-        `of_elements` turns a property (K,) of the sections into UFL.
+        `of_elements` turns a property (K,) of the K sections into UFL.
         """
-        first = w.dx(0)  # each looks through all that it is the derivative of
+        first = w.dx(0)  # UFL looks through the whole expression for each derivative
         second = first.dx(0)
         third = second.dx(0)
         if self.shear_stiffness is None:
@@ -384,9 +390,9 @@ class Bending:
         return Deflection(second, third, gamma, w + gamma * bulge, rotation, curvature)
 
     def energy(self, of: Deflection, by: Deflection, of_elements: Callable[[Array], Any]) -> Any:
-        """Integrand of the bending stiffness in UFL, for trial (`of`) and test function (`by`).
+        """Integrand of the bending stiffness in UFL, for the trial function (`of`) and the test function (`by`).
 
-        `of_elements` turns a property (K,) of the sections into UFL.
+        `of_elements` turns a property (K,) of the K sections into UFL.
         """
         EI = of_elements(self.stiffness)
         integrand = EI * of.second * by.second
@@ -394,7 +400,7 @@ class Bending:
 
 
 def _evaluate(polynomials: Array, X: Array) -> Array:
-    """Values (p, q) of p polynomials (p, d), highest power first, at X (q,)."""
+    """Values (p, q) of p polynomials (p, d), highest power first, at the arguments X (q,)."""
     values = np.zeros((len(polynomials), len(X)))
     for c in polynomials.T:
         values = values * X + c[:, None]

@@ -1,6 +1,8 @@
 r"""Linear shell on flat triangles: quadratic displacement u, Crouzeix-Raviart rotation theta, in space.
 
-With the triangle's frame e_1, e_2, e_3 and the surface gradient :math:`\nabla_t`
+With the triangle's frame e_1, e_2, e_3, of which e_3 is normal to it, the part :math:`u_t` of u in its plane and the
+surface gradient :math:`\nabla_t`, membrane strain :math:`\varepsilon`, curvature :math:`\kappa`, shear strain
+:math:`\gamma` and drilling strain :math:`\varpi` are
 
 .. math::
     \varepsilon = \mathrm{sym}(\nabla_t u_t), \quad
@@ -8,27 +10,29 @@ With the triangle's frame e_1, e_2, e_3 and the surface gradient :math:`\nabla_t
     \gamma = \nabla_t u_3 - e_3 \times \theta, \quad
     \varpi = (u_{2,1} - u_{1,2}) / 2 - \theta_3
 
+and with the thickness t and the density :math:`\rho` stiffness k and mass m are
+
 .. math::
     k = \int t\, \varepsilon : A : \delta\varepsilon + \frac{t^3}{12} \kappa : A : \delta\kappa
-        + \kappa G t\, \gamma \cdot \delta\gamma + \frac{E t^3}{h^2} \varpi\, \delta\varpi \, dA, \qquad
+        + \kappa_s G t\, \gamma \cdot \delta\gamma + \frac{E t^3}{h^2} \varpi\, \delta\varpi \, dA, \qquad
     m = \int \rho t\, u \cdot \delta u + \frac{\rho t^3}{12} \theta \cdot \delta\theta \, dA
 
-A is the plane-stress stiffness, kappa the shear correction, 5/6.  The last term of k ties the drilling rotation
-theta_3, which has no stiffness of its own, to that of the surface; h is the triangle's diameter.  Its rotary inertia,
-of no consequence, keeps m definite.
+A is the plane-stress stiffness, E is Young's modulus, G the shear modulus, :math:`\kappa_s` the shear correction, 5/6,
+and h the triangle's diameter.  The last term of k ties the drilling rotation theta_3, which has no stiffness of its
+own, to the rotation of the surface.  The rotary inertia of theta_3 has no physical meaning; it keeps m definite.
 
 The pair of spaces does not lock in shear: Campello, Pimenta, Wriggers: A triangular finite shell element based on a
 fully nonlinear shell formulation, Computational Mechanics 31, 2003, 505-518 (element T6-3i).  The linear form with
 stabilised drilling in UFL: Bleyer, Numerical Tours of Computational Mechanics with FEniCSx, "Linear shell model", 2024.
 
-Stresses follow from the same strains:
+Stresses follow from the same strains, at the distance :math:`\zeta` from the middle along the normal n:
 
 .. math::
     \sigma(\zeta) = A : (\varepsilon - \zeta \kappa), \qquad -t/2 \le \zeta \le t/2
 
-zeta counts along the normal n; a rotation theta moves the fibre by zeta theta x n.  On a triangle the curvature is
-constant and the membrane strain linear.  Both are taken at the centroid, where the latter equals its mean over the
-triangle: values on the edges are one order less accurate.  Transverse shear vanishes at both faces.
+A rotation theta moves the point at zeta by zeta theta x n.  On a triangle the curvature is constant and the membrane
+strain linear.  Both are taken at the centroid, where the membrane strain equals its mean over the triangle: values on
+the edges are one order less accurate.  Transverse shear vanishes at both faces.
 """
 
 from __future__ import annotations
@@ -80,7 +84,10 @@ class Shell(MeshedModel):
 
     @property
     def components(self) -> Mapping[int, tuple[int, ...]]:
-        """Displacements on vertices and edges, rotations on edges."""
+        """Components of an entity's node, by the dimension of the entity.
+
+        Displacements are on vertices and edges, rotations on edges.
+        """
         return {0: (0, 1, 2), 1: (0, 1, 2, 3, 4, 5)}
 
     @cached_property
@@ -122,10 +129,11 @@ class Shell(MeshedModel):
         return Forms(self.inertia(space, ufl.Identity(3)) + drilling, stiffness)
 
     def inertia(self, space: Any, S: Any) -> Any:
-        r"""The UFL form of :math:`\int \rho t\, v \cdot S u + \frac{\rho t^3}{12} v_{,\zeta} \cdot S u_{,\zeta}\, dA`.
+        r"""UFL form of :math:`\int \rho t\, v \cdot S u + \frac{\rho t^3}{12} v_{,\zeta} \cdot S u_{,\zeta}\, dA`.
 
-        A point at the distance zeta from the middle along the normal n moves by u + zeta theta x n, so drilling
-        rotations do not contribute.
+        u and v are the displacements of trial and test function, rho is the density and t the thickness.  A point at
+        the distance zeta from the middle along the normal n moves by u + zeta theta x n, so drilling rotations do not
+        contribute.
         """
         mesh = space.mesh
         _, _, rho, t = self._cellwise(mesh)
@@ -136,11 +144,12 @@ class Shell(MeshedModel):
         return of_plate * _mass_measure(mesh)
 
     def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
-        r"""The UFL form of the work of a state's membrane stress sigma on products of gradients.
+        r"""UFL form of the work of a state's membrane stress sigma on products of displacement gradients.
 
         .. math:: \int t\, \sigma_{\alpha\beta}\, u_{i,\alpha} v_{i,\beta}\, dA
 
-        The bending part of the stress and the gradient of rotations are left out.
+        u and v are the displacements of trial and test function, t is the thickness.  The bending part of the stress
+        and the gradient of rotations are left out.
         """
         mesh = space.mesh
         E, nu, _, t = self._cellwise(mesh)
@@ -160,7 +169,8 @@ class Shell(MeshedModel):
     def plane_stresses(self, space: Any) -> Any:
         """Membrane stresses in Pa, then bending stresses per distance from the middle in Pa/m, as a UFL vector of six.
 
-        They are of a trial function; each is given along, across, and as shear, in the axes of `frames`.
+        They are linear in a trial function.  Each of the two has three components in the axes of `frames`: along,
+        across, and shear.
         """
         mesh, axes = space.mesh, frames(self.mesh)
         frame = [ufl.as_vector([cellwise(mesh, axes[:, k, i]) for i in range(3)]) for k in range(3)]
@@ -198,7 +208,7 @@ class Strains:
         self.membrane = ufl.sym(H)  # (2, 2)
         self.curvature = ufl.sym(ufl.dot(in_plane, _surface_gradient(director, frame)))  # (2, 2) 1/m
         self.shear = _surface_gradient(ufl.dot(u, normal), frame) - ufl.dot(in_plane, director)
-        # the surface's rotation about its normal, without theta's
+        # the surface's rotation about its normal, less that of theta
         self.drilling = (H[1, 0] - H[0, 1]) / 2 - ufl.dot(theta, normal)
 
 
@@ -208,7 +218,7 @@ def _in_plane(frame: Sequence[Any]) -> Any:
 
 
 def _surface_gradient(field: Any, frame: Sequence[Any]) -> Any:
-    """Derivatives of a field along the first two vectors of a frame, on the last axis."""
+    """Derivatives of a field along the first two vectors of a frame; the last axis counts the two vectors."""
     return ufl.dot(ufl.grad(field), ufl.transpose(_in_plane(frame)))
 
 
@@ -256,8 +266,8 @@ def of(body: Body, mesh: NamedMesh) -> Shell:
 def draw_box(box: Box, size: float, along: float, tail_layer: float = 0.0) -> BoxBoom:
     """Geometry and cells of a box for gmsh.
 
-    Cells are `size` (m) wide around the section and `along` (m) long, 0: as long as wide; `tail_layer` (m) is the
-    length of the first layer at the tail, 0: as all others.
+    Cells have the width `size` (m) around the section and the length `along` (m), 0: the same as `size`.  `tail_layer`
+    (m) is the length of the first layer of cells at the tail, 0: the same as of all others.
     """
     depth = np.inf if box.frame_depth == "full" else box.frame_depth
     if not box.varying_keys:
@@ -266,7 +276,7 @@ def draw_box(box: Box, size: float, along: float, tail_layer: float = 0.0) -> Bo
     parts = tuple(
         BoxStretch(stretch.start, stretch.end, stretch.first.sides, stretch.last.sides) for stretch in stretches
     )
-    # corners that are thicker at the bottom than at the top somewhere have names of their own everywhere
+    # if bottom and top corners differ in thickness on any stretch, they differ in name on all
     names = max(
         ([side.name for side in part.first] for part in parts), key=lambda names_of_part: len(set(names_of_part))
     )
@@ -275,7 +285,7 @@ def draw_box(box: Box, size: float, along: float, tail_layer: float = 0.0) -> Bo
 
 
 def walls_along(box: Box, mesh: NamedMesh) -> Array:
-    """Thickness in the middle of each cell of a box as `draw_box` draws it, (C,) m."""
+    """Thickness (C,) in m in the middle of each cell of a box, for a mesh that `draw_box` has described."""
     boom = draw_box(box, box.length, 0.0)
     middle = mesh.points[mesh.cells].mean(axis=1)[:, 0]
     thickness = np.full(len(middle), box.frame_plate_thickness)
@@ -289,7 +299,7 @@ def walls_along(box: Box, mesh: NamedMesh) -> Array:
 
 
 def plates(profile: BoxProfile, material: Material) -> tuple[Plate, dict[str, Plate]]:
-    """The thickest plate of a profile, and thinner ones by the names of their walls."""
+    """The thickest plate of a profile, and a dict of thinner plates by the names of their walls."""
     walls = profile.walls
     thickest = max(walls.values())
     thinner = {name: Plate(material=material, thickness=wall) for name, wall in walls.items() if wall < thickest}
@@ -299,7 +309,7 @@ def plates(profile: BoxProfile, material: Material) -> tuple[Plate, dict[str, Pl
 def frames(mesh: NamedMesh) -> Array:
     """Unit vectors (C, 3, 3) of each triangle: along the body's axis, across it in the triangle, outward normal.
 
-    Where a triangle is across the body's axis, the next of the axes x, y, z replaces it.
+    For a triangle that lies across the body's axis, the next of the axes x, y, z is used instead of the body's axis.
     """
     corners = mesh.points[mesh.cells]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -313,8 +323,8 @@ def frames(mesh: NamedMesh) -> Array:
 def _outward(mesh: NamedMesh, places: Array, normals: Array) -> Array:
     """Normals (f, 3) at the points `places` (f, 3) of a surface, turned away from the body's axis.
 
-    Where they point neither away nor towards it, as on a flat plate or across the axis, the largest component becomes
-    positive.
+    A normal that points neither away from the axis nor towards it, as on a flat plate or across the axis, is turned so
+    that its largest component is positive.
     """
     largest = np.take_along_axis(normals, np.abs(normals).argmax(axis=1)[:, None], axis=1)[:, 0]
     flat = bool(np.all(np.abs(normals @ normals[0]) > FLAT))

@@ -1,16 +1,17 @@
 r"""Measures on a group of a mesh: the mean motion of its points, and the strip of a flat face that a pad sweeps.
 
-The mean displacement and mean rotation on a group :math:`\Gamma` with centroid :math:`\bar x` are
+The mean displacement and mean rotation on a group :math:`\Gamma` with the points x, the displacement u and the centroid
+:math:`\bar x` are
 
 .. math::
     \bar u = \frac{1}{|\Gamma|} \int_\Gamma u \, d\Gamma, \qquad
     \bar\theta = J^{-1} \int_\Gamma r \times u \, d\Gamma, \qquad
     J = \int_\Gamma (r \cdot r) I - r r^T \, d\Gamma, \qquad r = x - \bar x
 
-They are those of the rigid motion nearest to u in the mean square.  They are conjugate in work to a force spread
-evenly over the group and to a moment spread in proportion to the distance from its centroid.  This is the
-interpolation element (RBE3) of structural codes with the group's measure as weight.  MSC Nastran Linear Static
-Analysis User's Guide, chapter on R-type elements.
+with the unit matrix I.  They are the displacement and rotation of the rigid motion nearest to u in the mean square.
+They are conjugate in work to a force spread evenly over the group, and to a moment spread in proportion to the distance
+from the group's centroid.  This is the interpolation element (RBE3) of structural codes with the group's measure as
+weight.  MSC Nastran Linear Static Analysis User's Guide, chapter on R-type elements.
 
 The strip of a flat face is a set of quadrature points close together.
 """
@@ -35,7 +36,7 @@ Indices = NDArray[np.int64]
 
 ENTITY_KINDS = {(0, 1): "point", (1, 2): "interval", (2, 3): "triangle", (2, 4): "quadrilateral",
                 (3, 4): "tetrahedron", (3, 8): "hexahedron"}  # fmt: skip
-#: Kinds of cells whose Jacobian is constant.
+#: Kinds of cells with a constant Jacobian.
 SIMPLICES = ("interval", "triangle", "tetrahedron")
 QUADRATURE_DEGREE = 4
 
@@ -46,9 +47,9 @@ class Trace:
 
     name: str  # of the group
     points: Array  # (q, 3) m
-    weights: Array  # (q,) m^dim, Jacobian included: they add up to the group's measure (points: to their number)
+    weights: Array  # (q,) m^dim, with the Jacobian: their sum is the group's measure (of points: their number)
     values: tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]  # (q, n) each: displacement along x, y, z
-    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: from the points' centroid to the point measured
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: from the points' centroid to the point that is measured
 
     @property
     def measure(self) -> float:
@@ -57,14 +58,15 @@ class Trace:
 
     @property
     def centroid(self) -> Array:
-        """Centroid of the points plus `beside`, (3,) m."""
+        """Point (3,) in m whose motion is measured: the centroid of the points plus `offset`."""
         return np.asarray(self.weights @ self.points / self.measure + self.offset)
 
     @cached_property
     def mean(self) -> sp.csr_matrix:
-        """Rows (3, n) of the mean displacement or, if `beside` is not zero, of a point that follows the mean motion.
+        """Rows (3, n) of the mean displacement, at the point that `offset` leads to from the centroid.
 
-        In the latter case it raises an `InputError` as `rotation`.
+        This point follows the mean motion of the group.  If `offset` is not zero, the property raises the `InputError`
+        of `rotation`.
         """
         mean = sp.csr_matrix(self.weights / self.weights.sum())
         mean_rows = sp.vstack([mean @ component for component in self.values], format="csr")
@@ -75,15 +77,18 @@ class Trace:
         )
 
     def shift_to(self, axis: int, place: float) -> Trace:
-        """This trace for the coordinate `place` (m) on an axis, 0 to 2; unchanged if the points' centroid is there."""
+        """This trace for the point that has the coordinate `place` (m) on an `axis`, 0 to 2.
+
+        The trace is unchanged if the points' centroid has this coordinate.
+        """
         offset = np.eye(3)[axis] * (place - self.centroid[axis])
         close = np.abs(offset).max() <= 1e-9 * np.abs(self.points - self.centroid).max(initial=0.0)
         return self if close else replace(self, offset=tuple(offset.tolist()))
 
     def motion(self, about: Array | None = None) -> sp.csr_matrix:
-        """Rows (6, n) of displacement and rotation of the point `about` (3,) m that follows the group's mean motion.
+        """Rows (6, n) of displacement and rotation of the point `about` (3,) m, which follows the group's mean motion.
 
-        By default it is the centroid.  Raises an `InputError` as `rotation`.
+        By default the point is the centroid.  Raises the `InputError` of `rotation`.
         """
         arm = np.zeros(3) if about is None else np.asarray(about, float) - self.centroid
         return sp.vstack([self.mean + sp.csr_matrix(-_cross_matrix(arm)) @ self.rotation, self.rotation], format="csr")
@@ -92,7 +97,7 @@ class Trace:
     def rotation(self) -> sp.csr_matrix:
         """Rows (3, n) of the mean rotation.
 
-        Raises an `InputError` if the group's points lie on a line, about which the rotation is undetermined.
+        Raises an `InputError` if the group's points lie on a line: the rotation about the line is then undetermined.
         """
         r, w = self.points - self.centroid + self.offset, self.weights
         J = np.eye(3) * (w @ (r**2).sum(axis=1)) - (r.T * w) @ r
@@ -106,9 +111,9 @@ class Trace:
 
 
 def group_trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int, parts: int = 1) -> Trace:
-    """Displacements on a named group, of a Lagrange space of the given polynomial degree.
+    """Trace of the displacement on a named group, in a Lagrange space of the given polynomial degree.
 
-    Each entity of the group is cut into `parts` along every direction, for weights that vary within it.
+    Each entity of the group is cut into `parts` along every direction, for weights that vary within the entity.
 
     Raises an `InputError` if the mesh has no such group, or the group's entities are not part of the mesh's cells.
     """
@@ -137,11 +142,12 @@ def group_trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int, parts: in
 
 
 def section_trace(mesh: NamedMesh, nodes: Nodes, at: float, degree: int) -> Trace:
-    """Displacements on the cross-section at the coordinate `at` (m) along the mesh's longest extent.
+    """Trace of the displacement on the cross-section at the coordinate `at` (m) along the mesh's longest extent.
 
-    They are weighted by a hat over the cells around it, as a mesh need not have nodes in the cross-section.
+    The displacements are weighted by a hat over the cells around the cross-section, as a mesh need not have nodes in
+    it.
 
-    Raises an `InputError` if the mesh does not reach it.
+    Raises an `InputError` if the mesh does not reach the cross-section.
     """
     axis, (low, high) = mesh.axis, mesh.spans
     slack = 1e-9 * (high.max() - low.min())  # round-off of a caller's arithmetic
@@ -163,7 +169,7 @@ def section_trace(mesh: NamedMesh, nodes: Nodes, at: float, degree: int) -> Trac
 def coordinates_on(mesh: NamedMesh, nodes: Nodes, name: str, components: Sequence[int]) -> Indices:
     """Numbers, ascending, of the coordinates with the given components whose nodes lie on a named group.
 
-    Raises an `InputError` as `trace`.
+    Raises the errors of `group_trace`.
     """
     group = _named_group(mesh, name)
     topology = cell_topology(ENTITY_KINDS[group.dim, group.entities.shape[1]]) if group.dim else [[[0]]]
@@ -177,13 +183,13 @@ def coordinates_on(mesh: NamedMesh, nodes: Nodes, name: str, components: Sequenc
 
 
 def _named_group(mesh: NamedMesh, name: str) -> Group:
-    """The named group; raises an `InputError` if the mesh has none of this name."""
+    """The group called `name`; raises an `InputError` if the mesh has none of this name."""
     mesh.require([name])
     return mesh.groups[name]
 
 
 def _entity_nodes(mesh: NamedMesh, nodes: Nodes, name: str, kind: str) -> Indices:
-    """First coordinates (e, k) of the displacement nodes on each entity of a group, ordered as Lagrange functions."""
+    """First coordinates (e, k) of k displacement nodes on each of e entities, in the order of Lagrange functions."""
     topology = cell_topology(kind) if mesh.groups[name].dim else [[[0]]]
     tables = [
         _part_coordinates(mesh, nodes, name, parts)
@@ -194,9 +200,9 @@ def _entity_nodes(mesh: NamedMesh, nodes: Nodes, name: str, kind: str) -> Indice
 
 
 def _part_coordinates(mesh: NamedMesh, nodes: Nodes, name: str, parts: list[list[int]]) -> Indices:
-    """First coordinates (e, p) of the nodes on p sub-entities of each entity of a group.
+    """First coordinates (e, p) of the nodes on p sub-entities of each of the e entities of a group.
 
-    `parts` are the sub-entities' vertices on the reference cell.
+    `parts` are the vertices of the sub-entities on the reference cell.
     """
     entities = mesh.groups[name].entities
     vertices = entities[:, parts]
@@ -225,7 +231,7 @@ MOST_PIECES = 500_000
 
 @dataclass(frozen=True)
 class Window:
-    """A rectangle on a face: its extents along the body's axis and across it, and the largest spacing of points, m."""
+    """A rectangle on a face: its extents along and across the body's axis, and the largest spacing of points, in m."""
 
     along: tuple[float, float]
     across: tuple[float, float]
@@ -234,10 +240,10 @@ class Window:
 
 @dataclass(frozen=True)
 class Plane:
-    """Directions of a face of a body along x; its distance from the axis is left open."""
+    """Directions of a face of a body along x; they do not say how far the face is from the axis."""
 
-    normal: Array  # (3,): unit vector out of it
-    across: Array  # (3,): unit vector across it; coordinates across count from the point nearest to the axis
+    normal: Array  # (3,): unit vector out of the face
+    across: Array  # (3,): unit vector across the axis in the face; coordinates across are 0 nearest to the axis
 
 
 #: Faces that every body has; z is up.
@@ -249,7 +255,7 @@ FACES = {
 
 @dataclass(frozen=True)
 class Extent:
-    """Extent of a face along the body's axis and across it, m; across is None for a line."""
+    """Extent of a face along the body's axis and across it, m; `across` is None for a line."""
 
     along: tuple[float, float]
     across: tuple[float, float] | None = None
@@ -261,14 +267,14 @@ class Extent:
 
 @dataclass(frozen=True)
 class Strip:
-    """The q quadrature points of a face within a window; none where the window is outside of the face.
+    """The q quadrature points of a face within a window; there are none where the window is outside of the face.
 
-    The rows are on n coordinates.
+    The rows `normal` (q, n) act on the n coordinates of a model.
     """
 
     along: Array  # (q,) m on the body's axis
     across: Array  # (q,) m: y or z if the face is along one of them, else along the face upwards
-    weights: Array  # (q,) of quadrature, in m^2, on a line in m
+    weights: Array  # (q,): weights of quadrature in m^2, on a line in m
     normal: sp.csr_matrix  # (q, n): rows that measure the displacement along the outward normal
     extent: Extent  # of the whole face
     line: bool = False  # whether the points are on the line that represents a beam's face
@@ -282,8 +288,8 @@ class FlatFace:
     name: str
     normal: Array  # (3,): unit vector out of the mesh
     axes: Array  # (2, 3): unit vectors along the body's axis and across the face
-    least: Array  # (e, 2) m: smallest coordinates of each of its cells along these axes
-    most: Array  # (e, 2) m: largest ones
+    least: Array  # (e, 2) m: smallest coordinates of each cell of the face along these axes
+    most: Array  # (e, 2) m: largest coordinates of each cell
 
     @property
     def extent(self) -> Extent:
@@ -293,7 +299,7 @@ class FlatFace:
 
 
 def flat_face(mesh: NamedMesh, name: str) -> FlatFace:
-    """A named face, prepared for strips.
+    """The face called `name` with its normal, axes and the bounds of its cells.
 
     Raises an `InputError` if there is no such face, it is not flat, or it lies across the axis.
     """
@@ -306,7 +312,7 @@ def flat_face(mesh: NamedMesh, name: str) -> FlatFace:
         raise InputError("scene", "pads.on", name, "this face lies across the body's axis; faces along it are allowed")
     unit = np.eye(3)
     axes = np.array([unit[axis], unit[np.argmin(np.abs(normal) + unit[axis])]])
-    if abs(normal @ axes[1]) > np.sqrt(1.0 - FLAT**2):  # it is slanted
+    if abs(normal @ axes[1]) > np.sqrt(1.0 - FLAT**2):  # the face is slanted
         axes[1] = np.cross(normal, unit[axis])
         axes[1] *= np.sign(axes[1][2] or axes[1].sum()) / np.linalg.norm(axes[1])
     corners = (mesh.points @ axes.T)[group.entities]
@@ -341,7 +347,7 @@ def face_strip(face: FlatFace, nodes: Nodes, window: Window) -> Strip:
 def line_points(window: Window, stations: Array) -> tuple[Array, Array]:
     """Coordinates (q,) m and weights (q,) m of Gauss' rule on a beam's axis within a window.
 
-    It is exact for a linear weight times a cubic.  The axis is cut at its `stations` (nodes, ascending) and at
+    The rule is exact for a linear weight times a cubic.  The axis is cut at its `stations` (nodes, ascending) and at
     multiples of the window's spacing from the window's start.
     """
     if window.along[0] >= stations[-1] or window.along[1] <= stations[0]:
@@ -358,7 +364,7 @@ def line_points(window: Window, stations: Array) -> tuple[Array, Array]:
 def _face_normal(mesh: NamedMesh, group: Group, face: str) -> Array:
     """Outward unit normal (3,) of a face, whatever the order of its vertices.
 
-    Raises an `InputError` if it is not flat.
+    Raises an `InputError` if the face is not flat.
     """
     a, b, c = (mesh.points[group.entities[:, i]] for i in range(3))
     normals = np.cross(b - a, c - a)
@@ -372,10 +378,10 @@ def _face_normal(mesh: NamedMesh, group: Group, face: str) -> Array:
 
 
 def orient_outward(face: str, normal: Array, middle: Array, points: Array) -> Array:
-    """A face's normal (3,), turned to point out of the body of `points` (N, 3); `middle` (3,) is the face's middle.
+    """Normal (3,) of a face, turned to point out of the body of `points` (N, 3); `middle` (3,) is the face's middle.
 
-    If the face is in the middle of a flat body, its name decides, by the direction that `FACES` gives for it.  Raises
-    an `InputError` if it can't.
+    If the face is in the middle of a flat body, the name of the face decides, by the direction that `FACES` gives for
+    it.  Raises an `InputError` if `FACES` gives no direction, or one along the face.
     """
     along = float(normal @ (middle - (points.min(axis=0) + points.max(axis=0)) / 2.0))
     if abs(along) <= BESIDE * np.ptp(points, axis=0).max():

@@ -1,7 +1,7 @@
 """Scenes: what is built, how it moves, and what is computed of it (SI units, z up), validated and frozen.
 
-`load` reads a scene file (TOML), follows ``extends``, applies overrides and returns a `Scene`.  A value that is not
-allowed raises `pmr.errors.InputError` with file, key, value and what is allowed.
+`load` reads a scene file (TOML), follows its key ``extends``, applies overrides and returns a `Scene`.  A value that is
+not allowed raises `pmr.errors.InputError` with file, key, value and what is allowed.
 """
 
 from pmr.scene.built import Body, Load, MeshChoice, Support

@@ -19,7 +19,7 @@ HALVES: tuple[Half, ...] = ("bottom", "top")
 
 
 class Doubler(SceneTable):
-    """Plates on walls over a part of the length, which are thicker there with the same mid-surface."""
+    """Plates on walls over a part of the length: the walls are thicker there and keep their mid-surface."""
 
     start: Distance = Field(description="Where the plates begin along x")
     end: Length = Field(description="Where the plates end along x")
@@ -32,9 +32,9 @@ class Doubler(SceneTable):
 
 
 class Taper(SceneTable):
-    """Linear change of the profile towards an end of the box, about the same axis.
+    """Linear change of the profile towards an end of the box; the axis stays the same.
 
-    Dimensions without a value at the end are constant.
+    Dimensions for which no value at the end is given are constant.
     """
 
     length: Length = Field(description="Length over which the profile changes, up to the end")
@@ -68,7 +68,7 @@ class Stretch:
 
     @property
     def is_tapered(self) -> bool:
-        """Whether the mid-lines of the walls change along the stretch; a change of thickness alone does not count."""
+        """Whether the walls' mid-lines change along the stretch; a change of thickness alone does not count."""
         first, last = (
             [(side.start, side.end, side.centre) for side in profile.sides] for profile in (self.first, self.last)
         )
@@ -192,7 +192,7 @@ class Box(BoxProfile):
         return [edge.face for edge in self.edges]
 
     def _check_taper(self, key: str, taper: Taper) -> None:
-        """Refuse a taper without dimensions, too long, larger at its end than the box, or with other faces."""
+        """Refuse a taper without dimensions, too long, larger at its end than the box, or with other faces than it."""
         dimensions: dict[str, Any] = taper.model_dump(exclude={"length"}, exclude_none=True)
         if not dimensions:
             raise key_error(key, None, "a dimension at the end is needed: width, height, wall, radius or chamfer")
@@ -230,7 +230,7 @@ class Box(BoxProfile):
         return self
 
     def _stretch(self, start: float, end: float) -> Stretch:
-        """Return the stretch between two neighbouring breaks, m, with the doublers that cover it."""
+        """Return the stretch between two neighbouring breaks `start` and `end`, m, with the doublers that cover it."""
         middle = (start + end) / 2.0
         doublers = {i: doubler for i, doubler in enumerate(self.doublers) if doubler.start < middle < doubler.end}
         first, last = self._profile_without_doublers(start), self._profile_without_doublers(end)
@@ -241,13 +241,13 @@ class Box(BoxProfile):
         return Stretch(start, end, first, last)
 
     def _thicken(self, profile: BoxProfile, doublers: dict[int, Doubler]) -> BoxProfile:
-        """Return a profile with the thickness of `doublers` (by their number) added to its walls.
+        """Return a profile whose walls are thicker by the `doublers`, which are given by their number in the box.
 
         Raises an error of a doubler's thickness if the profile has no room for it.
         """
         names: dict[WallName, None] = dict.fromkeys(
             (*self._face_names, *HALVES)
-        )  # corners are as thick as bottom or top
+        )  # corners are as thick as the bottom or the top
         walls: dict[WallName, float] = {
             name: profile.thickness(name)
             + sum(doubler.thickness for doubler in doublers.values() if doubler.faces is None or name in doubler.faces)

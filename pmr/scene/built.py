@@ -44,7 +44,7 @@ OwnModel = Literal["auto", "beam2d", "beam3d", "shell", "solid", "matrices"]
 ModelName = Annotated[OwnModel, or_plugin_name("pmr.models"), AS_WORD]
 #: Names of two pads on a face, by their side of its middle: on bottom and top, and on all other faces.
 SIDES, UPWARDS = dict.fromkeys(("bottom", "top"), ("right", "left")), ("lower", "upper")
-#: Directions that each kind of support holds; those that a model lacks have no effect.
+#: Directions that each kind of support holds; a direction that a model lacks has no effect.
 SUPPORTED: dict[str, tuple[Direction, ...]] = {
     "pinned": ("x", "y", "z"),
     "clamped": ("x", "y", "z", "rx", "ry", "rz"),
@@ -55,7 +55,7 @@ ENDS = {"tail": 0.0, "tip": 1.0}
 
 
 class Region(SceneTable):
-    """Material and thickness of a named region of the mesh, where they differ from those of the body."""
+    """Material and thickness of a named region of the mesh, if they differ from those of the body."""
 
     material: Material | None = Field(default=None, description="Material of the region")
     thickness: Thickness | None = Field(default=None, description="Thickness of the region, in a shell")
@@ -64,7 +64,8 @@ class Region(SceneTable):
 class Body(SceneTable):
     """A section: a box boom, a beam given by its stiffnesses, or the mesh of a file.
 
-    `model` ``auto`` takes the smallest model that is near enough to a shell; a run measures which one that is.
+    With `model` ``auto`` a run takes the smallest structural model whose results are near enough to those of a shell,
+    which it measures.
     """
 
     model: ModelName = Field(
@@ -93,7 +94,7 @@ class Body(SceneTable):
 
     @model_validator(mode="after")
     def _check_thickness(self) -> Body:
-        """Refuse a box beside a thickness or a profile, which describe the same."""
+        """Refuse a box together with a thickness or a profile, as these describe the same."""
         if self.box is not None and self.thickness is not None:
             raise ValueError("give box.wall or thickness, one of them")
         if self.box is not None and self.profile is not None:
@@ -111,7 +112,7 @@ class MeshChoice(SceneTable):
     """How fine the mesh is, or a file that holds a mesh, in any format of meshio.
 
     A box boom takes `size` and `along`; beams take `elements`.  A file for a planar beam holds a chain of lines.  Any
-    other file holds cells with named groups for what pads, loads and supports refer to: tail and tip, bottom, top, left
+    other file holds cells and named groups, to which pads, loads and supports refer: tail and tip, bottom, top, left
     (+y) and right.
     """
 
@@ -137,9 +138,9 @@ class MeshChoice(SceneTable):
 
 
 class Support(SceneTable):
-    """A support that does not slide: it holds some directions of a group's mean motion, or every point of the group.
+    """A support that does not slide: it holds some directions of a group's mean motion, or of every point of the group.
 
-    On a beam a group is one point, so both are the same; only ``all`` removes the held coordinates from the model.
+    On a beam a group is one point, so both are the same, but only ``all`` removes the held coordinates from the model.
     """
 
     name: NameOrNone = Field(default="", description="Name in results and messages")
@@ -170,12 +171,15 @@ class Support(SceneTable):
 
     @property
     def held_directions(self) -> tuple[Direction, ...]:
-        """Directions that the support holds; those that the body's model lacks have no effect."""
+        """Directions that the support holds; a direction that the body's model lacks has no effect."""
         return SUPPORTED[self.kind] if self.directions is None else self.directions
 
     @property
     def symbol(self) -> str:
-        """Name of its symbol in drawings: ``clamped`` if ry or rz is held, ``pinned`` if x is, else ``roller``."""
+        """Name of the support's symbol in drawings.
+
+        It is ``clamped`` if the support holds ry or rz, otherwise ``pinned`` if it holds x, otherwise ``roller``.
+        """
         return (
             "clamped"
             if {"ry", "rz"} & set(self.held_directions)
@@ -185,18 +189,18 @@ class Support(SceneTable):
         )
 
     def row_name(self, direction: str) -> str:
-        """Return the name of the support's row along one direction."""
+        """Return the name of the support's row along or about one direction."""
         if not self.name:
             return f"support {direction} " + (f"on {self.on}" if isinstance(self.on, str) else f"at {self.on:g} m")
         return self.name if len(self.held_directions) == 1 else f"{self.name} {direction}"
 
 
 class Slider(SceneTable):
-    """The path s(t) along which moving pads slide, or without such pads points of a planar beam, at s + `offsets`.
+    """The path s(t) along which moving pads slide.  Without such pads, points of a planar beam slide at s + `offsets`.
 
-    A saved model can follow any path within the range that this path covers, or within all of `travel`
-    (`pmr simulate`, FMUs).  Points may use the whole beam.  A measured path may exceed the range by 1e-5 of it; the
-    excess is cut off.
+    A saved model, as in `pmr simulate` or an FMU, can follow any path within the range that this path covers, or within
+    `travel` if that is given.  Points may use the whole beam.  A measured path may exceed the range by 1e-5 of the
+    range; the excess is cut off.
     """
 
     path: Annotated[Signal, Usual(0.0, 2.0, "length", "m")] = Field(description="Path s over time, in m")
@@ -211,7 +215,7 @@ class Slider(SceneTable):
 def clearance_on(clearances: float | Mapping[Face, float], face: str) -> float:
     """Return the clearance in m of the pads on a face.
 
-    `clearances` is one number for all faces or a mapping by face; a face that the mapping lacks has 0.
+    `clearances` is one number for all faces or a mapping by face; a face that the mapping lacks has the clearance 0.
     """
     return (
         next((gap for name, gap in clearances.items() if name == face), 0.0)
@@ -223,7 +227,7 @@ def clearance_on(clearances: float | Mapping[Face, float], face: str) -> float:
 class PadRing(SceneTable):
     """A ring of pads at one position along the axis, which is fixed on the body or moves along it.
 
-    `faces` gives the coordinate of each pad across its face in m: y on bottom and top, z on left and right.  On slanted
+    `faces` gives the coordinate in m of each pad across its face: y on bottom and top, z on left and right.  On slanted
     faces it grows upwards, from the point of the face that is nearest to the axis.
     """
 
@@ -253,7 +257,7 @@ class PadRing(SceneTable):
 
     @property
     def named_pads(self) -> list[tuple[str, Face, float]]:
-        """Name, face and coordinate across the face in m of each pad."""
+        """For each pad its name, its face and its coordinate across the face in m."""
         pads = []
         for face, places in self.faces.items():
             for number, across in enumerate(places, start=1):
@@ -267,7 +271,7 @@ class PadRing(SceneTable):
 
 
 def force_name(name: str) -> str:
-    """Return the name of the force of a pad or slider, which is an output of the model or the multiplier of a row."""
+    """Return the name of the force of a pad or sliding point, an output of the model or the multiplier of a row."""
     return f"force of {name}"
 
 
@@ -313,7 +317,7 @@ def _allow_inclination(schema: dict[str, Any]) -> None:
 class Gravity(SceneTable):
     """Weight of all parts; it rises smoothly from zero within the first `rise` seconds, or acts from the start (0).
 
-    By default it rises within a second where the motion begins at rest, and acts from the start where it begins in
+    By default it rises within a second if the motion begins at rest, and acts from the start if the motion begins in
     equilibrium (`start`).  Its direction is given by the vector `direction`, or by the `inclination` in degrees of a
     raised boom; only one of the two is allowed.
     """
@@ -352,7 +356,7 @@ class Gravity(SceneTable):
             raise key_error("inclination", angle, "a number from -90 to 90 in degrees, or direction, is allowed")
         radians = math.radians(angle)
         gravity = handler(other_keys | {"direction": (0.0 - math.sin(radians), 0.0, 0.0 - math.cos(radians))})
-        vars(gravity)["written_inclination"] = float(angle)  # no field: equal gravities are equal
+        vars(gravity)["written_inclination"] = float(angle)  # not a field, so that equal gravities compare as equal
         return gravity
 
     @property

@@ -1,8 +1,8 @@
 """Checks of a whole scene, which raise InputError: time, path, reduction, comparison, simulators, frame and machine.
 
-Each check raises an InputError for the first key that contradicts another key; its file is ``"scene"``, which the
-reader of the scene replaces by the file's name.  Checks of a single table are its validators, those of one body are in
-`pmr.scene.structure_checks`, those of neighbouring sections in `pmr.scene.joint_checks`.
+Each check raises an InputError for the first key that contradicts another key.  The file of the error is ``"scene"``,
+for which the reader of the scene puts the name of the file.  Checks of a single table are in its validators, checks of
+one body in `pmr.scene.structure_checks`, checks of neighbouring sections in `pmr.scene.joint_checks`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from pmr.scene.structures import Damping
 
 
 def check_machine(scene: Scene, frame: Frame, machine: Machine) -> None:
-    """Refuse settings that the equations of a free machine do not cover, and simulators that do not support one."""
+    """Refuse settings that the equations of a free machine do not cover, and simulators that support no machine."""
     motions = {} if frame.base is None else frame.base.motions
     for direction in machine.free:
         if direction in motions and not machine.is_sprung(direction):
@@ -57,7 +57,7 @@ def check_machine(scene: Scene, frame: Frame, machine: Machine) -> None:
 
 
 def _check_contacts(scene: Scene) -> None:
-    """Refuse pads that only push or have friction: these can't be simulated together with a machine's motion."""
+    """Refuse pads that only push or have friction, which can't be simulated together with a machine's motion."""
     for number, part in enumerate(scene.sections):
         for k, pads in enumerate(part.pads):
             _check_ring(f"sections[{number}].pads[{k}]", pads.unilateral, 0.0)
@@ -67,7 +67,7 @@ def _check_contacts(scene: Scene) -> None:
 
 
 def _check_ring(key: str, unilateral: bool, friction: float) -> None:
-    """Refuse a ring of pads, of the given key, that only pushes or has friction."""
+    """Refuse a ring of pads with the key `key` if it only pushes or has friction."""
     if unilateral:
         allowed = "false is allowed beside frame.machine: pads that hold both ways"
         raise scene_error(f"{key}.unilateral", True, allowed)
@@ -75,17 +75,17 @@ def _check_ring(key: str, unilateral: bool, friction: float) -> None:
         raise scene_error(f"{key}.friction", friction, "0 is allowed beside frame.machine")
 
 
-#: Share of an angle's range that it may jump by, which round-off does.
+#: An angle may jump by this share of its range, which is round-off.
 JUMP = 1e-9
-#: Share of a luffing cylinder's distance from the pivot that its arm is at least, and at how many times.
+#: Least arm of a luffing cylinder as a share of the lug's distance from the pivot; number of times that are checked.
 IN_LINE, SAMPLES = 0.01, 1001
 
 
 def check_frame(scene: Scene) -> None:
-    """Refuse a moving frame whose angles jump or have kinks, and settings of the scene that it does not allow.
+    """Refuse a moving frame whose angles jump or have kinks, and settings of the scene that a frame does not allow.
 
-    These are gravity with a direction of its own, models that can't follow the frame's motion, what second order does
-    not cover, and the ANCF reference.  A scene without a frame passes.
+    Such settings are gravity with a direction of its own, models that can't follow the frame's motion, whatever the
+    terms of second order do not cover, and the ANCF reference.  A scene without a frame passes.
     """
     frame = scene.frame
     if frame is None:
@@ -132,7 +132,10 @@ def check_frame(scene: Scene) -> None:
 
 
 def _check_cylinder(scene: Scene, frame: Frame) -> None:
-    """Refuse a luffing cylinder whose arm about the pivot is zero, or nearly so, at some time: it carries no moment."""
+    """Refuse a luffing cylinder whose arm about the pivot is zero, or nearly so, at some time.
+
+    Such a cylinder carries no moment.
+    """
     if frame.cylinder is None:
         return
     if frame.cylinder.stiffness is not None:
@@ -150,8 +153,8 @@ def _check_cylinder(scene: Scene, frame: Frame) -> None:
 def _check_holding_cylinder(scene: Scene, frame: Frame) -> None:
     """Refuse a luffing cylinder with a stiffness unless it can hold the base.
 
-    The base has to be a beam of a boom of several sections with a luffing angle; the lug is on it, and no support is at
-    the lug.
+    The base has to be a beam of a boom of several sections with a luffing angle.  The lug has to be on the base, and no
+    support may be at the lug.
     """
     key, base = "frame.cylinder.stiffness", members(scene)[0]
     assert frame.cylinder is not None
@@ -172,7 +175,7 @@ def _check_holding_cylinder(scene: Scene, frame: Frame) -> None:
 
 
 def _check_smooth(scene: Scene, key: str, what: str, motion: SignalBase) -> None:
-    """Refuse a motion of the frame, called `what` in the message, whose value or rate jumps while it is simulated."""
+    """Refuse a motion of the frame whose value or rate jumps in the simulated time; `what` names it in messages."""
     kinks = motion.kinks(scene.time.end)
     jumps = [t for t in motion.breaks if 0.0 < t <= scene.time.end and _has_jump(motion, t)]
     if jumps or kinks:
@@ -182,7 +185,7 @@ def _check_smooth(scene: Scene, key: str, what: str, motion: SignalBase) -> None
 
 
 def _has_jump(angle: SignalBase, t: float) -> bool:
-    """Whether a signal jumps at t (s), by more than the share `JUMP` of its range from 0 to t."""
+    """Whether a signal jumps at t (s) by more than the share `JUMP` of its range from 0 to t."""
     low, high = angle.bounds(0.0, t)
     before, after = angle.value(np.array([np.nextafter(t, -np.inf), t]))
     return bool(abs(after - before) > JUMP * (high - low))
@@ -192,8 +195,8 @@ MOST_STEPS = 1_000_000
 
 
 def check_scene(scene: Scene) -> None:
-    """Raise an InputError for the first key of a scene that contradicts another one; its file is ``"scene"``."""
-    check_bounds(scene)  # first: what others compute with is then finite
+    """Raise an InputError for the first key of a scene that contradicts another key; its file is ``"scene"``."""
+    check_bounds(scene)  # first, so that other checks compute with finite numbers
     check_time(scene)
     _check_outputs(scene)
     if len(scene.sections) > 1:
@@ -273,7 +276,10 @@ def _check_reduction(scene: Scene) -> None:
 
 
 def _check_pod(scene: Scene) -> None:
-    """Refuse more coordinates than the POD has vectors, and positions off the body or not as many as snapshots."""
+    """Refuse more coordinates than the POD has vectors, positions off the body, and a wrong number of positions.
+
+    The number of positions has to be the number of snapshots.
+    """
     choice = scene.reduction
     pool = choice.snapshots * choice.modes
     if choice.coordinates > pool:
@@ -323,7 +329,7 @@ def _check_comparison(scene: Scene) -> None:
 
 
 def _check_simulators(scene: Scene) -> None:
-    """Refuse simulators that do not support the scene's rows, as far as these are known before a model is made."""
+    """Refuse simulators that do not support the scene's rows, as far as the rows are known before a model is made."""
     choice, (low, high) = scene.reduction, scene.path_bounds
     pushing = tuple(ring.name for ring in scene.pads if ring.unilateral)
     soft = {ring.name for ring in scene.pads if ring.stiffness != "rigid"}
@@ -346,7 +352,7 @@ def _check_simulators(scene: Scene) -> None:
 
 
 def _check_outputs(scene: Scene) -> None:
-    """Refuse accuracy beside budget, and an output that one of them lists twice."""
+    """Refuse a scene with both accuracy and budget, and an output that one of them lists twice."""
     ordered, key = scene.goal, "accuracy" if scene.accuracy is not None else "budget"
     if scene.accuracy is not None and scene.budget is not None:
         raise scene_error("budget", None, "accuracy or budget is allowed, not both")
@@ -355,7 +361,7 @@ def _check_outputs(scene: Scene) -> None:
 
 
 def _check_accuracy(scene: Scene) -> None:
-    """Refuse accuracy or budget without free modes that have flexibility and an estimate."""
+    """Refuse accuracy or budget unless the reduction has free modes with flexibility and an estimate."""
     choice, key = scene.reduction, "accuracy" if scene.accuracy is not None else "budget"
     if scene.goal is None:
         return

@@ -4,8 +4,8 @@
 outputs of the scene.  Whether that model is accurate enough is measured by comparison with a shell
 (`pmr.pipeline.scenes`), not decided here.
 
-`SIMULATORS` lists what each simulator supports, by the names that scenes use; `refuse_unsupported` raises an InputError
-for everything else.
+`SIMULATORS` lists what each simulator supports, by the names of simulators in scenes; `refuse_unsupported` raises an
+InputError for everything else.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ SIDES: tuple[tuple[Face, Face], ...] = (("left", "right"), ("bottom left", "bott
 
 @dataclass(frozen=True)
 class ModelChoice:
-    """Name of a structural model, and the reasons for it, each a clause of a sentence."""
+    """Name of a structural model, and the reasons for choosing it, each a clause of a sentence."""
 
     model: str
     reasons: tuple[str, ...]
@@ -50,7 +50,7 @@ def choose_model(member: Member) -> ModelChoice:
 
 
 def is_undecided(member: Member) -> bool:
-    """Whether measurements have to choose the model: it is ``auto``, of a box that a beam may represent."""
+    """Whether the model is left to measurements: the scene says ``auto``, and a beam may represent the body's box."""
     body = member.part.body
     return body.model == "auto" and body.box is not None and model_of(member) != "shell"
 
@@ -61,7 +61,7 @@ def model_of(member: Member) -> str:
 
 
 def has_giving_walls(member: Member) -> bool:
-    """Whether the chosen model is a beam whose walls are locally flexible under pads."""
+    """Whether the chosen model is a beam whose walls are locally flexible under pads, as ``body.walls`` says."""
     return member.part.body.walls == "give" and model_of(member) in ("beam2d", "beam3d")
 
 
@@ -72,7 +72,7 @@ def has_walls_that_could_give(member: Member) -> bool:
 
 
 def motion_directions(member: Member) -> tuple[Direction, ...]:
-    """Return the displacements and rotations (x..rz) that a point of the body's model has."""
+    """Return those of x, y, z, rx, ry, rz along or about which a point of the body's model can move."""
     if model_of(member) != "beam2d":
         return ("x", "y", "z", "rx", "ry", "rz")
     profile = member.part.body.profile
@@ -80,11 +80,11 @@ def motion_directions(member: Member) -> tuple[Direction, ...]:
 
 
 def input_directions(member: Member, load: Load) -> dict[str, Direction]:
-    """Return the names of the inputs that a load becomes, and for each the axis of the body along which it acts.
+    """For each input that a load becomes, return its name and the axis of the body along or about which it acts.
 
-    A load along an axis of the body is one input of the load's name.  A load along an axis of the ground becomes one
-    input ``"NAME AXIS"`` for each axis of the body that the moving frame may turn towards it, as far as the model has
-    it.
+    A load along an axis of the body is one input, with the load's name.  A load along an axis of the ground becomes one
+    input ``"NAME AXIS"`` for each axis of the body that the moving frame may turn towards it and along which the model
+    can move.
     """
     if load.axes == "body":
         return {load.name: load.direction}
@@ -109,9 +109,9 @@ def axis_loads(member: Member) -> tuple[Load, ...]:
 
 
 def is_pinned_beam(member: Member) -> bool:
-    """Whether a body is a planar beam held by nothing but a rigid pin at x = 0 and one sliding point without an offset.
+    """Whether a body is a planar beam that only a rigid pin at x = 0 and one sliding point without an offset hold.
 
-    It has no pads and no point masses.
+    A body with pads or point masses does not count.
     """
     held = [
         (member.part.position_of(support.on), support.stiffness, set(support.held_directions) & {"x", "z", "ry"})
@@ -131,9 +131,10 @@ def has_axial_motion(member: Member) -> bool:
 
 
 def has_driven_tail(member: Member) -> bool:
-    """Whether a cylinder may act on the tail of a body of a boom: its own or, on the base, that of the next section.
+    """Whether a cylinder may act on a body's tail: the body's own cylinder or, on the base, that of the next section.
 
-    It may not where the body has no displacement along x, or a support holds every point of the base's tail along x.
+    The result is False if the body has no displacement along x, or a support holds every point of the base's tail along
+    x.
     """
     # a support of every point removes the tail's coordinates along x from the model
     held = any(
@@ -144,15 +145,15 @@ def has_driven_tail(member: Member) -> bool:
 
 
 def is_accelerated(member: Member) -> bool:
-    """Whether a section other than the base is accelerated along the boom by extensions alone, without a frame."""
+    """Whether extensions alone, without a frame, accelerate a section along the boom; False for the base."""
     return member.number > 0 and has_driven_tail(member) and member.frame is None
 
 
 def inertia_fields(member: Member) -> tuple[str, ...]:
     """Return the names of the acceleration fields that a moving frame applies to a body; none without a frame.
 
-    Field ``x`` is uniform along x, ``xz`` acts along x and is proportional to z.  Fields that have no effect on the
-    body's model are left out.
+    Field ``x`` is uniform along x; field ``xz`` acts along x and is proportional to z.  Fields that have no effect on
+    the body's model are left out.
     """
     if member.frame is None:
         return ()
@@ -179,29 +180,31 @@ def is_planar(member: Member) -> bool:
 
 
 def fewest_rows(member: Member) -> int:
-    """Return the number of constraint rows of rigid supports of mean motions and of sliding points, without pads."""
+    """Return the number of constraint rows of sliding points and of rigid supports of mean motions, without pads."""
     moves = motion_directions(member)
     rigid = [support for support in member.part.supports if support.stiffness == "rigid" and support.points == "mean"]
     return sum(direction in moves for support in rigid for direction in support.held_directions) + len(member.points)
 
 
 def pad_faces(member: Member) -> tuple[str, ...]:
-    """Names of the faces whose pads act on the chosen model: bottom and top of a planar beam, else all faces."""
+    """Names of the faces whose pads act on the chosen model: bottom and top for a planar beam, else all faces."""
     return ("bottom", "top") if model_of(member) == "beam2d" else FACES
 
 
 def transverse_axes(member: Member) -> tuple[str, ...]:
-    """Axes across the body along which the chosen model has displacements: z, and y unless it is a planar beam."""
+    """Axes across the body along which the chosen model has displacements: z, and also y unless it is a planar beam."""
     return ("z",) if model_of(member) == "beam2d" else ("y", "z")
 
 
 def wall_frequency(box: Box, young: float, poisson: float, density: float) -> float:
     r"""Lowest frequency in Hz of the box's flat walls as long plates that are hinged on both edges.
 
+    With the width b and the thickness t of the wall with the least t / b^2, the Young's modulus E (`young`) in Pa,
+    Poisson's ratio :math:`\nu` (`poisson`) and the density :math:`\rho` (`density`) in kg/m^3, the frequency is
+
     .. math:: f = \frac{\pi}{2 b^2} \sqrt{\frac{E t^2}{12 \rho (1 - \nu^2)}}
 
-    with width b and thickness t of the wall with the least t / b^2, `young` E in Pa, `poisson` :math:`\nu` and
-    `density` :math:`\rho` in kg/m^3.  It is infinite for a box without flat walls.
+    It is infinite for a box without flat walls.
 
     Leissa: Vibration of Plates, NASA SP-160, 1969, section 4.1 (a infinite).
     """
@@ -210,14 +213,14 @@ def wall_frequency(box: Box, young: float, poisson: float, density: float) -> fl
 
 
 def _stress_reasons(member: Member) -> list[str]:
-    """Reason for a shell where the scene asks for stresses or strains; empty where it does not."""
+    """Reason for a shell if the scene asks for stresses or strains, otherwise an empty list."""
     measured = {measure for probe in member.part.probes for measure in probe.measures}
     has_stresses = member.recovery is not None and member.recovery.stress or bool(measured & {"stress", "strain"})
     return ["stresses are asked for, which pads and walls decide"] * has_stresses
 
 
 def _wall_reasons(member: Member) -> list[str]:
-    """Reasons for a shell: loads near the walls' lowest frequency, or frames in the box; empty without any."""
+    """Reasons for a shell: loads near the walls' lowest frequency, or frames in the box; otherwise an empty list."""
     box, material = member.part.body.box, member.part.body.material
     if box is None:
         return []
@@ -228,13 +231,13 @@ def _wall_reasons(member: Member) -> list[str]:
 
 
 def _other_model_reasons(member: Member) -> list[str]:
-    """Reasons for a beam in space from other sections: if one of them is no planar beam, none may be one."""
+    """Reasons for a beam in space from other sections: if one section is no planar beam, all have to be in space."""
     models = {section.part.name: choose_model(section).model for section in member.other_sections}
     return [f"section {name} is no planar beam" for name, model in models.items() if model != "beam2d"]
 
 
 def _lateral_reasons(member: Member) -> list[str]:
-    """Reasons for a beam in space: what moves the body out of the vertical plane; empty without any."""
+    """Reasons for a beam in space: causes that move the body out of the vertical plane; otherwise an empty list."""
     reasons = [
         f"the load {load.name} acts along {load.direction}"
         for load in member.part.loads
@@ -260,7 +263,7 @@ def _lateral_reasons(member: Member) -> list[str]:
 
 @dataclass(frozen=True)
 class SimulatorNeeds:
-    """What a simulation needs of its simulator; rows (pads, supports, sliders) by their names."""
+    """Needs of a simulation that its simulator has to meet; rows of pads, supports and sliders by their names."""
 
     pushing_rows: tuple[str, ...] = ()  #: Rows that only push
     #: Rows that only push and are rigid: neither a pad's stiffness nor residual flexibility lets them give way
@@ -274,7 +277,7 @@ class SimulatorNeeds:
 
 @dataclass(frozen=True)
 class Capabilities:
-    """Features that a simulator supports; each of them integrates by generalized-alpha."""
+    """Features that a simulator supports; every simulator integrates by generalized-alpha."""
 
     rows_that_push: bool = False
     rows_that_give_way: bool = True
@@ -310,7 +313,7 @@ REFERENCE = SimulatorKey("scene", "compare.against", ["full"])
 def refuse_unsupported(name: str, needs: SimulatorNeeds, place: SimulatorKey | None = None) -> None:
     """Raise an InputError for the first of the `needs` that the simulator `name` does not support.
 
-    The error says what to change.  `place` is the key that names the simulator; None: ``simulation.simulators``.
+    The error says what to change.  `place` is the key that names the simulator; None means ``simulation.simulators``.
     """
     can, place = SIMULATORS[name], place or SimulatorKey("scene", "simulation.simulators", name)
     lacking = {

@@ -1,9 +1,11 @@
 """Reading of scene files: validation, keys without effect, and keys of earlier versions.
 
-A scene file with a key of an earlier version is refused, with the key's new name or what replaces it.  A scene in saved
-results or in a saved model was valid for the version that wrote it: keys that no longer exist are left out of it.
+A scene file with a key of an earlier version is refused; the error names the key's new name or what replaces it.  A
+scene in saved results or in a saved model was valid for the version that wrote it: keys that no longer exist are left
+out.
 
-Keys that a scene file sets and that have no effect on the scene are refused too: whoever sets one expects an effect.
+Keys that a scene file sets and that have no effect on the scene are refused too, because whoever sets a key expects an
+effect.
 """
 
 from __future__ import annotations
@@ -52,12 +54,12 @@ GONE = dict.fromkeys(
 def stored_scene(data: Mapping[str, Any], source: str, context: Mapping[str, str] | None = None) -> Scene:
     """Return the scene of saved results or of a saved model, of this version or an earlier one.
 
-    `source` names the file in messages, `context` is that of pydantic's validation.
+    `source` names the file in messages; `context` is the context of pydantic's validation.
 
     Raises
     ------
     InputError
-        For the first key that no version up to this one had, or value that is not valid.
+        For the first key that no version up to this one had, or the first value that is not valid.
     """
     content = deepcopy(dict(data))
     for name in GONE:
@@ -72,7 +74,7 @@ def stored_scene(data: Mapping[str, Any], source: str, context: Mapping[str, str
 
 
 def _leave_out(data: Any, keys: Sequence[str]) -> None:
-    """Remove a key, as a list of words, from nested tables in place; lists of tables lose it in each entry."""
+    """Remove a key, given as a list of words, from nested tables in place; it is removed from each table of a list."""
     first, *inner_keys = keys
     if isinstance(data, list):
         for entry in data:
@@ -105,7 +107,7 @@ POOLED = ("reduction.snapshots", "reduction.modes", "reduction.positions")
 
 @dataclass(frozen=True)
 class UnusedKey:
-    """A key without effect, the key `decided_by` that decides so ("" if none does), and the reason in words."""
+    """A key without effect, the key `decided_by` that causes this ("" if none does), and the reason in words."""
 
     key: str
     decided_by: str
@@ -113,10 +115,10 @@ class UnusedKey:
 
 
 def check_unused(file: TomlFile, scene: Scene) -> None:
-    """Refuse the first key without effect that is set by an option, or in this file beside the key that decides so.
+    """Refuse the first key without effect that is set by an option, or in this file together with the deciding key.
 
-    Keys taken over from a file that this one extends, from the table common to all sections, or from the grid of a
-    study may have an effect elsewhere and pass.
+    The deciding key is `UnusedKey.decided_by`.  Keys taken over from a file that this one extends, from the table
+    common to all sections, or from the grid of a study may have an effect elsewhere and pass.
     """
     compared = scene.compare.richer not in ("auto", "none")
     if "sections" not in file.data:
@@ -130,7 +132,7 @@ def check_unused(file: TomlFile, scene: Scene) -> None:
 
 
 def _refuse_any(file: TomlFile, prefix: str, content: Mapping[str, Any], unused_keys: Iterator[UnusedKey]) -> None:
-    """Refuse the first of `unused_keys` that `content` sets; `prefix` is the key of `content` in the file."""
+    """Refuse the first of `unused_keys` that the table `content` sets; `prefix` is the key of the table in the file."""
     for unused in unused_keys:
         if not _has_key(content, unused.key):
             continue
@@ -156,11 +158,14 @@ def _has_key(data: Any, key: str) -> bool:
 
 
 def _unused_body_keys(member: Member, compared: bool) -> Iterator[UnusedKey]:
-    """Yield keys without effect on a body; `compared`: whether a richer model, which uses shell keys, is compared."""
+    """Yield keys without effect on a body.
+
+    `compared` says whether the body is compared with a richer model, which uses the keys of a shell.
+    """
     model = model_of(member)
     for key in UNUSED.get(model, ()) if member.part.body.model != "auto" else ():
         if model == "beam2d" and key == "body.shear" and not member.part.body.shear:
-            continue  # as it is
+            continue  # the beam has no shear deformation, as the key says
         if key in OF_WALLS and (compared or has_giving_walls(member)):
             continue
         yield UnusedKey(key, "body.model", f"it has no effect on {model}")
@@ -196,7 +201,7 @@ def _unused_joint_keys(scene: Scene, number: int) -> Iterator[UnusedKey]:
 
 
 def _unused_simulation_keys(scene: Scene) -> Iterator[UnusedKey]:
-    """Yield keys of comparison and simulation without effect."""
+    """Yield keys without effect in the tables of comparison and simulation."""
     if "ancf" not in scene.compare.against:
         yield UnusedKey("compare.ancf_elements", "compare.against", "compare.against names no ANCF reference")
     if not any(name.startswith("exudyn") for name in (*scene.simulation.simulators, scene.simulation.full)):
@@ -222,9 +227,9 @@ DIALECT = Dialect(
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
     """Read a scene file in TOML: its path, a folder with a ``scene.toml``, or the name of a workflow of the package.
 
-    A file may extend another one: its key ``extends`` names a base file, relative to it, and its other keys override
-    those of the base file.  `overrides` are ``"section.key=value"`` with the value in TOML notation (a bare word is
-    taken as a string).
+    A file may extend another one: its key ``extends`` names a base file, relative to the file itself, and its other
+    keys override those of the base file.  `overrides` are ``"section.key=value"`` with the value in TOML notation (a
+    bare word is taken as a string).
 
     Raises InputError in one line: file, key, value, what is allowed.  A scene of several sections is refused, too;
     `load_any` reads it.
@@ -238,17 +243,17 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
 
 
 def load_any(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
-    """Read a scene file of one section or of several; arguments and errors are those of `load`."""
+    """Read a scene file of one section or of several; arguments and errors are as in `load`."""
     return vary(path, [override(text) for text in overrides])
 
 
 def vary(path: str | Path, changes: Sequence[Change]) -> Scene:
-    """Load a scene with changes laid over its tables in order.
+    """Load a scene and lay `changes` over its tables in order.
 
-    Published results stay only as far as they hold for the changed scene.
+    Published results are kept only as far as they hold for the changed scene.
     """
     file, as_it_stands = _read_file(path), ""
-    with suppress(InputError):  # a change may mend it
+    with suppress(InputError):  # a later change may mend the error
         as_it_stands = _checked_scene(file).hash if changes and "published" in file.data else ""
     for change in changes:
         file.apply(change)
@@ -278,7 +283,7 @@ def _read_file(path: str | Path) -> TomlFile:
 
 
 def _checked_scene(file: TomlFile) -> Scene:
-    """Return the checked scene of a file in either form: a body at the top, or sections.
+    """Return the checked scene of a file in either form: with a body at the top, or with a list of sections.
 
     Raises InputError with the file that set the key, and the key as it is written there.
     """

@@ -1,15 +1,17 @@
 r"""The moving frame of a boom, which luffs (raises) and slews (turns about the vertical), and the machine below it.
 
-With x along the boom, z up where it lies level, and the angles :math:`\varphi` of luffing and :math:`\psi` of slewing,
+x is along the boom, and z is upwards when the boom lies level.  With the luffing angle :math:`\varphi` and the slewing
+angle :math:`\psi` the frame's angular velocity in its own axes is
 
 .. math::
     \omega = (\dot\psi \sin\varphi,\; -\dot\varphi,\; \dot\psi \cos\varphi)
 
-is the frame's angular velocity in its own axes; the vertical is :math:`(\sin\varphi, 0, \cos\varphi)` in these axes.
+and the vertical in these axes is :math:`(\sin\varphi, 0, \cos\varphi)`.
 
-A base that moves (an earthquake, a truck, a ship) carries the frame: the pivot is displaced by (x, y, z) along axes of
-the ground, and the axes of the base are rotated by :math:`R_Z(r_z) R_Y(r_y) R_X(r_x)`, roll first.  On the ground Z is
-upwards, and X where the boom points at a slewing angle of 0.
+A base that moves (an earthquake, a truck, a ship) carries the frame.  The pivot is displaced by (x, y, z) along axes of
+the ground.  The axes of the base are rotated by roll :math:`r_x`, pitch :math:`r_y` and yaw :math:`r_z`, roll first, so
+that :math:`R_Z(r_z) R_Y(r_y) R_X(r_x)` is the product of the rotations about the axes of the ground.  On the ground Z
+is upwards, and X is where the boom points at a slewing angle of 0.
 
 The machine below the pivot is a rigid body whose motion in free directions is computed.
 """
@@ -48,7 +50,7 @@ class _DirectionTable(SceneTable):
 
 
 class Springs(_DirectionTable):
-    """Springs between the machine and what it stands on, which moves as `[frame.base]` says.
+    """Springs between the machine and the base it stands on, which moves as `[frame.base]` says.
 
     Angles are roll, pitch and yaw.
     """
@@ -103,7 +105,7 @@ class PivotLoad(SceneTable):
 
     @property
     def signals(self) -> dict[str, SignalBase]:
-        """Signals that the scene sets, by their axes."""
+        """Signals over time that the scene sets, by their axes x, y and z."""
         return {axis: one for axis in "xyz" if (one := getattr(self, axis)) is not None}
 
 
@@ -154,9 +156,9 @@ TURN = 2.0 * np.pi
 SHAKEN, MOVED = Usual(1e-3, 100.0, unit="m/s^2"), Usual(0.0, 1e3, unit="m")
 ROCKED, TURNED = Usual(0.0, 2.0, "rad", "rad"), Usual(0.0, 40.0, "rad", "rad")
 RAISED, SLEWED = Usual(1.6, np.inf, "degrees", "degrees"), Usual(3.2, np.inf, "degrees", "degrees")
-#: Prefix of the inputs by which a moving frame accelerates a body, before the field: ``inertia x``, ``inertia zx``.
+#: Prefix of the inputs by which a moving frame accelerates a body; the field follows: ``inertia x``, ``inertia zx``.
 INERTIA = "inertia "
-#: Meaning of such an input, for messages.
+#: Meaning of the inputs whose name begins with `INERTIA`, for messages.
 MINUS_THE_ACCELERATION = "minus the acceleration of the frame, weight included"
 
 
@@ -206,23 +208,24 @@ class BaseMotion(SceneTable):
 
     @property
     def motions(self) -> dict[str, SignalBase]:
-        """Displacements in m and angles in the frame's unit over time, by key x to rz; only those that are set."""
+        """Displacements in m and angles in the frame's unit over time, by those keys x to rz that are set."""
         signals = {key: getattr(self, key) for key in DIRECTIONS}
         return {key: signal for key, signal in signals.items() if signal is not None}
 
     @property
     def accelerations(self) -> dict[str, SignalBase]:
-        """Recorded accelerations in m/s^2 over time, by their axes; only those that are set."""
+        """Recorded accelerations in m/s^2 over time, by those axes that are set."""
         signals = {axis: getattr(self.acceleration, axis) for axis in "xyz"}
         return {axis: signal for axis, signal in signals.items() if signal is not None}
 
 
 class LuffingCylinder(SceneTable):
-    r"""Hinges of the cylinder that raises the boom: x and z from the pivot, z upwards where the boom lies level.
+    r"""Hinges of the cylinder that raises the boom: x and z from the pivot, z upwards when the boom lies level.
 
-    With the foot :math:`r_0` on the machine and the lug :math:`r_1` on the boom its length at the angle
-    :math:`\varphi` is :math:`L = |R(\varphi) r_1 - r_0|`, and by virtual work it carries the moment
-    :math:`\mathfrak M` of the boom about the pivot with the force :math:`\mathfrak M / (dL / d\varphi)`.
+    The cylinder goes from the foot :math:`r_0` on the machine to the lug :math:`r_1` on the boom.  With the rotation
+    :math:`R(\varphi)` by the luffing angle :math:`\varphi` its length is :math:`L = |R(\varphi) r_1 - r_0|`.  By
+    virtual work it carries the moment :math:`\mathfrak M` of the boom about the pivot with the force :math:`\mathfrak M
+    / (dL / d\varphi)`.
     """
 
     foot: Annotated[tuple[Place, Place], Usual(0.0, 2.0, "reach")] = Field(
@@ -240,7 +243,7 @@ class LuffingCylinder(SceneTable):
     def lug_position(self, angle: ArrayLike) -> NDArray[np.float64]:
         """Return the lug's positions (..., 2) in m at luffing angles (...) in rad.
 
-        They are x and z from the pivot, along the axes of the foot, which do not luff.
+        The two components are x and z from the pivot, along the axes of the foot, which do not luff.
         """
         sine, cosine, (x, z) = np.sin(angle), np.cos(angle), self.lug
         return np.stack([x * cosine - z * sine, x * sine + z * cosine], axis=-1)
@@ -257,7 +260,7 @@ class LuffingCylinder(SceneTable):
         return length, np.divide(turned, length, out=np.zeros_like(length), where=length > 0.0)
 
     def direction(self, angle: ArrayLike) -> NDArray[np.float64]:
-        """Return unit vectors (..., 2) from foot to lug at luffing angles (...) in rad: x and z in axes of the boom."""
+        """Return unit vectors (..., 2) from foot to lug, along x and z of the boom, at luffing angles (...) in rad."""
         along_cylinder = self.lug_position(angle) - self.foot
         along_cylinder = along_cylinder / np.linalg.norm(along_cylinder, axis=-1, keepdims=True)
         sine, cosine = np.sin(angle), np.cos(angle)
@@ -310,18 +313,18 @@ class Frame(SceneTable):
 
     @property
     def tail_position(self) -> tuple[float, float, float]:
-        """Position (3,) in m of the base's tail from the pivot, in the axes of the boom."""
+        """Position (3,) in m of the base's tail relative to the pivot, in the axes of the boom."""
         assert self.pivot is not None  # as the validator says
         return self.pivot
 
     @property
     def angles(self) -> tuple[SignalBase, SignalBase]:
-        """Luffing and slewing angle in rad over time; a constant 0 for an angle that is not set."""
+        """Luffing and slewing angle in rad over time; a constant 0 for an angle that the scene does not set."""
         return self._in_rad(self.luffing), self._in_rad(self.slewing)
 
     @property
     def base_angles(self) -> tuple[SignalBase, ...]:
-        """Roll, pitch and yaw of the base in rad over time; empty where the base keeps its direction."""
+        """Roll, pitch and yaw of the base in rad over time; empty if the base keeps its direction."""
         motions = {} if self.base is None else self.base.motions
         turned = tuple(self._in_rad(motions.get(axis)) for axis in ("rx", "ry", "rz"))
         return turned if self.machine is not None or {"rx", "ry", "rz"} & set(motions) else ()
@@ -333,7 +336,7 @@ class Frame(SceneTable):
 
     @property
     def out_of_plane_key(self) -> str | None:
-        """Key within [frame] of the motion that moves the boom out of a vertical plane; None without one."""
+        """Key within [frame] of the motion that moves the boom out of a vertical plane; None if nothing does."""
         if self.machine is not None:
             return "machine"
         motions = {} if self.base is None else {f"base.{key}": signal for key, signal in self.base.motions.items()}
@@ -343,12 +346,12 @@ class Frame(SceneTable):
         return next((key for key in ("slewing", *out) if key in motions or (key == "slewing" and self.slewing)), None)
 
     def rotation(self, t: ArrayLike) -> NDArray[np.float64]:
-        """Return the rotations (T, 3, 3) from axes of the boom to those of the base at times t (T,) in s."""
+        """Return the rotations (T, 3, 3) from axes of the boom to axes of the base at times t (T,) in s."""
         luffing, slewing = (np.atleast_1d(angle.value(np.asarray(t))) for angle in self.angles)
         return boom_rotation(luffing, slewing)
 
     def rotation_to_ground(self, t: float) -> NDArray[np.float64]:
-        """Return the rotation (3, 3) from axes of the boom to those of the ground at time t in s.
+        """Return the rotation (3, 3) from axes of the boom to axes of the ground at time t in s.
 
         It includes the rotation of the base.
         """
@@ -358,7 +361,7 @@ class Frame(SceneTable):
         return np.asarray(boom_rotation(-pitch, yaw)[0] @ rolled @ self.rotation(t)[0])
 
     def refuse_without_unit(self, key: str, angles: ArrayLike, source: str = "scene") -> None:
-        """Raise an InputError of `key` in `source` if `angles` exceed a full turn and the frame sets no unit."""
+        """Raise an InputError for `key` in `source` if `angles` exceed a full turn and the frame sets no unit."""
         largest = float(np.max(np.abs(angles), initial=0.0))
         if largest > TURN and "unit" not in self.model_fields_set:
             allowed = "its unit has to be said where an angle goes beyond a turn: frame.unit = 'degrees' or 'rad'"
@@ -372,10 +375,10 @@ class Frame(SceneTable):
 
 
 def boom_rotation(luffing: NDArray[np.float64], slewing: NDArray[np.float64]) -> NDArray[np.float64]:
-    r"""Return :math:`R_Z(\psi) R_Y(-\varphi)` (T, 3, 3), from axes of the boom to those of the base.
+    r"""Return the rotation :math:`R_Z(\psi) R_Y(-\varphi)` (T, 3, 3) from axes of the boom to axes of the base.
 
-    The angles (T,) in rad are :math:`\varphi`, `luffing`, and :math:`\psi`, `slewing`.  A base that does not rotate has
-    Z upwards, and X where the boom points at a slewing angle of 0.
+    The angles (T,) in rad are :math:`\varphi`, the argument `luffing`, and :math:`\psi`, the argument `slewing`.  A
+    base that does not rotate has Z upwards, and X where the boom points at a slewing angle of 0.
     """
     (c, s), (cz, sz) = (np.cos(luffing), np.sin(luffing)), (np.cos(slewing), np.sin(slewing))
     rows = [[cz * c, -sz, -cz * s], [sz * c, cz, -sz * s], [s, np.zeros_like(s), c]]

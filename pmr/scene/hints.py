@@ -2,7 +2,7 @@
 
 The usual range of a key is declared on its field (`pmr.scene.keys.Usual`): a range of magnitudes, in the key's unit or
 in multiples of a scale, such as the length of the section.  A table may add scales (`hint_scales`), and numbers that
-are none of its fields (`hint_numbers`).  Hints refuse nothing: a number may be possible and yet be in another unit.
+are not fields of it (`hint_numbers`).  Hints refuse nothing: a number may be possible and yet be in another unit.
 
 The schemas are those of pydantic, extended by what files may contain besides: a file that `extends` another one may
 leave out keys, a number stands for a constant signal, and entries of lists may be changed by their names.  The dialect
@@ -27,7 +27,7 @@ from pmr.scene.signals import SignalBase
 
 Scales = Mapping[str, float]
 
-#: Units that a number may be meant in, by the unit of its key, likely ones first: one of them in the key's unit.
+#: Other units in which a number may be meant, by the unit of its key, likely ones first, and their size in this unit.
 OTHER_UNITS: Mapping[str, Mapping[str, float]] = {
     "m": {"mm": 1e-3, "cm": 1e-2},
     "m^2": {"mm^2": 1e-6, "cm^2": 1e-4},
@@ -52,7 +52,7 @@ OTHER_UNITS: Mapping[str, Mapping[str, float]] = {
 
 @dataclass(frozen=True)
 class _UnusualNumber:
-    """A number outside of its usual range from `low` to `high`, which are in the number's unit."""
+    """A number outside of its usual range from `low` to `high`; all three are in the same unit."""
 
     key: str
     value: float
@@ -67,7 +67,7 @@ class _UnusualNumber:
 
     @property
     def sentence(self) -> str:
-        """Sentence with the key, the number, its usual range, and the unit that it may be in instead."""
+        """Sentence with the key, the number, its usual range, and other units in which it may be meant."""
         unit = "" if self.unit == "1" else f" {self.unit}"
         usual = f"{self.low:.3g} to {self.high:.3g}{unit}" if self.low else f"up to {self.high:.3g}{unit}"
         if math.isinf(self.high):
@@ -91,15 +91,15 @@ def hints(scene: Scene) -> list[str]:
 
 
 def table_hints(table: BaseModel, scene: Scene) -> list[str]:
-    """Return a sentence for each key of `table` with an unusual number; scales are those of the scene.
+    """Return a sentence for each key of `table` with an unusual number, judged by the scales of the scene.
 
-    The table stands outside of the scene, such as a study of it.
+    The table, such as a study of the scene, is not part of it.
     """
     return _sentences(_unusual_in_table(table, "", _boom_scales(scene)))
 
 
 def _sentences(numbers: Iterable[_UnusualNumber]) -> list[str]:
-    """Return one sentence for each key, about its most unusual number; keys that differ in indices alone are one."""
+    """Return one sentence for each key, about its most unusual number; keys that differ only in indices are one."""
     by_key: dict[str, list[_UnusualNumber]] = {}
     for number in numbers:
         by_key.setdefault(re.sub(r"\[\d+\]", "", number.key), []).append(number)
@@ -111,14 +111,14 @@ def _sentences(numbers: Iterable[_UnusualNumber]) -> list[str]:
 
 
 def _unusual_in_table(table: BaseModel, key: str, scales: Scales) -> Iterator[_UnusualNumber]:
-    """Yield the unusual numbers of a table and of the tables within it; `key` is the table's key and a dot."""
+    """Yield the unusual numbers of a table and of the tables within it; `key` is the table's key followed by a dot."""
     if isinstance(table, Hinted):
         scales = {**scales, **table.hint_scales(scales)}
         for name, (value, judged_by) in table.hint_numbers.items():
             yield from _unusual_number(value, f"{key}{name}", (judged_by,), judged_by.unit, scales)
     for name in type(table).model_fields:
         if name == "sections" and isinstance(table, Scene):
-            continue  # each has scales of its own
+            continue  # each section has scales of its own
         quantity, usual = quantity_of(type(table), name), usual_ranges(type(table), name)
         unit = quantity.unit if quantity is not None else ""
         yield from _unusual_in_value(getattr(table, name), f"{key}{name}", usual, unit, scales)
@@ -129,7 +129,8 @@ def _unusual_in_value(
 ) -> Iterator[_UnusualNumber]:
     """Yield the unusual numbers of a field's value and of all lists and tables nested in it.
 
-    Numbers and signals of the field have the `usual` ranges and the `unit`; tables within it have ranges of their own.
+    Numbers and signals of the field have the `usual` ranges and the `unit`.  The fields of tables within it have ranges
+    of their own.
     """
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         yield from _unusual_number(float(value), key, usual, unit, scales)
@@ -149,9 +150,9 @@ def _unusual_in_value(
 def _unusual_number(
     value: float, key: str, usual: tuple[Usual, ...], unit: str, scales: Scales
 ) -> Iterator[_UnusualNumber]:
-    """Yield a number if its magnitude is outside of the range that its usual ranges have in common; never 0.
+    """Yield a number if its magnitude is outside of the range that its `usual` ranges have in common.
 
-    Ranges in multiples of a scale that `scales` does not have, or has as 0, are passed over.
+    0 is never unusual.  A range in multiples of a scale is left out if `scales` lacks this scale or has it as 0.
     """
     ranges_of_key = [usual_range for usual_range in usual if not usual_range.scale or scales.get(usual_range.scale)]
     if not (value and ranges_of_key):
@@ -167,9 +168,10 @@ def _unusual_number(
 
 
 def _boom_scales(scene: Scene) -> dict[str, float]:
-    """Return the scales of the whole boom: reach in m, mass (``boom``) in kg, weight in N, time in s, gravity in m/s^2.
+    """Return the scales of the whole boom: reach in m, mass in kg, weight in N, time in s and gravity in m/s^2.
 
-    Reach, mass or weight is 0 if that of a section is not known.
+    Their names are ``reach``, ``boom`` (the mass), ``weight``, ``time`` and ``gravity``.  Reach, mass or weight is 0 if
+    it is not known of one of the sections.
     """
     sections = [_section_scales(part) for part in scene.sections]
     lengths, masses, weights = ([scales[name] for scales in sections] for name in ("length", "mass", "weight"))
@@ -178,9 +180,9 @@ def _boom_scales(scene: Scene) -> dict[str, float]:
 
 
 def _section_scales(part: BoomSection) -> dict[str, float]:
-    """Return length in m, mass in kg and weight in N of a section, by these names.
+    """Return ``length`` in m, ``mass`` in kg and ``weight`` in N of a section.
 
-    All are 0 if its body has an unusual number; mass and weight are 0 if only a mesh file describes it.
+    All are 0 if a number of its body is unusual.  Mass and weight are 0 if only a mesh file describes the body.
     """
     if any(_unusual_in_table(part.body, "", {"gravity": GRAVITY})):
         return dict.fromkeys(("length", "mass", "weight"), 0.0)
@@ -205,19 +207,19 @@ EXTENDS = {
     "type": "string",
     "description": "File that this one changes: a path relative to it, or the name of one that comes with pmr",
 }
-#: Behind the name of a part that need not be complete.
+#: Suffix of the names of schemas of tables that need not be complete.
 IN_PART = ", in part"
 
 
 def scene_form_schemas() -> tuple[Schema, Schema]:
-    """Return the schemas of the two forms of a scene file: a body at the top of the file, and a list of sections."""
+    """Return the schemas of the two forms of a scene file: with a body at the top, and with a list of sections."""
     return BodyFile.model_json_schema(), Scene.model_json_schema(mode="validation")
 
 
 def scene_file_schema() -> Schema:
     """Return the schema of a scene file with one body or with several sections."""
     body, several = scene_form_schemas()
-    section = {"$ref": f"#/$defs/BoomSection{IN_PART}"}  # what sections have in common is said once
+    section = {"$ref": f"#/$defs/BoomSection{IN_PART}"}  # the table of keys that sections share
     about = several["properties"]["section"]["description"]
     several["properties"]["section"] = {"allOf": [section], "description": about}
     several["properties"]["sections"]["items"] = {"allOf": [section, {"required": ["name"]}]}
@@ -225,7 +227,7 @@ def scene_file_schema() -> Schema:
 
 
 def union_schema(schemas: Sequence[Schema], title: str) -> Schema:
-    """Return the schema of files that fit any one of `schemas`; tables of one name are equal in all of these."""
+    """Return the schema of files that fit any one of `schemas`; tables with the same name are equal in all of these."""
     parts: Schema = {}
     complete, extending = [], []
     for schema in schemas:
@@ -256,7 +258,7 @@ def _in_draft_7(node: Any) -> Any:
 
 
 def _without_required_keys(node: Any) -> Any:
-    """Return a node of a schema with no key required, in which tables may change single entries of lists of tables."""
+    """Return a node of a schema in which no key is required and tables may change single entries of lists of tables."""
     if isinstance(node, list):
         return [_without_required_keys(entry) for entry in node]
     if not isinstance(node, dict):

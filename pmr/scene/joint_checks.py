@@ -32,7 +32,7 @@ PARALLEL = 1.0 - 1e-6
 
 
 def check_fit(scene: Scene, number: int) -> None:
-    """Refuse section `number` unless its box fits into that of the section before it, and its pads into the gap."""
+    """Refuse section `number` unless its box fits into the box of the section before it, and its pads into the gap."""
     inner, outer = scene.sections[number].body.box, scene.sections[number - 1].body.box
     if inner is None or outer is None:
         return
@@ -58,7 +58,7 @@ def check_fit(scene: Scene, number: int) -> None:
 
 
 def _check_tail(scene: Scene, number: int, inner: Box, outer: Box) -> None:
-    """Refuse an inner box whose tail does not fit into the outer box where this one tapers towards its own tail."""
+    """Refuse an inner box whose tail does not fit into the outer box where this one tapers towards its tail."""
     first, _ = scene.extension(number).bounds(0.0, scene.time.end)
     low, _ = outer.parallel_range
     if first >= low:
@@ -74,7 +74,7 @@ def _check_tail(scene: Scene, number: int, inner: Box, outer: Box) -> None:
 
 
 def _check_frames(scene: Scene, number: int, inner: Box, outer: Box) -> None:
-    """Refuse frames of the outer box that the inner box slides past without enough room."""
+    """Refuse frames of the outer box that leave too little room for the inner box, which slides past them."""
     first, _ = scene.extension(number).bounds(0.0, scene.time.end)
     reached = [x for x in outer.frames if x >= first]
     if not reached:
@@ -92,7 +92,7 @@ def _check_frames(scene: Scene, number: int, inner: Box, outer: Box) -> None:
 def _check_clearance(seat: Seat, key: str, inner: tuple[str, Box], outer: tuple[str, Box]) -> None:
     """Refuse pads on faces that are not parallel or that a box lacks, and clearances larger than the gap.
 
-    `inner` and `outer` are name and box of the two sections, `key` that of the ring of pads.
+    `inner` and `outer` are the name and the box of the two sections; `key` is the key of the ring of pads.
     """
     (name, section), (around, tube) = inner, outer
     inner_faces, outer_faces = section.faces, tube.faces
@@ -144,7 +144,7 @@ def check_joints(scene: Scene) -> None:
 
 
 def _check_section_names(scene: Scene) -> None:
-    """Refuse equal names of sections or of rings at one end, a joint of the base, and sections without a joint."""
+    """Refuse equal names of sections or of rings at one end, a joint of the base, and others without a joint."""
     check_names("sections", scene.names)
     if scene.sections[0].joint is not None:
         raise scene_error("sections[0].joint", None, "the base slides in nothing: supports or pads hold it")
@@ -173,7 +173,7 @@ def _check_reduction(scene: Scene, number: int) -> None:
 
 
 def _check_drive(scene: Scene, number: int) -> None:
-    """Refuse an extension that is not known (sections that follow each other in a circle), or that jumps.
+    """Refuse an extension that jumps, or that is not known as sections follow each other in a circle.
 
     A rope's length has to be known too, and positive at all times.
     """
@@ -206,12 +206,13 @@ def _check_drive(scene: Scene, number: int) -> None:
 
 
 def _check_flexible_drive(scene: Scene, number: int) -> None:
-    """Refuse a rigid drive of a section that follows one with a flexible drive, and friction beside some drives.
+    """Refuse a rigid drive of a section that follows one with a flexible drive, and friction with some drives.
 
-    Friction is refused if the section's drive changes its length, or is flexible together with that of other sections.
+    Friction is refused if the section's drive changes its length, or if the drives of this section and of others that
+    it carries are flexible.
     """
     if not has_driven_tail(member_at(scene, number)):
-        return  # nothing holds it along the boom
+        return  # no drive holds the section along the boom
     key, drive, name = f"sections[{number}].joint", Drive.of_section(scene, number), scene.names[number]
     carried = rope_shares(scene)
     leads = [other for other, shares in carried.items() if name in shares and other != name]
@@ -230,7 +231,7 @@ def _check_flexible_drive(scene: Scene, number: int) -> None:
 
 
 def _check_equilibrium_start(scene: Scene, number: int) -> None:
-    """Refuse, for runs that begin in equilibrium, play of pads that no load takes up at t = 0."""
+    """Refuse play of pads that no load takes up at t = 0; only to be called for a start in equilibrium."""
     joint, beyond = scene.joint(number), scene.sections[number:]
     for axis, turn, faces in (("y", "rz", {"left", "right"}), ("z", "ry", {"bottom", "top"})):
         if _is_loaded_at_start(scene, beyond, axis, turn) or (axis == "y" and is_planar(member_at(scene, number))):
@@ -238,7 +239,7 @@ def _check_equilibrium_start(scene: Scene, number: int) -> None:
         for end in ("tail", "mouth"):
             rings = {k: ring for k, ring in enumerate(getattr(joint, end)) if faces & set(ring.faces or ("top",))}
             if any(" " in face for ring in getattr(joint, end) for face in ring.faces or ()):
-                continue  # what presses along one axis takes up the play of slanted pads along the other
+                continue  # a load along one axis takes up the play of slanted pads along the other
             if rings and all(
                 ring.clearance_on(face) for ring in rings.values() for face in ring.faces or ("top",) if face in faces
             ):
@@ -376,7 +377,7 @@ def _check_section(scene: Scene, number: int) -> None:
 
 
 def _check_overlaps_and_friction(scene: Scene) -> None:
-    """Refuse rigid overlaps but of planar beams, and friction of sections that have no coordinates along the boom."""
+    """Refuse rigid overlaps unless all are planar beams, and friction of sections that can't move along the boom."""
     for number in range(1, len(scene.sections)):
         if scene.joint(number).rigid_overlap and not is_planar(member_at(scene, number)):
             raise scene_error(f"sections[{number}].joint.rigid_overlap", True, "false is allowed but for planar beams")
@@ -388,7 +389,7 @@ def _check_overlaps_and_friction(scene: Scene) -> None:
 
 
 def _check_frequency_response(scene: Scene) -> None:
-    """Refuse a frequency response of other sections than the last, or beside pads that only push."""
+    """Refuse a frequency response of other sections than the last, or together with pads that only push."""
     for number, part in enumerate(scene.sections):
         if not part.observe.frequency_response:
             continue
@@ -402,7 +403,7 @@ def _check_frequency_response(scene: Scene) -> None:
 
 
 def _check_accuracy(scene: Scene) -> None:
-    """Refuse accuracy or budget unless all reductions have flexibility and an estimate."""
+    """Refuse accuracy or budget unless the reduction of every section has flexibility and an estimate."""
     for number, part in enumerate(scene.sections):
         if scene.goal is not None and not part.reduction.estimable:
             allowed = "flexibility and estimate = true are allowed: such models hold all smaller ones"

@@ -1,6 +1,6 @@
-"""Tables of a section of a boom, and of the joint in which it slides in the next outer section.
+"""Tables of a section of a boom, and of the joint in which the section slides in the next outer section.
 
-The joint has pads at both ends, a cylinder or rope, and what drives it: an extension, an overlap or another section.
+The joint has pads at both ends, a cylinder or rope, and a drive: an extension, an overlap or another section.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ from pmr.scene.structures import PointMass, Probe
 
 #: Stiffness of a pad along the boom, N/m.
 SHEAR_STIFFNESS = 1e8
-#: Speed in m/s by which the friction of a pad falls from that at rest to that of sliding.
+#: Speed in m/s over which the friction of a pad falls from its value at rest to its value in sliding.
 STRIBECK_SPEED = 0.01
 
 
 class JointPads(SceneTable):
     """A ring of pads at one end of a joint, between a section and the next outer one.
 
-    Without `faces`, on planar beams alone, a ring is a point on the axis; if it only pushes, there is one above and one
-    below.
+    Without `faces`, which only planar beams allow, a ring is a point on the axis; if it only pushes, there is one point
+    above and one below.
     """
 
     name: NameOrNone = Field(default="", description="Name of the ring, where one end has several")
@@ -100,7 +100,7 @@ class JointPads(SceneTable):
 
 
 class Cylinder(SceneTable):
-    """Hydraulic cylinder or rope from the section's tail to that of the next outer one; it holds the section."""
+    """Hydraulic cylinder or rope between the tails of the section and the next outer one; it holds the section."""
 
     stiffness: Stiffness | Literal["rigid"] = Field(default="rigid", description="Stiffness along the axis")
 
@@ -108,8 +108,8 @@ class Cylinder(SceneTable):
 class Rope(SceneTable):
     """Rope or chain that moves a section; its stiffness is strands * EA over the length under tension.
 
-    Of section k which `follows` section k-1 it is fixed at the head of section k-2, runs over a sheave at the head of
-    section k-1 and ends at the tail of section k.  Of a section with an extension of its own a winch pulls it.
+    If section k `follows` section k-1, the rope is fixed at the head of section k-2, runs over a sheave at the head of
+    section k-1 and ends at the tail of section k.  If the section has an extension of its own, a winch pulls the rope.
     """
 
     EA: Annotated[AxialStiffness, Usual(2e5, 5e9)] = Field(
@@ -164,7 +164,7 @@ class Joint(SceneTable):
 
     @model_validator(mode="after")
     def _check_drive(self) -> Joint:
-        """Refuse a joint unless exactly one key drives it, and a rope beside a cylinder with a stiffness."""
+        """Refuse a joint unless exactly one key drives it, and a rope together with a cylinder that has a stiffness."""
         if sum(signal is not None for signal in (self.extension, self.overlap, self.follows)) != 1:
             raise ValueError("give extension, overlap or follows, one of them")
         if self.rope is not None and self.cylinder.stiffness != "rigid":
@@ -173,11 +173,11 @@ class Joint(SceneTable):
 
     @property
     def rings(self) -> tuple[JointPads, ...]:
-        """Rings of pads of the joint, those at the section's tail first."""
+        """Rings of pads of the joint: first those at the section's tail, then those at the mouth."""
         return (*self.tail, *self.mouth)
 
     def least_distance(self, rings: tuple[JointPads, ...]) -> float:
-        """Return the least distance in m of `rings` from the end of the joint (tail or mouth) at which they sit."""
+        """Return the least distance in m of the `rings` from the end of the joint at which they sit, tail or mouth."""
         return min(ring.at for ring in rings)
 
 
@@ -241,18 +241,18 @@ class OneBody(SceneTable):
 
     @property
     def files(self) -> dict[str, Path]:
-        """Files that the model is made from, by the table that names each: ``mesh`` or ``reduction``."""
+        """Files from which the model is made, by the table that names each: ``mesh`` or ``reduction``."""
         named = {"mesh": self.mesh.file, "reduction": self.reduction.file}
         return {section: file for section, file in named.items() if file is not None}
 
     @property
     def file_digests(self) -> dict[str, str]:
-        """SHA-256 of the content of each of `files`."""
+        """SHA-256 of the content of each of `files`, by the same keys."""
         return {section: hashlib.sha256(file.read_bytes()).hexdigest() for section, file in self.files.items()}
 
     @property
     def spring_units(self) -> dict[str, str]:
-        """Unit of the force or moment in each direction of each support with a stiffness, by the name of its row."""
+        """Unit (N or N m) of the force or moment of each row of a support with a stiffness, by the name of the row."""
         held = [
             (support, d) for support in self.supports if support.stiffness != "rigid" for d in support.held_directions
         ]
@@ -260,25 +260,25 @@ class OneBody(SceneTable):
 
     @property
     def load_positions(self) -> dict[str, float]:
-        """Positions of loads along the axis in m, by name; loads on groups of a mesh file are left out."""
+        """Positions of loads along the axis in m, by the load's name; loads on groups of a mesh file are left out."""
         places = {load.name: self.position_of(load.on) for load in self.loads}
         return {name: at for name, at in places.items() if at is not None}
 
     @property
     def length(self) -> float:
-        """Length of the body in m; of a mesh file that of the observed range, extended to x = 0."""
+        """Length of the body in m; for a mesh file the length of the observed range, extended to x = 0."""
         observed = self.observe.stations or (0.0,)
         return self.body.length or observed[-1] - min(observed[0], 0.0)
 
     def position_of(self, on: str | float) -> float | None:
-        """Return the position along the axis in m of a group or number; None for a group that only the mesh defines."""
+        """Return the position along the axis in m of a group or number; None for a group of which only a mesh knows."""
         if isinstance(on, str):
             return ENDS[on] * self.body.length if on in ENDS and self.body.length else None
         return on
 
 
 class BoomSection(OneBody):
-    """A section of a boom; the first one is the base, all others have a joint."""
+    """A section of a boom; the first section is the base, all others have a joint."""
 
     name: FileName = Field(description="Name of the section")
     joint: Joint | None = Field(

@@ -1,9 +1,10 @@
 """Basis of all tables of a scene: frozen models, numbers with units and bounds, names, and error messages in one line.
 
-A number has the bounds within which double precision can compute, far from all that is built: models in any consistent
-units pass, and a slip of the pen beyond the bounds is refused before it leads to meaningless results.
+A number has bounds within which double precision can compute; they are far from the numbers of all that is built.  So
+models in any consistent units pass, and a slip of the pen beyond the bounds is refused before it leads to meaningless
+results.
 
-What pydantic refuses is reported with key, value and what is allowed, or which key was probably meant.
+An error of pydantic is reported with key, value and what is allowed, or with the key that was probably meant.
 
 Some keys take one of pmr's own words or the name of an object that an installed package offers (`or_plugin_name`).
 """
@@ -37,15 +38,15 @@ from pmr.errors.text import NAMED, escape_controls, is_name, missing_file_reason
 
 Location = Sequence[str | int]
 Schema = dict[str, Any]
-#: What is allowed where something else than TOML's tables and lists stands, by pydantic's kind of error.
+#: What is allowed in place of a value that is neither table nor list, by pydantic's kind of error.
 _INSTEAD = dict.fromkeys(("model_type", "dict_type"), "a table of keys") | {"tuple_type": "a list"}
 _OF_A_KEY = "of_a_key"
-#: Keys up to which all of a table are named where another one is unknown; so many of a larger one.
+#: For an unknown key, all keys of a table are named up to this number of keys; this many keys of a larger table.
 _FEW, _NAMED = 12, 8
 
 
 def key_error(key: str, value: Any, allowed: str) -> PydanticCustomError:
-    """Return the error that a validator of a whole table raises about one of its keys."""
+    """Return the error that a validator of a whole table raises about one of the table's keys."""
     return PydanticCustomError(_OF_A_KEY, "{allowed}", {"key": key, "value": value, "allowed": allowed})
 
 
@@ -59,14 +60,14 @@ class Refusal:
 
     @classmethod
     def from_validation(cls, error: ValidationError, model: type[BaseModel], data: Any) -> Refusal:
-        """Return the refusal of the first error that pydantic found in `data`; unknown keys come first."""
+        """Return the refusal of the first error that pydantic found in `data`; unknown keys come before others."""
         errors = error.errors()
         of_table = isinstance(errors[0]["input"], (dict, list)) and errors[0]["type"] == "float_type"
         within = [
             e for e in errors if of_table and e["input"] is not errors[0]["input"]
         ]  # a number, or a table of them
         first = next((e for e in errors if e["type"] == "extra_forbidden"), [*within, errors[0]][0])
-        spelled = {key for _, _, key, _ in iterate_keys(data)} | {""}  # not the branches of unions
+        spelled = {key for _, _, key, _ in iterate_keys(data)} | {""}  # without branches of unions
         location: list[str | int] = [part for part in first["loc"] if isinstance(part, int) or part in spelled]
         value, allowed, about = first["input"], first["msg"].removeprefix("Value error, "), first.get("ctx", {})
         match first["type"]:
@@ -98,7 +99,8 @@ def iterate_keys(data: Any, location: str = "", name: str = "") -> Iterator[tupl
     """Yield location, name, key and value of each key of nested tables.
 
     The location has the indices of lists (``loads[0].signal``), the name has none (``loads.signal``); the key is the
-    last word.  The value is None for tables and lists.  The arguments are location and name of `data` itself.
+    last word of both.  The value is None for tables and lists.  The arguments `location` and `name` are those of `data`
+    itself.
     """
     if isinstance(data, list):
         for i, part in enumerate(data):
@@ -118,14 +120,14 @@ def dotted_key(location: Location) -> str:
 def _explain_unknown_key(key: str, value: Any, schema: Schema, location: Location) -> str:
     """Return an explanation of an unknown key: which key may be meant, and which keys are allowed in its table.
 
-    `location` is that of the table.  A key may be meant that is spelled alike, in the table or elsewhere in the file;
-    if the value is a table, also a key of that name in an inner table.
+    `location` is the location of the table.  A key may be meant that is spelled alike, in the table or elsewhere in the
+    file.  If the value is a table, a key of the same name in an inner table may be meant, too.
     """
     parts, tables = schema.get("$defs", {}), [schema]
     for part in location:
         of_kind = [table for table in tables if table["properties"].get("kind", {}).get("const") == part]
         within = [inner for table in tables for inner in _table_schemas(table["properties"].get(part, {}), parts)]
-        tables = of_kind or within or tables  # a name in a table of names leads no further
+        tables = of_kind or within or tables  # a name in a table of names leads to no other table
     allowed_keys = [*dict.fromkeys(key for table in tables for key in table["properties"])]
     allowed_keys += ["extends"] * (tables[0] is schema)
     paths = _unique_key_paths(schema) | {name: name for name in allowed_keys}
@@ -146,16 +148,16 @@ def _explain_unknown_key(key: str, value: Any, schema: Schema, location: Locatio
 
 
 def _nested_tables(tables: Sequence[Schema], parts: Schema) -> Iterator[tuple[str, Schema]]:
-    """Yield key and schema of each table that may stand directly in `tables`; `parts` are the named definitions."""
+    """Yield key and schema of each table that may stand directly in `tables`; `parts` are schemas by name."""
     for table in tables:
         for name, node in table["properties"].items():
             yield from ((name, inner) for inner in _table_schemas(node, parts))
 
 
 def _unique_key_paths(schema: Schema) -> dict[str, str]:
-    """Return the dotted path of each key that exactly one table of a file's schema has."""
+    """Return for each key that only one table of a file's schema has its dotted path."""
     prefixes_of, visited, ahead = dict[str, list[str]](), list[Schema](), [("", schema)]
-    for prefix, node in ahead:  # which grows meanwhile
+    for prefix, node in ahead:  # the list grows in the loop
         for table in _table_schemas(node, schema.get("$defs", {})):
             if not any(table is visited_table for visited_table in visited):
                 visited.append(table)
@@ -166,7 +168,7 @@ def _unique_key_paths(schema: Schema) -> dict[str, str]:
 
 
 def _table_schemas(node: Any, parts: Schema) -> Iterator[Schema]:
-    """Yield the schemas of all tables with keys that a node of a schema allows; `parts` are the named definitions."""
+    """Yield the schemas of all tables with keys that a node of a schema allows; `parts` are schemas by name."""
     if isinstance(node, dict):
         if "properties" in node:
             yield node
@@ -181,9 +183,9 @@ def _table_schemas(node: Any, parts: Schema) -> Iterator[Schema]:
 class Usual:
     """Smallest and largest usual magnitude of a number that is not 0, in its unit or in multiples of a scale.
 
-    Scales have names: "length", "mass" and "weight" of the section (of the whole boom outside of sections), "reach" and
-    "boom" (its mass) of the whole boom, "time" that is simulated, and what a table adds by `Hinted.hint_scales`.  A
-    signal is judged by its largest magnitude; `unit` is then the unit of its values.
+    Scales have names: "length", "mass" and "weight" of the section (outside of sections of the whole boom), "reach" and
+    "boom" (the mass) of the whole boom, "time" that is simulated, and names that a table adds by `Hinted.hint_scales`.
+    A signal is judged by its largest magnitude; `unit` is then the unit of its values.
     """
 
     low: float
@@ -193,15 +195,15 @@ class Usual:
 
 
 class Hinted(BaseModel):
-    """A table whose numbers have usual ranges that depend on its own content, beside those that its fields declare."""
+    """A table whose numbers may have usual ranges that depend on its own content, besides those of its fields."""
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
-        """Return further scales for the usual ranges of the table's numbers, from the scales around the table."""
+        """Return further scales for the usual ranges of the table's numbers; `scales` are those outside of it."""
         return {}
 
     @property
     def hint_numbers(self) -> dict[str, tuple[float, Usual]]:
-        """Further numbers with their usual ranges, by key, such as those that a file may set instead of a field."""
+        """Further numbers with their usual ranges, by key, such as numbers that a file may set instead of a field."""
         return {}
 
 
@@ -228,14 +230,12 @@ _Count = Field(ge=1, strict=True)
 
 Length = Annotated[float, _Positive, Quantity("m", 1e-6, 1e6), Usual(1e-5, 300.0)]
 Thickness = Annotated[Length, Usual(5e-5, 0.3)]  # of a plate
-Size = Annotated[
-    float, _Positive, Quantity("m", 0.0, 1e6), Usual(0.0, 300.0)
-]  # whoever meshes says how small it may be
+Size = Annotated[float, _Positive, Quantity("m", 0.0, 1e6), Usual(0.0, 300.0)]  # the mesher says how small it may be
 Distance = Annotated[float, _NotNegative, Quantity("m", 0.0, 1e6), Usual(0.0, 300.0)]
 Place = Annotated[float, _Strict, Quantity("m", -1e6, 1e6), Usual(0.0, 300.0)]
 Area = Annotated[float, _Positive, Quantity("m^2", 1e-14, 1e10), Usual(1e-6, 2.0)]
 SecondMoment = Annotated[float, _Positive, Quantity("m^4", 1e-26, 1e20), Usual(1e-12, 0.5)]
-#: What is stiffer is "rigid".
+#: A larger stiffness is "rigid".
 Stiffness = Annotated[float, _Positive, Quantity("N/m", 1e-6, 1e15), Usual(2e5, 1e14)]
 PadStiffness = Annotated[Stiffness, Usual(2e6, 1e14)]
 AxialStiffness = Annotated[float, _Positive, Quantity("N", 1e-3, 1e15)]
@@ -254,17 +254,17 @@ Component = Annotated[float, _Strict, Quantity("1", -1e300, 1e300)]
 
 
 def _check_name(text: str) -> str:
-    """Return a name; raises ValueError for a text that other programs would not read as a name."""
+    """Return `text` if it is a name; raises ValueError for a text that other programs would not read as a name."""
     if not is_name(text):
         raise ValueError(NAMED)
     return text
 
 
-#: What something is called, in files that other programs read too.
+#: A name, in files that other programs read too.
 Name = Annotated[str, AfterValidator(_check_name)]
-#: The same where nothing need be said.
+#: A name, or an empty text.
 NameOrNone = Annotated[str, AfterValidator(lambda text: _check_name(text) if text else text)]
-#: Free text, for people: what steers a terminal is spelled out.
+#: Free text for people; control characters of terminals are escaped.
 Text = Annotated[str, AfterValidator(escape_controls)]
 
 Vector = tuple[Component, Component, Component]
@@ -273,14 +273,14 @@ Direction = Literal["x", "y", "z", "rx", "ry", "rz"]
 Switch = Annotated[bool, Field(strict=True)]
 
 
-#: Context of a validation that takes the names of files as they are: of a scene that a saved model holds.
+#: Context of the validation of a scene in a saved model: names of files are taken as they are.
 RECORDED = {"files": "names"}
 
 
 def _check_file(file: Path, info: ValidationInfo) -> Path:
-    """Return the path of a file that can be read; raises ValueError for another one.
+    """Return the path `file` if the file can be read; raises ValueError otherwise.
 
-    Names in a recorded scene (`RECORDED`) are returned unchecked.
+    Paths in a recorded scene (`RECORDED`) are returned unchecked.
     """
     if info.context == RECORDED:
         return file
@@ -299,13 +299,13 @@ ExistingFile = Annotated[Path, AfterValidator(_check_file)]
 
 @cache
 def quantity_of(section: type[BaseModel], key: str) -> Quantity | None:
-    """Return unit and bounds of the numbers in a key of a table; None if it holds no numbers with a unit."""
+    """Return unit and bounds of the numbers in a key of a table; None if the key holds no numbers with a unit."""
     return next((part for part in _declarations(section, key) if isinstance(part, Quantity)), None)
 
 
 @cache
 def usual_ranges(section: type[BaseModel], key: str) -> tuple[Usual, ...]:
-    """Return the usual ranges of the numbers in a key of a table; a usual number is in all of them."""
+    """Return the usual ranges of the numbers in a key of a table; a usual number is within all of them."""
     return tuple(part for part in _declarations(section, key) if isinstance(part, Usual))
 
 
@@ -332,9 +332,9 @@ def check_bounds(part: SceneTable) -> None:
 
 
 def _bounded_numbers(part: Any, key: str, quantity: Quantity | None = None) -> Iterator[tuple[str, float, Quantity]]:
-    """Yield dotted key, value, and unit and bounds of every number in a table and in the tables within it.
+    """Yield every number in a table and in the tables within it: its dotted key, its value, and its unit and bounds.
 
-    `key` and `quantity` are those of `part` itself.
+    `key` and `quantity` belong to `part` itself.
     """
     if isinstance(part, (int, float)) and quantity is not None:
         yield key, part, quantity
@@ -350,7 +350,7 @@ def _bounded_numbers(part: Any, key: str, quantity: Quantity | None = None) -> I
             yield from _bounded_numbers(getattr(part, name), entry_key, quantity_of(type(part), name))
 
 
-#: What a body alone is called in a system, and the path on which its moving rows travel.
+#: Name of a body alone in a system, and name of the path on which its moving rows travel.
 ALONE, SLIDER = "", "slider"
 #: The path of the direction of a luffing cylinder, whose coordinate is the luffing angle in rad, and what its row and
 #: the forces along it are called.
@@ -358,12 +358,12 @@ LUFFING, LUFFING_CYLINDER = "luffing", "luffing cylinder"
 
 
 def input_name(body: str, what: str) -> str:
-    """Return the name of a body's input in a system, ``"BODY.WHAT"``; `what` itself for a body alone."""
+    """Return the name of a body's input in a system, ``"BODY.WHAT"``; if `body` is empty, `what` itself."""
     return what if body == ALONE else f"{body}.{what}"
 
 
 def qualified_name(body: str, what: str) -> str:
-    """Return the name of something of a body in a system, ``"BODY: WHAT"``; `what` itself for a body alone."""
+    """Return the name of something of a body in a system, ``"BODY: WHAT"``; if `body` is empty, `what` itself."""
     return what if body == ALONE else f"{body}: {what}"
 
 
@@ -372,14 +372,14 @@ def cylinder_name(section: str) -> str:
     return f"cylinder of {section}"
 
 
-#: Of such a value, which is none of the own words, perhaps.
+#: Serializer of a value that may be one of pmr's own words or the name of a plug-in.
 AS_WORD = PlainSerializer(str)
 
 
 def or_plugin_name(group: str) -> WrapValidator:
-    """Return a validator that allows names of a group's entry points beside those of the type itself.
+    """Return a validator that allows the names of a group's entry points in addition to the values of the type itself.
 
-    It is used as ``Annotated[Literal[...], or_offered(group), AS_WORD]``.
+    It is used as ``Annotated[Literal[...], or_plugin_name(group), AS_WORD]``.
     """
 
     def check(data: Any, check_literal: Callable[[Any], Any]) -> Any:

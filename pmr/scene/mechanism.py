@@ -2,24 +2,27 @@ r"""Forces between a boom and the ground, terms of a moving frame, and ropes tha
 
 Contacts with the ground: force and moment about the frame's pivot per unit of the force of each contact.
 
-A moving frame adds to the equations of small motions the terms
+A moving frame has the angular velocity :math:`\omega` and the angular acceleration :math:`\alpha`, with components
+along the axes j, k.  To the equations of small motions with the coordinates q and the mass M it adds the terms
 
 .. math::
-    2 \omega_k T_k \dot q + \alpha_k T_k q + (\omega_j \omega_k N_{jk} - |\omega|^2 M)\, q + \sum_j N_j(t)\, K_{g,j}\, q
+    2 \omega_k T_k \dot q + \alpha_k T_k q + (\omega_j \omega_k N_{jk} - |\omega|^2 M)\, q + \sum_j P_j(t)\, K_{g,j}\, q
 
-each of which is named here with its bodies and its matrix.  Axial forces :math:`N_j` come from a section's own
-acceleration along the boom, :math:`a_x + A_{xx} x` from its tail on, from a load along x at its tip, and from
-cylinders between two tails: one of length l that pushes with F has :math:`-F/(2 l)\, (w_i - w_o)^2`, where F
-accelerates all that it carries, against the loads along x on it.  :math:`M = N_{xx} + N_{yy} + N_{zz}`.
+with :math:`M = N_{xx} + N_{yy} + N_{zz}` and the matrices T, N and :math:`K_g` of `pmr.system.body_matrices`.  Each
+term is named here with its bodies and its matrix.  The axial forces :math:`P_j` come from a section's own acceleration
+along the boom, :math:`a_x + A_{xx} x` at the distance x from its tail, from a load along x at its tip, and from
+cylinders between two tails.  A cylinder of length l that pushes with F has the potential :math:`-F/(2 l)\, (w_i -
+w_o)^2` with the transverse displacements :math:`w_i` and :math:`w_o` of the inner and the outer tail.  F accelerates
+everything that the cylinder carries, against the loads along x on it.
 
-Ropes or chains: a rope from the head of section k - 2 over a sheave at the head of section k - 1 to the tail of
-section k has
+Ropes or chains: a rope from the head of section k - 2 over a sheave at the head of section k - 1 to the tail of section
+k has the length l and the stiffness c
 
-.. math:: l = (s_{k-1} + L_{k-1} - L_{k-2}) + (L_{k-1} - s_k), \qquad k = z\, EA / l
+.. math:: l = (s_{k-1} + L_{k-1} - L_{k-2}) + (L_{k-1} - s_k), \qquad c = z\, EA / l
 
-with the extensions s, the sections' lengths L and z strands.  Section k goes as far as section k - 1 does,
-:math:`s_k = s_{k-1} + c`, so that l and its stiffness are constant.  Any other rope, from a winch say, has the length
-that its keys give, :math:`l = l_0 + l' s_k`.
+with the extensions s, the sections' lengths L and z strands of the stiffness EA.  Section k goes as far as section k -
+1 does, apart from a constant :math:`s_k - s_{k-1}`, so that l and the stiffness are constant.  Any other rope, from a
+winch for example, has the length :math:`l = l_0 + l' s_k` with :math:`l_0` and :math:`l'` from its keys.
 """
 
 from __future__ import annotations
@@ -42,7 +45,7 @@ Array = NDArray[np.float64]
 #: Prefix of the names of force and moment at the pivot; names of the luffing moment and of the cylinder's force.
 AT_PIVOT = "pivot"
 MOMENT, CYLINDER = reaction_name(f"{AT_PIVOT} ry"), reaction_name(f"{AT_PIVOT} cylinder")
-#: Greatest distance in m of a support from a luffing cylinder's lug that it stands for, and of a pin from the pivot.
+#: Greatest distance in m between a support and the lug of the cylinder it stands for, and between a pin and the pivot.
 NEAR = 1e-6
 #: Axis and sign of the outward normal of the faces that every body has.
 OUTWARDS = {"bottom": ("z", -1.0), "top": ("z", 1.0), "left": ("y", 1.0), "right": ("y", -1.0)}
@@ -52,8 +55,8 @@ OUTWARDS = {"bottom": ("z", -1.0), "top": ("z", 1.0), "left": ("y", 1.0), "right
 class ContactWrench:
     """Force and moment (T, 6) on the ground per unit of the force of a contact between a body and the ground.
 
-    They are along the boom's axes and about the frame's pivot, at T times.  The force has one of the `names` in the
-    results of a run; without names its position is known only to a mesh file.
+    They are along the boom's axes and about the frame's pivot, at T times.  In the results of a run the force has one
+    of the `names`; without names, only a mesh file knows where the contact is.
     """
 
     names: tuple[str, ...]
@@ -61,9 +64,9 @@ class ContactWrench:
 
 
 def ground_contact_wrenches(scene: Scene, along: Mapping[str, Array]) -> list[ContactWrench]:
-    """Return force and moment per unit of each contact between bodies and the ground.
+    """Return force and moment on the ground for each contact between a body and the ground.
 
-    `along` are the scene's paths by name at T times: (T,) m, and the luffing angle (T,) rad of a cylinder with a
+    `along` are the scene's paths by name at T times: (T,) m, and the luffing angle (T,) rad if a cylinder has a
     stiffness.
     """
     return [pressed for member in members(scene) for pressed in _body_wrenches(scene, member, along)]
@@ -73,7 +76,7 @@ def ground_contact_wrenches(scene: Scene, along: Mapping[str, Array]) -> list[Co
 class PinAndCylinder:
     """A rigid pin at the pivot, and the support across the boom at the lug that stands for the luffing cylinder.
 
-    `pin` are the names of the pin's forces along x and z, `across` the names that the support's force may have.
+    `pin` are the names of the pin's forces along x and z.  `across` are the names that the support's force may have.
     """
 
     pin: tuple[str, str]
@@ -117,7 +120,7 @@ def pin_and_cylinder(scene: Scene) -> PinAndCylinder | None:
 
 
 def _body_wrenches(scene: Scene, member: Member, along: Mapping[str, Array]) -> Iterator[ContactWrench]:
-    """Yield force and moment per unit of each contact of one body with the ground.
+    """Yield force and moment on the ground for each contact of one body with the ground.
 
     `along` are paths by name at T times, as in `ground_contact_wrenches`.
     """
@@ -162,7 +165,7 @@ def _body_wrenches(scene: Scene, member: Member, along: Mapping[str, Array]) -> 
 
 
 def _cylinder_wrench(body: str, cylinder: LuffingCylinder, angle: Array) -> ContactWrench:
-    """Return force and moment per unit of a luffing cylinder's force at luffing angles (T,) in rad.
+    """Return force and moment on the ground per unit of a luffing cylinder's force at luffing angles (T,) in rad.
 
     The force on the ground points from lug to foot: a cylinder that pushes the boom up pushes the ground down.
     """
@@ -173,7 +176,10 @@ def _cylinder_wrench(body: str, cylinder: LuffingCylinder, angle: Array) -> Cont
 
 
 def _force_names(body: str, what: str) -> tuple[str, ...]:
-    """Return the names that a force between a body and the ground may have: of a body, a contact or a permanent row."""
+    """Return the names that a force between a body and the ground may have.
+
+    They are the names of a force of the body, of a contact, and of the reaction of a permanent row.
+    """
     return (
         qualified_name(body, force_name(what)),
         force_name(f"{body} {what}"),
@@ -182,7 +188,7 @@ def _force_names(body: str, what: str) -> tuple[str, ...]:
 
 
 def _wrench(place: Array, direction: str) -> Array:
-    """Return force and moment (T, 6) about the pivot of a unit force, or moment, at points (T, 3) m from the pivot."""
+    """Return force and moment (T, 6) about the pivot of a unit force or moment at points (T, 3) m from the pivot."""
     axis, wrench = np.eye(3)["xyz".index(direction[-1])], np.zeros((len(place), 6))
     if direction.startswith("r"):
         wrench[:, 3:] = axis
@@ -197,11 +203,11 @@ FIELD_MATRICES = {"x": "axial uniform", "xx": "axial linear"}
 
 @dataclass(frozen=True)
 class FrameTerm:
-    """A term of the moving frame's equations: its name, the bodies that it acts on, and its matrix."""
+    """A term of the moving frame's equations: its name, the bodies on which it acts, and its matrix."""
 
     name: str
     bodies: tuple[str, ...]  # one body, or the inner and the outer body of a cylinder
-    matrix: str  # name of a matrix of the body, or for a cylinder of the body `carried`
+    matrix: str  # name of a matrix of the body; of a cylinder: of the body `carried_section`
     kind: str  # `rotation`, `turning`, `carried`, `field`, `load`, `cylinder` (inertia) or `cylinder load`
     component: str  # axis of a rotation; axes ``xz`` of `carried`; a field; the name of a load
     number: int = 0  # index of the section that is accelerated
@@ -222,13 +228,13 @@ def frame_terms(scene: Scene) -> Iterator[FrameTerm]:
 
 
 def stress_terms(scene: Scene) -> Iterator[FrameTerm]:
-    """Yield the terms that change the stiffness, with or without second order; none without a frame."""
+    """Yield the terms that change the stiffness, whether the frame has second order or not; none without a frame."""
     if scene.frame is not None:
         yield from (term for term in _all_terms(scene) if term.kind in STRESSES)
 
 
 def _all_terms(scene: Scene) -> Iterator[FrameTerm]:
-    """Yield the terms of each section, then those of cylinders between the tails of sections."""
+    """Yield the terms of each section, then the terms of cylinders between the tails of sections."""
     for member in members(scene):
         yield from _section_terms(scene, member)
     for number, member in enumerate(members(scene)):
@@ -241,12 +247,15 @@ def _all_terms(scene: Scene) -> Iterator[FrameTerm]:
 
 
 def _field_matrices(scene: Scene) -> dict[str, str]:
-    """Return the matrix of each field of axial acceleration of a frame; without an angle only the uniform field."""
+    """Return the name of the matrix of each field of axial acceleration of a frame, by the field.
+
+    Without an angle there is only the uniform field.
+    """
     return FIELD_MATRICES if scene.frame is not None and scene.frame.has_angles else {"x": FIELD_MATRICES["x"]}
 
 
 def _section_terms(scene: Scene, member: Member) -> Iterator[FrameTerm]:
-    """Yield the terms that act on one section: rotation, inertia, acceleration along the boom and loads at the tip."""
+    """Yield the terms of one section: rotation, inertia, acceleration along the boom and loads at the tip."""
     assert scene.frame is not None  # of a scene that has terms
     body, slews, turns = scene.names[member.number], scene.frame.out_of_plane_key is not None, scene.frame.has_angles
     turning = "xyz" if slews else "y"
@@ -273,9 +282,9 @@ def _axial_inputs(member: Member) -> Iterator[str]:
 
 
 def _cylinder_term(scene: Scene, number: int, beyond: int, field: str) -> FrameTerm:
-    """Return the term of the axial force in section `number`'s cylinder as it accelerates section `beyond`.
+    """Return the term of the axial force in the cylinder of section `number` as it accelerates section `beyond`.
 
-    `field` is the field of the acceleration, or the name of the load against which the cylinder accelerates.
+    `field` is the field of the acceleration, or the name of the load against which the cylinder works.
     """
     inner, outer, carried = (scene.names[k] for k in (number, number - 1, beyond))
     name = f"{cylinder_name(inner)} that carries {carried}, {field}"
@@ -285,17 +294,18 @@ def _cylinder_term(scene: Scene, number: int, beyond: int, field: str) -> FrameT
 def tail_outputs(member: Member) -> tuple[str, ...]:
     """Return the names of the outputs of the tail's displacements across the boom.
 
-    They exist in a moving frame where a cylinder acts on the tail; else the result is empty.
+    They exist in a moving frame if a cylinder acts on the tail; otherwise the result is empty.
     """
     leans = member.frame is not None and member.has_joint and has_driven_tail(member)
     return tuple(f"tail {axis}" for axis in transverse_axes(member)) if leans else ()
 
 
 def rope_shares(scene: Scene) -> dict[str, dict[str, float]]:
-    r"""Return the shares of sections' forces along the boom that each section's rope or cylinder carries, by section.
+    r"""For each section's rope or cylinder, return the shares of other sections' forces that it carries, by section.
 
-    :math:`T_j = F_j + \sum_{k\ \mathrm{follows}\ j} r_k T_k` with the ratios r, for each section that follows another
-    one, is followed or has a rope.
+    With the forces :math:`F_j` along the boom and the ratios :math:`r_k`, the rope or cylinder of section j carries
+    :math:`T_j = F_j + \sum_{k\ \mathrm{follows}\ j} r_k T_k`.  Only sections that follow another one, are followed or
+    have a rope are in the result.
     """
     names = scene.names[1:]
     follows = {name: scene.joint(k).follows for k, name in enumerate(names, 1)}
@@ -315,10 +325,10 @@ def rope_shares(scene: Scene) -> dict[str, dict[str, float]]:
 
 
 def drive_rows(scene: Scene, forces: Sequence[str]) -> dict[str, Array]:
-    """Return for each section the factors (m,) of m named forces, whose sum moves the section along the boom.
+    """For each section return the factors (m,) of m named `forces` whose weighted sum moves the section along the boom.
 
-    That force is T of `rope_shares` for a section with a rope or that follows or is followed, else the force of its own
-    cylinder.  Factors are NaN if the force of one of its cylinders is not among the names.
+    The sum is T of `rope_shares` for a section with a rope, or one that follows or is followed, otherwise the force of
+    its own cylinder.  Factors are NaN if the force of one of the cylinders in the sum is not among the names.
     """
     shares = {name: {name: 1.0} for name in scene.names[1:]} | rope_shares(scene)
     rows = {name: np.zeros(len(forces)) for name in shares}
@@ -334,7 +344,7 @@ def drive_rows(scene: Scene, forces: Sequence[str]) -> dict[str, Array]:
 def rope_length(scene: Scene, number: int) -> float | None:
     """Return the length in m of the rope of section `number` (1 or more) where the section's extension is 0.
 
-    None without a rope, or if its length is neither set nor follows from the sections.
+    The result is None without a rope, or if its length is neither set nor follows from the sections.
     """
     joint = scene.joint(number)
     if joint.rope is None or joint.rope.length is not None:
@@ -348,7 +358,7 @@ def rope_length(scene: Scene, number: int) -> float | None:
 def longest_rope(scene: Scene, number: int) -> float:
     """Return the greatest length in m of a section's rope over the simulated time.
 
-    If the rope runs out it is the least length instead, which is 0 or negative.
+    If the rope runs out, the result is the least length instead, which is 0 or negative.
     """
     rope, length = scene.joint(number).rope, rope_length(scene, number)
     assert rope is not None and length is not None  # as the scene's checks say

@@ -1,4 +1,4 @@
-"""Bodies of a scene with all inputs of their full models, and the positions of joints' contacts on them."""
+"""Bodies of a scene with all inputs of their full models, and the positions of joints' contacts on the bodies."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ class PositionRange:
 
 @dataclass(frozen=True)
 class Seat:
-    """A ring of pads of a joint on a section that it touches.
+    """A ring of pads of a joint, on a section that the ring touches.
 
-    The pads' centres are between `at.first` and `at.last` along the section over the simulated time.  `joint` is the
-    number of the section whose joint the ring belongs to, `key` the ring's key in that joint, such as ``tail[0]``.
+    The pads' centres are within `positions` along the section over the simulated time.  `joint` is the number of the
+    section whose joint the ring belongs to.  `key` is the ring's key in that joint, such as ``tail[0]``.
     """
 
     joint: int
@@ -67,18 +67,19 @@ class Member:
     damping: Damping
     recovery: Recovery | None
     has_joint: bool = False  # whether it slides in another body, or another body in it
-    # range of s in m where a moving ring has rows, by name; rings that are not in have the range `travel`
+    # range of s in m where a moving ring has rows, by name; other rings have the range `travel`
     ring_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     # for rings on walls that give way: the section of their joint, and first and last position in m of their centres
     flexible_ring_ranges: Mapping[str, tuple[int, float, float]] = field(default_factory=dict)
     # position in m of the fixed end of each rigid overlap, by the names of its two rows
     overlap_ends: Mapping[tuple[str, str], float] = field(default_factory=dict)
     cylinder: LuffingCylinder | None = None  # luffing cylinder that holds the base
-    other_sections: tuple[Member, ...] = ()  # all other sections (with no `others`), if its model is ``auto``
+    # all other sections, each with empty `other_sections`, if the model of this one is ``auto``
+    other_sections: tuple[Member, ...] = ()
 
     @property
     def signals(self) -> dict[str, SignalBase]:
-        """Signals of the loads and of the weight by name.
+        """Signals of the loads and of the weight over time, by name.
 
         Extensions and a moving frame drive a section too, by other inputs.
         """
@@ -86,14 +87,14 @@ class Member:
 
     @property
     def weight(self) -> dict[str, SignalBase]:
-        """Signal of the weight by the name of its input; empty in a moving frame, where other inputs apply it."""
+        """Signal of the weight by the name of its input; empty in a moving frame, which has other inputs for it."""
         return {WEIGHT: self.gravity.signal} if self.gravity and self.frame is None else {}
 
     @property
     def content(self) -> str:
-        """Text that is equal for bodies with equal full models: it leaves out names and the signals of loads."""
+        """Text that is equal for bodies with equal full models: names and the signals of loads are left out of it."""
         part = self.part.model_dump_json(exclude={"name": True, "joint": True, "loads": {"__all__": {"signal"}}})
-        extended = self.has_joint and self.number > 0  # which accelerates it
+        extended = self.has_joint and self.number > 0  # an extension accelerates the section
         moving = sorted(self.ring_ranges.items()), sorted(self.flexible_ring_ranges.items())
         rows = self.pads, self.points, self.bounds, self.travel, *moving, self.overlap_ends, self.cylinder
         of_frame = self.frame and (self.frame.out_of_plane_key is None, self.frame.has_angles, self.frame.second_order)
@@ -140,8 +141,9 @@ def _slider_name(points: tuple[float, ...], at: float) -> str:
 def _section(scene: Scene, number: int) -> Member:
     """Return a section of a boom with all inputs of its full model, such as the pads of both joints that touch it.
 
-    These have one path coordinate s, the position of pads along the section.  Its bounds contain all rings at all
-    times, as far as pads fit on the section; each ring has rows over that range, as far as its own length allows.
+    The pads of both joints have one path coordinate s, the position of pads along the section.  The bounds of s contain
+    the positions of all rings at all times, as far as pads fit on the section.  The rows of each ring are defined over
+    the bounds, as far as the ring's own length allows.
     """
     part, seats_here = scene.sections[number], list(seats(scene, number))
     faced = [seat for seat in seats_here if seat.ring.faces is not None]
@@ -198,24 +200,25 @@ def seats(scene: Scene, number: int) -> Iterator[Seat]:
 
 
 def footprint(scene: Scene, ring: JointPads) -> str:
-    """Return the name of a ring's pads in the models of the sections that they touch.
+    """Return the name that a ring's pads have in the models of the sections that they touch.
 
-    Rings with equal faces, positions and size share one name, unless walls give way: each ring then has its own.
+    Rings with equal faces, positions and size share one name, unless walls give way: each ring then has a name of its
+    own.
     """
     if ring.faces is None:
         return POINT
     joints = (scene.joint(number) for number in range(1, len(scene.sections)))
     rings = [other for joint in joints for other in joint.rings if other.faces is not None]
-    if any(part.body.walls == "give" for part in scene.sections):  # each dents a wall where it is
+    if any(part.body.walls == "give" for part in scene.sections):  # each ring dents the wall at its own position
         return f"pads {[other is ring for other in rings].index(True) + 1}"
     patterns = list(dict.fromkeys(_ring_key(other) for other in rings))
     return f"pads {patterns.index(_ring_key(ring)) + 1}"
 
 
 def _straight_rows(scene: Scene, number: int) -> dict[tuple[str, str], float]:
-    """Return the names of the rows that keep a section straight in its rigid overlaps.
+    """Positions in m along a section of the fixed ends of its rigid overlaps, by the names of two rows.
 
-    The value of each pair of names is the position in m along the section of the end of the overlap that does not move.
+    A key is `WITHIN` or `AROUND`, the names of the two rows that keep the section straight in the overlap.
     """
     ends = {}
     if number and (joint := scene.joint(number)).rigid_overlap:
@@ -240,7 +243,7 @@ def _ring_key(ring: JointPads) -> tuple[object, ...]:
 
 
 def _common_range(taken: list[Seat]) -> PositionRange:
-    """Return the smallest range that contains the ranges of all seats."""
+    """Return the smallest range that contains the positions of all `taken` seats."""
     return PositionRange(
         float(np.min([seat.positions.first for seat in taken])), float(np.max([seat.positions.last for seat in taken]))
     )

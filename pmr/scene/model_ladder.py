@@ -24,10 +24,10 @@ FIXED, EACH = 1.0, 6e-3
 def model_comparison(scene: Scene) -> tuple[Scene, Scene, str]:
     """Return the scene with its own models, the scene with richer models, and the name of the richer model.
 
-    Both scenes are reduced and observed alike.  Unless the scene names a richer model it is a shell that takes little
+    Both scenes are reduced and observed alike.  Unless the scene names a richer model, it is a shell that takes little
     time.
 
-    Raises an InputError that says why there is no richer model, or none is asked for.
+    Raises an InputError that says why there is no richer model, or that the scene requests no comparison.
     """
     if scene.compare.richer == "none":
         raise _no_comparison("none", "not measured: compare.richer = 'none' leaves it out")
@@ -56,7 +56,8 @@ def _default_comparison(scene: Scene) -> tuple[Scene, Scene, str]:
     """Return the scene, the scene with shells, and the shells' name, for ``compare.richer = 'auto'``.
 
     Beams with rigid walls are compared with coarse shells.  Beams whose walls give way take the walls' compliance from
-    shells with the cells of the scene, and are compared with shells on equal cells, whose error is then in both.
+    shells with the cells of the scene, and are compared with shells of the same cells; the error of the cells is then
+    in both.
 
     Raises an InputError if the shells would take long.
     """
@@ -79,7 +80,7 @@ def _default_comparison(scene: Scene) -> tuple[Scene, Scene, str]:
 
 
 def shell_cell_count(part: BoomSection, by: float) -> float:
-    """Return the number of cells of a section's shell if cells are `by` times as long as the scene's."""
+    """Return the number of cells of a section's shell whose cells are `by` times as long and wide as the scene's."""
     assert part.body.box is not None  # as `model_comparison` says
     around, along = by * part.mesh.size, by * (part.mesh.along or part.mesh.size)
     return sum(max(2.0, side.length / around) for side in part.body.box.sides) * part.length / along
@@ -88,9 +89,9 @@ def shell_cell_count(part: BoomSection, by: float) -> float:
 def candidate_scenes(scene: Scene) -> list[Scene]:
     """Return the scenes among which measurements choose a model, from the smallest models to shells.
 
-    They have planar beams, beams in space, each with rigid and with flexible walls, and shells, as far as these can
-    carry the scene's loads.  All bodies with the model ``auto`` get the same model.  Empty if no body's model is left
-    to measurements.
+    First there are planar beams and beams in space, both with rigid and with flexible walls, as far as these models can
+    carry the scene's loads; the last scene has shells.  All bodies with the model ``auto`` get the same model.  The
+    list is empty if no body's model is left to measurements.
     """
     open_ = [member for member in members(scene) if is_undecided(member)]
     if not open_:
@@ -105,12 +106,12 @@ def candidate_scenes(scene: Scene) -> list[Scene]:
 
 
 def comparable_scene(scene: Scene) -> Scene:
-    """Return the scene with its own models, but with positions and a reduction by which models can be compared."""
+    """Return the scene with its own models, and with positions and a reduction by which models can be compared."""
     return _scene_with_models(scene, [model_of(member) for member in members(scene)])
 
 
 def _choose_models(scene: Scene, model: str, walls: str) -> Scene:
-    """Return the scene with this model and these walls for all bodies whose model measurements have to choose."""
+    """Return the scene with this model and these walls for all bodies whose model is left to measurements."""
     parts = []
     for member in members(scene):
         part = member.part
@@ -131,14 +132,14 @@ def _passes_checks(scene: Scene) -> bool:
 
 
 def _no_comparison(value: str, why: str) -> InputError:
-    """Return the error that says why there is no comparison; `value` is that of ``compare.richer``."""
+    """Return the error that says why there is no comparison; `value` is the value of ``compare.richer``."""
     return InputError("scene", "compare.richer", value, why)
 
 
 def _scene_with_models(scene: Scene, models: list[str]) -> Scene:
     """Return the scene with one model for each body, positions that all models have, and an accurate reduction.
 
-    It is simulated once by ``march``; stresses, probes, accuracy and budget are left out.
+    The scene is simulated once, by ``march``; stresses, probes, accuracy and budget are left out of it.
     """
     parts = []
     for part, model in zip(scene.sections, models, strict=True):

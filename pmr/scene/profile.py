@@ -44,7 +44,7 @@ NOTHING = 1e-9
 class Side:
     """A flat plate of a profile or the arc of a rounded corner; start and end are in counter-clockwise order."""
 
-    name: str  # of its face; an arc's says that it is a corner
+    name: str  # name of the face or, for an arc, of the corner
     start: Pair  # (y, z) m on the mid-surface
     end: Pair
     thickness: float  # m
@@ -105,7 +105,7 @@ class Corner:
 
 @dataclass(frozen=True)
 class Edge:
-    """A face as if its corners were sharp, and the arc that rounds the corner at its start."""
+    """A face as if its corners were sharp, and the arc that rounds the corner at the start of the face."""
 
     face: Face
     start: Array  # (2,) m
@@ -131,11 +131,11 @@ class Edge:
         return np.array([self.direction[1], -self.direction[0]])
 
     def turn(self, before: Edge) -> float:
-        """Return the angle in rad between the directions of the edge `before` and of this one, at this one's start."""
+        """Return the angle in rad between the directions of the edge `before` and of this edge, at their corner."""
         return math.acos(max(-1.0, min(1.0, float(before.direction @ self.direction))))
 
     def trim(self, before: Edge) -> float:
-        """Length in m by which the arc at this edge's start shortens this edge and the edge `before`."""
+        """Length in m by which the arc at this edge's start shortens both this edge and the edge `before`."""
         return self.radius * math.tan(self.turn(before) / 2.0)
 
 
@@ -170,8 +170,8 @@ def sharp_corners(edges: Sequence[Edge]) -> tuple[Corner, ...]:
 def gaps(inner: Sequence[Side], outer: Sequence[Side]) -> dict[str, float]:
     """Return the gap in m between the outside of an inner profile and the inside of an outer one, by side.
 
-    Keys are the names of the outer profile's faces and rounded corners.  A negative gap is an overlap; it is infinite
-    where no point of the inner profile faces a rounded corner.
+    Keys are the names of the outer profile's faces and rounded corners.  A negative gap is an overlap.  The gap is
+    infinite at a rounded corner that no point of the inner profile faces.
     """
     places = [place for k in range(len(inner)) for place in _outer_points(inner, k)]
     gap_of_face = dict[str, float]()
@@ -189,8 +189,8 @@ def gaps(inner: Sequence[Side], outer: Sequence[Side]) -> dict[str, float]:
 def _outer_points(sides: Sequence[Side], k: int) -> list[Array]:
     """Return points (2,) in m on the outside of side number k of a profile.
 
-    Those of an arc are 33 along it.  A flat plate has the mitred corner with the next plate, or both of its ends if an
-    arc follows.
+    For an arc these are 33 points along it.  For a flat plate they are the mitred corner with the next plate, or both
+    ends of the plate if an arc follows.
     """
     side, after = sides[k], sides[(k + 1) % len(sides)]
     out = side.thickness / 2.0
@@ -239,7 +239,7 @@ class BoxProfile(SceneTable):
 
     @model_validator(mode="after")
     def _check_closed(self) -> BoxProfile:
-        """Refuse chamfers, walls and radii with which the profile does not close."""
+        """Refuse chamfers, walls and radii for which the profile does not close."""
         _check_chamfers(self)
         _check_walls(self)
         _check_radii(self)
@@ -277,7 +277,7 @@ class BoxProfile(SceneTable):
 
     @property
     def walls(self) -> dict[str, float]:
-        """Thickness in m by the name of each face and arc; if all are equal, one entry with the key ``""``."""
+        """Thickness in m by the name of each face and arc; if all are equal, a single entry with the key ``""``."""
         each = {side.name: side.thickness for side in self.sides}
         return each if len(set(each.values())) > 1 else {"": next(iter(each.values()))}
 
@@ -289,7 +289,7 @@ class BoxProfile(SceneTable):
     def thickness(self, face: str) -> float:
         """Return the thickness in m of the plate on a face; 0 if `wall` has no entry for it.
 
-        The rounded corners at the bottom and at the top are as thick as the faces ``bottom`` and ``top``.
+        The rounded corners at the bottom are as thick as the face ``bottom``, those at the top as the face ``top``.
         """
         if not isinstance(self.wall, dict):
             return self.wall
@@ -344,7 +344,7 @@ def _mitre(edge: Edge, other: Edge, angle: float) -> float:
 
 
 def _check_radii(profile: BoxProfile) -> None:
-    """Refuse radii of at most half the wall, and radii whose arcs are longer than the plates beside them allow."""
+    """Refuse radii of at most half the wall's thickness, and radii for which the plates beside arcs are too short."""
     edges = profile.edges
     for half in ("bottom", "top"):
         r, wall, most = profile.radius_at(half), profile.thickness(half), np.inf

@@ -55,8 +55,8 @@ class TimeChoice(SceneTable):
 class Observe(SceneTable):
     """Positions along the axis at which the motion is compared and drawn, and the tip: the mean of a group at the end.
 
-    Without `start` and `end` the positions are a beam's nodes; of more than a thousand nodes every second, third and so
-    on.
+    Without `start` and `end` the positions are a beam's nodes.  If a beam has more than a thousand nodes, every second,
+    third and so on is taken.
     """
 
     start: Place | None = Field(default=None, description="First place along the axis")
@@ -144,18 +144,18 @@ class Reduction(SceneTable):
 
     `basis` ``free_modes`` takes the lowest eigenmodes without sliders and moving pads (free-interface modes).
     ``eigenmodes`` takes `modes` eigenmodes with the slider held at each of several `positions`, and compresses them by
-    POD.  ``paper`` does the same as Weyrer et al.: there each row of a support removes a coordinate, the weakest of the
-    basis (`pmr.reduction.basis`).  ``file`` reads vectors from a `file`.  Every structural model may have each of
-    these.
+    POD.  ``paper`` is the method of the paper by Weyrer et al.: it is like ``eigenmodes``, but each row of a support
+    removes a coordinate, the weakest of the basis (`pmr.reduction.basis`).  ``file`` reads vectors from a `file`.  Each
+    basis is possible with every structural model.
 
-    `flexibility` adds the static flexibility of the modes that the basis leaves out, as tables in s.  Far fewer
-    coordinates are then enough.  Free modes have it by default, and 6 coordinates.
+    `flexibility` adds the static flexibility of the modes that the basis leaves out, as tables in the path coordinate
+    s.  Far fewer coordinates are then enough.  For free modes it is on by default, with 6 coordinates.
 
     `estimate` computes the error of free modes with flexibility.  It needs no full model; it simulates a second time,
     with four modes more and with attachment modes for the loads of the first simulation.
 
     `ports` are places to which other bodies will be attached, in Exudyn for example.  Attachment modes for all forces
-    and moments there join the coordinates, so that the static answer to them is exact.
+    and moments there join the coordinates, so that the static answer to these forces is exact.
     """
 
     basis: BasisName = Field(
@@ -193,7 +193,7 @@ class Reduction(SceneTable):
     @classmethod
     def _fill_in_flexibility(cls, data: Any) -> Any:
         """Fill in the defaults of free modes: flexibility, and with it 6 coordinates."""
-        if isinstance(data, dict) and data.get("residual_inertia") is False:  # of a scene that a file records
+        if isinstance(data, dict) and data.get("residual_inertia") is False:  # a key in scenes of earlier saved files
             data = {key: value for key, value in data.items() if key != "residual_inertia"}
         if not isinstance(data, dict) or data.get("basis", "free_modes") != "free_modes":
             return data
@@ -212,21 +212,22 @@ class Reduction(SceneTable):
 
     @property
     def extendable(self) -> bool:
-        """Whether modes beyond the coordinates may be kept, with their flexibility apart from that of all others."""
+        """Whether modes beyond the coordinates may be kept, with their flexibility apart from that of other modes."""
         return self.basis == "free_modes" and self.flexibility and not self.ports
 
     @property
     def estimable(self) -> bool:
-        """Whether the inertia of the modes that are left out is kept too, by which the error is estimated."""
+        """Whether the inertia of the modes that are left out is kept too, from which the error is estimated."""
         return self.extendable and self.estimate
 
 
 class Simulation(SceneTable):
     """Programs that simulate the models.
 
-    The reduced model is simulated by each of `simulators`.  The results are those of the first one; of the others the
-    difference to it is reported.  ``march`` is pmr's own compiled integrator, ``exudyn-callback`` is the way of the
-    paper.  With residual flexibility ``exudyn`` uses springs that travel, ``exudyn-multiplier`` constraints.
+    Each of `simulators` simulates the reduced model.  The results are those of the first simulator; for each other one
+    the difference from these results is reported.  ``march`` is pmr's own compiled integrator, and ``exudyn-callback``
+    is the method of the paper by Weyrer et al.  With residual flexibility ``exudyn`` uses springs that travel, and
+    ``exudyn-multiplier`` uses constraints.
 
     `full` simulates the full model; by default it is chosen by size.  ``petsc``, for large models, uses all MPI ranks.
     """
@@ -275,7 +276,7 @@ class Compare(SceneTable):
 
 
 class _Target(SceneTable):
-    """Base of `Accuracy` and `Budget`: the outputs whose errors count."""
+    """Base of `Accuracy` and `Budget`, with the outputs that have to be accurate."""
 
     outputs: tuple[OutputKind, ...] = Field(
         default=("beam", "tip"), min_length=1, description="Outputs whose errors have to be small enough"
@@ -286,7 +287,7 @@ class _Target(SceneTable):
 
 
 class Accuracy(_Target):
-    """An allowed error; number of coordinates and time step are chosen so that it holds.
+    """An allowed error; the number of coordinates and the time step are chosen so that the error is not exceeded.
 
     `tolerance` is the allowed error of reduction and step together, in each of the `outputs`.  With `mesh` the error of
     the mesh is included; a second mesh measures it.  The search for a step begins at `time.step`.
@@ -300,8 +301,8 @@ class Accuracy(_Target):
 class Budget(_Target):
     """The allowed cost of the reduced model, by one of three keys; the best model within it is chosen, with its error.
 
-    `coordinates` counts those of all bodies together.  `microseconds_per_step` and `real_time` (simulated over
-    computing time) are measured with `march` on the machine in use.
+    `coordinates` counts the coordinates of all bodies together.  `microseconds_per_step` and `real_time` (simulated
+    over computing time) are measured with `march` on the machine in use.
     """
 
     coordinates: Count | None = Field(default=None, description="Largest number of coordinates")
@@ -328,7 +329,7 @@ class PublishedFrequency(SceneTable):
 
 
 class Published(SceneTable):
-    """Results from a publication, shown beside ours."""
+    """Results from a publication, shown next to the results of pmr."""
 
     source: str = Field(description="The publication")
     errors: dict[Pair, dict[Literal["tip", "beam"], Share]] = Field(
@@ -345,6 +346,6 @@ class Published(SceneTable):
 
     @property
     def frequencies_only(self) -> Published | None:
-        """Published frequencies without errors, which hold for one motion alone; None without frequencies."""
+        """Published frequencies without the errors, which hold for one motion alone; None without frequencies."""
         without_errors: dict[str, Any] = {"errors": {}, "max_displacement": None, "max_error": None}
         return self.model_copy(update=without_errors) if self.frequencies else None

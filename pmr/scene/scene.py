@@ -87,14 +87,14 @@ class CommonTables(SceneTable):
 class SectionTables(CommonTables):
     """Bodies from the base outwards; properties such as `body` and `loads` are those of the only body.
 
-    They raise InputError if there are several bodies.
+    If there are several bodies, these properties raise an InputError.
     """
 
     sections: Annotated[tuple[BoomSection, ...], Field(min_length=1)] = Field(description="From the base out")
 
     @property
     def only_section(self) -> BoomSection:
-        """The only body of the scene; raises InputError if there are several."""
+        """The only body of the scene; raises InputError if there are several bodies."""
         if len(self.sections) > 1:
             allowed = "a scene of one body is allowed here; pmr run takes booms of several sections"
             raise InputError("scene", "sections", None, allowed)
@@ -140,7 +140,10 @@ class SectionTables(CommonTables):
 
     @property
     def signals(self) -> dict[str, SignalBase]:
-        """Signal of each input of the only body's model by name, as users of Exudyn pass them to `add_sliding_body`."""
+        """Signals over time of the inputs of the only body's model, by input name.
+
+        Users of Exudyn pass them to `pmr.simulation.exudyn.add_sliding_body`.
+        """
         weight = {WEIGHT: self.gravity.signal} if self.gravity else {}
         return {load.name: load.signal for load in self.loads} | weight
 
@@ -200,7 +203,7 @@ class Scene(SectionTables):
             raise key_error("section", None, "a table of keys is allowed")
         if not isinstance(sections, list):
             return content
-        base = {key: value for key, value in common.items() if key != "joint"}  # which slides in nothing
+        base = {key: value for key, value in common.items() if key != "joint"}  # the base slides in no other section
         return content | {
             "sections": [
                 _merge_section(common if number else base, part) if isinstance(part, dict) else part
@@ -239,7 +242,7 @@ class Scene(SectionTables):
 
     @property
     def hash(self) -> str:
-        """Digest of the keys that decide the results: all but title, published numbers and simulators.
+        """Digest of the keys that decide the results: all keys but title, published numbers and simulators.
 
         Keys at their default value are left out, so that stored results stay valid when a new version adds a key.
         """
@@ -254,7 +257,7 @@ class Scene(SectionTables):
 
     @property
     def files_read(self) -> dict[str, Path]:
-        """Files that models are made from, by the table that names each, such as ``mesh`` or ``sections[1].mesh``."""
+        """Files from which models are made, by the table that names each, such as ``mesh`` or ``sections[1].mesh``."""
         several = len(self.sections) > 1
         return {
             (f"sections[{number}]." if several else "") + table: file
@@ -303,25 +306,25 @@ class Scene(SectionTables):
 
     @property
     def goal(self) -> run_settings.Accuracy | run_settings.Budget | None:
-        """Accuracy or budget by which coordinates and step are chosen; None if the scene sets these itself."""
+        """Accuracy or budget by which coordinates and step are chosen; None if the scene sets both itself."""
         return self.accuracy or self.budget
 
     @property
     def paths(self) -> dict[str, SignalBase]:
-        """Extension in m over time of each section but the base by its name, or s of the only body as ``"slider"``."""
+        """Paths over time in m by name: extensions of all sections but the base, or ``"slider"`` of the only body."""
         if len(self.sections) == 1:
             return {SLIDER: self.slider.path}
         return {self.names[k]: self.extension(k) for k in range(1, len(self.sections))}
 
     @property
     def holding_cylinder(self) -> LuffingCylinder | None:
-        """Luffing cylinder with a stiffness, which holds the base at its lug; None where supports hold it."""
+        """Luffing cylinder with a stiffness, which holds the base at its lug; None if supports hold the base there."""
         cylinder = None if self.frame is None else self.frame.cylinder
         return cylinder if cylinder is not None and cylinder.stiffness is not None else None
 
     @property
     def driven_paths(self) -> dict[str, SignalBase]:
-        """Signals of all paths: `paths`, and the luffing angle in rad if a luffing cylinder holds the base."""
+        """Signals of all `paths` by name, and the luffing angle in rad if a luffing cylinder holds the base."""
         if self.frame is None or self.holding_cylinder is None:
             return self.paths
         return self.paths | {LUFFING: self.frame.angles[0]}
@@ -333,7 +336,7 @@ class Scene(SectionTables):
         return joint
 
     def extension(self, number: int) -> SignalBase:
-        """Return the distance in m over time from the previous section's tail to that of section `number` (from 1)."""
+        """Return the distance in m over time of the tail of section `number` (from 1) ahead of the previous tail."""
         joint = self.joint(number)
         if joint.extension is not None:
             return joint.extension
@@ -352,7 +355,10 @@ class Scene(SectionTables):
         return self.reach(t) if len(self.sections) > 1 else np.asarray(self.slider.path.value(t))
 
     def without_loads(self) -> Self:
-        """Return the scene with all loads zero, weight from t = 0 and no recovery: its modes depend on nothing else."""
+        """Return the scene with all loads zero, weight from t = 0 and no recovery.
+
+        It is equal for scenes with the same modes, which depend on nothing else.
+        """
         nothing = {"signal": Constant(amount=0.0)}
         parts = (
             part.model_copy(update={"loads": tuple(load.model_copy(update=nothing) for load in part.loads)})
@@ -371,10 +377,10 @@ def _lift_body_keys(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def _merge_section(common: Mapping[str, Any], part: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the tables of a section laid over those common to all sections.
+    """Return the tables of a section laid over the tables common to all sections.
 
-    If the section drives its joint itself it takes over no extension, overlap or follows, and if it follows none also
-    no rope.
+    A section that drives its joint itself takes over no `extension`, `overlap` or `follows`.  If it follows no section,
+    it takes over no rope either.
     """
     joint = part.get("joint")
     ways = {"extension", "overlap", "follows"}

@@ -1,7 +1,7 @@
 """Checks of one body, which raise InputError: model, loads, supports, pads and sliding points, and proportions.
 
-Each check raises an InputError for the first key that contradicts another key of the body; proportions are those with
-which double precision can compute.
+Each check raises an InputError for the first key that contradicts another key of the body.  Proportions have to be such
+that double precision can compute with them.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ SLACK = 1e-9
 
 
 def check_structure(member: Member) -> None:
-    """Raise an InputError for the first key of a body, or of what is on it, that contradicts another key."""
+    """Raise an InputError for the first key of a body, or of something on it, that contradicts another key."""
     _check_body(member)
     check_names("pads", (name for ring in member.pads for name, _, _ in ring.named_pads))
     for key in ("loads", "masses", "probes"):
         check_names(key, (part.name for part in getattr(member.part, key)))
-    for i, mass in enumerate(member.part.masses if model_of(member) != "beam2d" else ()):  # which turns about y alone
+    for i, mass in enumerate(member.part.masses if model_of(member) != "beam2d" else ()):  # beam2d turns about y
         if not is_inertia(mass.inertia):
             raise scene_error(f"masses[{i}].inertia", list(mass.inertia), ALLOWED_INERTIA)
     fields = (INERTIA + field for field in inertia_fields(member))
@@ -176,7 +176,7 @@ def _check_body(member: Member) -> None:
 
 
 def _check_box_variation(member: Member, box: Box) -> None:
-    """Refuse variations and frames of a box beside models and keys that can't represent them."""
+    """Refuse a box that varies along x or has frames, for models and keys that can't represent this."""
     model, key = model_of(member), "body.box." + " and ".join(box.varying_keys)
     if box.varying_keys and model not in VARYING:
         raise scene_error("body.model", model, f"{', '.join(VARYING[:-1])} and {VARYING[-1]} are allowed with {key}")
@@ -186,7 +186,7 @@ def _check_box_variation(member: Member, box: Box) -> None:
         raise scene_error(
             "mesh.grading", member.part.mesh.grading, f"1 is allowed with {key}, which says where nodes are"
         )
-    if box.frames and model == "beam2d":  # inherited ones too: their mass would be missing
+    if box.frames and model == "beam2d":  # also frames from a file that this one extends: their mass would be missing
         raise scene_error("body.model", model, "beam3d and shell are allowed with body.box.frames; [] has none")
     if box.frames and model == "beam3d":
         _check_frames(box)
@@ -206,18 +206,18 @@ def _check_frames(box: Box) -> None:
 
 
 def _check_flexible_walls(member: Member) -> None:
-    """Refuse walls that give way without a box, or of a beam without pads on faces."""
+    """Refuse walls that give way on a body without a box, or on a beam without pads on faces."""
     box, key = member.part.body.box, "body.walls"
     if box is None:
         raise scene_error(key, "give", "'rigid' is allowed without body.box: nothing says how thick the walls are")
     if model_of(member) not in BEAMS:
-        return  # where walls give way anyway
+        return  # the walls of these models give way anyway
     if member.points or not member.pads:
         raise scene_error(key, "give", "'rigid' is allowed without pads that have faces: walls give way under those")
 
 
 def _check_planar_beam(member: Member) -> None:
-    """Refuse loads, pads and weight that a planar beam can't feel: it has x, z and the rotation about y alone."""
+    """Refuse loads, pads and weight that a planar beam can't feel: it moves along x and z and about y alone."""
     planar_directions = motion_directions(member)
     for i, load in enumerate(member.part.loads):
         if load.direction not in planar_directions:
@@ -253,7 +253,7 @@ def _check_pads(member: Member) -> None:
 
 
 def _check_pad_range(member: Member, length: float, ring: PadRing, key: str) -> None:
-    """Refuse a ring of pads, of the given key, that leaves its faces along the axis at some position of the slider."""
+    """Refuse a ring of pads with the key `key` that leaves its faces along the axis at some position of the slider."""
     low, high = member.travel if ring.moving else (0.0, 0.0)
     start, end = low + ring.at - ring.length / 2.0, high + ring.at + ring.length / 2.0
     slack, box = SLACK * length, member.part.body.box
@@ -274,7 +274,10 @@ def _check_pad_range(member: Member, length: float, ring: PadRing, key: str) -> 
 
 
 def _check_pad_width(box: Box, ring: PadRing, place: tuple[str, Face, float], key: str) -> None:
-    """Refuse a pad (name, face, coordinate across in m), of the given key, that is not within a flat face."""
+    """Refuse a pad with the key `key` that is not within a flat face.
+
+    `place` is the name of the pad, its face and its coordinate across the face in m.
+    """
     name, face, across = place
     faces = box.faces
     if face not in faces:
@@ -292,14 +295,14 @@ def _check_pad_width(box: Box, ring: PadRing, place: tuple[str, Face, float], ke
 
 
 def check_names(key: str, names: Iterable[str]) -> None:
-    """Raise an InputError of `key` if two of the names are equal."""
+    """Raise an InputError of the key `key` if two of the names are equal."""
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise scene_error(key, twice[0], "names that differ are allowed")
 
 
 def check_reserved(key: str, names: Iterable[str], reserved: Iterable[str]) -> None:
-    """Raise an InputError if one of the names in the list `key` is reserved for an input that pmr adds."""
+    """Raise an InputError if one of the names in the list with the key `key` is reserved for an input that pmr adds."""
     for i, name in enumerate(names):
         if name in reserved:
             raise scene_error(
@@ -320,7 +323,7 @@ LARGEST_LOAD = 1e120  # N or N m; models are linear in it, their energies are it
 
 
 def check_loads(part: OneBody, end: float) -> None:
-    """Refuse loads too large, between 0 and `end` (s), to compute with in double precision."""
+    """Refuse loads that are so large, between 0 and `end` (s), that double precision can't compute with them."""
     for i, load in enumerate(part.loads):
         with np.errstate(all="ignore"):
             largest = float(np.abs(load.signal.bounds(0.0, end)).max())
@@ -330,7 +333,7 @@ def check_loads(part: OneBody, end: float) -> None:
 
 
 def check_proportions(part: OneBody) -> None:
-    """Refuse dimensions of a body in proportions that can't be computed with in double precision."""
+    """Refuse dimensions of a body in proportions with which double precision can't compute."""
     box, section, profile = part.body.box, part.body.section, part.body.profile
     if profile is not None and profile.axial_stiffness is not None:
         radius = float(np.sqrt(profile.bending_stiffness / profile.axial_stiffness))
@@ -348,14 +351,14 @@ def check_proportions(part: OneBody) -> None:
 
 
 def _check_ratio(key: str, ratio: float, allowed: tuple[float, float], what: str) -> None:
-    """Refuse a ratio outside of the range `allowed`; `what` names it in the message."""
+    """Refuse a ratio outside of the range `allowed`; `what` names the ratio in the message."""
     if not allowed[0] <= ratio <= allowed[1]:
         ratio_allowed = f"a ratio of {what} from {allowed[0]:g} to {allowed[1]:g} is allowed, here it is {ratio:.3g}"
         raise scene_error(key, None, ratio_allowed)
 
 
 def describe_jump(path: SignalBase, least: float) -> str | None:
-    """Return a description of a signal's first jump by more than `least`, both in m; None without one."""
+    """Return a description of a path's first jump by more than `least`, both in m; None if there is no such jump."""
     at = np.array(path.breaks)
     # All at once: one call costs as much as the signal has knots, and a file of them has thousands.
     before, after = path.value(np.nextafter(at, -np.inf)), path.value(at)

@@ -45,22 +45,22 @@ def is_inertia(moments: tuple[float, float, float]) -> bool:
 
 
 def unit_vector(direction: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Return a direction as a vector of unit length; unchanged if its length is 1 to round-off.
+    """Return a direction as a vector of unit length; it is unchanged if its length is 1 to round-off.
 
-    Raises ValueError if it is zero or not finite.
+    Raises ValueError if the direction is zero or not finite.
     """
     largest = max(map(abs, direction))
     if not 0.0 < largest < math.inf:
         raise ValueError("a direction is allowed: three numbers, not all of them zero")
     if abs(math.hypot(*direction) - 1.0) < 1e-12:
         return direction
-    x, y, z = (c / largest for c in direction)  # squares of tiny and huge numbers would vanish or overflow
+    x, y, z = (c / largest for c in direction)  # squares of tiny numbers would vanish, those of huge ones overflow
     length = math.hypot(x, y, z)
     return x / length, y / length, z / length
 
 
 class Material(SceneTable):
-    """Isotropic and linear elastic; structural steel by default."""
+    """Isotropic and linear elastic material; structural steel by default."""
 
     young: Annotated[Pressure, Usual(1e6, 2e12)] = Field(default=210.0e9, description="Young's modulus E")
     poisson: Annotated[float, Field(gt=-1.0, lt=0.5, strict=True), Quantity("1", -0.99, 0.4999)] = Field(
@@ -94,10 +94,11 @@ def _allow_ratio(schema: dict[str, Any]) -> None:
 class Damping(SceneTable):
     """Rayleigh damping D = a M + b K: `mass` is a and `stiffness` is b, or both follow from a damping `ratio`.
 
-    The ratio holds at two `frequencies` in Hz; in between it is lower, outside it is higher.  With zeta = (a / omega +
-    b omega) / 2 at both frequencies, a = 2 zeta omega_1 omega_2 / (omega_1 + omega_2) and b = 2 zeta / (omega_1 +
-    omega_2).  Bathe: Finite Element Procedures, 1996, section 9.3.3.  A scene that extends another one may use the
-    other pair of keys: those of the first pair are then dropped.
+    M and K are the mass and stiffness matrix.  The ratio zeta holds at two `frequencies` in Hz; in between the ratio is
+    lower, outside it is higher.  With the circular frequencies omega_1 and omega_2 of the two, zeta = (a / omega + b
+    omega) / 2 at both gives a = 2 zeta omega_1 omega_2 / (omega_1 + omega_2) and b = 2 zeta / (omega_1 + omega_2).
+    Bathe: Finite Element Procedures, 1996, section 9.3.3.  A scene that extends another one may use the other pair of
+    keys: the first pair is then dropped.
     """
 
     model_config = ConfigDict(json_schema_extra=_allow_ratio)
@@ -138,7 +139,7 @@ class Damping(SceneTable):
                 "stiffness": 2.0 * ratio / (first_omega + second_omega),
             }
         )
-        vars(damping)["written_ratio"] = ratio  # no field: equal dampings are equal
+        vars(damping)["written_ratio"] = ratio  # not a field, so that equal dampings compare as equal
         return damping
 
 
@@ -152,8 +153,8 @@ class Plate(SceneTable):
 class PointMass(SceneTable):
     """A rigid body attached to a named group, or on a beam to a position along it.
 
-    With `coupling` `average` it follows the mean motion of the group, which may deform.  With `rigid` the group moves
-    with it as a rigid body.
+    With the `coupling` ``average`` it follows the mean motion of the group, which may deform.  With ``rigid`` the group
+    moves with it as a rigid body.
     """
 
     name: Name = Field(description="Name of the mass in messages")
@@ -175,9 +176,9 @@ class PointMass(SceneTable):
 
 
 class Probe(SceneTable):
-    """Quantities recorded at the model's point that is nearest to a given point, or as the mean over a group.
+    """Quantities recorded at the point of the model nearest to a given point, or as the mean over a group.
 
-    Probes are signed outputs at every step, of the full and of the reduced model; they need no further simulation.
+    Probes are outputs with a sign at every step, of the full and of the reduced model; they need no further simulation.
     """
 
     name: Name = Field(description="Name of the probe, with which its columns begin")
@@ -198,7 +199,7 @@ class Probe(SceneTable):
 
     @model_validator(mode="after")
     def _check_place(self) -> Probe:
-        """Refuse a probe unless it has a point or a group, not both, and measures that differ."""
+        """Refuse a probe unless it has either a point or a group, and measures that all differ."""
         if (self.at is None) == (self.on is None):
             raise ValueError("give at or on, one of them")
         if len(set(self.measures)) < len(self.measures):
@@ -223,7 +224,7 @@ class Profile(SceneTable):
     axial: Switch = Field(default=False, description="Whether the beam has axial coordinates")
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
-        """Return EI of a cantilever that sags by its length, and EA of a beam in which waves travel at 1 m/s."""
+        """Return EI of a cantilever that sags by its own length, and EA of a beam in which waves travel at 1 m/s."""
         return {
             "sag": self.mass_per_length * scales["gravity"] * self.length**3 / 8.0,
             "mass per length": self.mass_per_length,
@@ -238,7 +239,7 @@ class Profile(SceneTable):
 
 
 class ShellBody(SceneTable):
-    """A shell: its plate, and other ones in named regions of the mesh."""
+    """A shell: its plate, and other plates in named regions of the mesh."""
 
     plate: Plate = Field(description="Of all that no region says otherwise of")
     regions: dict[Name, Plate] = Field(default={}, description="Named regions of the mesh that differ")
@@ -248,7 +249,7 @@ class ShellBody(SceneTable):
 
 
 class SolidBody(SceneTable):
-    """A solid: its material, and other ones in named regions of the mesh."""
+    """A solid: its material, and other materials in named regions of the mesh."""
 
     material: Material = Field(default=Material(), description="Of all that no region says otherwise of")
     regions: dict[Name, Material] = Field(default={}, description="Named regions of the mesh that differ")
@@ -294,7 +295,7 @@ class Beam3DBody(SceneTable):
 
     @model_validator(mode="after")
     def _check_description(self) -> Beam3DBody:
-        """Refuse a beam unless it has a section or a profile, not both, and shear areas if shear deforms it."""
+        """Refuse a beam unless it has either a section or a profile, and shear areas if shear deforms it."""
         if (self.section is None) == (self.profile is None):
             raise ValueError("give section or profile, one of them")
         if self.shear and self.section is not None and None in (self.section.shear_area_y, self.section.shear_area_z):

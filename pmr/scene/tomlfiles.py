@@ -32,7 +32,7 @@ def workflows() -> dict[str, Path]:
 
 
 def experiments() -> dict[str, Path]:
-    """Return the scripts of the paper's experiments by name; each has a function ``main``."""
+    """Return the scripts of the experiments of the paper by Weyrer et al., by name; each has a function ``main``."""
     files = [file for folder in (_HERE.parent, _HERE) for file in (folder / "workflows" / "paper").glob("*.py")]
     return {file.stem: file for file in files if "__main__" in file.read_text(encoding="utf-8")}
 
@@ -45,8 +45,8 @@ def workflow(name: str) -> Path | None:
 def resolve_path(path: Path, within: str) -> Path:
     """Return the file `path`, the file called `within` in the folder `path`, or the workflow of that name.
 
-    If there is none of these it returns `path`, whose reader reports the error.  A folder of results with the name of a
-    workflow does not hide the workflow.
+    If there is none of these the result is `path`, for which reading reports the error.  A folder of results with the
+    name of a workflow does not hide the workflow.
     """
     try:
         if path.is_dir() and (path / within).is_file():
@@ -54,7 +54,7 @@ def resolve_path(path: Path, within: str) -> Path:
         is_usable = path.exists() and not path.is_dir()
     except OSError:  # a name that no file can have
         is_usable = True
-    return path if is_usable else workflow(str(path)) or path  # what is wrong with it, its reader says
+    return path if is_usable else workflow(str(path)) or path  # reading it reports the error
 
 
 #: The file (or option) in which each key of the merged data was written.
@@ -73,7 +73,7 @@ _DEEP_KEY = re.compile(
 
 @dataclass(frozen=True)
 class Dialect:
-    """Rules by which one kind of file is read, and its name in messages, such as ``"scene file"``."""
+    """Rules for reading one kind of file, and the kind's name in messages, such as ``"scene file"``."""
 
     name: str
     #: Keys, at any depth, that hold the name of a file (or a list of names), relative to the file they stand in.
@@ -109,22 +109,22 @@ class TomlFile:
     def read(cls, path: str | Path, dialect: Dialect) -> TomlFile:
         """Read a file and all files that it extends; keys of the file override those of the files it extends.
 
-        ``extends`` names a file relative to this one, or a workflow.
+        The key ``extends`` names a file relative to this one, or a workflow.
         """
         file = cls(Path(path), dialect, {})
         file.data = file._with_base(file.path, extending=())
         return file
 
     def apply(self, change: Change) -> None:
-        """Lay a change over the data, in place; raises InputError for a change of a list entry that does not exist."""
+        """Lay a change over the data, in place; raises InputError if it changes a list entry that does not exist."""
         self._forget_alternatives(self.data, change.tables)
         _merge(self.data, deepcopy(dict(change.tables)), change.source, self.origins)
 
     def validate(self, model: type[Model]) -> Model:
         """Return the data as a pydantic model.
 
-        Raises InputError for the first key that has moved or gone, else for the first value that is refused, unknown
-        keys first.
+        Raises InputError for the first key of an earlier version, otherwise for the first value that is refused;
+        unknown keys come before other errors.
         """
         for location, name, _, value in iterate_keys(self.data):
             if name in self.dialect.renamed_keys:
@@ -141,7 +141,7 @@ class TomlFile:
             ) from None
 
     def origin(self, key: str | Sequence[str | int]) -> str:
-        """Return the file or option that last set a key or a key in its table, else that of the nearest outer table."""
+        """Return the file or option that last set a key or a key in its table, or that of the nearest outer table."""
         words = tuple(re.findall(r"\w+", key) if isinstance(key, str) else map(str, key))
         inside = [
             source for key_of_origin, source in self.origins.items() if words and key_of_origin[: len(words)] == words
@@ -150,7 +150,10 @@ class TomlFile:
         return (inside[-1:] or above or [str(self.path)])[0]
 
     def _with_base(self, path: Path, extending: tuple[Path, ...]) -> dict[str, Any]:
-        """Return the tables of a file merged over those that it extends; `extending` are the files that lead to it."""
+        """Return the tables of a file merged over those of the files it extends.
+
+        `extending` are the files that lead to this one by their keys ``extends``.
+        """
         what = self.dialect.name
         data = read_tables(path, what)
         if path.resolve() in extending:
@@ -177,7 +180,7 @@ class TomlFile:
         return base
 
     def _forget_alternatives(self, base: dict[str, Any], update: Mapping[str, Any]) -> None:
-        """Remove from `base`, in place, the keys that `update` replaces by an alternative way to describe the same."""
+        """Remove from `base`, in place, the keys for which `update` has an alternative description of the same."""
         for table, ways in self.dialect.alternatives.items():
             old, new = base.get(table), update.get(table)
             if not (isinstance(old, dict) and isinstance(new, Mapping)):
@@ -189,7 +192,7 @@ class TomlFile:
 
 
 def override(text: str) -> Change:
-    """Return the change of ``"section.key=value"``, with the value in TOML notation or as a bare word.
+    """Return the change that ``"section.key=value"`` describes, with the value in TOML notation or as a bare word.
 
     Raises InputError for a text of another form.
     """
@@ -218,7 +221,7 @@ def merge_tables(base: Mapping[str, Any], update: Mapping[str, Any]) -> dict[str
 def read_tables(path: Path, what: str) -> dict[str, Any]:
     """Return the tables of one file as it is, without the files that it extends.
 
-    Raises InputError if it is missing or not TOML; `what` names the kind of file in the message.
+    Raises InputError if the file is missing or not TOML; `what` names the kind of file in the message.
     """
     if not isfile(path):
         close = similar_name_hint(path.stem, workflows()) if path.name == str(path) else ""
@@ -235,7 +238,7 @@ def read_tables(path: Path, what: str) -> dict[str, Any]:
 
 
 def _parse(text: str) -> dict[str, Any]:
-    """Return the tables of a TOML text; raises ValueError if it is not TOML, or too deep or long."""
+    """Return the tables of a TOML text; raises ValueError if it is not TOML, too deep, or has too large numbers."""
     with suppress(RecursionError):
         try:
             if not _DEEP_KEY.search(text) and not _is_too_deep(data := tomllib.loads(text)):
@@ -256,7 +259,7 @@ def _is_too_deep(data: Any, depth: int = DEEPEST) -> bool:
 
 
 def _resolve_references(data: Any, folder: Path, references: tuple[str, ...]) -> None:
-    """Make names of files absolute or relative to `folder`, in place, for all keys called as one of `references`."""
+    """Make names of files absolute or relative to `folder`, in place, in all keys whose name is in `references`."""
     for value in data.values() if isinstance(data, dict) else data if isinstance(data, list) else ():
         _resolve_references(value, folder, references)
     for key in set(references) & set(data if isinstance(data, dict) else ()):
@@ -271,8 +274,9 @@ def _merge(
 ) -> None:
     """Merge `update` into `base`, in place, and note `source` in `origins` for each key.
 
-    Tables are merged key by key; signals (tables with a kind) replace each other as a whole.  A table over a list
-    changes the list's entries: its keys are their names, or their numbers from 0 on.  `prefix` is the key of `base`.
+    Tables are merged key by key; signals (tables with a kind) replace each other as a whole.  A table that is laid over
+    a list changes entries of the list: its keys are the entries' names, or their numbers from 0 on.  `prefix` is the
+    key of `base`.
     """
     for key, value in update.items():
         location, old = (*prefix, key), base.get(key)
@@ -284,7 +288,7 @@ def _merge(
                 if isinstance(part, Mapping):
                     _merge(old[number], part, source, origins, (*location, str(number)))
                 else:
-                    old[number] = part  # what no entry can be, the model refuses
+                    old[number] = part  # the model refuses what can't be an entry
         else:
             base[key] = value
             for overwritten in [origin for origin in origins if origin[: len(location)] == location]:
@@ -293,7 +297,7 @@ def _merge(
 
 
 def _entry(entries: list[Any], name: str, place: tuple[str, str, Any]) -> int:
-    """Return the number of a list's entry by its name or number; `place` is source, key and value for messages.
+    """Return the number of a list's entry from its name or number; `place` is source, key and value for messages.
 
     Raises InputError if there is no such entry.
     """
@@ -309,14 +313,14 @@ def _entry(entries: list[Any], name: str, place: tuple[str, str, Any]) -> int:
     listed = ", ".join(str(i) if entry_name is None else f"{entry_name} ({i})" for i, entry_name in enumerate(names))
     allowed = f"the entries of this list are allowed, by name or number: {listed}"
     before = key.removesuffix(name)
-    if before.endswith("."):  # the key itself, and not what is inside
+    if before.endswith("."):  # the list's own key, not a key within an entry
         first = next((str(entry_name) for entry_name in names if entry_name is not None), "0")
         allowed = f"this is a list; which of its entries is said before {name}, as in {before}{first}.{name}: {listed}"
     raise InputError(source, key, value, allowed)
 
 
 def _innermost_key(key: str, value: Any) -> tuple[str, Any]:
-    """Return dotted key and value of the innermost table, of tables that hold one key each."""
+    """Return the dotted key and the value of the innermost one of nested tables that hold one key each."""
     while isinstance(value, Mapping) and len(value) == 1:
         ((part, value),) = value.items()
         key = f"{key}.{part}"

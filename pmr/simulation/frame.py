@@ -263,7 +263,12 @@ def products_of(signal: SignalBase, name: str) -> Products:
 
 
 def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
-    """Signals of a section's loads by the names of the body's inputs; forces along ground axes by their components."""
+    """Signals of a section's loads in N or N m over time, by the names of the inputs of the section's full model.
+
+    A load along an axis of the body has one signal.  A force along an axis of the ground has one signal for each of its
+    components along the axes of the body; a component is left out if it is always zero or the model can't move along
+    its axis.
+    """
     signals = dict[str, SignalBase]()
     for load in member.part.loads:
         for name, part in input_directions(member, load).items():

@@ -217,13 +217,18 @@ def evaluate(products: Products, quantity: Callable[[Quantity], Array], t: Array
 
 
 def field_products(field: str, number: int, pivot: Sequence[float], shaken: bool, factor: float) -> Products:
-    r"""Products of a component of the acceleration field of section `number`, times `factor`.
+    r"""Products of one component of the acceleration field of section `number`, times `factor`.
 
-    `field` ``xz`` is the gradient A_xz; ``x`` is the component along x of the acceleration of the section's tail,
+    The frame of the boom has the unit vectors :math:`e_x`, :math:`e_y` and :math:`e_z` along its axes and the angular
+    velocity :math:`\omega`; the accelerations of its points change from point to point by the gradient A.  The pivot is
+    displaced by u, g is the acceleration of gravity and :math:`e_Z` points vertically upwards.  The vector p, the
+    argument `pivot`, goes from the pivot to the tail of the base section, and the tail of section `number` is the
+    distance X ahead of it along x.  The acceleration of this tail, with that of gravity, is
 
     .. math:: g\, e_Z + \ddot u + \ddot X e_x + 2\, \omega \times \dot X e_x + A\, (p + X e_x)
 
-    where p is the `pivot` vector, from the pivot to the tail of the base section, and u'' is left out unless `shaken`.
+    `field` is ``x``, ``y`` or ``z`` for the component of this vector along the axis, or two axes such as ``xz`` for the
+    component A_xz of the gradient.  The acceleration of the pivot is left out unless `shaken`.
     """
     along = "xyz".index(field[0])
     if len(field) == 2:

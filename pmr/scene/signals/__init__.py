@@ -62,7 +62,7 @@ class Sum(SignalBase):
     def bounds(self, start: float, end: float) -> tuple[float, float]:
         """Return the smallest and largest value within [start, end] s, from samples and a search around their extremes.
 
-        A tone too fast to be sampled is assumed to meet every value of the other terms: its bounds are added.
+        A tone too fast to be sampled is assumed to meet every value of the other terms: its bounds are added to theirs.
         """
         fast: list[SignalBase] = []
         slow: list[SignalBase] = []
@@ -78,7 +78,7 @@ class Sum(SignalBase):
         return float(low), float(high)
 
     def _samples(self, parts: list[SignalBase], start: float, end: float) -> Array:
-        """Return sample times (S,) in s, with the breaks and the last number before each of them."""
+        """Return sample times (S,) in s, with the breaks and the last representable number before each break."""
         fastest = max(part.highest_frequency(start, end) for part in parts)
         count = 1 + min(MOST_SAMPLES, max(FEWEST_SAMPLES, int(SAMPLES_A_PERIOD * fastest * (end - start))))
         breaks = np.array([b for b in self.breaks if start <= b <= end])
@@ -118,7 +118,7 @@ def _constant_from_number(data: Any) -> Any:
 
 
 def _plugin_signal(data: Any, check: Callable[[Any], SignalBase]) -> SignalBase:
-    """Return a signal of a kind that an installed plug-in adds, imported now; `check` validates all other kinds."""
+    """Return a signal of a kind that an installed plug-in adds, and import it; `check` validates all other kinds."""
     if not isinstance(data, dict) or data.get("kind") in (None, *_OWN):
         return check(data)
     offered = environment.plugin_objects("pmr.signals", _OWN)

@@ -27,8 +27,8 @@ KINK = 1e-6
 class Strand:
     """Pieces p(x) + a sin(q(x)) of the time x since each began; the first holds before it, the last one for ever.
 
-    With a `spread` h > 0 the strand stands for (u'(t + h/2) - u'(t - h/2)) / h of its value u, from t = 0 on only; with
-    a negative `spread` for its second rate u''.
+    p and q are polynomials, and u is the value of the pieces at a time t.  With a `spread` h > 0 the strand stands for
+    (u'(t + h/2) - u'(t - h/2)) / h, from t = 0 on only; with a negative `spread` it stands for the second rate u''.
     """
 
     breaks: Array  # (k,) s: where each piece begins
@@ -49,10 +49,10 @@ class SignalBase(BaseModel):
 
     @abstractmethod
     def rate(self, t: ArrayLike) -> Array:
-        """Return the time derivatives at the times t in s, shape of t; at a kink those of the interval that begins."""
+        """Return the time derivatives at times t in s, shape of t; at a kink those of the interval that follows it."""
 
     def second_rate(self, t: ArrayLike) -> Array:
-        """Return the second time derivatives at times t in s, shape of t; at a break those of the interval that begins.
+        """Return the second time derivatives at times t in s, shape of t; at a break those of the interval after it.
 
         Raises NotImplementedError for a kind of signal without them.
         """
@@ -64,7 +64,7 @@ class SignalBase(BaseModel):
         return ()
 
     def kinks(self, end: float) -> dict[float, float]:
-        """Return by how much the rate jumps at each time in s within (0, end] at which it does."""
+        """Return by how much the rate jumps at each kink, by the kink's time in s; only times within (0, end] count."""
         at = np.array([b for b in self.breaks if 0.0 < b <= end])
         if not len(at):
             return {}
@@ -74,7 +74,7 @@ class SignalBase(BaseModel):
 
     @property
     def parts(self) -> tuple[SignalBase, ...]:
-        """Signals whose sum this one is; itself unless it is a sum."""
+        """Signals whose sum this signal is; the signal itself unless it is a sum."""
         return (self,)
 
     @property
@@ -83,7 +83,7 @@ class SignalBase(BaseModel):
         raise NotImplementedError(f"{type(self).__name__} is no sum of polynomials and sines")
 
     def on_steps(self, step: float) -> SignalBase:
-        """Return the signal for time steps of length `step` in s: itself unless its value depends on them."""
+        """Return the signal for time steps of length `step` in s: itself unless its value depends on the steps."""
         return self
 
     def highest_frequency(self, start: float, end: float) -> float:
@@ -93,7 +93,7 @@ class SignalBase(BaseModel):
     def bounds(self, start: float, end: float) -> tuple[float, float]:
         """Return the smallest and largest value within [start, end] s.
 
-        This method is right for signals that are extreme at the ends or at a break, on either side of it; others
+        This method is right for signals whose extremes are at the ends or at a break, on either side of it; others
         override it.
         """
         breaks = [b for b in self.breaks if start <= b <= end]
@@ -186,8 +186,8 @@ class Sine(SignalBase):
 class Chirp(SignalBase):
     """amplitude sin(phi(t)) with phi' = 2 pi f(t), f piecewise linear through ``frequencies`` (Hz) at ``times`` (s).
 
-    The phase is the exact integral of f, hence continuous where ascending and descending parts meet; f is held
-    outside the knots.  ``phase`` (rad) is phi at the first knot.
+    The phase phi is the exact integral of the frequency f, hence continuous where ascending and descending parts meet.
+    Before the first and after the last of ``times`` f is constant.  ``phase`` (rad) is phi at the first time.
     """
 
     kind: Literal["chirp"] = Field(default="chirp", description="An oscillation whose frequency changes")
@@ -227,7 +227,7 @@ class Chirp(SignalBase):
     @property
     def strands(self) -> tuple[Strand, ...]:
         knots, f = np.array(self.times), np.array(self.frequencies)
-        breaks = np.array([knots[0] - 1.0, *knots])  # before the first knot the frequency stays what it is there
+        breaks = np.array([knots[0] - 1.0, *knots])  # before the first knot the frequency is constant
         slopes = np.array([0.0, *(np.diff(f) / np.diff(knots)), 0.0])
         angles = np.column_stack([np.pi * slopes, 2.0 * np.pi * np.array([f[0], *f]), self._angle(breaks)])
         return (Strand(breaks, np.zeros((len(breaks), 1)), self.amplitude, angles),)

@@ -22,8 +22,8 @@ CLOSEST = 1e-12
 class _Curve:
     """A piecewise polynomial through knots with two derivatives, constant before the first and after the last knot.
 
-    It is made once, as a simulator may evaluate it step by step.  It is compared by identity, so that two equal signals
-    stay equal once one of them has been evaluated.
+    It is made once for a signal, as a simulator may evaluate it step by step.  Two curves are equal only if they are
+    the same object, so that two equal signals stay equal once one of them has been evaluated.
     """
 
     def __init__(self, coefficients: Array, times: Floats, values: Floats) -> None:
@@ -51,7 +51,7 @@ class _Knots(SignalBase):
 
     @model_validator(mode="after")
     def _check_lengths(self) -> _Knots:
-        """Refuse times and values of different number."""
+        """Refuse numbers of times and of values that differ."""
         if len(self.times) != len(self.values):
             raise ValueError(f"{len(self.times)} times but {len(self.values)} values; give as many of each")
         return self
@@ -62,7 +62,7 @@ class _Knots(SignalBase):
 
     @property
     def _rises(self) -> tuple[Array, Array]:
-        """Durations in s of the intervals between knots, and rises of the value in them."""
+        """Durations in s of the intervals between knots, and increases of the value in these intervals."""
         return np.diff(self.times), np.diff(self.values)
 
     def _coefficients(self) -> Array:
@@ -112,7 +112,7 @@ TRANSITIONS = {
 class SmoothRamp(_Knots):
     """Smooth transitions between the knots, 10 x^3 - 15 x^4 + 6 x^5: rate and acceleration vanish at each knot.
 
-    Of degree 9, 126 x^5 - 420 x^6 + 540 x^7 - 315 x^8 + 70 x^9, so do the next two rates.
+    With the degree 9, 126 x^5 - 420 x^6 + 540 x^7 - 315 x^8 + 70 x^9, the next two rates vanish there as well.
     """
 
     kind: Literal["smooth_ramp"] = Field(default="smooth_ramp", description="Smooth transitions between values")
@@ -141,8 +141,8 @@ def _allow_file(schema: dict[str, Any]) -> None:
 class Table(_Knots):
     """Knots read from a CSV file with two columns (time in s, value), or given inline; Akima interpolation.
 
-    With ``interpolation = "linear"`` straight lines are drawn instead.  The file's content, not its name, counts for
-    the scene's hash.
+    With ``interpolation = "linear"`` straight lines are drawn instead.  The scene's hash depends on the file's content,
+    not on its name.
     """
 
     model_config = ConfigDict(json_schema_extra=_allow_file)
