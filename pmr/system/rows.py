@@ -75,7 +75,7 @@ class Row:
 
     @property
     def entries(self) -> sp.csr_matrix:
-        """Coefficients as a sparse matrix (powers k, K): k rows for the intervals of the highest power, and so on."""
+        """Coefficients as a sparse matrix (powers k, K): for each power, highest first, one row an interval."""
         powers, k, d = self.coefficients.shape
         at = np.broadcast_to(self.touched, (powers, k, d)).ravel()
         return sp.csr_matrix((self.coefficients.ravel(), at, d * np.arange(powers * k + 1)), (powers * k, self._count))

@@ -214,7 +214,7 @@ class BodySystem(Generic[AnyBody]):
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """Lowest and highest path coordinate in m of each path: between them all rows of places on it are defined."""
+        """Lowest and highest coordinate in m of each path, by name; the rows of all its places are defined between."""
         ranges = {path: (-np.inf, np.inf) for path in self.paths}
         for side in self.sides:
             place = side.place
@@ -353,7 +353,7 @@ class System(BodySystem[SlidingBody]):
         return self
 
     def ensure_without_terms(self, source: str) -> System:
-        """Return the system; raise an InputError of `source`, which can't handle terms that vary in time, if any."""
+        """Return the system; raise an InputError about `source`, which can't handle varying terms, if it has any."""
         if self.terms:
             allowed = (
                 "a system without terms that vary in time (a frame that moves, second order) is allowed here; "
