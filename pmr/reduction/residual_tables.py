@@ -101,7 +101,7 @@ class ResidualFlexibility:
         return x
 
     def powers(self, c: Array, count: int) -> Array:
-        """This rank's rows (n_local, count) of R c, R M R c, ... for one load c (n_local,); collective."""
+        """Vectors R c, R M R c, ... (n_local, count), this rank's part, of one load c (n_local,); collective."""
         columns = [self.apply(np.array(c)[:, None])]
         while len(columns) < count:
             columns.append(self.apply(times(self.model.M, columns[-1])))
@@ -159,7 +159,7 @@ class SparseProduct:
 
 @dataclass(frozen=True)
 class LoadFlexibility:
-    """R between L unit loads and o outputs: the loads on K carriers come first, then the inputs."""
+    """Residual flexibility R between L unit loads and o outputs; loads on K carriers come first, inputs follow."""
 
     pairs: sp.csr_matrix | Array  # (L, L) m/N between loads: sparse for the pairs of a pattern, dense for all
     outputs: Array  # (o, L) m/N
