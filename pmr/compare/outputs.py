@@ -117,10 +117,10 @@ class RoundOffBounds:
 
     @classmethod
     def for_system(cls, system: System, excitation: Excitation, forces: Array | None = None) -> RoundOffBounds:
-        """Bounds of the round-off of a system's outputs under these loads (`pmr.compare.errors.round_off`).
+        """Bounds of the round-off of a system's outputs under the excitation's loads (`pmr.compare.errors.round_off`).
 
-        For several bodies the bound of forces is `RELATIVE_FLOOR` times the largest of the contact forces `forces` (T,
-        m) in N, or 0 without these; for a body alone it is `pmr.compare.errors.force_round_off`.
+        For several bodies, the bound of forces is `RELATIVE_FLOOR` times the largest of the contact forces `forces` (T,
+        m) in N, or 0 if these are None.  For a single body it is `pmr.compare.errors.force_round_off`.
         """
         f, end, least = excitation.forces(system.input_names), excitation.stepping.end, 0.0
         if ALONE in system.bodies:

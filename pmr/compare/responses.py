@@ -402,7 +402,7 @@ def response_to_motion(system: BodySystem[Any], t: Array, motion: MotionOutputs)
     displacements, springs, other_outputs = list[Array](), list[Array](), list[Array]()
     other_names, other_units = list[str](), list[str]()
     x, names, force_names = list[Array](), list[str](), list[str]()
-    kinds: tuple[list[str], list[str], list[str]] = ([], [], [])  # kinds of displacements, of forces and of other outputs
+    kinds: tuple[list[str], list[str], list[str]] = ([], [], [])  # of displacements, of forces, and of other outputs
     of_bodies: tuple[list[str], list[str], list[str]] = ([], [], [])
     for name, body in system.bodies.items():
         of, y = column_names(body), motion.outputs[name]
@@ -493,7 +493,7 @@ def needed_bytes(scene: Scene, size: int, outputs: int) -> int:
     """
     bodies, full = scene.bodies.values(), full_simulator(scene, size)
     r, several = sum(body.reduction.coordinates for body in bodies), len(bodies) > 1
-    responses = len(scene.compare.against) + len(scene.simulation.simulators) + 1  # plus one for a simulation repeated for its time
+    responses = len(scene.compare.against) + len(scene.simulation.simulators) + 1  # 1 is for a repeated one
     responses += 2 * (scene.compare.richer not in ("auto", "none"))
     keeping = [r] if several or any(name != "march" for name in scene.simulation.simulators) else []
     if "full" in scene.compare.against and (full == "exudyn" or (several and full == "march")):
@@ -509,7 +509,7 @@ def needed_bytes(scene: Scene, size: int, outputs: int) -> int:
 
 
 def memory_warnings(scene: Scene, size: int, outputs: int) -> list[str]:
-    """A warning if the histories take more than `NOTABLE_BYTES`, else nothing; arguments as for `needed_bytes`."""
+    """A warning if the histories take more than `NOTABLE_BYTES`, else nothing; arguments are as for `needed_bytes`."""
     total = needed_bytes(scene, size, outputs)
     return [] if total < NOTABLE_BYTES else [f"{scene.time.steps:,} steps take about {total / 1e9:.1f} GB of memory"]
 

@@ -217,7 +217,7 @@ def check_same_scene(model: HasProvenance, scene: Scene, number: int | None = No
 
 
 class Difference(NamedTuple):
-    """Difference of a scene to the one that a model was made from: key, value in the scene, value in the model."""
+    """Difference between a scene and the one that a model was made from: key, the scene's value, the model's value."""
 
     key: str
     present: object
