@@ -203,7 +203,7 @@ def boom_quantities(excitation: Excitation, response: Response) -> Mapping[str, 
     """Functions of a response, by name, that return the compared quantities of a boom, (T, k) each.
 
     ``tip`` returns the displacements of the last section's tip in m, ``beam`` all displacements in m, and each kind of
-    forces that `response` has, such as ``pad_force``, the forces of that kind in N. If an extension has a kink before
+    forces that `response` has, such as ``pad_force``, the forces of that kind in N.  If an extension has a kink before
     the end, there is also ``<kind>_between_kinks`` for each kind of forces, which leaves out all times within
     `BESIDE_KINK` steps of a kink.  The force at a kink has no limit: it grows as the step gets shorter or the cylinder
     stiffer.

@@ -207,7 +207,7 @@ def _dense_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> tuple[Array, Array]:
 def _distributed_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> tuple[Array, Array]:
     """Vectors (n_local, k) and singular values (k,) of S by Gram-Schmidt, in the product of M.
 
-    S = Q R is computed by orthogonalising twice; then R = U Sigma W^T gives V = Q U. M is None for the Euclidean
+    S = Q R is computed by orthogonalising twice; then R = U Sigma W^T gives V = Q U.  M is None for the Euclidean
     product.
     """
     Q, comm = np.array(S.getDenseArray(), order="F"), S.comm.tompi4py()
@@ -234,7 +234,7 @@ INDEPENDENT, NEARLY_DEPENDENT = 1e-9, 1e-4
 def reduced_model(model: FullModel, basis: Basis, provenance: dict[str, object]) -> ReducedModel:
     """Galerkin projection of a model on the basis V, without the supports that V satisfies; same on every rank.
 
-    It consists of V^T A V for A = M, D, K and the model's `matrices`, and of V^T B, O V and C(s) V. Fixed rows that
+    It consists of V^T A V for A = M, D, K and the model's `matrices`, and of V^T B, O V and C(s) V.  Fixed rows that
     every basis vector satisfies (supports, for eigenmodes) are left out and named in the result.  An InputError is
     raised if the remaining rows depend on each other, as with a basis that is too small.
     """

@@ -151,11 +151,10 @@ def _norm(model: FullModel, v: Array, in_mass: bool) -> float:
 
 #: Value of `reduction.basis` in a scene whose vectors are an array in Python; files can't have it.
 ARRAY = "array"
-#: Modes beyond the coordinates with which the error is estimated: attachment modes have what these
-#: leave out.
+#: Number of modes beyond the coordinates with which the error is estimated; attachment modes have the further ones.
 ENRICHMENT_MODES = 4
-#: Such modes of a single body, and of each of several sections, if a tolerance or a budget is given: the search for
-#: the smallest model chooses among them.
+#: Number of these modes if a tolerance or a budget is given, for a single body and for each of several sections: the
+#: search for the smallest model chooses among them.
 SEARCHED_MODES, SEARCHED_OF_SECTIONS = 38, 16
 
 

@@ -172,9 +172,10 @@ class Assembly:
         return self.row_rates(x, np.ones(len(x)))
 
     def contact_motions_by_moments(self, x: Array) -> Array:
-        """Motions (m, m) in 1/N of all contacts: entry (k, l) is that of contact k by a unit moment on the sides of l.
+        """Motions (m, m) in 1/N of all contacts (first axis), each by a unit moment at one contact (second axis).
 
-        The places are at x (sides,) in m.  Only the residual flexibility of the bodies gives way to the moments.
+        The moment acts on the sides of the contact.  The places are at x (sides,) in m.  Only the residual flexibility
+        of the bodies gives way to the moments.
         """
         moved_by_moments = np.zeros((len(self.system.contacts),) * 2)
         for name, flexibility in self._flexibility.items():

@@ -1,7 +1,8 @@
 r"""Responses to given loads as coordinates: residual attachment modes of a body whose rows are on carriers.
 
-Let R be the flexibility that a model's modes leave out.  Under loads G on carriers and inputs it has the static
-response X = R G.  As coordinates, these responses have inertia too, and since R K R = R
+Let R be the flexibility that the modes Phi of a model with the stiffness K and the mass M leave out.  Loads G on
+carriers and inputs have the static response X = R G.  As coordinates, these responses have inertia too.  Since R K R =
+R, the relations
 
 .. math::
     X^T K X = G^T R G, \qquad X^T M X = G^T (R M R)\, G, \qquad X^T M \Phi = X^T K \Phi = 0
@@ -10,8 +11,8 @@ follow from R and R M R between the carriers.  What is then left out is R - X (X
 residual part in the directions of known loads needs no full model.  Craig and Chang: On the use of attachment modes in
 substructure coupling for dynamic analysis, AIAA paper 77-405, 1977.
 
-The force c of a cylinder, which an extension with kinks makes oscillate, has modes of its own in every simulation of a
-boom:
+The force of a cylinder, with the row c, oscillates if an extension has kinks.  So it has modes of its own in every
+simulation of a boom, made from the responses
 
 .. math:: x_1 = R c^T, \qquad x_{k+1} = R M x_k
 
@@ -23,9 +24,9 @@ left besides these modes does not give way to a cylinder's force.
 Modes without inertia follow loads at once.  They are needed for terms that vary in time and act on the residual part.
 
 The flexibility R that a basis leaves out responds to contacts and loads, but not to the forces of terms, which depend
-on the motion of every point.  With geometric stiffness these forces bend the residual part: rigid motions of a section
-that is inclined and compressed come with a bending of their own.  So the first residual modes are coordinates of the
-model whose inertia simulators leave out,
+on the motion of every point.  With geometric stiffness these forces bend the residual part: a rigid motion of a section
+that is inclined and compressed causes bending.  So the first residual modes are coordinates of the model whose inertia
+simulators leave out,
 
 .. math::
     2 \zeta \omega\, \dot\eta + \omega^2 \eta + \sum_k c_k\, \varphi^T A_k\, q = \varphi^T (B f - C^T \lambda)

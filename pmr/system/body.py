@@ -182,7 +182,7 @@ class RowProperties:
 
     @property
     def section(self) -> None:
-        """None: a full model does not record the boom of which it is a section."""
+        """None: a full model does not record to which boom it belongs."""
 
     def ensure_whole(self, source: str) -> None:
         """Do nothing: a full model has all of its joints."""

@@ -18,8 +18,8 @@ So the ropes store :math:`\tfrac12 \lambda^T A \lambda`, and a drum that pays ou
 
 Pads have friction along the boom.
 
-A pad that presses with N, while its section slides out by :math:`\Delta y` in a step, pulls the section back with the
-friction f, and pulls the outer section forward with f:
+A pad that presses with the force N, while its section slides out by :math:`\Delta y` in a step, pulls the section back
+with the friction f, and pulls the outer section forward with f:
 
 .. math:: f_{n+1} = \max(-\mu |N|, \min(\mu |N|, f_n + \kappa\, \Delta y)), \qquad
     \mu = \mu_k + (\mu_s - \mu_k)\, e^{-|\dot s| / v_s}
@@ -39,7 +39,7 @@ reaches the sections.  The pads of the joint slide by y, the extension s less th
 
 so there is also friction if a section swings on its cylinder.  Sections are taken as rigid along the boom: friction is
 a force between the tails of both sections.  As it acts on the face that a pad touches, at the distance e from the axis,
-it is also a moment e f on both sections, with the work :math:`e f\, c'(x) q` with the pad's row c(x).
+it is also a moment e f on both sections; with the pad's row c(x), the work of this moment is :math:`e f\, c'(x) q`.
 """
 
 from __future__ import annotations
@@ -353,7 +353,7 @@ class Friction:
     def stored_energy(self, friction: Array, forces: Array) -> Array:
         """Energy (...) in J that cylinders store beyond lambda^2 / 2 k because of friction.
 
-        The pads have the `friction` (..., n) in N. `forces` (..., m) in N are those of all contacts; for cylinders they
+        The pads have the `friction` (..., n) in N.  `forces` (..., m) in N are those of all contacts; for cylinders they
         are Lambda, which includes the friction, and lambda is what reaches the sections.
         """
         total = self.joint_totals(friction)

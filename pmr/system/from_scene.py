@@ -5,16 +5,15 @@ along the boom of all sections add up to what the base carries.  The cylinder's 
 sections beyond it.  If the outer section has no coordinates along the boom, the cylinder's contact is with the ground.
 
 Rings of pads become fewer contacts, as six pads hold the stiff cross-section of a beam in three directions only.  Pads
-kappa that hold both ways, have the stiffnesses k, and are at the same place of the same bodies, measure the
-displacements
+rho that hold both ways, have the stiffnesses k, and are at the same place of the same bodies, have the rows
 
 .. math:: c_\rho(x) = \sum_\kappa S_{\rho\kappa}\, \hat c_\kappa(x), \qquad
     S^T \mathrm{diag}(k)\, S = \bar k\, 1, \quad \bar k \text{ the mean of } k
 
-with a matrix S and fewer rows :math:`\hat c` than pads, if the cross-section does not deform between them.  Gap and
-force of each pad are proportional, so contacts :math:`\hat c` of stiffness :math:`\bar k` have the same effect on both
-bodies, whatever these are.  From the forces :math:`\mu` of these contacts, the forces of the pads follow exactly,
-:math:`\lambda = \mathrm{diag}(k / \bar k)\, S \mu`.
+with a matrix S and rows :math:`\hat c_\kappa`, fewer than the pads if the cross-section does not deform between the
+pads.  Gap and force of each pad are proportional, so contacts :math:`\hat c` of stiffness :math:`\bar k` have the same
+effect on both bodies, whatever these are.  From the forces :math:`\mu` of these contacts, the forces of the pads follow
+exactly, :math:`\lambda = \mathrm{diag}(k / \bar k)\, S \mu`.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ the values U X (K, c) of a matrix X (n, c) on the carriers, and the values R = U
 
 .. math:: C(s)\, X = b(s)\, (U X), \qquad C(s)\, Q\, C(s)^T = b(s)\, R\, b(s)^T
 
-Two rows (`StraightRows`) that are zero while a beam does not bend between a fixed point and a moving one.  With the row
+`StraightRows` are two rows that are zero if a beam does not bend between a fixed point and a moving one.  With the row
 w(x) of the beam's displacement at x, the fixed point at p and the moving one at s,
 
 .. math:: w(p) + (s - p)\, w'(p) - w(s) = 0 \qquad \text{and} \qquad (s - p)\, w'(s) - w(s) + w(p) = 0
@@ -378,7 +378,7 @@ class RowPolynomials:
     def quadratic_form(self, R: sp.csr_matrix | Array) -> PPoly:
         """Table C(s) Q C(s)^T = b(s) R b(s)^T with values (m, m), of a symmetric matrix Q on the coordinates.
 
-        R = U Q U^T (K, K) has the values of Q between the carriers U. On each interval, only the block (w, w) of R is
+        R = U Q U^T (K, K) has the values of Q between the carriers U.  On each interval, only the block (w, w) of R is
         used that belongs to the carriers which the rows touch on this interval.
         """
         m, powers, k, w = self.coefficients.shape

@@ -36,7 +36,7 @@ from pmr.system.system import System
 
 #: Largest share of a tolerance that the error of the mesh may take: a larger error is ignored by the search.
 MOST_OF_MESH = 0.9
-#: Number of coordinates, besides enrichment modes, of the reduction of a body alone: many scenes share that reduction.
+#: Number of coordinates of the reduction of a single body, besides enrichment modes; many scenes share this reduction.
 COORDINATES = 6
 _CALLED = {
     "beam": "displacements",

@@ -139,7 +139,7 @@ def explain_trial(trials: Trials, trial: Trial, coarsest: int) -> Iterator[str]:
 
 
 def _fewest_modes(trials: Trials, trial: Trial, allowed: Allowed) -> Sizes:
-    """Sizes with the fewest modes whose error against the trial is within what the trial's step leaves of `allowed`.
+    """Sizes with the fewest modes whose error against the trial is at most the part of `allowed` that its step leaves.
 
     Modes are left out of all bodies first, then of each body.  The runs have the fewest steps that resolve the motion.
     """
@@ -147,7 +147,7 @@ def _fewest_modes(trials: Trials, trial: Trial, allowed: Allowed) -> Sizes:
     steps = trials.fewest_resolving_steps(trial.steps)
 
     def enough(sizes: Sizes) -> bool:
-        """Whether the error of these sizes against the trial is within what its step leaves."""
+        """Whether the error of these sizes against the trial is at most the part of `allowed` that its step leaves."""
         return worst_ratio(trials.difference_to_trial(trial, sizes, steps), margin) <= 1.0
 
     low, high = trials.least - 1, trials.most_elastic_modes(trial.sizes)

@@ -47,7 +47,7 @@ Sizes = tuple[int, ...]  # modes of each body
 
 #: Number of enrichment modes that every model keeps for its estimate; at most a quarter of all modes.
 ENRICHMENT = 4
-#: Largest number of steps of a run, for one body and for several, whose steps cost ten times as much.
+#: Largest number of steps of a run: for a single body; and for several bodies, whose steps take ten times as long.
 LONGEST, LONGEST_OF_SEVERAL = 512_000, 64_000
 #: A run may always have this many times the scene's number of steps.  If contacts only push, this is also the limit:
 #: impacts divide steps into equally short parts with any number of steps.
