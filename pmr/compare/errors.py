@@ -52,7 +52,8 @@ LARGEST_COMPLIANCE = 500
 def nrms(signal: Array, reference: Array) -> float:
     """e_NRMS of a signal (T,) or (T, M) against a reference of the same shape, as a fraction in [0, 1].
 
-    T is the number of times, M that of components.  Raises ValueError or SimulationError as `relative_error` does.
+    T is the number of times, M the number of components.  Raises ValueError or SimulationError as `relative_error`
+    does.
     """
     return min(relative_error(signal, reference), 1.0)
 
@@ -316,7 +317,7 @@ def _dynamic_stiffness(body: SlidingBody, end: float) -> Array | None:
 
 
 def _norms(A: Array, rows: Array) -> Array:
-    """Norm sqrt(x A^-1 x^T), (r,), of each row x of `rows` (r, n), with the symmetric matrix A (n, n)."""
+    """Norms sqrt(x A^-1 x^T) (r,) of the rows x of `rows` (r, n), with the symmetric matrix A (n, n)."""
     return np.asarray(np.sqrt(np.maximum(np.einsum("rn,nr->r", rows, np.linalg.solve(A, rows.T)), 0.0)))
 
 

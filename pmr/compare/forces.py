@@ -232,7 +232,10 @@ def _ring_warning(ring: PadRing, pulling: Mapping[str, Extremes], response: Resp
 
 
 def _joints_warning(contacts: Sequence[Contact], pulling: Mapping[str, Extremes], response: Response) -> str:
-    """Warning about the pads of all joints that pull; `contacts` are their contacts, `pulling` the extremes by name."""
+    """Warning about the pads of all joints that pull; `pulling` has the extremes of their forces by name.
+
+    `contacts` are the contacts of these pads.
+    """
     pad = min((contact.name for contact in contacts), key=lambda name: pulling[name].least)
     sections = list(dict.fromkeys(contact.inner.body for contact in contacts))
     more = f", and {len(contacts) - 1} more" if len(contacts) > 1 else ""

@@ -69,8 +69,8 @@ def reduced_frequencies(model: ReducedModel, s: Array, count: int) -> Array:
 def closed_form_frequencies(scene: Scene, s: Array, count: int) -> Array:
     """The `count` lowest frequencies (S, count) in rad/s of the scene's beam with its slider at s (S,) in m.
 
-    They are in ascending order; with axial coordinates they include those of the bar, held at 0 and free at its end.
-    The shape is (S, 0) if there is no closed form.
+    They are in ascending order; if the beam has axial coordinates, they include the frequencies of the bar, held at 0
+    and free at its end.  The shape is (S, 0) if there is no closed form.
     """
     profile = scene.body.profile
     if profile is None or not is_pinned_beam(member_at(scene)):
@@ -91,8 +91,8 @@ _AT_ONCE = 1000  # number of steps in beta L that are evaluated together
 def bending_frequencies(s: float, length: float, bending_stiffness: float, mass_per_length: float, count: int) -> Array:
     """The `count` lowest circular frequencies (count,) in rad/s with the support at s, 0 < s <= length (m).
 
-    `bending_stiffness` is in N m^2, `mass_per_length` in kg/m.  Raises ValueError if s does not lie on the beam, or on
-    the pin.
+    `bending_stiffness` is in N m^2, `mass_per_length` in kg/m.  Raises ValueError if s is not on the beam, or is at the
+    pin.
     """
     if not 0.0 < s <= length:
         raise ValueError(f"s = {s:g} m: allowed are 0 < s <= {length:g} m")

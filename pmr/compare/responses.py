@@ -489,7 +489,7 @@ NOTABLE_BYTES = 2**30  # bytes: there is a warning if histories take more
 def needed_bytes(scene: Scene, size: int, outputs: int) -> int:
     """Largest memory in bytes that the histories of all steps take at once.
 
-    `size` is the number of coordinates of all full models together, `outputs` that of their outputs.
+    `size` is the number of coordinates, and `outputs` the number of outputs, of all full models together.
     """
     bodies, full = scene.bodies.values(), full_simulator(scene, size)
     r, several = sum(body.reduction.coordinates for body in bodies), len(bodies) > 1
@@ -551,8 +551,8 @@ def simulate_cable(
 ) -> ancf.CableMotion:
     """Motion of the scene's beam as an ANCF cable, at the material points x (o,) in m.
 
-    Raises InputError if Exudyn is not installed, and as for `pmr.simulation.exudyn.ancf.simulate`; SimulationError if a
-    step fails or a result is not finite.
+    Raises InputError if Exudyn is not installed, and whenever `pmr.simulation.exudyn.ancf.simulate` does;
+    SimulationError if a step fails or a result is not finite.
     """
     cable = ancf_cable(scene)
     from pmr.simulation.exudyn import ancf

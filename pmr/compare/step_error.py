@@ -155,7 +155,7 @@ class SteppedSystem:
         return TimeStepping(grid.end, step, self.reference_rho, schedule=tuple(np.repeat(most, 2**times).tolist()))
 
     def simulate(self, stepping: TimeStepping) -> SystemTrajectory:
-        """Motion at all steps on a time grid; the given run is not simulated again if it is known.
+        """Motion at all steps on a time grid; if the grid is that of the given run and this is known, it is returned.
 
         Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
         """
@@ -379,7 +379,7 @@ MARGIN_OF_FORCES = 1.25
 
 @dataclass(frozen=True)
 class StepError:
-    """Error that the time step leaves in a model's displacements; fractions of the finest run's motion, not capped."""
+    """Error of a model's displacements by the time step; fractions of the finest run's motion, which may exceed 1."""
 
     beam: float
     tip: float
@@ -486,7 +486,7 @@ def step_error(
 
 
 def with_band(error: StepError, system: System, excitation: Excitation) -> StepError:
-    """Return this error with the band of the motion, for which the run with the finest step is simulated again."""
+    """Return this error with the band of the motion; for that, the run with the finest step is simulated again."""
     runs = Runs(SteppedSystem(system, excitation))
     runs.halved = round(np.log2(excitation.stepping.step / error.finest))
     return replace(error, band=runs.band())

@@ -142,7 +142,7 @@ def alternating_share(signal: Array) -> float:
 
 
 def ringing_share(signal: Array, reference: Array | None = None) -> float:
-    """RMS of the alternating part of a signal (T, o) over that of the signal itself, or of `reference` (T, o).
+    """RMS of the alternating part of a signal (T, o), over the RMS of the signal, or of `reference` (T, o) if given.
 
     It is averaged over the columns as in `relative_error`.
     """
@@ -331,7 +331,7 @@ def _clause_above(name: str, signal: SignalBase, stepping: TimeStepping, top: fl
 
 
 def _aliased_frequency(frequency: float, h: float) -> float:
-    """Frequency in Hz, after aliasing, with which a tone of `frequency` in Hz appears in samples at steps of h in s."""
+    """Frequency in Hz at which a tone of `frequency` in Hz appears if it is sampled at steps of h in s."""
     return abs(frequency - round(frequency * h) / h)
 
 
@@ -388,7 +388,7 @@ def unsettled_force_clauses(kinds: Sequence[str]) -> list[str]:
 
 
 def reduction_warnings(summary: Mapping[str, Any]) -> list[str]:
-    """A warning if the summary's error of the reduced model, against the full one or estimated, is above `FAR`."""
+    """A warning if the reduced model's error in the summary, against the full model or estimated, is above `FAR`."""
     source, errors = reduction_error(summary)
     far = {kind: error for kind, error in errors.items() if error > FAR}
     if not far:

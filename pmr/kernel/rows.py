@@ -173,7 +173,7 @@ def _arrange_exactly(system: System) -> Arrangement:
 
 
 def _parts(system: System) -> tuple[Part, ...]:
-    """Bodies of a system with the slices of their modes, inputs and outputs among those of all."""
+    """Bodies of a system, each with the slices of its modes, inputs and outputs among those of all bodies."""
     parts, r, i, o = list[Part](), 0, 0, 0
     for number, body in enumerate(system.reduced.values()):
         modes, inputs, outputs = round_up(body.size), len(body.input_names), len(body.outputs)
@@ -274,5 +274,5 @@ def _row_on_path(system: System, side: Side) -> Row:
 
 
 def _zeros(breaks: Array, shape: tuple[int, ...]) -> PPoly:
-    """Table of zeros with values of that shape."""
+    """Table of zeros with values of the given shape."""
     return PPoly(np.zeros((1, len(breaks) - 1, *shape)), breaks)

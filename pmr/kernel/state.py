@@ -329,9 +329,9 @@ class State:
         return bytes(ffi.buffer(content))
 
     def restore(self, content: bytes) -> None:
-        """Continue from the bytes that `save` returned for a state of the same system and settings.
+        """Continue from the bytes that `save` returned for a state of the same system with the same settings.
 
-        An InputError is raised if they are of another state, or are damaged.
+        An InputError is raised if the bytes belong to another state, or are damaged.
         """
         why = ffi.new(f"char[{lib.PMR_MESSAGE}]")
         failed = lib.pmr_state_restore(self._state, content, len(content), why)

@@ -72,7 +72,7 @@ class Basis:
         return float(np.finfo(float).eps * self.sigma[0] / self.sigma[self.size - 1])
 
     def kappa(self, r: int | None = None) -> float:
-        """Share of the pool's squared norm that is in the first r vectors; None for all vectors of the basis."""
+        """Share of the pool's squared norm that is in the first r vectors; None stands for all vectors of the basis."""
         return kappa(self.sigma, self.size if r is None else r)
 
 
@@ -141,7 +141,7 @@ def pod(
 
 
 def modal_basis(modes: Snapshots) -> Basis:
-    """Basis of eigenmodes as they are: M-orthonormal, so all singular values in the mass product are 1."""
+    """Basis of eigenmodes, which are M-orthonormal; all singular values in the mass product are set to 1."""
     return Basis(modes.S, np.ones(modes.S.getSize()[1]), "mass")
 
 

@@ -41,7 +41,7 @@ class Snapshots:
     """Pool of k vectors from which a basis is made.
 
     `residuals` are normwise backward errors ||K phi - omega^2 M phi|| / ((||K|| + omega^2 ||M||) ||phi||) in infinity
-    norms.  `omega`, `s` and `residuals` are NaN where they are not known or don't apply.
+    norms.  `omega`, `s` and `residuals` are NaN if they are not known or don't apply.
     """
 
     S: PETSc.Mat  # dense (n, k), one vector a column; eigenmodes are mass-normalised, phi^T M phi = 1, in 1/sqrt(kg)
@@ -59,10 +59,10 @@ class Snapshots:
 
 
 def node_set(nodes: int, snapshots: int) -> NDArray[np.int64]:
-    """Node numbers, counted from 1, at which the paper holds the slider; the first node is never among them.
+    """Node numbers, counted from 1, at which the paper (module docstring) holds the slider; never the first node.
 
-    For one snapshot it is node floor(nodes / 2); for more, nodes floor(2 + (nodes - 2) k / (snapshots - 1)), k = 0 ...
-    snapshots - 1.
+    For one snapshot it is node floor(nodes / 2); for more, they are nodes floor(2 + (nodes - 2) k / (snapshots - 1))
+    with k = 0 ... snapshots - 1.
     """
     if snapshots == 1:
         return np.array([nodes // 2])

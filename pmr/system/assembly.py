@@ -100,7 +100,7 @@ class Assembly:
 
     @cached_property
     def direct(self) -> Array:
-        """W = O R B (o, i) in m/N: outputs of unit inputs by the residual flexibility R."""
+        """Outputs W = O R B (o, i) in m/N of unit inputs B by the residual flexibility R, with the output matrix O."""
         W = np.zeros((_count(self.output_slices), _count(self.input_slices)))
         for name, flexibility in self._flexibility.items():
             W[self.output_slices[name], self.input_slices[name]] = flexibility.direct
@@ -194,7 +194,7 @@ class Assembly:
     def _weights(self, place: Place, position: float, derivative: int) -> tuple[Array, Array]:
         """Numbers (d,) of the carriers that the row of a place touches at `position` in m, and their weights (d,).
 
-        With a `derivative` of 1 or more, the weights are that derivative with respect to the coordinate.
+        With a `derivative` of 1 or more, the weights are their derivatives of that order with respect to the position.
         """
         touched, b = self.system.row(place).touched_weights(position, derivative)
         return touched[0], b[0]

@@ -148,7 +148,7 @@ def length_outputs(body: BodyWithOutputs) -> NDArray[np.bool_]:
 
 
 def other_outputs(body: BodyWithOutputs) -> NDArray[np.bool_]:
-    """Which of the outputs (o,) are neither forces nor displacements of the beam: rotations and probes."""
+    """Which of the outputs (o,) are rotations or probes: neither forces nor displacements of the beam or its tip."""
     return np.asarray(~(length_outputs(body) | force_outputs(body)))
 
 

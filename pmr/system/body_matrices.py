@@ -31,8 +31,8 @@ from pmr.system.polynomials import select_columns
 class Rayleigh:
     """Rayleigh damping D = alpha M + beta K, alpha in 1/s and beta in s.
 
-    The damping ratio of a mode is zeta = (alpha / omega + beta omega) / 2.  Bathe: Finite Element Procedures, 1996,
-    section 9.3.3.
+    A mode with the circular frequency omega has the damping ratio zeta = (alpha / omega + beta omega) / 2.  Bathe:
+    Finite Element Procedures, 1996, section 9.3.3.
     """
 
     alpha: float

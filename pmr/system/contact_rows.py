@@ -84,7 +84,7 @@ class ContactRows:
 
 
 def add_springs(K: Array, rows: ContactRows) -> Array:
-    """Return K (n, n) plus the stiffness C^T F^-1 C of the contacts that are not rigid."""
+    """Return K (n, n) plus the stiffness C^T F^-1 C (n, n) of those contacts that are not rigid."""
     soft = rows.select(~rows.rigid)
     return np.asarray(K + soft.C.T @ np.linalg.solve(soft.F, soft.C))
 
@@ -119,7 +119,7 @@ class CompliantRows:
     def check(self, s: Array) -> None:
         """Raise a SimulationError if F(s) = G(s) + 1/k is singular at one of the path coordinates s (T,) in m.
 
-        F is singular where a slider is at a support, or two sliders are at one point.
+        F is singular if a slider is at a support, or if two sliders are at one point.
         """
         if not self.numbers:
             return

@@ -134,7 +134,7 @@ class Contact:
 
 
 def contact_error(contact: str, key: str, value: object, allowed: str) -> InputError:
-    """Error about the value of the property `key` of the contact with the name `contact`."""
+    """InputError about the `value` of the property `key` of the contact with the name `contact`."""
     return InputError("system", f"contacts.{contact}.{key}", value, allowed)
 
 
@@ -256,7 +256,7 @@ class Compliance:
         return np.asarray(self.constant + np.tensordot(s, self.slopes, 1))
 
     def displacements(self, forces: Array, s: Array) -> Array:
-        """A(s) lambda (T, m) in m under forces lambda (T, m) in N, with the paths at s (T, Q) in m."""
+        """Displacements A(s) lambda (T, m) in m by `forces` lambda (T, m) in N, with the paths at s (T, Q) in m."""
         return np.asarray(forces @ self.constant + np.einsum("tm,qmn,tq->tn", forces, self.slopes, s))
 
     def drum_work(self, forces: Array, s: Array) -> Array:
@@ -353,8 +353,9 @@ class Friction:
     def stored_energy(self, friction: Array, forces: Array) -> Array:
         """Energy (...) in J that cylinders store beyond lambda^2 / 2 k because of friction.
 
-        The pads have the `friction` (..., n) in N.  `forces` (..., m) in N are those of all contacts; for cylinders they
-        are Lambda, which includes the friction, and lambda is what reaches the sections.
+        The pads have the `friction` (..., n) in N. The argument `forces` (..., m) in N has those of all contacts: for
+        cylinders Lambda, which includes the friction.  The force lambda reaches the sections, k is the cylinder's
+        stiffness.
         """
         total = self.joint_totals(friction)
         return np.asarray(

@@ -106,9 +106,10 @@ def power_contributions(table: PPoly) -> Array:
 
 
 def multiply_tables(A: PPoly, B: PPoly, W: Array | None = None) -> PPoly:
-    """Table A(s) W B(s)^T, values (m, n), of tables A (m, r) and B (n, q) on the same breaks.
+    """Table A(s) W B(s)^T, values (m, n), of tables A with values (m, r) and B with values (n, q) on the same breaks.
 
-    W is a matrix (r, q), the diagonal (r,) of a matrix, or None for the identity; in these two cases q = r.
+    W is a matrix (r, q), the diagonal (r,) of a diagonal matrix, or None for the identity.  With a diagonal or the
+    identity, q has to be r.
     """
     result = np.zeros((len(A.c) + len(B.c) - 1, A.c.shape[1], A.c.shape[2], B.c.shape[2]))
     for p, Ap in enumerate(A.c):
@@ -157,7 +158,7 @@ def _selects_all(numbers: slice | Sequence[int] | Indices, count: int) -> bool:
 
 
 def stack_tables(tables: Sequence[PPoly], domain: tuple[float, float]) -> PPoly:
-    """Stack m tables with values (r,) and any breaks as the rows of one table with values (m, r) on `domain` in m."""
+    """Table with values (m, r) on `domain` in m whose rows are m tables with values (r,), which may have any breaks."""
     common = align_tables(*tables, domain=domain)
     return PPoly(np.stack([table.c for table in common], axis=2), common[0].x)
 

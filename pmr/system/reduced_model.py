@@ -161,7 +161,7 @@ class ReducedModel:
 
     @property
     def row_clearance(self) -> Array:
-        """Clearance (m,) in m of each row that only pushes; NaN where a row holds both ways."""
+        """Clearance (m,) in m of each row that only pushes; NaN for rows that hold both ways."""
         return np.full(len(self.row_names), np.nan) if self.clearance is None else self.clearance
 
     @property

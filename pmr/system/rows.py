@@ -243,7 +243,7 @@ class Rows:
 
     @property
     def clearance(self) -> Array:
-        """Clearance (m,) in m of each row that only pushes; NaN where a row holds both ways."""
+        """Clearance (m,) in m of each row that only pushes; NaN for rows that hold both ways."""
         return np.array([np.nan if row.clearance is None else row.clearance for row in self.rows])
 
     @property
@@ -289,7 +289,7 @@ class Rows:
 
 @dataclass(frozen=True)
 class SharedCarriers:
-    """Rows on K common carriers: row C(s) = b(s) U with the same U (K, n) for all."""
+    """Rows on K common carriers: each row is C(s) = b(s) U with the same U (K, n)."""
 
     # (K, n): each carrier once; or single coordinates, if the carriers touch less than half as many of these
     carriers: sp.csr_matrix
@@ -411,10 +411,10 @@ class StraightRows:
     names: tuple[str, str]
 
     def rows(self, point: Row) -> tuple[Row, Row]:
-        """Rows w(p) + (s - p) w'(p) - w(s) and (s - p) w'(s) - w(s) + w(p), with p = `end`, in this order.
+        """Rows w(p) + (s - p) w'(p) - w(s) and (s - p) w'(s) - w(s) + w(p), in this order, with p = `end`.
 
-        `point` is the row w(s) of the deflection at the moving point.  Both results are piecewise polynomials in s with
-        the breaks and the degree of `point`: exact.  They take their names from `names`.
+        `point` is the row w(s) of the deflection at the moving point.  Both results are exact piecewise polynomials in
+        s, with the breaks and the degree of `point`.  Their names are `names`.
         """
         j = max(int(np.searchsorted(point.breaks, self.end, side="right")) - 1, 0)
         j = min(j, len(point.breaks) - 2)

@@ -188,7 +188,7 @@ class BodySystem(Generic[AnyBody]):
 
     @property
     def clearance(self) -> Array:
-        """Clearance (m,) in m of each contact that only pushes; NaN where a contact holds both ways."""
+        """Clearance (m,) in m of each contact that only pushes; NaN for contacts that hold both ways."""
         return np.array([np.nan if c.clearance is None else c.clearance for c in self.contacts])
 
     def row(self, place: Place) -> Row:
@@ -298,7 +298,7 @@ class System(BodySystem[SlidingBody]):
 
     @property
     def output_names(self) -> tuple[str, ...]:
-        """Names of the outputs of all bodies: ``body: output``, or ``output`` if there is a single body."""
+        """Names of the outputs of all bodies: ``body: output``, or only ``output`` if there is a single body."""
         return tuple(qualified_name(name, output) for name, body in self.bodies.items() for output in names_of(body))
 
     @property

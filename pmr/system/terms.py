@@ -34,9 +34,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Term:
-    """Forces -c(t) (V q' + G q) on one or two bodies, whose coordinates, stacked in the order of `bodies`, are q (n,).
+    """Forces -c(t) (V q' + G q) on one or two bodies; q (n,) are the bodies' coordinates, stacked as in `bodies`.
 
-    An InputError is raised if it has no matrix, or not one or two different bodies.
+    An InputError is raised if the term has no matrix, or if it does not name one body or two different bodies.
     """
 
     name: str

@@ -33,7 +33,7 @@ MODAL = 1e-6
 
 
 def truncate(model: ReducedModel, r: int) -> ReducedModel:
-    """Return the model on its first r modes; the others join the residual flexibility and the enrichment modes.
+    """Return the model on its first r modes; the other modes join residual flexibility and enrichment modes.
 
     A ValueError is raised if the coordinates are no eigenmodes in ascending order, if there is no residual flexibility,
     if r is not between 1 and one less than the model's size, or if a mode without stiffness would be truncated.

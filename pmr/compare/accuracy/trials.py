@@ -189,7 +189,7 @@ class Trials:
         return tuple(max(size, min(rigid + max(2 * (size - rigid), 1), most)) for size, rigid, most in of_bodies)
 
     def neighbouring_sizes(self, sizes: Sizes, step: int) -> list[Sizes]:
-        """All sizes that differ from `sizes` by `step` modes of one body, within the limits of that body.
+        """All sizes that differ from `sizes` by `step` modes of one body, and that this body can have.
 
         `step` is negative for fewer modes.
         """
@@ -291,7 +291,7 @@ class Trials:
         return run_error is not None and run_error.settled and not set(run_error.unsettled) & set(self.wanted)
 
     def motion(self, sizes: Sizes, excitation: Excitation) -> Outputs:
-        """Outputs at all steps of a run; forces of sections are zero near kinks of their extensions."""
+        """Outputs at all steps of a run; forces of sections are set to zero near kinks of their extensions."""
         system = self.system(sizes)
         run = run_from_start(system, excitation)
         run_outputs = (
