@@ -61,7 +61,7 @@ class Kernel:
     further: int
 
     def __init__(self, block: bytes | bytearray) -> None:
-        """Copy and open a block; an InputError is raised if the bytes are no block of this kernel, or are damaged."""
+        """Copy and open a block; an InputError is raised if the bytes are no block of this kernel, or damaged."""
         self._block = _aligned_bytes(block)
         out, why = ffi.new("pmr_system **"), ffi.new(f"char[{lib.PMR_MESSAGE}]")
         if lib.pmr_system_open(ffi.from_buffer(self._block), len(self._block), out, why):

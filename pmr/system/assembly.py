@@ -108,7 +108,7 @@ class Assembly:
 
     @cached_property
     def energy(self) -> Array:
-        """B^T R B (i, i) in m/N, with the residual flexibility R."""
+        """B^T R B (i, i) in m/N with inputs B and residual flexibility R: twice the energy of unit inputs in R."""
         of_loads = np.zeros((_count(self.input_slices),) * 2)
         for name, flexibility in self._flexibility.items():
             of_loads[self.input_slices[name], self.input_slices[name]] = flexibility.energy

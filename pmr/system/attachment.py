@@ -295,7 +295,7 @@ def simulated_model(model: ReducedModel, stressed: bool) -> ReducedModel:
 
 
 def with_quasi_static_modes(model: ReducedModel, count: int = QUASI_STATIC) -> ReducedModel:
-    """Return the model with up to `count` of its first enrichment modes as last coordinates, without inertia.
+    """Return the model with up to `count` of its first enrichment modes as last coordinates, marked as without inertia.
 
     A model without enrichment modes, or without residual flexibility, is returned unchanged.
     """

@@ -198,7 +198,7 @@ class ReducedModel:
             raise InputError(source, "section", self.section.name, allowed)
 
     def without_joints(self) -> ReducedModel:
-        """Return the model without the rows of joints, so that only its supports hold it; unchanged without joints."""
+        """Return the model without the rows of joints, so that only supports hold it; unchanged if it has no joints."""
         joints = () if self.section is None else self.section.joints
         return self.with_rows([k for k, name in enumerate(self.row_names) if name not in joints])
 
@@ -325,7 +325,7 @@ class ReducedModel:
         return model
 
     def contradiction(self) -> str | None:
-        """Description of what is wrong with the arrays; None if shapes agree, breaks increase and all is finite."""
+        """Description of what is wrong with the arrays; None if shapes agree, breaks increase and values are finite."""
         o, m = len(self.output_positions), len(self.row_names)
         if not {len(self.output_names), len(self.output_units), len(self.output_kinds)} <= {0, o}:
             counts = (

@@ -300,7 +300,7 @@ class Trials:
         return without_kink_forces(system, run_outputs, excitation, excitation.times, excitation.stepping.step)
 
     def run_undamped(self, sizes: Sizes, steps: int) -> tuple[Outputs, RoundOffBounds]:
-        """Outputs of a run that the scheme hardly damps (`pmr.compare.step_error`), and bounds of their round-off."""
+        """Outputs of a run with little numerical damping (`pmr.compare.step_error`), and bounds of their round-off."""
         system, excitation = self.system(sizes), self.with_steps(steps)
         grid = excitation.stepping
         stepping = TimeStepping(grid.end, grid.step, reference_rho(system, grid.rho_inf))
